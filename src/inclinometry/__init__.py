@@ -1,0 +1,1 @@
+"""Inclinometry: borehole inclinometers made trustworthy, from the bench to the bottom of the hole."""

@@ -1,0 +1,1 @@
+"""From bench readings to the parameters of the sensors, with their uncertainty."""

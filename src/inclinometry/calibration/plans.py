@@ -1,0 +1,101 @@
+"""Plans: the rig settings a calibration visits, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from inclinometry.core.arrays import Array, finite, frozen
+from inclinometry.core.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Rig settings in order, rad. `roll_set` names stations that differ in toolface only."""
+
+    name: str
+    azimuth: Array
+    inclination: Array
+    toolface: Array
+    roll_set: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("azimuth", "inclination", "toolface"):
+            object.__setattr__(self, name, frozen(finite(getattr(self, name), name, (None,))))
+        if not len(self.azimuth) == len(self.inclination) == len(self.toolface):
+            raise InputError("azimuth, inclination and toolface of a plan differ in length")
+
+    def __len__(self) -> int:
+        return len(self.azimuth)
+
+
+def _from_degrees(name: str, rows: Sequence[tuple[float, float, float]], roll_set: Sequence[str] = ()) -> Plan:
+    """Rows are (azimuth, inclination, toolface) in degrees."""
+    azimuth, inclination, toolface = np.radians(np.array(rows, dtype=float)).T
+    return Plan(name, azimuth, inclination, toolface, tuple(roll_set))
+
+
+def twelve(rolls: int = 3, azimuths: int = 3) -> Plan:
+    """The twelve positions of Rogatykh 2018, Table 1, or any larger p: one roll set upright, then one per azimuth at 90.
+
+    Parameters
+    ----------
+    rolls, azimuths : int
+        Equal steps of toolface and of azimuth, each at least 3.
+
+    Examples
+    --------
+    >>> len(twelve()), len(twelve(rolls=8, azimuths=4))
+    (12, 40)
+    """
+    if rolls < 3 or azimuths < 3:
+        raise InputError(f"rolls {rolls} and azimuths {azimuths}: a harmonic needs at least 3 equal steps")
+    turns = [(0.0, 0.0)] + [(360.0 * i / azimuths, 90.0) for i in range(azimuths)]
+    rows = [(a, i, 360.0 * r / rolls) for a, i in turns for r in range(rolls)]
+    return _from_degrees("twelve", rows, [str(k + 1) for k in range(len(turns)) for _ in range(rolls)])
+
+
+# Azimuth, inclination, toolface of the first station of each group of four +90 degree rolls: each group starts with x up
+# when z lies along north-south, otherwise with x pointing north. Vertical groups carry azimuth 0.
+_CUBE = [(0, 90, 0), (180, 90, 0), (0, 0, 0), (0, 180, 180), (90, 90, 270), (270, 90, 90)]
+HALF_ROWS = (1, 3, 5, 7, 10, 12, 14, 16, 17, 19, 21, 23)
+
+
+def orthogonal() -> Plan:
+    """The 24 rotations of the cube: each tool axis meets north, south, east, west, down and up four times."""
+    rows = [(a, i, (t + 90.0 * r) % 360.0) for a, i, t in _CUBE for r in range(4)]
+    return _from_degrees("orthogonal", rows, [str(k + 1) for k in range(6) for _ in range(4)])
+
+
+def half() -> Plan:
+    """Twelve of the 24 (the tetrahedral group): half the time, the same immunity to a constant error of the frame."""
+    full = orthogonal()
+    rows = np.array(HALF_ROWS) - 1
+    return Plan("half", full.azimuth[rows], full.inclination[rows], full.toolface[rows])
+
+
+def two_face() -> Plan:
+    """The same 24 orientations, two groups reached from the other side, which cancels the stand's inclination zero."""
+    rows = [
+        (a - 180.0, -90.0, (t + 180.0 + 90.0 * r) % 360.0) if a >= 180.0 and i == 90 else (a, i, (t + 90.0 * r) % 360.0)
+        for a, i, t in _CUBE
+        for r in range(4)
+    ]
+    return _from_degrees("two-face", rows, [str(k + 1) for k in range(6) for _ in range(4)])
+
+
+def rotations(first_inclination: float = np.pi / 4, azimuth: float = 0.0, rolls: int = 8) -> Plan:
+    """Two full turns about the tool axis at inclinations 90 degrees apart and one azimuth.
+
+    Parameters
+    ----------
+    first_inclination : float
+        rad. 45 degrees suits dips above 30; a stand that stops at 90 uses 0 with azimuth 180.
+    """
+    if rolls < 3:
+        raise InputError(f"rolls is {rolls}; a harmonic needs at least 3 equal steps")
+    first, turn = np.degrees(first_inclination), np.degrees(azimuth)
+    rows = [(turn, i, 360.0 * r / rolls) for i in (first, first + 90.0) for r in range(rolls)]
+    return _from_degrees("rotations", rows, ["1"] * rolls + ["2"] * rolls)

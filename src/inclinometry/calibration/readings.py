@@ -1,0 +1,136 @@
+"""Bench readings: what the rig was set to and what the sensors said, one row a station."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from inclinometry.core.arrays import Array, finite, frozen
+from inclinometry.core.constants import KINDS
+from inclinometry.core.digest import digest_bytes
+from inclinometry.core.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class BenchReadings:
+    """One row a station; angles in radians, signals in whatever unit the tool reports.
+
+    Parameters
+    ----------
+    channels : mapping of kind to (K, m) array_like
+        Signals of each triad; kinds are "accelerometer", "magnetometer", "gyro".
+    azimuth, inclination, toolface : (K,) array_like, optional
+        Rig settings as dialled, rad. All three, or none for a field calibration.
+    station : sequence of str, optional
+        Names of the stations; "1".."K" when not given.
+    sd : mapping of kind to (K, m) array_like
+        Standard deviation of the values in `channels` (of the mean, where several readings were averaged).
+    count : (K,) array_like, optional
+        How many readings each row is the mean of.
+    temperature : (K,) array_like, optional
+        degC.
+    roll_set : sequence of str, optional
+        Stations with the same non-empty name were taken at one inclination and azimuth, rolled about the tool axis.
+    units : mapping of kind to str
+        Unit of the signals, "counts" when not given.
+    reference : mapping
+        What is known of the fields at the stand, constants over the run: "g" (m/s^2), "b" (nT), "dip" (rad).
+    notes : sequence of str
+        Findings of the reader that belong into the record (averaged repeats, saturated channel).
+    digest : str, optional
+        SHA-256 of the source file, or of the arrays when built in memory.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not go together, values that are not finite, unknown kinds, angles that look like degrees.
+    """
+
+    channels: Mapping[str, Array]
+    azimuth: Array | None = None
+    inclination: Array | None = None
+    toolface: Array | None = None
+    station: Sequence[str] = ()
+    sd: Mapping[str, Array] = field(default_factory=dict)
+    count: Array | None = None
+    temperature: Array | None = None
+    roll_set: Sequence[str] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    reference: Mapping[str, float] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+    digest: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.channels or set(self.channels) - set(KINDS):
+            raise InputError(f"channels are {sorted(self.channels)}; allowed: one or more of {', '.join(KINDS)}")
+        channels = {k: frozen(finite(self.channels[k], k, (None, None))) for k in KINDS if k in self.channels}
+        size = len(next(iter(channels.values())))
+        for kind, values in channels.items():
+            if values.ndim != 2 or len(values) != size:
+                raise InputError(f"{kind} has shape {values.shape}; expected ({size}, m)")
+        put = object.__setattr__
+        put(self, "channels", MappingProxyType(channels))
+        for name in ("azimuth", "inclination", "toolface", "temperature", "count"):
+            value = getattr(self, name)
+            if value is not None:
+                put(self, name, frozen(finite(value, name, (size,))))
+        dials = [self.azimuth is None, self.inclination is None, self.toolface is None]
+        if any(dials) and not all(dials):
+            raise InputError("azimuth, inclination and toolface are needed together, or none of them")
+        if self.inclination is not None and np.abs(self.inclination).max(initial=0.0) > 2.0 * np.pi:
+            worst = np.abs(self.inclination).max()
+            raise InputError(f"inclination reaches {worst:g} rad; it looks like degrees: convert with numpy.radians")
+        sd = {k: np.broadcast_to(finite(v, f"{k} sd"), channels[k].shape) for k, v in self.sd.items() if k in channels}
+        put(self, "sd", MappingProxyType({k: frozen(v) for k, v in sd.items()}))
+        put(self, "station", tuple(self.station) or tuple(str(i + 1) for i in range(size)))
+        put(self, "roll_set", tuple(self.roll_set))
+        for name, names in (("station", self.station), ("roll_set", self.roll_set)):
+            if names and len(names) != size:
+                raise InputError(f"{name} has {len(names)} entries; expected {size}")
+        put(self, "units", MappingProxyType({k: self.units.get(k, "counts") for k in channels}))
+        put(self, "reference", MappingProxyType(dict(self.reference)))
+        put(self, "notes", tuple(self.notes))
+        if not self.digest:
+            put(self, "digest", digest_bytes(b"".join(v.tobytes() for v in self._arrays())))
+
+    def _arrays(self) -> list[Array]:
+        dials = [v for v in (self.azimuth, self.inclination, self.toolface, self.temperature) if v is not None]
+        return [*self.channels.values(), *dials]
+
+    def __len__(self) -> int:
+        return len(self.station)
+
+    @property
+    def dials(self) -> tuple[Array, Array, Array]:
+        """Azimuth, inclination, toolface as dialled, rad; an error when the readings have none."""
+        if self.azimuth is None or self.inclination is None or self.toolface is None:
+            raise InputError(
+                "these readings have no rig angles; give azimuth, inclination and toolface, or use the field method"
+            )
+        return self.azimuth, self.inclination, self.toolface
+
+    def take(self, rows: Sequence[int] | Array) -> BenchReadings:
+        """The readings at the given rows, in that order; the digest stays that of the source."""
+        index = np.asarray(rows, dtype=int)
+
+        def pick(values: Array | None) -> Array | None:
+            return None if values is None else values[index]
+
+        return BenchReadings(
+            {k: v[index] for k, v in self.channels.items()},
+            pick(self.azimuth),
+            pick(self.inclination),
+            pick(self.toolface),
+            [self.station[i] for i in index],
+            {k: v[index] for k, v in self.sd.items()},
+            pick(self.count),
+            pick(self.temperature),
+            [self.roll_set[i] for i in index] if self.roll_set else (),
+            self.units,
+            self.reference,
+            self.notes,
+            self.digest,
+        )

@@ -1,0 +1,73 @@
+"""What a calibration returns: one frozen record, the same for every method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.sensors.tool import Tool
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """What was learnt of the rig.
+
+    sd : (3,) standard deviation of a setting of azimuth, inclination, toolface, rad (0: dials trusted).
+    errors : (K, 3) estimated errors of the settings, rad; None where the method has none.
+    errors_sd : (K, 3) their standard uncertainties, rad.
+    nuisance : name -> (estimate, standard uncertainty), rad, of the constant rig errors that were fitted.
+    """
+
+    sd: Array
+    errors: Array | None = None
+    errors_sd: Array | None = None
+    nuisance: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Readings minus model, per station.
+
+    station : names, K of them.
+    values : kind -> (K, m), in the triad's unit.
+    standardised : kind -> (K, m), divided by their standard deviation under the model.
+    leverage : (K,) share of each station in its own prediction, 0..1.
+    """
+
+    station: Sequence[str]
+    values: Mapping[str, Array]
+    standardised: Mapping[str, Array]
+    leverage: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibrated tool and everything that speaks for or against it.
+
+    tool : triads with joint covariance and noise.
+    method : "joint", "twelve", "orthogonal", "rotations", "field", "classical".
+    inputs : name -> digest of what it was made from.
+    field_directions : kind -> unit vector of the field in rig axes (x of the rig = azimuth 0, z down).
+    parameter_names, covariance : the joint covariance of tool parameters, field directions (two tangent angles each, rad)
+        and nuisance parameters. It is the inverse Fisher information; it holds when the noise and rig model hold and is
+        meaningless along directions named in `warnings` as invisible to the plan.
+    warnings : sentences a person can act on.
+    """
+
+    tool: Tool
+    method: str
+    inputs: Mapping[str, str]
+    field_directions: Mapping[str, Array]
+    parameter_names: Sequence[str]
+    covariance: Array
+    rig: Rig
+    residuals: Residuals
+    warnings: Sequence[str] = ()
+
+    @property
+    def uncertainty(self) -> dict[str, float]:
+        """Standard uncertainty of each named parameter."""
+        return dict(zip(self.parameter_names, np.sqrt(np.diagonal(self.covariance)).tolist(), strict=True))

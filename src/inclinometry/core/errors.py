@@ -1,0 +1,39 @@
+"""The few errors of the house; each is a child of the builtin a caller expects.
+
+A message gives the value found, the range allowed and the remedy; a file's error also names file and line.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class InclinometryError(Exception):
+    """Everything this package raises on purpose."""
+
+
+class InputError(InclinometryError, ValueError):
+    """A value that cannot be used: wrong shape, not finite, out of range, contradictory."""
+
+
+class FileError(InputError):
+    """A file that cannot be used; the message names the file and, where there is one, the line.
+
+    Examples
+    --------
+    >>> str(FileError("no column 'accel_y'; add it", path="bench.csv", line=1))
+    "bench.csv, line 1: no column 'accel_y'; add it"
+    """
+
+    def __init__(self, problem: str, *, path: str | Path, line: int | None = None) -> None:
+        where = f"{path}" if line is None else f"{path}, line {line}"
+        super().__init__(f"{where}: {problem}")
+        self.path, self.line, self.problem = Path(path), line, problem
+
+
+class IdentifiabilityError(InclinometryError, ValueError):
+    """The readings cannot determine what was asked; the message says which direction and the cure."""
+
+
+class ConvergenceError(InclinometryError, ArithmeticError):
+    """An iteration did not settle; nothing half-fitted is returned."""
