@@ -1,0 +1,292 @@
+"""True tools to be found again: the wild ones of the Monte-Carlo scenarios and realistic ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.rotations import dcm_from_quaternion
+from inclinometry.core.arrays import Array
+from inclinometry.core.constants import EARTH_RATE, KINDS, STANDARD_GRAVITY
+from inclinometry.core.errors import InputError
+from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
+from inclinometry.simulate.converter import PHYSICAL_UNITS, converter_step
+from inclinometry.simulate.streams import Seed, Streams
+
+DEG_PER_HOUR: Final = np.pi / 180.0 / 3600.0
+TRIADS: Final[Mapping[str, int]] = MappingProxyType({"accelerometer": 3, "magnetometer": 3})
+"""Sensors of each kind in the usual tool; a gyro triad is added by naming it."""
+NOISE: Final[Mapping[str, float]] = MappingProxyType(
+    {"accelerometer": 0.3e-3 * STANDARD_GRAVITY, "magnetometer": 20.0, "gyro": 0.05 * DEG_PER_HOUR}
+)
+"""White noise of one reading, m/s^2, nT, rad/s."""
+
+_Draw = Callable[[Streams, str, int, int, float], tuple[Array, Array, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class ToolBatch:
+    """True tools of one design, one a draw.
+
+    tensor : kind -> (draws, m, 3), signal units per unit field direction.
+    offset : kind -> (draws, m), signal units.
+    noise : kind -> sd of one reading, signal units.
+    units : kind -> unit of the signals.
+    field_strength : kind -> strength of the field the tensors are for, m/s^2, nT, rad/s.
+    """
+
+    tensor: Mapping[str, Array]
+    offset: Mapping[str, Array]
+    noise: Mapping[str, float]
+    units: Mapping[str, str]
+    field_strength: Mapping[str, float]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.tensor.values())))
+
+    def tool(self, draw: int, name: str = "simulated") -> Tool:
+        """The tool of one draw."""
+        triads = {
+            kind: Triad(kind, tensor[draw], self.offset[kind][draw], self.units[kind], self.field_strength[kind])
+            for kind, tensor in self.tensor.items()
+        }
+        return Tool(name, triads, noise={kind: np.array(sd) for kind, sd in self.noise.items()})
+
+
+def nominal_axes(count: int) -> Array:
+    """Directions (m, 3) in tool axes of a usual layout of `count` sensors.
+
+    Two sensors lie along x and y, three along x, y, z; more stand evenly on the cone about z with half angle
+    arccos(1/sqrt 3), which sees all directions equally well: sum of c c^T = m/3 I.
+
+    Examples
+    --------
+    >>> axes = nominal_axes(5)
+    >>> np.allclose(axes.T @ axes, 5 / 3 * np.eye(3))
+    True
+    """
+    if count < 2:
+        raise InputError(f"a triad of {count} sensor; at least 2 are needed to see a direction")
+    if count <= 3:
+        return np.eye(3)[:count]
+    turn = 2.0 * np.pi * np.arange(count) / count
+    plane = np.sqrt(2.0 / 3.0)
+    return np.stack([plane * np.cos(turn), plane * np.sin(turn), np.full(count, np.sqrt(1.0 / 3.0))], axis=-1)
+
+
+def random_tools(
+    seed: Seed,
+    draws: int,
+    *,
+    sensors: Mapping[str, int] = TRIADS,
+    bits: int | None = 12,
+    g: float = STANDARD_GRAVITY,
+    b: float = 50000.0,
+    noise: Mapping[str, float] = NOISE,
+) -> ToolBatch:
+    """Tools about which nothing may be assumed, for Monte-Carlo.
+
+    Conversion factors U(0.95, 1.05), offsets U(-0.05, 0.05) of the full field, sensor axes a random rotation of the
+    nominal ones plus N(0, 0.1) per component, made unit vectors again (about 8 degrees from orthogonal).
+
+    Parameters
+    ----------
+    seed : int, SeedSequence or Generator
+    draws : int
+    sensors : mapping of kind to int
+        Number of sensors of each triad.
+    bits : int or None
+        Signals in counts of a converter over +-1.25 g, +-65 uT, +-62 deg/h; None: signals in m/s^2, nT, rad/s.
+    g, b : float
+        Field strengths at the calibration, m/s^2 and nT.
+    noise : mapping of kind to float
+        White noise of one reading, m/s^2, nT, rad/s; a kind not named has none. It never changes the tools drawn.
+
+    Raises
+    ------
+    InputError
+        Unknown kinds, fewer than 2 sensors, field strengths or noise out of range.
+
+    Examples
+    --------
+    >>> tools = random_tools(1, 1000)
+    >>> tools.tensor["magnetometer"].shape, tools.units["magnetometer"]
+    ((1000, 3, 3), 'counts')
+    """
+    return _tools(_wild, seed, draws, sensors, bits, g, b, noise)
+
+
+def realistic_tools(
+    seed: Seed,
+    draws: int,
+    *,
+    sensors: Mapping[str, int] = TRIADS,
+    bits: int | None = 12,
+    g: float = STANDARD_GRAVITY,
+    b: float = 50000.0,
+    noise: Mapping[str, float] = NOISE,
+) -> ToolBatch:
+    """Tools as a workshop builds them; arguments as `random_tools`.
+
+    Conversion factors U(0.95, 1.05), each axis 1 to 2 degrees from its nominal direction, offsets N(0, 20 mg),
+    N(0, 400 nT), N(0, 1 deg/h).
+
+    Examples
+    --------
+    >>> tools = realistic_tools(1, 10)
+    >>> bool((np.abs(tools.tensor["accelerometer"]).argmax(axis=-1) == [0, 1, 2]).all())
+    True
+    """
+    return _tools(_workshop, seed, draws, sensors, bits, g, b, noise)
+
+
+def random_tool(
+    seed: Seed,
+    *,
+    sensors: Mapping[str, int] = TRIADS,
+    bits: int | None = 12,
+    g: float = STANDARD_GRAVITY,
+    b: float = 50000.0,
+    noise: Mapping[str, float] = NOISE,
+    temperature_degree: int = 0,
+) -> Tool:
+    """One tool of `random_tools`, with a temperature polynomial of the given degree.
+
+    Examples
+    --------
+    >>> random_tool(3, temperature_degree=2).triads["accelerometer"].degree
+    2
+    """
+    tool = random_tools(seed, 1, sensors=sensors, bits=bits, g=g, b=b, noise=noise).tool(0)
+    return with_temperature(tool, seed, temperature_degree)
+
+
+def realistic_tool(
+    seed: Seed,
+    *,
+    sensors: Mapping[str, int] = TRIADS,
+    bits: int | None = 12,
+    g: float = STANDARD_GRAVITY,
+    b: float = 50000.0,
+    noise: Mapping[str, float] = NOISE,
+    temperature_degree: int = 0,
+) -> Tool:
+    """One tool of `realistic_tools`, with a temperature polynomial of the given degree.
+
+    Examples
+    --------
+    >>> realistic_tool(3, sensors={"accelerometer": 4, "gyro": 2}).triads["gyro"].count
+    2
+    """
+    tool = realistic_tools(seed, 1, sensors=sensors, bits=bits, g=g, b=b, noise=noise).tool(0)
+    return with_temperature(tool, seed, temperature_degree)
+
+
+def with_temperature(tool: Tool, seed: Seed, degree: int) -> Tool:
+    """The tool with random dependence on temperature added; at the reference temperature it is unchanged.
+
+    Per degC, each sensor's conversion factor changes by N(0, 1e-4) of itself, its axis by N(0, 1e-5) rad, its offset by
+    N(0, 3e-5) of the full field (0.03 mg, 1.5 nT); each higher power is 1/200 of the one below, so that all matter
+    only over a hundred degrees.
+
+    Parameters
+    ----------
+    degree : int
+        0 to 4; 0 returns the tool itself.
+    """
+    if not 0 <= degree <= 4:
+        raise InputError(f"degree of the temperature polynomial is {degree}; allowed 0 to 4")
+    if degree == 0:
+        return tool
+    streams, triads = Streams(seed), {}
+    for kind, triad in tool.triads.items():
+        random = streams[f"tool.{kind}.temperature"]
+        tensor, offset = triad.tensor[0], triad.offset[0]
+        size = np.linalg.norm(tensor, axis=-1)
+        shrink = (1.0 / 200.0) ** np.arange(degree)
+        factor = 1e-4 * random.standard_normal((degree, triad.count))
+        turn = 1e-5 * random.standard_normal((degree, triad.count, 3))
+        shift = 3e-5 * random.standard_normal((degree, triad.count))
+        tensors = shrink[:, None, None] * (factor[..., None] * tensor + turn * size[:, None])
+        triads[kind] = Triad(
+            kind,
+            np.concatenate([tensor[None], tensors]),
+            np.concatenate([offset[None], shrink[:, None] * shift * size]),
+            triad.unit,
+            triad.field_strength,
+            triad.reference_temperature,
+        )
+    return Tool(tool.name, triads, noise=tool.noise)
+
+
+def _tools(
+    draw: _Draw,
+    seed: Seed,
+    draws: int,
+    sensors: Mapping[str, int],
+    bits: int | None,
+    g: float,
+    b: float,
+    noise: Mapping[str, float],
+) -> ToolBatch:
+    """Draw axes, factors and offsets of each kind, and put them into signal units."""
+    unknown = (set(sensors) | set(noise)) - set(KINDS)
+    if unknown or not sensors:
+        raise InputError(f"sensors {dict(sensors)}, noise {dict(noise)}: the kinds are {', '.join(KINDS)}")
+    if not (g > 0.0 and b > 0.0) or any(not sd >= 0.0 for sd in noise.values()):
+        raise InputError(f"g {g} m/s^2 and b {b} nT must be positive, and no noise negative: {dict(noise)}")
+    streams = Streams(seed)
+    strength = {"accelerometer": g, "magnetometer": b, "gyro": EARTH_RATE}
+    tensors, offsets, sd = {}, {}, {}
+    kinds = [kind for kind in KINDS if kind in sensors]
+    for kind in kinds:
+        unit = 1.0 if bits is None else converter_step(kind, bits)
+        axes, factors, shift = draw(streams, kind, draws, sensors[kind], strength[kind])
+        tensors[kind] = axes * (factors * strength[kind] / unit)[..., None]
+        offsets[kind] = shift / unit
+        sd[kind] = float(noise.get(kind, 0.0)) / unit
+    units = {kind: PHYSICAL_UNITS[kind] if bits is None else "counts" for kind in kinds}
+    return ToolBatch(tensors, offsets, sd, units, {kind: strength[kind] for kind in kinds})
+
+
+def _wild(streams: Streams, kind: str, draws: int, count: int, strength: float) -> tuple[Array, Array, Array]:
+    """Axes (draws, m, 3), conversion factors (draws, m) and physical offsets (draws, m) of the scenarios."""
+    rotation = random_rotations(streams[f"tool.{kind}.rotation"], draws)
+    axes = nominal_axes(count) @ rotation + 0.1 * streams[f"tool.{kind}.axes"].standard_normal((draws, count, 3))
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    factors = streams[f"tool.{kind}.factors"].uniform(0.95, 1.05, (draws, count))
+    offsets = strength * streams[f"tool.{kind}.offsets"].uniform(-0.05, 0.05, (draws, count))
+    return axes, factors, offsets
+
+
+def _workshop(streams: Streams, kind: str, draws: int, count: int, strength: float) -> tuple[Array, Array, Array]:
+    """As `_wild`, for tools built with ordinary care; the offsets do not depend on the field."""
+    nominal = nominal_axes(count)
+    random = streams[f"tool.{kind}.axes"]
+    aside = np.cross(nominal, random.standard_normal((draws, count, 3)))
+    aside /= np.linalg.norm(aside, axis=-1, keepdims=True)
+    angle = np.radians(random.uniform(1.0, 2.0, (draws, count)))[..., None]
+    axes = nominal * np.cos(angle) + aside * np.sin(angle)
+    sd = {"accelerometer": 0.02 * STANDARD_GRAVITY, "magnetometer": 400.0, "gyro": DEG_PER_HOUR}[kind]
+    factors = streams[f"tool.{kind}.factors"].uniform(0.95, 1.05, (draws, count))
+    return axes, factors, sd * streams[f"tool.{kind}.offsets"].standard_normal((draws, count))
+
+
+def random_rotations(random: np.random.Generator, draws: int) -> Array:
+    """Rotation matrices (draws, 3, 3), uniform over all rotations.
+
+    A normal 4-vector points uniformly over the sphere of unit quaternions (Shoemake, Graphics Gems III, 1992).
+
+    Examples
+    --------
+    >>> rotation = random_rotations(np.random.default_rng(1), 5)
+    >>> np.allclose(rotation @ rotation.swapaxes(-1, -2), np.eye(3)), bool(np.allclose(np.linalg.det(rotation), 1.0))
+    (True, True)
+    """
+    quaternion = random.standard_normal((draws, 4))
+    return dcm_from_quaternion(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True))
