@@ -1,0 +1,112 @@
+"""Names of columns: the vocabulary of every table of the house, with the units in the names."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+PREFIXES = {"accel": "accelerometer", "mag": "magnetometer", "gyro": "gyro"}
+KIND_PREFIX = {kind: prefix for prefix, kind in PREFIXES.items()}
+
+UNIT_LABELS = {
+    "counts": "counts", "V": "V", "mV": "mV", "g": "g", "mg": "mg", "m_s2": "m/s^2", "nT": "nT", "uT": "uT",
+    "rad_s": "rad/s", "deg_s": "deg/s", "deg_h": "deg/h",
+}  # fmt: skip
+"""Units a channel's name may end in (accel_x_m_s2), and what the records call them."""
+
+TEXT = ("station", "roll_set", "azimuth_reference", "flags")
+ANGLES = ("azimuth_deg", "inclination_deg", "toolface_deg")
+REFERENCES = ("reference_g_m_s2", "reference_b_nT", "reference_dip_deg")
+BENCH = ("station", *ANGLES, "temperature_degC", "count", "roll_set", *REFERENCES)
+RAW_SURVEY = ("md_m", "md_ft", "temperature_degC")
+LOG = ("time_s", "temperature_degC")
+PLAN = ("station", *ANGLES, "roll_set")
+SURVEY = (
+    "md_m", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "magnetic_toolface_deg", "g_total",
+    "b_total_nT", "dip_deg", "u_inclination_deg", "u_azimuth_deg", "u_toolface_deg", "flags",
+)  # fmt: skip
+"""The contract of the survey file, in its order; g_total is in m/s^2."""
+
+KNOWN = frozenset({*BENCH, *RAW_SURVEY, *LOG, *PLAN, *SURVEY})
+_NUMBERS = KNOWN - set(TEXT)
+_CHANNEL = re.compile(
+    rf"(?P<kind>{'|'.join(PREFIXES)})_(?P<axis>[xyz]|[1-9]\d{{0,2}})(_(?P<unit>{'|'.join(UNIT_LABELS)}))?(?P<sd>_sd)?"
+)
+_SUFFIX = re.compile(
+    r"_(deg|rad|degC|degF|K|m|ft|km|mm|cm|s|ms|us|min|h|g|mg|m_s2|counts|V|mV|nT|uT|mT|T|G|gauss|rad_s|deg_s|deg_h)$"
+)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column of signals: kind of triad, axis as named ("x" or "1"), unit label; `sd` for its standard deviation."""
+
+    name: str
+    kind: str
+    axis: str
+    unit: str
+    sd: bool
+
+
+def channel(name: str) -> Channel | None:
+    """Read a column's name as a channel's, or None.
+
+    Examples
+    --------
+    >>> channel("accel_x_m_s2_sd")
+    Channel(name='accel_x_m_s2_sd', kind='accelerometer', axis='x', unit='m/s^2', sd=True)
+    >>> channel("accelerometer") is None
+    True
+    """
+    found = _CHANNEL.fullmatch(name)
+    if found is None:
+        return None
+    unit = UNIT_LABELS[found["unit"] or "counts"]
+    return Channel(name, PREFIXES[found["kind"]], found["axis"], unit, bool(found["sd"]))
+
+
+def is_number(name: str) -> bool:
+    """Whether the house reads a column of this name as numbers; every other column is kept as text.
+
+    Examples
+    --------
+    >>> is_number("mag_4"), is_number("azimuth_deg"), is_number("station"), is_number("operator")
+    (True, True, False, False)
+    """
+    return name in _NUMBERS or channel(name) is not None
+
+
+def advice(name: str, known: Iterable[str]) -> str | None:
+    """What to write instead of a name that is nearly a known one; None when it is simply another column.
+
+    Examples
+    --------
+    >>> advice("inclination", ["inclination_deg"])
+    'unit missing: write inclination_deg'
+    >>> advice("inclination_rad", ["inclination_deg"])
+    'unit not accepted: convert it and write inclination_deg'
+    >>> advice("Azimut_deg", ["azimuth_deg"])
+    'did you mean azimuth_deg?'
+    >>> advice("operator", ["azimuth_deg"])
+    """
+    names = list(known)
+    bases = {_SUFFIX.sub("", k): k for k in reversed(names) if _SUFFIX.search(k)}
+    lowered = name.lower()
+    if lowered in bases:
+        return f"unit missing: write {bases[lowered]}"
+    if (base := _SUFFIX.sub("", lowered)) != lowered and base in bases and name not in names:
+        right = bases[base]
+        return (
+            f"did you mean {right}?" if lowered == right.lower() else f"unit not accepted: convert it and write {right}"
+        )
+    near = closest(name, names, 0.9)
+    return f"did you mean {near}?" if near else None
+
+
+def closest(name: str, names: Sequence[str], cutoff: float = 0.6) -> str | None:
+    """The known name most like `name`, letter case aside."""
+    lowered = {n.lower(): n for n in reversed(list(names))}
+    found = difflib.get_close_matches(name.lower(), list(lowered), 1, cutoff)
+    return lowered[found[0]] if found else None
