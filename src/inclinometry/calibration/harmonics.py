@@ -1,0 +1,86 @@
+"""First and higher harmonics of signals taken at equal steps of one angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.calibration.dials import unequal_steps
+from inclinometry.core.arrays import Array, finite
+from inclinometry.core.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonic:
+    """U(psi) = cosine cos(q psi) + sine sin(q psi) + mean, equation (17) for q = 1; each (..., m)."""
+
+    cosine: Array
+    sine: Array
+    mean: Array
+
+    @property
+    def amplitude(self) -> Array:
+        """Amplitude (..., m), in the unit of the signals."""
+        return np.asarray(np.hypot(self.cosine, self.sine))
+
+    @property
+    def phase(self) -> Array:
+        """Angle (..., m), rad, of the maximum: U = amplitude cos(q psi - phase) + mean."""
+        return np.asarray(np.arctan2(self.sine, self.cosine))
+
+
+def harmonic_weights(angle: ArrayLike, order: int = 1) -> Array:
+    """Weights (3, p) of the signals in the cosine, the sine and the mean; equation (18).
+
+    Examples
+    --------
+    >>> harmonic_weights(np.radians([0.0, 120.0, 240.0])).round(3) + 0.0
+    array([[ 0.667, -0.333, -0.333],
+           [ 0.   ,  0.577, -0.577],
+           [ 0.333,  0.333,  0.333]])
+    """
+    angles = finite(angle, "angle", (None,))
+    count = len(angles)
+    if order < 1 or 2 * order >= count:
+        raise InputError(f"order is {order}; {count} equal steps determine harmonics 1 to {(count - 1) // 2}")
+    turn = order * angles
+    return np.asarray(np.stack([2.0 * np.cos(turn), 2.0 * np.sin(turn), np.ones(count)]) / count)
+
+
+def harmonics(signals: ArrayLike, angle: ArrayLike, order: int = 1) -> Harmonic:
+    """Harmonic of the signals over a full turn in p equal steps.
+
+    Parameters
+    ----------
+    signals : (..., p, m) array_like
+    angle : (p,) array_like
+        Angle of each step, rad: 2 pi / p apart, in any order, from any start.
+    order : int
+        1 for the field itself; 2 shows non-linearity and unequal turning. Less than p / 2.
+
+    Raises
+    ------
+    InputError
+        Steps that are not equal, fewer than 3, or too few for the order.
+
+    Notes
+    -----
+    Equations (17), (18) of Rogatykh 2018, for any start of the steps. At equal steps the sums are the fit of
+    least squares.
+
+    Examples
+    --------
+    >>> roll = np.radians([10.0, 100.0, 190.0, 280.0])
+    >>> found = harmonics(5.0 + 2.0 * np.cos(roll - 0.3)[:, None], roll)
+    >>> found.amplitude.round(9), found.phase.round(9), found.mean.round(9)
+    (array([2.]), array([0.3]), array([5.]))
+    """
+    reason = unequal_steps(angle)
+    if reason is not None:
+        raise InputError(reason)
+    weights = harmonic_weights(angle, order)
+    values = finite(signals, "signals", (weights.shape[1], None))
+    cosine, sine, mean = np.moveaxis(weights @ values, -2, 0)
+    return Harmonic(cosine, sine, mean)
