@@ -13,9 +13,8 @@ from inclinometry.core.arrays import Array, finite
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
-from inclinometry.simulate.converter import signal_step
 from inclinometry.simulate.rig import DIALS, Bump, Misread, Rig
-from inclinometry.simulate.sensing import read_sensors, sense
+from inclinometry.simulate.sensing import sense, sense_batch
 from inclinometry.simulate.streams import Seed, Streams
 from inclinometry.simulate.tool import ToolBatch
 
@@ -121,7 +120,7 @@ def simulate_bench(
     record = _settings(azimuth, inclination, toolface)
     size = len(record)
     degrees = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), (size,))
-    streams = Streams(seed)
+    streams = Streams(seed, "bench")
     errors, tilt_axis = _rig_draw(rig, streams, 1, size)
     orientation = _bumped(rig, streams, rig.orientation(record + errors[0]))
     directions = {kind: rig.direction(kind, tilt_axis[0]) for kind in tool.triads}
@@ -191,17 +190,12 @@ def simulate_benches(
         raise InputError(f"{len(tools)} tools for {number} draws; give one tool, or one for each draw")
     if rig.faults:
         raise InputError("gross faults are simulated one calibration at a time; use simulate_bench")
-    streams = Streams(seed)
+    streams = Streams(seed, "bench")
     errors, tilt_axis = _rig_draw(rig, streams, number, len(record))
     orientation = rig.orientation(record + errors)
     directions = {kind: rig.direction(kind, tilt_axis) for kind in tools.tensor}
-    signals, clean = {}, {}
-    for kind, tensor in tools.tensor.items():
-        field = np.matmul(orientation, directions[kind][:, None, :, None])[..., 0]
-        clean[kind] = field @ tensor.swapaxes(-1, -2) + tools.offset[kind][:, None, :]
-        spread = np.asarray((tools.noise if noise is None else noise).get(kind, 0.0), dtype=np.float64)
-        step = None if bits is None else signal_step(kind, tools.units[kind], bits)
-        signals[kind], _, _ = read_sensors(clean[kind], spread, step, bits, 1, streams[f"{kind}.noise"])
+    fields = {kind: (orientation @ direction[:, None, :, None])[..., 0] for kind, direction in directions.items()}
+    signals, clean = sense_batch(tools, fields, streams, noise=noise, bits=bits)
     return BenchBatch(signals, clean, errors, directions)
 
 

@@ -13,6 +13,7 @@ from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.converter import digitise, signal_step
 from inclinometry.simulate.streams import Streams
+from inclinometry.simulate.tool import ToolBatch
 
 
 class Sensed(NamedTuple):
@@ -58,7 +59,7 @@ def sense(
     Examples
     --------
     >>> from inclinometry.simulate.tool import random_tool
-    >>> sense(random_tool(1), {"accelerometer": np.eye(3)}, Streams(1)).signals["accelerometer"].shape
+    >>> sense(random_tool(1), {"accelerometer": np.eye(3)}, Streams(1, "bench")).signals["accelerometer"].shape
     (3, 3)
     """
     if repeats < 1:
@@ -79,6 +80,32 @@ def sense(
         if repeats > 1:
             out.sd[kind] = sd
     return out
+
+
+def sense_batch(
+    tools: ToolBatch,
+    fields: Mapping[str, Array],
+    streams: Streams,
+    *,
+    noise: Mapping[str, float] | None = None,
+    bits: int | None = None,
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Signals and clean signals (draws, n, m) of each kind for fields (draws, n, 3): one tool a draw, or one for all.
+
+    Examples
+    --------
+    >>> from inclinometry.simulate.tool import random_tools
+    >>> fields = {"accelerometer": np.tile(np.eye(3), (5, 1, 1))}
+    >>> sense_batch(random_tools(1, 5), fields, Streams(1, "bench"))[0]["accelerometer"].shape
+    (5, 3, 3)
+    """
+    signals, clean = {}, {}
+    for kind, field in fields.items():
+        clean[kind] = field @ tools.tensor[kind].swapaxes(-1, -2) + tools.offset[kind][:, None, :]
+        spread = finite((tools.noise if noise is None else noise).get(kind, 0.0), f"{kind} noise")
+        step = None if bits is None else signal_step(kind, tools.units[kind], bits)
+        signals[kind], _, _ = read_sensors(clean[kind], spread, step, bits, 1, streams[f"{kind}.noise"])
+    return signals, clean
 
 
 def read_sensors(

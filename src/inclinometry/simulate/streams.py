@@ -19,16 +19,19 @@ class Streams:
     ----------
     seed : int, SeedSequence or Generator
         A Generator is drawn from once; the same int always gives the same streams.
+    purpose : str
+        Keeps the streams of different simulations apart when they are given the same seed.
 
     Examples
     --------
-    >>> a, b = Streams(7), Streams(7)
+    >>> a, b = Streams(7, "bench"), Streams(7, "bench")
     >>> _ = b["something else"].normal(size=100)
     >>> bool(a["noise"].normal() == b["noise"].normal())
     True
     """
 
-    def __init__(self, seed: Seed) -> None:
+    def __init__(self, seed: Seed, purpose: str) -> None:
+        self._purpose = purpose
         if isinstance(seed, np.random.SeedSequence):
             self._root = seed
         elif isinstance(seed, np.random.Generator):
@@ -40,5 +43,5 @@ class Streams:
 
     def __getitem__(self, name: str) -> np.random.Generator:
         # the name's checksum is a spawn key: streams do not depend on the order in which they are asked for
-        key = (*self._root.spawn_key, zlib.crc32(name.encode()))
+        key = (*self._root.spawn_key, zlib.crc32(f"{self._purpose}.{name}".encode()))
         return np.random.default_rng(np.random.SeedSequence(self._root.entropy, spawn_key=key))

@@ -203,9 +203,9 @@ def with_temperature(tool: Tool, seed: Seed, degree: int) -> Tool:
         raise InputError(f"degree of the temperature polynomial is {degree}; allowed 0 to 4")
     if degree == 0:
         return tool
-    streams, triads = Streams(seed), {}
+    streams, triads = Streams(seed, "tool"), {}
     for kind, triad in tool.triads.items():
-        random = streams[f"tool.{kind}.temperature"]
+        random = streams[f"{kind}.temperature"]
         tensor, offset = triad.tensor[0], triad.offset[0]
         size = np.linalg.norm(tensor, axis=-1)
         shrink = (1.0 / 200.0) ** np.arange(degree)
@@ -240,7 +240,7 @@ def _tools(
         raise InputError(f"sensors {dict(sensors)}, noise {dict(noise)}: the kinds are {', '.join(KINDS)}")
     if not (g > 0.0 and b > 0.0) or any(not sd >= 0.0 for sd in noise.values()):
         raise InputError(f"g {g} m/s^2 and b {b} nT must be positive, and no noise negative: {dict(noise)}")
-    streams = Streams(seed)
+    streams = Streams(seed, "tool")
     strength = {"accelerometer": g, "magnetometer": b, "gyro": EARTH_RATE}
     tensors, offsets, sd = {}, {}, {}
     kinds = [kind for kind in KINDS if kind in sensors]
@@ -256,25 +256,25 @@ def _tools(
 
 def _wild(streams: Streams, kind: str, draws: int, count: int, strength: float) -> tuple[Array, Array, Array]:
     """Axes (draws, m, 3), conversion factors (draws, m) and physical offsets (draws, m) of the scenarios."""
-    rotation = random_rotations(streams[f"tool.{kind}.rotation"], draws)
-    axes = nominal_axes(count) @ rotation + 0.1 * streams[f"tool.{kind}.axes"].standard_normal((draws, count, 3))
+    rotation = random_rotations(streams[f"{kind}.rotation"], draws)
+    axes = nominal_axes(count) @ rotation + 0.1 * streams[f"{kind}.axes"].standard_normal((draws, count, 3))
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
-    factors = streams[f"tool.{kind}.factors"].uniform(0.95, 1.05, (draws, count))
-    offsets = strength * streams[f"tool.{kind}.offsets"].uniform(-0.05, 0.05, (draws, count))
+    factors = streams[f"{kind}.factors"].uniform(0.95, 1.05, (draws, count))
+    offsets = strength * streams[f"{kind}.offsets"].uniform(-0.05, 0.05, (draws, count))
     return axes, factors, offsets
 
 
 def _workshop(streams: Streams, kind: str, draws: int, count: int, strength: float) -> tuple[Array, Array, Array]:
     """As `_wild`, for tools built with ordinary care; the offsets do not depend on the field."""
     nominal = nominal_axes(count)
-    random = streams[f"tool.{kind}.axes"]
+    random = streams[f"{kind}.axes"]
     aside = np.cross(nominal, random.standard_normal((draws, count, 3)))
     aside /= np.linalg.norm(aside, axis=-1, keepdims=True)
     angle = np.radians(random.uniform(1.0, 2.0, (draws, count)))[..., None]
     axes = nominal * np.cos(angle) + aside * np.sin(angle)
     sd = {"accelerometer": 0.02 * STANDARD_GRAVITY, "magnetometer": 400.0, "gyro": DEG_PER_HOUR}[kind]
-    factors = streams[f"tool.{kind}.factors"].uniform(0.95, 1.05, (draws, count))
-    return axes, factors, sd * streams[f"tool.{kind}.offsets"].standard_normal((draws, count))
+    factors = streams[f"{kind}.factors"].uniform(0.95, 1.05, (draws, count))
+    return axes, factors, sd * streams[f"{kind}.offsets"].standard_normal((draws, count))
 
 
 def random_rotations(random: np.random.Generator, draws: int) -> Array:

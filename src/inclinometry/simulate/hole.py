@@ -1,0 +1,221 @@
+"""A simulated well, and the survey a tool would bring back from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inclinometry.attitude.rotations import dcm
+from inclinometry.core.angles import wrap_positive
+from inclinometry.core.arrays import Array, finite
+from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.errors import InputError
+from inclinometry.sensors.tool import Tool
+from inclinometry.simulate.rig import field_direction
+from inclinometry.simulate.sensing import sense
+from inclinometry.simulate.streams import Seed, Streams
+
+
+@dataclass(frozen=True)
+class WellProfile:
+    """A well that goes down, builds, holds and, where wanted, drops; metres and radians.
+
+    kickoff : depth at which building starts.
+    start, hold, final : inclinations of the three straight parts; final None: no drop.
+    build_rate, drop_rate : rad/m, positive.
+    hold_length, final_length : lengths of the straight parts.
+    azimuth : from magnetic north; turn_rate : rad/m of azimuth below the kickoff.
+    spacing : distance between stations.
+    """
+
+    kickoff: float = 300.0
+    start: float = np.radians(0.5)
+    build_rate: float = np.radians(3.0) / 30.0
+    hold: float = np.radians(60.0)
+    hold_length: float = 900.0
+    drop_rate: float = np.radians(2.0) / 30.0
+    final: float | None = None
+    final_length: float = 300.0
+    azimuth: float = np.radians(75.0)
+    turn_rate: float = 0.0
+    spacing: float = 30.0
+
+    def __post_init__(self) -> None:
+        lengths = (self.kickoff, self.hold_length, self.final_length)
+        if min(lengths) < 0.0 or not (self.spacing > 0.0 and self.build_rate > 0.0 and self.drop_rate > 0.0):
+            raise InputError(f"{self}: lengths must not be negative; rates and spacing must be positive")
+
+
+class WellPath(NamedTuple):
+    """Stations of a well: measured depth, m; inclination, azimuth from magnetic north, toolface, rad; all (n,)."""
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    toolface: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SurveySimulation:
+    """What the tool reported at n stations, and the truth.
+
+    signals, clean, saturated : kind -> (n, m), in `units`; clean is without noise and converter.
+    sd : kind -> (n, m) of the means; empty without repeats.
+    md, inclination, azimuth, toolface, magnetic_toolface : (n,) true values, m and rad, azimuth from magnetic north.
+    temperature : (n,) degC, or None.
+    g, b, dip : true field at the well, m/s^2, nT, rad.
+    """
+
+    signals: Mapping[str, Array]
+    sd: Mapping[str, Array]
+    clean: Mapping[str, Array]
+    saturated: Mapping[str, NDArray[np.bool_]]
+    units: Mapping[str, str]
+    md: Array
+    inclination: Array
+    azimuth: Array
+    toolface: Array
+    magnetic_toolface: Array
+    temperature: Array | None
+    g: float | None
+    b: float | None
+    dip: float
+
+
+def well_path(profile: WellProfile, seed: Seed) -> WellPath:
+    """Stations of a well at equal spacing from the surface, the last one at its end; toolface is random.
+
+    Examples
+    --------
+    >>> path = well_path(WellProfile(hold=np.radians(45)), seed=1)
+    >>> float(np.degrees(path.inclination[-1]).round(9)), float(path.md[1])
+    (45.0, 30.0)
+    """
+    build = abs(profile.hold - profile.start) / profile.build_rate
+    lengths, inclinations = [profile.kickoff, build, profile.hold_length], [profile.start, profile.hold, profile.hold]
+    if profile.final is not None:
+        lengths += [abs(profile.final - profile.hold) / profile.drop_rate, profile.final_length]
+        inclinations += [profile.final, profile.final]
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    md = np.arange(0.0, ends[-1], profile.spacing)
+    md = np.append(md, ends[-1])
+    inclination = np.interp(md, ends, [profile.start, *inclinations])
+    azimuth = wrap_positive(profile.azimuth + profile.turn_rate * np.maximum(md - profile.kickoff, 0.0))
+    return WellPath(md, inclination, azimuth, Streams(seed, "well")["toolface"].uniform(0.0, 2.0 * np.pi, md.size))
+
+
+def temperature_profile(
+    md: ArrayLike, inclination: ArrayLike, *, surface: float = 10.0, gradient: float = 0.03
+) -> Array:
+    """Temperature (n,), degC, that rises by `gradient` (degC/m) with vertical depth (balanced tangential method).
+
+    Examples
+    --------
+    >>> temperature_profile([0, 1000], [0, 0])
+    array([10., 40.])
+    """
+    depth, angle = finite(md, "md", (None,)), finite(inclination, "inclination", (None,))
+    cosine = np.cos(angle)
+    steps = np.diff(depth) * (cosine[1:] + cosine[:-1]) / 2.0
+    return np.asarray(surface + gradient * np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+def simulate_survey(
+    tool: Tool,
+    md: ArrayLike,
+    inclination: ArrayLike,
+    azimuth: ArrayLike,
+    toolface: ArrayLike,
+    *,
+    g: float | None = None,
+    b: float | None = None,
+    dip: float,
+    latitude: float = np.radians(60.0),
+    declination: float = 0.0,
+    noise: Mapping[str, ArrayLike] | None = None,
+    bits: int | None = None,
+    repeats: int = 1,
+    temperature: ArrayLike | None = None,
+    seed: Seed,
+) -> SurveySimulation:
+    """Raw readings of a tool at the stations of a well, standing still.
+
+    Parameters
+    ----------
+    md, inclination, azimuth, toolface : (n,) array_like
+        m and rad; azimuth from magnetic north.
+    g, b : float, optional
+        Fields at the well, m/s^2 and nT; those of the calibration when absent.
+    dip, latitude, declination : float
+        rad, at the well.
+    noise, bits, repeats
+        As in `simulate_bench`.
+    temperature : float or (n,) array_like, optional
+        degC.
+    seed : int, SeedSequence or Generator
+
+    Raises
+    ------
+    InputError
+        Arrays of different lengths; a field strength given for a triad that does not know its own.
+
+    Examples
+    --------
+    >>> from inclinometry.simulate.tool import realistic_tool
+    >>> path = well_path(WellProfile(), seed=1)
+    >>> survey = simulate_survey(realistic_tool(1), *path, dip=np.radians(70), bits=12, seed=1)
+    >>> survey.signals["magnetometer"].shape == (len(path.md), 3)
+    True
+    """
+    path = _stations(md, inclination, azimuth, toolface)
+    degrees = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), path.md.shape)
+    orientation = dcm(path.azimuth, path.inclination, path.toolface)
+    local = {"accelerometer": g, "magnetometer": b, "gyro": EARTH_RATE}
+    north = {kind: field_direction(kind, dip, latitude, declination) for kind in tool.triads}
+    fields = {kind: orientation @ north[kind] * field_ratio(tool, kind, local[kind]) for kind in tool.triads}
+    streams = Streams(seed, "survey")
+    sensed = sense(tool, fields, streams, noise=noise, bits=bits, repeats=repeats, temperature=degrees)
+    return SurveySimulation(
+        units={kind: triad.unit for kind, triad in tool.triads.items()},
+        md=path.md,
+        inclination=path.inclination,
+        azimuth=wrap_positive(path.azimuth),
+        toolface=wrap_positive(path.toolface),
+        magnetic_toolface=wrap_positive(path.azimuth + path.toolface),
+        temperature=degrees,
+        g=_strength(tool, "accelerometer", g),
+        b=_strength(tool, "magnetometer", b),
+        dip=dip,
+        **sensed._asdict(),
+    )
+
+
+def _stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, toolface: ArrayLike) -> WellPath:
+    given = WellPath(
+        finite(md, "md"), finite(inclination, "inclination"), finite(azimuth, "azimuth"), finite(toolface, "toolface")
+    )
+    if given.md.ndim != 1 or any(v.shape != given.md.shape for v in given):
+        raise InputError(f"md, inclination, azimuth, toolface have shapes {[v.shape for v in given]}; expected (n,)")
+    return given
+
+
+def field_ratio(tool: Tool, kind: str, local: float | None) -> float:
+    """Local field strength over that of the calibration; 1 when the local one is not given."""
+    strength = tool.triads[kind].field_strength
+    if local is None or (kind == "gyro" and strength is None):
+        return 1.0
+    if strength is None:
+        raise InputError(f"{kind}: the tool does not know its field strength; leave the local one out")
+    if not local > 0.0:
+        raise InputError(f"{kind}: local field strength is {local}; it must be positive")
+    return local / strength
+
+
+def _strength(tool: Tool, kind: str, local: float | None) -> float | None:
+    if local is not None or kind not in tool.triads:
+        return local
+    return tool.triads[kind].field_strength
