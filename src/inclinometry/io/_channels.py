@@ -1,0 +1,100 @@
+"""The signal columns of a table, gathered into triads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.core.constants import KINDS
+from inclinometry.io.columns import KIND_PREFIX, Channel, channel
+from inclinometry.io.table import Table
+
+COLDEST, HOTTEST = -100.0, 400.0
+
+
+class Signals(NamedTuple):
+    """Triads in a file.
+
+    values, sd : kind -> (n, m); `sd` is that of one reading and only there where the file has it.
+    units : kind -> label.
+    names : kind -> the m column names.
+    notes : what a person should know.
+    """
+
+    values: dict[str, Array]
+    sd: dict[str, Array]
+    units: dict[str, str]
+    names: dict[str, tuple[str, ...]]
+    notes: tuple[str, ...]
+
+
+def read_signals(table: Table) -> Signals:
+    """All channels of a table by kind; FileError for an incomplete or contradictory set of columns."""
+    found = [c for c in map(channel, table.header) if c is not None]
+    signals = Signals({}, {}, {}, {}, ())
+    notes: list[str] = []
+    for kind in KINDS:
+        ordered = _ordered(table, kind, [c for c in found if c.kind == kind and not c.sd])
+        if not ordered:
+            continue
+        signals.units[kind] = ordered[0].unit
+        signals.names[kind] = tuple(c.name for c in ordered)
+        signals.values[kind] = np.stack([table.number(c.name) for c in ordered], axis=1)
+        if len(ordered) == 2 and ordered[0].axis == "x":
+            notes.append(
+                f"{kind}: two channels ({', '.join(signals.names[kind])}), no {KIND_PREFIX[kind]}_z in the file"
+            )
+        if any(c.kind == kind for c in found if c.sd):
+            signals.sd[kind] = _deviations(table, signals.names[kind])
+    lost = next((c for c in found if c.sd and c.name.removesuffix("_sd") not in table), None)
+    if lost is not None:
+        raise table.error(f"column {lost.name!r} has no {lost.name.removesuffix('_sd')!r} beside it; add or remove it")
+    if not signals.values:
+        shown = ", ".join(table.header[:20])
+        raise table.error(
+            f"no channels; add columns such as accel_x, accel_y, accel_z or mag_1; columns found: {shown}"
+        )
+    return signals._replace(notes=tuple(notes))
+
+
+def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]:
+    """The channels of a kind in the order x, y, z or 1..m, after checking that the set is complete."""
+    if not found:
+        return []
+    prefix, by_axis = KIND_PREFIX[kind], {c.axis: c for c in found}
+    units = sorted({c.unit for c in found})
+    if len(by_axis) < len(found) or len(units) > 1:
+        names = ", ".join(c.name for c in found)
+        raise table.error(f"{kind} columns {names} contradict each other; give each channel once, all in one unit")
+    letters = [a for a in "xyz" if a in by_axis]
+    if letters and len(letters) < len(by_axis):
+        raise table.error(f"{kind} columns mix letters and numbers; name them {prefix}_x.. or {prefix}_1.., not both")
+    wanted = ["x", "y", "z"][: max(2, "xyz".index(letters[-1]) + 1)] if letters else []
+    wanted = wanted or [str(i + 1) for i in range(max(2, *map(int, by_axis), 0))][:200]
+    tail = found[0].name.removeprefix(f"{prefix}_{found[0].axis}")
+    table.require(f"{prefix}_{axis}{tail}" for axis in wanted)
+    return [by_axis[axis] for axis in wanted]
+
+
+def _deviations(table: Table, names: Sequence[str]) -> Array:
+    sd = np.stack([table.number(f"{name}_sd") for name in names], axis=1)
+    if (sd < 0.0).any():
+        row, column = np.argwhere(sd < 0.0)[0].tolist()
+        raise table.error(f"{names[column]}_sd is {sd[row, column]:g}; a standard deviation is not negative", row)
+    return sd
+
+
+def read_temperature(table: Table) -> Array | None:
+    """Column temperature_degC within what an instrument survives, or None."""
+    if "temperature_degC" not in table:
+        return None
+    values = table.number("temperature_degC")
+    bad = (values < COLDEST) | (values > HOTTEST)
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        allowed = f"allowed {COLDEST:g} to {HOTTEST:g}"
+        raise table.error(f"temperature_degC is {values[row]:g}; {allowed}: is it in another unit?", row)
+    return values

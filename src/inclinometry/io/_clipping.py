@@ -1,0 +1,102 @@
+"""Channels that cannot be right: stuck at one value, or resting on a rail.
+
+The rule for saturation. A channel's extreme value is named when at least three stations read exactly this value AND
+
+1. it is the rail of a two's complement or unsigned converter: all readings are whole numbers, and the value is
+   2^n - 1 (n >= 7; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where all readings are positive; or
+2. the rig was set there to attitudes at which the other stations predict more: a linear fit of the channel on the
+   gravity direction (accelerometer) or on all nine direction cosines (other kinds) overshoots the value by five of its
+   own standard deviations and 2 % of half the span, at two or more of these stations; or
+3. there are no angles, five stations or more read it, and no other value of the channel occurs more than twice.
+
+Equal extremes alone say nothing: a plan that returns to one attitude reads the same number again with a 12-bit
+converter, and a pure roll repeats the axial reading at every station.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inclinometry.core.arrays import Array
+
+Settings = tuple[Array, Array, Array]
+
+
+def constant_channel(values: Array, names: Sequence[str], settings: Settings | None) -> tuple[str, bool] | None:
+    """A channel (n, m) stuck at one value: what to say, and whether it is an error rather than a note."""
+    stuck = np.flatnonzero((values == values[0]).all(axis=0)) if len(values) >= 3 else np.empty(0, dtype=int)
+    if stuck.size == 0:
+        return None
+    name, value = names[int(stuck[0])], f"{values[0, int(stuck[0])]:.12g}"
+    said = f"{name} reads {value} at every station"
+    if settings is not None and all(np.ptp(angle) == 0.0 for angle in settings[:2]):
+        return f"{said}: right only for an axis along the hole, as inclination and azimuth never change", False
+    return f"{said}: a channel that never changes cannot be identified; check its wiring or remove its triad", True
+
+
+def saturation_notes(
+    kind: str, values: Array, names: Sequence[str], settings: Settings | None, station: NDArray[np.intp]
+) -> list[str]:
+    """One sentence for each channel of (n, m) readings that rests on a rail; the rule is in the module's docstring.
+
+    `station` (n,) tells which rows are one station, so that a repeated reading is not taken for a rail.
+    """
+    notes: list[str] = []
+    basis: Array | None = None
+    for column, name in zip(values.T, names, strict=True):
+        for extreme, sign in ((float(column.max()), 1.0), (float(column.min()), -1.0)):
+            at = column == extreme
+            count = len(np.unique(station[at])) if at.sum() >= 3 else 0
+            if count < 3 or at.all():
+                continue
+            if settings is not None and basis is None:
+                basis = _basis(kind, settings)
+            clipped = _is_rail(column, extreme, sign)
+            if not clipped and basis is not None:
+                clipped = _predicted_beyond(column, at, basis, sign)
+            elif not clipped:
+                clipped = count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
+            if clipped:
+                notes.append(f"{name} reads exactly {extreme:.12g} in {count} stations: saturated?")
+    return notes
+
+
+def _is_rail(column: Array, extreme: float, sign: float) -> bool:
+    if np.abs(column).max() >= 2.0**53 or (column != np.round(column)).any():
+        return False
+    if sign > 0.0:
+        size = extreme + 1.0
+        return size >= 128.0 and np.log2(size) % 1.0 == 0.0 and bool(column.min() >= -size)
+    if extreme == 0.0:
+        return bool(column.max() >= 127.0)
+    return extreme <= -128.0 and np.log2(-extreme) % 1.0 == 0.0 and bool(column.max() <= -extreme - 1.0)
+
+
+def _basis(kind: str, settings: Settings) -> Array:
+    """What a linear sensor sees at each setting, and a one for its offset: (n, 4) for gravity, else (n, 10)."""
+    azimuth, inclination, toolface = settings
+    if kind == "accelerometer":
+        s, c = np.sin(inclination), np.cos(inclination)
+        columns = [-s * np.cos(toolface), s * np.sin(toolface), c]
+    else:
+        from inclinometry.attitude.rotations import dcm
+
+        columns = list(dcm(azimuth, inclination, toolface).reshape(-1, 9).T)
+    return np.stack([*columns, np.ones_like(azimuth)], axis=1)
+
+
+def _predicted_beyond(column: Array, at: NDArray[np.bool_], basis: Array, sign: float) -> bool:
+    """Whether the stations elsewhere predict, where the extreme was read, values beyond it."""
+    known, asked = basis[~at], basis[at]
+    inverse = np.linalg.pinv(known, rcond=1e-9)
+    free = len(known) - np.linalg.matrix_rank(known, tol=1e-9)
+    seen = np.linalg.norm(asked - asked @ inverse @ known, axis=1) < 1e-6
+    if free < 3 or seen.sum() < 2:
+        return False
+    model = inverse @ column[~at]
+    spread = np.sqrt(np.sum((known @ model - column[~at]) ** 2) / free)
+    beyond = sign * (asked[seen] @ model - column[at][seen])
+    return int((beyond > max(5.0 * spread, 0.01 * np.ptp(column))).sum()) >= 2
