@@ -21,7 +21,8 @@ DOWN = (0.0, 0.0, 1.0)
 """Down in rig axes: the field of gravity, and a hint that holds for the magnetic field where the dip is positive."""
 
 _BLOCK = 4096  # calibrations at a time: their moments stay in the cache
-_SQUARINGS = 5  # singular values 0.3 apart: 0.3^(2 * 2^5) is far below rounding
+_SQUARINGS = 5
+_LEAST_SHARE = 0.9  # of the power along one direction; less is not a calibration but a mix-up
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,54 +97,12 @@ def solve_moments(
         rows = slice(first, first + _BLOCK)
         moment = spread @ flat[rows].T
         products, level = moment[: 9 * count].reshape(3, 3, count, -1), moment[9 * count :]
-        a = common_direction(products, hint) if known is None else np.repeat(known[:, None], level.shape[1], axis=1)
+        sums = _sums(products)
+        a = signed(_leading(sums), hint) if known is None else np.repeat(known[:, None], level.shape[1], axis=1)
+        _check_share(sums, a)
         n, u0 = _project(products, level, a, moments)
         tensor[rows], offset[rows], direction[rows] = n.transpose(2, 1, 0), u0.T, a.T
     return ClosedForm(tensor.reshape(*batch, count, 3), offset.reshape(*batch, count), direction.reshape(*batch, 3))
-
-
-def common_direction(products: Array, hint: Array) -> Array:
-    """Leading right singular vector of the products of all sensors, for a batch along the last axis.
-
-    Parameters
-    ----------
-    products : (3, ..., B)
-        The three components of vectors that are all parallel to the direction sought.
-    hint : (3,)
-        Unit vector with which it makes an acute angle.
-
-    Returns
-    -------
-    (3, B) array
-        Unit vectors.
-
-    Notes
-    -----
-    The 3 x 3 matrix of sums of products is squared five times, which is 32 steps of the power iteration: for vectors
-    parallel to better than 0.3 the result is exact to rounding, at a fraction of the cost of a batch of decompositions.
-
-    Examples
-    --------
-    >>> common_direction(np.array([[0.0], [-3.0], [4.0]])[:, None], np.array([0.0, 0.0, 1.0])).T
-    array([[ 0. , -0.6,  0.8]])
-    """
-    rows = products.reshape(3, -1, products.shape[-1])
-    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    sums = np.stack([np.einsum("rb,rb->b", rows[i], rows[j]) for i, j in pairs])
-    total = sums[:3].sum(axis=0)
-    if not (total > 0.0).all():
-        raise IdentifiabilityError("the signals do not change over the plan; are the sensors connected?")
-    sums /= total
-    a = _leading(sums)
-    xx, yy, zz, xy, xz, yz = sums
-    x, y, z = a
-    share = (xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)).min()
-    if share < 0.9:
-        raise IdentifiabilityError(
-            f"the signals do not follow one field direction: {100.0 * (1.0 - share):.0f} % of their power is "
-            "elsewhere; check the dial settings, the order of the stations and the channels"
-        )
-    return signed(a, hint)
 
 
 def signed(a: Array, hint: Array) -> Array:
@@ -163,8 +122,37 @@ def signed(a: Array, hint: Array) -> Array:
     return np.asarray(np.where(along < 0.0, -a, a))
 
 
+def _sums(products: Array) -> Array:
+    """Sums of squares and products xx, yy, zz, xy, xz, yz (6, B) of all vectors of products, with xx + yy + zz = 1."""
+    rows = products.reshape(3, -1, products.shape[-1])
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    sums = np.stack([np.einsum("rb,rb->b", rows[i], rows[j]) for i, j in pairs])
+    total = sums[:3].sum(axis=0)
+    if not (total > 0.0).all():
+        raise IdentifiabilityError("the signals do not change over the plan; are the sensors connected?")
+    return np.asarray(sums / total)
+
+
+def _check_share(sums: Array, a: Array) -> None:
+    """Refuse products of which much is not along the direction a (3, B)."""
+    (xx, yy, zz, xy, xz, yz), (x, y, z) = sums, a
+    share = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+    worst = int(np.argmin(share))
+    if share[worst] < _LEAST_SHARE:
+        raise IdentifiabilityError(
+            f"the signals do not follow one field along {a[:, worst].round(3).tolist()} in rig axes: "
+            f"{100.0 * (1.0 - share[worst]):.0f} % of their power is elsewhere (allowed "
+            f"{100.0 * (1.0 - _LEAST_SHARE):.0f}); check the dial settings, the order of the stations, the channels "
+            "and the direction if one was given"
+        )
+
+
 def _leading(sums: Array) -> Array:
-    """Leading unit eigenvectors (3, B) of symmetric matrices given as xx, yy, zz, xy, xz, yz (6, B)."""
+    """Leading unit eigenvectors (3, B) of symmetric matrices of unit trace given as xx, yy, zz, xy, xz, yz (6, B).
+
+    The matrix is squared five times, which is 32 steps of the power iteration: for vectors parallel to better than 0.3
+    the result is exact to rounding, at a fraction of the cost of a batch of decompositions.
+    """
     xx, yy, zz, xy, xz, yz = sums
     for _ in range(_SQUARINGS):
         xx, yy, zz, xy, xz, yz = (

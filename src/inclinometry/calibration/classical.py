@@ -1,0 +1,146 @@
+"""The classical small-angle method, for comparison: nameplate scale, axes a little off their nominal places.
+
+It trusts the conversion factor of the nameplate, the rig's dials and the assumed direction of the field, and looks only
+for small increments of the sensitive axes and for the offsets. It is what many calibration instructions do; the other
+methods of this room do not need any of the three.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.attitude.rotations import dcm
+from inclinometry.calibration.bilinear import DOWN, unit_direction
+from inclinometry.calibration.closed import ClosedForm
+from inclinometry.calibration.dials import three_dials
+from inclinometry.core.arrays import Array, finite
+from inclinometry.core.errors import IdentifiabilityError, InputError
+
+_MOST_DEGREES = 20.0
+
+
+def solve_classical(
+    signals: ArrayLike,
+    azimuth: ArrayLike,
+    inclination: ArrayLike,
+    toolface: ArrayLike,
+    *,
+    known_direction: ArrayLike = DOWN,
+    conversion_factor: ArrayLike | None = None,
+) -> ClosedForm:
+    """Calibrate a triad by small increments of nominal axes, the conversion factor taken from the nameplate.
+
+    Parameters
+    ----------
+    signals : (..., K, m) array_like
+        Signals at the K stations; leading axes are a batch of triads.
+    azimuth, inclination, toolface : (K,) array_like
+        Rig settings, rad; any plan that determines four numbers a sensor.
+    known_direction : (3,) array_like
+        The field in rig axes as it is believed to be; down when not given.
+    conversion_factor : () or (m,) array_like, optional
+        k of the nameplate, signal per unit field, positive; the mean length of the triad's sensor vectors when not
+        given.
+
+    Returns
+    -------
+    ClosedForm
+        The tensor is k (c + dc), with c the nearest axis of the tool, in either sense, and dc at right angles to it.
+
+    Raises
+    ------
+    InputError
+        Sensitive axes more than 20 degrees from any axis of the tool, wrong shapes, values not finite.
+    IdentifiabilityError
+        Settings that do not determine four numbers a sensor.
+
+    Notes
+    -----
+    Equations (4)-(9) of Rogatykh 2018. The axis c + dc is longer than 1 and changes the conversion factor, see
+    `hidden_scale_error`; an error of k itself stays in full.
+
+    Examples
+    --------
+    >>> from inclinometry.calibration import plans
+    >>> plan = plans.orthogonal()
+    >>> dials = plan.azimuth, plan.inclination, plan.toolface
+    >>> tilted = np.array([[np.cos(0.1), np.sin(0.1), 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    >>> truth = ClosedForm(tilted, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    >>> found = solve_classical(truth.signals(*dials), *dials, conversion_factor=1.0)
+    >>> found.tensor[0].round(6) + 0.0             # 1 along x where the truth is cos 0.1
+    array([1.      , 0.099833, 0.      ])
+    """
+    dials = three_dials(azimuth, inclination, toolface)
+    values = finite(signals, "signals", (len(dials[0]), None))
+    a = unit_direction(known_direction, "known_direction")
+    design = np.column_stack([dcm(*dials) @ a, np.ones(len(dials[0]))])
+    size = np.linalg.svd(design, compute_uv=False)
+    if len(size) < 4 or size[-1] < 1e-6 * size[0]:
+        raise IdentifiabilityError(
+            f"these {len(design)} settings do not show the field from four sides; add stations at other inclinations "
+            "and toolfaces"
+        )
+    spread = np.linalg.inv(design.T @ design)
+    free = np.swapaxes(spread @ design.T @ values, -1, -2)  # (..., m, 4), the fit without a nameplate
+    nominal = nominal_axes(free[..., :3])
+    if conversion_factor is None:
+        k = np.linalg.norm(free[..., :3], axis=-1).mean(axis=-1, keepdims=True)
+    else:
+        k = finite(conversion_factor, "conversion_factor")
+        if not (k > 0.0).all():
+            raise InputError(f"conversion_factor is {k.tolist()}; it must be positive, the sense is found")
+    # least squares with the component along the nominal axis held at k: move there along the fit's own covariance
+    short = k - (free[..., :3] * nominal).sum(axis=-1)
+    along = np.abs(nominal) @ spread[:3]
+    held = (np.abs(nominal) @ spread[:3, :3] * np.abs(nominal)).sum(axis=-1)
+    sense = nominal.sum(axis=-1)
+    fit = free + (sense * short / held)[..., None] * along
+    return ClosedForm(fit[..., :3], fit[..., 3], np.broadcast_to(a, (*fit.shape[:-2], 3)))
+
+
+def nominal_axes(tensor: ArrayLike, most_degrees: float = _MOST_DEGREES) -> Array:
+    """The axis of the tool nearest to each sensitive axis, in either sense, as unit vectors (..., m, 3).
+
+    Raises
+    ------
+    InputError
+        When one is more than `most_degrees` away: small angles do not describe such a sensor.
+
+    Examples
+    --------
+    >>> nominal_axes([[0.1, -2.0, 0.0], [3.0, 0.2, 0.1]]) + 0.0
+    array([[ 0., -1.,  0.],
+           [ 1.,  0.,  0.]])
+    """
+    n = finite(tensor, "tensor", (None, 3))
+    place = np.argmax(np.abs(n), axis=-1)[..., None]
+    nominal = np.zeros_like(n)
+    np.put_along_axis(nominal, place, np.sign(np.take_along_axis(n, place, axis=-1)), axis=-1)
+    main = (n * nominal).sum(axis=-1)
+    if not (main > 0.0).all():
+        raise InputError("a sensor does not change with the field; is it connected?")
+    off = np.degrees(np.arctan2(np.linalg.norm(n - nominal * main[..., None], axis=-1), main))
+    if off.max() > most_degrees:
+        sensor = int(np.unravel_index(np.argmax(off), off.shape)[-1])
+        raise InputError(
+            f"the axis of sensor {sensor + 1} is {off.max():.1f} degrees from the nearest axis of the tool; the "
+            f"small-angle description holds to {most_degrees:g}: use a method that assumes no axes"
+        )
+    return nominal
+
+
+def hidden_scale_error(form: ClosedForm) -> Array:
+    """What the small-angle method adds to each conversion factor unseen, (..., m), in the unit of the signals.
+
+    Notes
+    -----
+    Equation (9): dk = k (sqrt(1 + d1^2 + d2^2) - 1), with d1, d2 the components of dc.
+
+    Examples
+    --------
+    >>> hidden_scale_error(ClosedForm(np.array([[2.0, 0.1, -0.1]]), np.zeros(1), np.array([0.0, 0.0, 1.0]))).round(6)
+    array([0.004994])
+    """
+    k = np.abs(form.tensor).max(axis=-1)
+    return np.asarray(np.linalg.norm(form.tensor, axis=-1) - k)
