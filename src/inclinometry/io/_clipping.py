@@ -3,7 +3,8 @@
 The rule for saturation. A channel's extreme value is named when at least three stations read exactly this value AND
 
 1. it is the rail of a two's complement or unsigned converter: all readings are whole numbers, and the value is
-   2^n - 1 (n >= 7; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where all readings are positive; or
+   2^n - 1 (n >= 7; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where all readings are positive, and the
+   fit of rule 2, if it is good to 0.2 % of the span, does not say that just this value was to be expected; or
 2. the rig was set there to attitudes at which the other stations predict more: a linear fit of the channel on the
    gravity direction (accelerometer) or on all nine direction cosines (other kinds) overshoots the value by five of its
    own standard deviations and 2 % of half the span, at two or more of these stations; or
@@ -54,12 +55,9 @@ def saturation_notes(
                 continue
             if settings is not None and basis is None:
                 basis = _basis(kind, settings)
-            clipped = _is_rail(column, extreme, sign)
-            if not clipped and basis is not None:
-                clipped = _predicted_beyond(column, at, basis, sign)
-            elif not clipped:
-                clipped = count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
-            if clipped:
+            beyond = None if basis is None else _predicted_beyond(column, at, basis, sign)
+            lonely = basis is None and count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
+            if beyond or lonely or (beyond is None and _is_rail(column, extreme, sign)):
                 notes.append(f"{name} reads exactly {extreme:.12g} in {count} stations: saturated?")
     return notes
 
@@ -88,15 +86,17 @@ def _basis(kind: str, settings: Settings) -> Array:
     return np.stack([*columns, np.ones_like(azimuth)], axis=1)
 
 
-def _predicted_beyond(column: Array, at: NDArray[np.bool_], basis: Array, sign: float) -> bool:
-    """Whether the stations elsewhere predict, where the extreme was read, values beyond it."""
+def _predicted_beyond(column: Array, at: NDArray[np.bool_], basis: Array, sign: float) -> bool | None:
+    """Whether the stations elsewhere predict values beyond those read at `at`; None when they cannot tell."""
     known, asked = basis[~at], basis[at]
     inverse = np.linalg.pinv(known, rcond=1e-9)
     free = len(known) - np.linalg.matrix_rank(known, tol=1e-9)
     seen = np.linalg.norm(asked - asked @ inverse @ known, axis=1) < 1e-6
     if free < 3 or seen.sum() < 2:
-        return False
-    model = inverse @ column[~at]
+        return None
+    model, span = inverse @ column[~at], np.ptp(column)
     spread = np.sqrt(np.sum((known @ model - column[~at]) ** 2) / free)
-    beyond = sign * (asked[seen] @ model - column[at][seen])
-    return int((beyond > max(5.0 * spread, 0.01 * np.ptp(column))).sum()) >= 2
+    excess = sign * (asked[seen] @ model - column[at][seen])
+    if (excess > max(5.0 * spread, 0.01 * span)).sum() >= 2:
+        return True
+    return False if spread < 0.002 * span else None

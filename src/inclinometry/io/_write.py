@@ -43,17 +43,17 @@ def column(values: Array) -> list[str]:
 def write_columns(names: Sequence[str], columns: Sequence[Iterable[str]], path: str | Path) -> None:
     """Write a table of text columns of one length as comma-separated UTF-8, whole or not at all.
 
-    Everything is quoted when a first cell begins with `#`, which would be a comment unquoted. A line break inside a cell
-    is an InputError, as the reader takes one line for one row.
+    Everything is quoted when a first cell begins with `#`, which would be a comment unquoted. A line break inside a
+    cell is an InputError, as the reader takes one line for one row.
     """
     cells = [list(column) for column in columns]
     if any("\n" in cell or "\r" in cell for column in cells for cell in column):
         raise InputError("a text for a table has a line break; write it on one line")
-    quoting = csv.QUOTE_ALL if any(cell.startswith("#") for cell in cells[0]) else csv.QUOTE_MINIMAL
+    ambiguous = any(cell.startswith("#") for cell in cells[0])
     with replacing(path) as stream:
         text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=False)
         try:
-            writer = csv.writer(text, lineterminator="\n", quoting=quoting)
+            writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if ambiguous else csv.QUOTE_MINIMAL)
             writer.writerow(names)
             writer.writerows(zip(*cells, strict=True))
         finally:
