@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from inclinometry.core.arrays import Array, finite, frozen
+from inclinometry.core.arrays import Array, Index, finite, frozen
 from inclinometry.core.constants import KINDS
 from inclinometry.core.digest import digest_bytes
 from inclinometry.core.errors import InputError
@@ -112,7 +112,7 @@ class BenchReadings:
             )
         return self.azimuth, self.inclination, self.toolface
 
-    def take(self, rows: Sequence[int] | Array) -> BenchReadings:
+    def take(self, rows: Sequence[int] | Index) -> BenchReadings:
         """The readings at the given rows, in that order; the digest stays that of the source."""
         index = np.asarray(rows, dtype=int)
 

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from inclinometry.core.errors import InputError
 
 Array: TypeAlias = NDArray[np.float64]
+Index: TypeAlias = NDArray[np.intp]
+Mask: TypeAlias = NDArray[np.bool_]
 
 
 def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None = None) -> Array:

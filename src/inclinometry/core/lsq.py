@@ -24,6 +24,7 @@ class Normal(NamedTuple):
     cost: float  # sum of squared weighted residuals
     gradient: Array  # (p,) J' W r
     hessian: Array  # (p, p) J' W J
+    eliminated: float = 0.0  # decrement of parameters the problem has eliminated and steps on its own in `retract`
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def levenberg_marquardt(
         if not np.isfinite(here.cost) or not np.isfinite(here.gradient).all():
             raise ConvergenceError("the fit left the range of finite numbers; check units and starting values")
         step, decrement = _damped_step(here, 0.0)
-        if decrement <= tolerance**2 * (1.0 + here.cost):
+        if decrement + here.eliminated <= tolerance**2 * (1.0 + here.cost):
             state = retract(state, step)
             return Fit(state, inverse_spd(normal(state).hessian), here.cost, count)
         while True:
@@ -94,7 +95,7 @@ def levenberg_marquardt(
             there = normal(trial)
             gain = here.cost - there.cost
             if np.isfinite(there.cost) and gain > 0.0:
-                expected = max(decrement, np.finfo(float).tiny)
+                expected = max(decrement + here.eliminated, np.finfo(float).tiny)
                 damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain / expected - 1.0) ** 3)
                 damping, growth = max(damping, 1e-15), 2.0
                 state, here = trial, there

@@ -1,0 +1,171 @@
+"""Turn a fit into the record a person reads: tool, rig, residuals, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import numpy as np
+
+from inclinometry.calibration.fitting import Fitted
+from inclinometry.calibration.identifiability import constant_errors
+from inclinometry.calibration.likelihood import State
+from inclinometry.calibration.outliers import Outlier
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.core.arrays import Array
+from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
+
+_STRENGTH = {"accelerometer": "g", "magnetometer": "b"}
+
+
+def calibration(
+    readings: BenchReadings,
+    used: BenchReadings,
+    fitted: Fitted,
+    name: str,
+    reference_temperature: float,
+    warnings: Sequence[str],
+) -> Calibration:
+    """The record of a joint fit; `used` are the readings that entered it."""
+    model, state = fitted.model, fitted.state
+    tool_columns, _, _, _ = model.columns()
+    size = max(s.stop for s in tool_columns.values())
+    triads, noise, start = {}, {}, 0
+    for kind, coefficients in state.coefficients.items():
+        triads[kind] = Triad(
+            kind,
+            coefficients[..., :3],
+            coefficients[..., 3],
+            readings.units[kind],
+            readings.reference.get(_STRENGTH.get(kind, "")),
+            reference_temperature,
+        )
+        noise[kind] = _single_reading_noise(used, model.noise_sd[:, start : start + coefficients.shape[1]])
+        start += coefficients.shape[1]
+    span = used.temperature
+    tool = Tool(
+        name,
+        triads,
+        fitted.covariance[:size, :size],
+        noise,
+        None if span is None else (float(span.min()), float(span.max())),
+    )
+    names = list(tool.parameter_names)
+    for kind in triads:
+        names += [f"{kind}.direction.north", f"{kind}.direction.east"]
+    return Calibration(
+        tool,
+        "joint",
+        {"readings": readings.digest},
+        dict(state.directions),
+        (*names, *(f"rig.{n}" for n in model.nuisance_names())),
+        fitted.covariance,
+        _rig(fitted),
+        _residuals(used, fitted),
+        tuple(warnings),
+    )
+
+
+def _single_reading_noise(readings: BenchReadings, noise_sd: Array) -> Array:
+    """Typical standard deviation (m,) of one reading, the stations' means undone."""
+    count = np.ones(len(noise_sd)) if readings.count is None else readings.count
+    return np.asarray(np.sqrt(np.mean(noise_sd**2 * count[:, None], axis=0)))
+
+
+def _rig(fitted: Fitted) -> Rig:
+    model, state = fitted.model, fitted.state
+    nuisance = {}
+    _, _, extra, width = model.columns()
+    for column, index in zip(range(extra.start, width), model.fitted_nuisance, strict=True):
+        name = model.nuisance_names()[column - extra.start]
+        nuisance[name] = (float(state.nuisance[index]), float(np.sqrt(fitted.covariance[column, column])))
+    loose = np.flatnonzero(model.rig_sd > 0.0)
+    if not len(loose):
+        return Rig(model.rig_sd.copy(), nuisance=nuisance)
+    inverse_sd = 1.0 / model.noise_sd
+    local = fitted.at.by_setting[..., loose] * inverse_sd[..., None]
+    own = local.swapaxes(1, 2) @ local + np.diag(1.0 / model.rig_sd[loose] ** 2)
+    cross = local.swapaxes(1, 2) @ (fitted.at.jacobian * inverse_sd[..., None])
+    inverse = np.linalg.inv(own)
+    follow = inverse @ cross
+    covariance = inverse + follow @ fitted.covariance @ follow.swapaxes(1, 2)
+    sd = np.zeros((len(model.settings), 3))
+    sd[:, loose] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    return Rig(model.rig_sd.copy(), state.errors.copy(), sd, nuisance)
+
+
+def _residuals(readings: BenchReadings, fitted: Fitted) -> Residuals:
+    """Reading minus model at the settings as dialled, standardised by its own covariance under the model."""
+    model, jacobian = fitted.model, fitted.at.jacobian
+    residual = -fitted.marginal_residual()
+    covariance = model.station_covariance(fitted.at)
+    explained = jacobian @ fitted.covariance @ jacobian.swapaxes(1, 2)
+    left = np.diagonal(covariance - explained, axis1=1, axis2=2)
+    own = np.diagonal(covariance, axis1=1, axis2=2)
+    standardised = residual / np.sqrt(np.maximum(left, 1e-6 * own))
+    leverage = np.trace(explained @ np.linalg.inv(covariance), axis1=1, axis2=2) / jacobian.shape[1]
+    values, scaled, start = {}, {}, 0
+    for kind, signals in model.signals.items():
+        here = slice(start, start + signals.shape[1])
+        start += signals.shape[1]
+        values[kind], scaled[kind] = residual[:, here], standardised[:, here]
+    return Residuals(tuple(readings.station), values, scaled, leverage)
+
+
+def outlier_warnings(readings: BenchReadings, outliers: Sequence[Outlier], removed: bool) -> list[str]:
+    """One sentence an outlier: which station, what is wrong, by how much."""
+    channels = [f"{kind} {axis + 1}" for kind, v in readings.channels.items() for axis in range(v.shape[1])]
+    fate = (
+        "it was left out of the fit"
+        if removed
+        else "it is still in the fit; retake it, or fit robustly to leave it out"
+    )
+    sentences = []
+    for outlier in outliers:
+        if outlier.dial is not None:
+            off = np.degrees(outlier.error)
+            what = f"its {outlier.dial} dial seems misread: the tool stood {off:+.2f} deg from the setting"
+        elif outlier.channel is not None:
+            what = f"channel {channels[outlier.channel]} jumped"
+        else:
+            what = "no single dial or channel explains it; was the tool bumped, or the field disturbed?"
+        sentences.append(f"station {readings.station[outlier.row]} disagrees with the others: {what} ({fate})")
+    return sentences
+
+
+def rig_warnings(readings: BenchReadings, fitted: Fitted) -> list[str]:
+    """What the rig and the axes leave to be said."""
+    sentences = []
+    for name, (estimate, sd) in constant_errors(fitted).items():
+        if abs(estimate) > 4.0 * sd:
+            sentences.append(
+                f"the residuals show a {name.replace('_', ' ')} of the rig of {np.degrees(estimate):+.3f} +- "
+                f"{np.degrees(sd):.3f} deg that was not fitted: give it a prior, or mend the rig"
+            )
+    return sentences + axis_warnings(readings, fitted.state)
+
+
+def axis_warnings(readings: BenchReadings, state: State) -> list[str]:
+    """Channels that look exchanged: allowed by the mathematics, rarely meant."""
+    sentences = []
+    down = {kind: float(np.degrees(np.arccos(np.clip(a[2], -1.0, 1.0)))) for kind, a in state.directions.items()}
+    tilt = down.get("accelerometer", 0.0)
+    if tilt > 10.0 and down.get("magnetometer", 90.0) < 5.0:
+        sentences.append(
+            f"accelerometer and magnetometer look swapped: the accelerometer's field lies {tilt:.0f} deg "
+            "from the vertical, the magnetometer's is vertical; check the column names"
+        )
+    elif tilt > 10.0:
+        sentences.append(f"the rig's base appears tilted by {tilt:.1f} deg; check the channels if the stand is level")
+    for kind, coefficients in state.coefficients.items():
+        rows = coefficients[0, :, :3]
+        if len(rows) != 3:
+            continue
+        cosines = np.abs(rows) / np.linalg.norm(rows, axis=1, keepdims=True)
+        nearest = cosines.argmax(axis=1)
+        if (cosines.max(axis=1) > 0.9).all() and set(nearest) == {0, 1, 2} and list(nearest) != [0, 1, 2]:
+            found = ", ".join(f"{'xyz'[i]} lies along tool {'xyz'[n]}" for i, n in enumerate(nearest) if i != n)
+            sentences.append(
+                f"{kind} channels look swapped: {found}; the result is right as long as the survey uses the same columns"
+            )
+    return sentences

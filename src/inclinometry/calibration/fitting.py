@@ -1,0 +1,102 @@
+"""Fit a joint model and, where they are not known, the variances that weight it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from inclinometry.calibration.likelihood import Linear, Model, State
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.variance import estimate_components
+from inclinometry.core.arrays import Array, finite
+from inclinometry.core.errors import InputError
+from inclinometry.core.lsq import levenberg_marquardt
+
+FIRST_RIG_SD = np.radians(0.1)
+"""Where the search for the rig's standard deviation starts, rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A joint model at its maximum."""
+
+    model: Model
+    state: State
+    covariance: Array
+    cost: float
+    at: Linear
+    variance_freedom: float = np.inf  # degrees of freedom of the least well known of the estimated variances
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Readings minus parameters; the rig errors are random, not parameters."""
+        return int(self.at.residual.size - self.at.jacobian.shape[2])
+
+    def marginal_residual(self) -> Array:
+        """Model minus reading (K, M) at the settings as dialled, to first order."""
+        return np.asarray(self.at.residual - (self.at.by_setting @ self.state.errors[..., None])[..., 0])
+
+
+def fit(model: Model, start: State) -> Fitted:
+    """Maximum likelihood for given variances."""
+    found = levenberg_marquardt(model.normal, start, model.retract)
+    return Fitted(model, found.estimate, found.covariance, found.cost, model.linearise(found.estimate))
+
+
+def fit_with_variances(model: Model, start: State, free_noise: bool, free_rig: bool) -> Fitted:
+    """Fit, let the residuals correct the variances that may change, fit again until they agree."""
+    here = fit(model, start)
+    if not (free_noise or free_rig):
+        return here
+    smallest = 1e-10 * np.concatenate([np.ptp(v, axis=0) for v in model.signals.values()])
+    for _ in range(8):
+        parts = estimate_components(here.model, here.at, here.state, free_noise, free_rig)
+        spread = [np.full(v.shape[1], parts.noise[k]) for k, v in model.signals.items()]
+        noise_sd = np.maximum(here.model.noise_sd * np.sqrt(np.concatenate(spread)), smallest)
+        rig_sd = here.model.rig_sd * np.sqrt(parts.rig)
+        rig_sd = np.where(rig_sd < 1e-9, 0.0, rig_sd)
+        here = fit(here.model.with_weights(noise_sd, rig_sd), here.state)
+        # a variance with relative uncertainty s is as well known as one from 2/s^2 degrees of freedom
+        known = parts.relative_sd[np.isfinite(parts.relative_sd) & (parts.relative_sd < 10.0)]
+        here = replace(here, variance_freedom=float((2.0 / known**2).min(initial=np.inf)))
+        changes = [*parts.noise.values(), parts.rig if rig_sd.any() else 1.0]
+        if np.abs(np.log(changes)).max() < 0.02:
+            break
+    return here
+
+
+def noise_guess(readings: BenchReadings, given: Mapping[str, object] | None, residual: Array) -> tuple[Array, bool]:
+    """Standard deviations (K, M) to start with and whether the fit may change them.
+
+    A value given by the caller wins, then the standard deviations of the readings; otherwise a third of the starting
+    residual, to be corrected by the variance components.
+    """
+    columns, known, start = [], [], 0
+    size = len(readings)
+    for kind, values in readings.channels.items():
+        count = values.shape[1]
+        rms = np.sqrt(np.mean(residual[:, start : start + count] ** 2)) / 3.0
+        start += count
+        least = np.maximum(1e-9 * np.ptp(values, axis=0), np.finfo(float).tiny)
+        if given is not None and kind in given:
+            sd = finite(given[kind], f"{kind} noise sd")  # type: ignore[arg-type]
+            if (sd <= 0.0).any():
+                raise InputError(f"{kind} noise sd is {sd}; it must be positive")
+            columns.append(np.broadcast_to(sd, (size, count)))
+            known.append(True)
+        elif kind in readings.sd and (readings.sd[kind] > 0.0).any():
+            # a mean of identical readings is still only known to the converter's step
+            columns.append(np.hypot(readings.sd[kind], _step_sd(values)))
+            known.append(True)
+        else:
+            columns.append(np.broadcast_to(np.maximum(rms, least), (size, count)))
+            known.append(False)
+    return np.concatenate(columns, axis=1), not all(known)
+
+
+def _step_sd(values: Array) -> Array:
+    """Standard deviation of rounding (m,) if the values lie on a grid as coarse as integers, else zero."""
+    whole = np.all(values == np.round(values), axis=0)
+    return np.where(whole, 1.0 / np.sqrt(12.0), 0.0)

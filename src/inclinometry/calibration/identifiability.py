@@ -1,0 +1,199 @@
+"""What a plan cannot see, in words.
+
+The singular directions of the trusted-dial model are compared with named physical changes of tool and rig. What a plan
+can see but a fit does not carry, a constant error of the rig, is tested from the residuals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from inclinometry.calibration.fitting import Fitted
+from inclinometry.calibration.likelihood import Model, State, tangent_basis
+from inclinometry.calibration.rigmodel import NUISANCE
+from inclinometry.core.arrays import Array
+
+_TOLERANCE = 1e-7
+"""A direction whose scaled singular value is below this share of the largest is unseen: rounding, not weak data."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blindness:
+    """Directions a plan cannot see.
+
+    rank, size : of the trusted-dial model with whatever priors on field directions it has
+    sentences : one for each unseen direction
+    """
+
+    rank: int
+    size: int
+    sentences: tuple[str, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every parameter is seen."""
+        return self.rank == self.size
+
+
+def blindness(model: Model, state: State) -> Blindness:
+    """Rank and unseen directions of a plan for the tool at `state`."""
+    bare = Model(
+        model.signals, model.settings, model.powers, model.noise_sd, np.zeros(3), np.ones(4), dict(model.field_prior)
+    )
+    still = State(state.coefficients, state.directions, np.zeros_like(state.errors), np.zeros(4))
+    at = bare.linearise(still)
+    tool, tangent, extra, width = bare.columns()
+    rows = at.jacobian.reshape(-1, width)
+    scale = _column_scale(bare, still)
+    row_scale = np.tile(_row_scale(still), len(model.settings))
+    design = rows[:, : extra.start] * scale[: extra.start] / row_scale[:, None]
+    _, values, right = np.linalg.svd(
+        np.concatenate([design, _prior_rows(bare, still, tangent, extra.start)]), full_matrices=False
+    )
+    seen = values > _TOLERANCE * values[0]
+    null = np.concatenate([right[~seen], _complement(right, design.shape[1])])
+    rank = int(seen.sum())
+    names, dictionary = _dictionary(bare, still, tool, tangent)
+    dictionary = dictionary / scale[: extra.start]
+    sentences = _explain(null, names, dictionary)
+    return Blindness(rank, design.shape[1], sentences)
+
+
+def constant_errors(fitted: Fitted) -> dict[str, tuple[float, float]]:
+    """Constant rig errors that were not fitted, as the residuals tell them one at a time.
+
+    Returns
+    -------
+    name -> (estimate, standard uncertainty), rad; the uncertainty is infinite where the parameters imitate the error.
+    """
+    model = fitted.model
+    wide = replace(model, nuisance_sd=np.ones(4))
+    at = wide.linearise(fitted.state)
+    _, _, extra, _ = wide.columns()
+    inverse = np.linalg.inv(model.station_covariance(fitted.at))
+    weighted = inverse @ fitted.at.jacobian
+    residual = fitted.marginal_residual()
+    found = {}
+    for index, name in enumerate(NUISANCE):
+        if name in model.nuisance_names():
+            continue
+        effect = at.jacobian[..., extra.start + index]
+        white = (inverse @ effect[..., None])[..., 0]
+        share = np.tensordot(weighted, effect, axes=([0, 1], [0, 1]))
+        whole = float(np.sum(effect * white))
+        left = whole - float(share @ fitted.covariance @ share)
+        if left < 1e-6 * whole:
+            found[name] = (0.0, np.inf)
+        else:
+            pull = float(np.sum(white * residual))
+            pull -= float(share @ fitted.covariance @ np.tensordot(weighted, residual, axes=([0, 1], [0, 1])))
+            found[name] = (-pull / left, 1.0 / np.sqrt(left))
+    return found
+
+
+def _row_scale(state: State) -> Array:
+    """Full scale (M,) of each sensor."""
+    scales = [np.linalg.norm(c[0, :, :3], axis=1).max() * np.ones(c.shape[1]) for c in state.coefficients.values()]
+    return np.concatenate(scales)
+
+
+def _prior_rows(model: Model, state: State, tangent: dict[str, slice], width: int) -> Array:
+    """Rows (n, width) by which priors on field directions see them, in radians: 1 rad for 1 rad where known at all."""
+    rows = [np.zeros((0, width))]
+    for kind, (_, precision) in model.field_prior.items():
+        values, vectors = np.linalg.eigh(precision)
+        known = vectors[:, values > 0.0].T
+        row = np.zeros((len(known), width))
+        row[:, tangent[kind]] = known @ tangent_basis(state.directions[kind])
+        rows.append(row)
+    return np.concatenate(rows)
+
+
+def _column_scale(model: Model, state: State) -> Array:
+    """Natural size of each parameter: full scale over the spread of its power of temperature, one radian for angles."""
+    _, _, _, width = model.columns()
+    scale = np.ones(width)
+    powers = 1.0 / np.maximum(np.sqrt(np.mean(model.powers**2, axis=0)), 1e-12)
+    start = 0
+    for coefficients in state.coefficients.values():
+        full = np.linalg.norm(coefficients[0, :, :3], axis=1).max()
+        block = np.broadcast_to(full * powers[:, None, None], coefficients.shape).ravel()
+        scale[start : start + len(block)] = block
+        start += len(block)
+    return scale
+
+
+def _complement(right: Array, width: int) -> Array:
+    """Directions no row touches at all when there are fewer rows than parameters, (n, width)."""
+    if len(right) >= width:
+        return np.zeros((0, width))
+    return np.linalg.svd(right)[2][len(right) :]
+
+
+def _dictionary(
+    model: Model, state: State, tool: dict[str, slice], tangent: dict[str, slice]
+) -> tuple[list[str], Array]:
+    """Named small changes as rows of parameter changes, common ones first so that they are preferred."""
+    _, _, extra, _ = model.columns()
+    names: list[str] = []
+    rows: list[Array] = []
+    axes = ("x", "y", "z")
+    tilts = ("tilt of the rig about its east axis", "tilt of the rig about its north axis", "azimuth zero of the rig")
+    turns = ("tool axis (about x)", "tool axis (about y)", "toolface zero")
+    kinds = list(state.coefficients)
+
+    def add(name: str, changes: dict[str, tuple[Array, Array]]) -> None:
+        row = np.zeros(extra.start)
+        for kind, (coefficient, direction) in changes.items():
+            row[tool[kind]] = coefficient.ravel()
+            row[tangent[kind]] = tangent_basis(state.directions[kind]).T @ direction
+        names.append(name)
+        rows.append(row)
+
+    def turned(kind: str, axis: int) -> tuple[Array, Array]:
+        change = np.zeros_like(state.coefficients[kind])
+        # N e for each row: n -> n x e, the tensor seen from a tool frame turned about `axis`
+        change[..., :3] = np.cross(state.coefficients[kind][..., :3], np.eye(3)[axis])
+        return change, np.zeros(3)
+
+    def tilted(kind: str, axis: int) -> tuple[Array, Array]:
+        return np.zeros_like(state.coefficients[kind]), np.cross(np.eye(3)[axis], state.directions[kind])
+
+    order = (1, 0, 2)
+    for number, axis in enumerate(order):
+        add(tilts[number], {kind: tilted(kind, axis) for kind in kinds})
+    for axis in range(3):
+        add(turns[axis], {kind: turned(kind, axis) for kind in kinds})
+    for kind in kinds:
+        for number, axis in enumerate(order):
+            add(f"{tilts[number]} seen by the {kind} alone", {kind: tilted(kind, axis)})
+        for axis in range(3):
+            add(f"{turns[axis]} of the {kind} alone", {kind: turned(kind, axis)})
+        for sensor in range(state.coefficients[kind].shape[1]):
+            for column in range(4):
+                change = np.zeros_like(state.coefficients[kind])
+                change[0, sensor, column] = 1.0
+                what = f"tensor element along {axes[column]}" if column < 3 else "offset"
+                add(f"{what} of {kind} sensor {sensor + 1}", {kind: (change, np.zeros(3))})
+    return names, np.array(rows)
+
+
+def _explain(null: Array, names: list[str], dictionary: Array) -> tuple[str, ...]:
+    """For each unseen direction the fewest named changes that reproduce it, by orthogonal matching pursuit."""
+    sentences = []
+    lengths = np.linalg.norm(dictionary, axis=1)
+    unit = dictionary / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    for direction in null:
+        chosen: list[int] = []
+        left = direction
+        while len(chosen) < 4 and np.linalg.norm(left) > 0.1:
+            match = np.abs(unit @ left) * np.where(np.arange(len(unit)) < 6, 1.2, 1.0)
+            match[chosen] = 0.0
+            chosen.append(int(np.argmax(match)))
+            part = unit[chosen].T
+            left = direction - part @ np.linalg.lstsq(part, direction, rcond=None)[0]
+        what = " together with ".join(names[i] for i in chosen)
+        sentences.append(f"this plan cannot see {what}")
+    return tuple(dict.fromkeys(sentences))

@@ -1,0 +1,69 @@
+"""Starting values for the joint fit, from any plan: the model is linear in the outer product of tensor and direction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from inclinometry.attitude.rotations import dcm
+from inclinometry.calibration.likelihood import Model, State
+from inclinometry.core.arrays import Array
+from inclinometry.core.constants import KINDS
+
+DOWN = np.array([0.0, 0.0, 1.0])
+
+
+def starting_state(model: Model, hints: dict[str, Array]) -> State:
+    """State with trusted dials from which the fit converges.
+
+    Parameters
+    ----------
+    model : Model
+    hints : kind -> (3,)
+        A direction each field is known to lie within 90 degrees of; it decides the sign, which no reading can.
+    """
+    matrix = dcm(*model.settings.T)
+    coefficients, directions = {}, {}
+    for kind in (k for k in KINDS if k in model.signals):
+        readings = model.signals[kind]
+        direction = _rank_one_direction(matrix, model.powers, readings)
+        if direction is None:
+            guesses = DOWN[None] if kind == "accelerometer" else _sphere(200)
+            costs = [_linear_fit(matrix, model.powers, readings, a)[1] for a in guesses]
+            direction = guesses[int(np.argmin(costs))]
+        direction = direction * (1.0 if direction @ hints[kind] >= 0.0 else -1.0)
+        directions[kind] = direction
+        coefficients[kind] = _linear_fit(matrix, model.powers, readings, direction)[0]
+    return State(coefficients, directions, np.zeros((len(matrix), 3)), np.zeros(4))
+
+
+def _rank_one_direction(matrix: Array, powers: Array, readings: Array) -> Array | None:
+    """Field direction from the free 3 x 3 coefficients of each sensor; None where the plan does not span them."""
+    products = matrix.reshape(len(matrix), 9)
+    # higher powers of temperature only perturb the direction: they are left to the fit
+    design = np.concatenate([products, np.ones((len(products), 1)), powers[:, 1:]], axis=1)
+    if len(design) < design.shape[1]:
+        return None
+    left, values, right = np.linalg.svd(design, full_matrices=False)
+    if values[-1] < 1e-6 * values[0]:
+        return None
+    free = right.T @ ((left.T @ readings) / values[:, None])
+    outer = free[:9].T.reshape(-1, 3)
+    return np.asarray(np.linalg.svd(outer)[2][0])
+
+
+def _linear_fit(matrix: Array, powers: Array, readings: Array, direction: Array) -> tuple[Array, float]:
+    """Least-squares coefficients (P, m, 4) for a known direction, and the sum of squares left."""
+    seen = np.concatenate([matrix @ direction, np.ones((len(matrix), 1))], axis=1)
+    design = (powers[:, :, None] * seen[:, None, :]).reshape(len(seen), -1)
+    solution = np.linalg.lstsq(design, readings, rcond=1e-10)[0]
+    left = float(np.sum((design @ solution - readings) ** 2))
+    return solution.reshape(powers.shape[1], 4, -1).swapaxes(1, 2), left
+
+
+def _sphere(count: int) -> Array:
+    """Points spread evenly over the sphere (Fibonacci lattice)."""
+    index = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * index / count
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * index
+    radius = np.sqrt(1.0 - height**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)

@@ -1,0 +1,71 @@
+"""Temperature campaigns: the degree of the polynomial by which tensor and offset follow temperature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from inclinometry.calibration.fitting import fit_with_variances
+from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import IdentifiabilityError, InputError
+
+SOAK_GAP = 2.5
+"""Readings whose temperatures differ by less belong to one soak, degC."""
+
+HIGHEST_DEGREE = 3
+
+
+def soaks(temperature: Array) -> int:
+    """Number of distinct temperatures, those closer than `SOAK_GAP` to their neighbour being one.
+
+    Examples
+    --------
+    >>> soaks(np.array([20.1, 20.3, 79.8, 80.2, 40.0]))
+    3
+    """
+    ordered = np.sort(temperature)
+    return 1 + int(np.sum(np.diff(ordered) > SOAK_GAP))
+
+
+def choose_powers(readings: BenchReadings, model: Model, start: State, degree: int | None) -> tuple[Array, float]:
+    """Powers of temperature (K, degree + 1) for the fit, and the reference temperature in degC.
+
+    The degree is the caller's, or the one with the least Bayesian information criterion among those the soaks allow.
+    """
+    temperature = readings.temperature
+    if temperature is None:
+        if degree:
+            raise InputError(f"temperature degree {degree} asked for, but the readings have no temperature_degC")
+        return np.ones((len(readings), 1)), 20.0
+    reference = float(np.round(temperature.mean(), 3))
+    most = min(HIGHEST_DEGREE, soaks(temperature) - 1)
+    if degree is not None:
+        if degree > most:
+            raise IdentifiabilityError(
+                f"temperature degree {degree} needs {degree + 1} distinct temperatures; the readings have {most + 1}"
+            )
+        return powers_of(temperature, reference, degree), reference
+    # each further power has to be seen by more readings than it has parameters
+    sensors = sum(v.shape[1] for v in model.signals.values())
+    most = min(most, (model.signals[next(iter(model.signals))].shape[0] * sensors - 8) // (4 * sensors) - 1)
+    if most < 1:
+        return np.ones((len(readings), 1)), reference
+    return powers_of(temperature, reference, _least_criterion(model, start, temperature, reference, most)), reference
+
+
+def powers_of(temperature: Array, reference: float, degree: int) -> Array:
+    """Powers 0..degree of (T - reference), shape (K, degree + 1)."""
+    return np.asarray((temperature - reference)[:, None] ** np.arange(degree + 1))
+
+
+def _least_criterion(model: Model, start: State, temperature: Array, reference: float, most: int) -> int:
+    """Degree with the least chi-square plus p log n, the variances being those of the highest degree."""
+    highest = model.with_powers(start, powers_of(temperature, reference, most))
+    full = fit_with_variances(*highest, True, bool(model.rig_sd.any()))
+    criteria = []
+    for degree in range(most + 1):
+        trial, state = model.with_powers(start, powers_of(temperature, reference, degree))
+        fitted = fit_with_variances(trial.with_weights(full.model.noise_sd, full.model.rig_sd), state, False, False)
+        criteria.append(fitted.cost + fitted.at.jacobian.shape[2] * np.log(fitted.at.residual.size))
+    return int(np.argmin(criteria))
