@@ -16,7 +16,7 @@ from inclinometry.io._clipping import Settings, constant_channel, saturation_not
 from inclinometry.io._lines import Progress
 from inclinometry.io._repeats import Repeats, find_repeats
 from inclinometry.io._settings import read_settings
-from inclinometry.io.columns import BENCH, KIND_PREFIX, REFERENCES, UNIT_LABELS
+from inclinometry.io.columns import BENCH, KIND_PREFIX, REFERENCES, UNIT_LABELS, numbers_among
 from inclinometry.io.table import Table, read_table
 
 _REFERENCE_LIMITS = {
@@ -62,7 +62,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     array([[1., 2.],
            [3., 1.]])
     """
-    table = read_table(path, progress)
+    table = read_table(path, progress, numeric=numbers_among(BENCH))
     unused = [f"column {name!r} is not known and was not used" for name in table.unknown(BENCH)]
     signals, settings = read_signals(table), read_settings(table)
     temperature, count = read_temperature(table), _count(table)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 PREFIXES = {"accel": "accelerometer", "mag": "magnetometer", "gyro": "gyro"}
@@ -76,6 +76,18 @@ def is_number(name: str) -> bool:
     (True, True, False, False)
     """
     return name in _NUMBERS or channel(name) is not None
+
+
+def numbers_among(names: Iterable[str]) -> Callable[[str], bool]:
+    """Which columns a reader of `names` takes as numbers: these and the channels; any other stays text.
+
+    Examples
+    --------
+    >>> numbers_among(LOG)("time_s"), numbers_among(LOG)("md_m")
+    (True, False)
+    """
+    known = frozenset(names) - frozenset(TEXT)
+    return lambda name: name in known or channel(name) is not None
 
 
 def advice(name: str, known: Iterable[str]) -> str | None:

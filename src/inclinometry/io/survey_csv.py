@@ -1,0 +1,181 @@
+"""Raw survey stations in, survey stations out; the columns of both are contracts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inclinometry.core.arrays import Array, frozen
+from inclinometry.core.constants import FOOT
+from inclinometry.core.errors import InputError
+from inclinometry.io import _write
+from inclinometry.io._channels import read_signals, read_temperature
+from inclinometry.io._lines import Progress
+from inclinometry.io.columns import RAW_SURVEY, SURVEY, numbers_among
+from inclinometry.io.table import Table, read_table
+
+_QUANTITIES = {
+    "md": "md_m",
+    "inclination": "inclination_deg",
+    "azimuth": "azimuth_deg",
+    "azimuth_reference": "azimuth_reference",
+    "toolface": "toolface_deg",
+    "magnetic_toolface": "magnetic_toolface_deg",
+    "g_total": "g_total",
+    "b_total": "b_total_nT",
+    "dip": "dip_deg",
+    "u_inclination": "u_inclination_deg",
+    "u_azimuth": "u_azimuth_deg",
+    "u_toolface": "u_toolface_deg",
+    "flags": "flags",
+}
+"""Name inside the house (SI, rad, nT) -> column of the file."""
+
+
+@dataclass(frozen=True, eq=False)
+class RawSurvey:
+    """Raw stations of one run, in the order of depth.
+
+    md : (n,) measured depth, m, strictly increasing.
+    channels : kind -> (n, m) signals.
+    temperature : (n,) degC, or None.
+    units : kind -> unit of the signals.
+    extra : other columns of the file, as text.
+    notes : findings of the reader.
+    lines : (n,) line of the file each station stands in.
+    digest : SHA-256 of the file.
+    """
+
+    md: Array
+    channels: Mapping[str, Array]
+    temperature: Array | None
+    units: Mapping[str, str]
+    extra: Mapping[str, tuple[str, ...]]
+    notes: tuple[str, ...]
+    lines: NDArray[np.int64]
+    digest: str
+
+    def __len__(self) -> int:
+        return len(self.md)
+
+
+def read_raw_survey(path: str | Path, *, progress: Progress | None = None) -> RawSurvey:
+    """Read raw stations: `md_m` (or `md_ft`), the channels as in bench readings, `temperature_degC`, anything else.
+
+    Raises
+    ------
+    FileError
+        As `table.read_table`; no channels; depths that do not increase, naming both lines.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "raw.csv").write_text("md_ft,accel_x,accel_y\\n100,1,2\\n200,3,4\\n")
+    ...     raw = read_raw_survey(Path(folder, "raw.csv"))
+    >>> raw.md, raw.channels["accelerometer"][0]
+    (array([30.48, 60.96]), array([1., 2.]))
+    """
+    table = read_table(path, progress, numeric=numbers_among(RAW_SURVEY))
+    table.unknown(RAW_SURVEY)
+    md, signals = _depth(table), read_signals(table)
+    temperature = read_temperature(table)
+    return RawSurvey(
+        md,
+        MappingProxyType({kind: frozen(values) for kind, values in signals.values.items()}),
+        temperature,
+        MappingProxyType(signals.units),
+        MappingProxyType({name: cells for name, cells in table.columns.items() if isinstance(cells, tuple)}),
+        signals.notes,
+        table.lines,
+        table.digest,
+    )
+
+
+def _depth(table: Table) -> Array:
+    if "md_m" in table and "md_ft" in table:
+        raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
+    name = "md_ft" if "md_ft" in table else "md_m"
+    values = table.number(name)
+    check_increasing(table, name, values)
+    return frozen(values * FOOT) if name == "md_ft" else values
+
+
+def check_increasing(table: Table, name: str, values: Array) -> None:
+    """FileError naming both lines where a column does not strictly increase."""
+    back = np.flatnonzero(np.diff(values) <= 0.0)
+    if back.size:
+        row = int(back[0]) + 1
+        how = "repeats" if values[row] == values[row - 1] else "is less than"
+        before = f"{values[row - 1]:.12g} in line {table.lines[row - 1]}"
+        problem = f"{name} {values[row]:.12g} {how} {before}; it must increase from row to row"
+        raise table.error(f"{problem}: sort the rows and keep one of each", row)
+
+
+def write_survey_csv(path: str | Path, columns: Mapping[str, ArrayLike | Sequence[str] | str]) -> None:
+    """Write survey stations; the names, units and order of the columns are fixed.
+
+    Parameters
+    ----------
+    path : str or Path
+    columns : mapping
+        `md` (n,) m; `inclination`, `azimuth`, `toolface`, `magnetic_toolface`, `dip` and the standard uncertainties
+        `u_inclination`, `u_azimuth`, `u_toolface`, rad; `g_total`, m/s^2; `b_total`, nT; `azimuth_reference` and
+        `flags`, one text or one a station. What is missing, and NaN, becomes an empty cell; `md` is required.
+
+    Raises
+    ------
+    InputError
+        An unknown name, a column of another length, infinity.
+    """
+    unknown = sorted(set(columns) - set(_QUANTITIES))
+    if unknown or "md" not in columns:
+        problem = f"unknown survey columns {unknown}" if unknown else "no column 'md'"
+        raise InputError(f"{problem}; allowed: {', '.join(_QUANTITIES)}")
+    size = int(np.size(np.asarray(columns["md"], dtype=np.float64)))
+    cells = [_cells(name, column, columns.get(name), size) for name, column in _QUANTITIES.items()]
+    _write.write_columns(SURVEY, cells, path)
+
+
+def _cells(name: str, column: str, value: ArrayLike | Sequence[str] | str | None, size: int) -> list[str]:
+    if value is None:
+        return [""] * size
+    if name in ("azimuth_reference", "flags"):
+        texts = [value] * size if isinstance(value, str) else [str(v) for v in np.atleast_1d(np.asarray(value))]
+    else:
+        numbers = np.asarray(value, dtype=np.float64).ravel()
+        if np.isinf(numbers).any():
+            raise InputError(f"{name} is infinite at station {int(np.isinf(numbers).argmax())}; use NaN for unknown")
+        if column.endswith("_deg"):
+            numbers = _write.degrees(numbers)
+        if name in ("azimuth", "toolface", "magnetic_toolface"):
+            numbers = np.where(numbers == 360.0, 0.0, numbers)  # 360 - 1e-12 rounds up to what is printed as 0
+        texts = _write.column(numbers)
+    if len(texts) != size:
+        raise InputError(f"{name} has {len(texts)} values; md has {size}")
+    return texts
+
+
+def read_survey_csv(path: str | Path) -> dict[str, Array | tuple[str, ...]]:
+    """Read a survey file back into the mapping that `write_survey_csv` takes; empty cells are NaN.
+
+    Raises
+    ------
+    FileError
+        As `table.read_table`; a column of the contract is missing; depths that do not increase.
+    """
+    table = read_table(path, gaps=[name for name in SURVEY if name != "md_m"])
+    table.require(SURVEY)
+    check_increasing(table, "md_m", table.number("md_m"))
+    found: dict[str, Array | tuple[str, ...]] = {}
+    for name, column in _QUANTITIES.items():
+        values = table.columns[column]
+        found[name] = (
+            frozen(np.radians(values)) if column.endswith("_deg") and not isinstance(values, tuple) else values
+        )
+    return found

@@ -1,0 +1,247 @@
+"""tool.json, the record of a calibration, and truth.json, a simulated tool as it is: canonical bytes, checked input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.core.arrays import Array, frozen
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.io import _json
+from inclinometry.io.atomic import write_bytes
+from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
+
+VERSION = 1
+CONVENTION = "house"
+FIELD_UNITS = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
+_SCHEMAS = {"inclinometry/tool": "tool", "inclinometry/truth": "truth"}
+
+
+def write_calibration(calibration: Calibration, path: str | Path, *, created: str | None = None) -> None:
+    """Write tool.json: the same calibration gives the same bytes, and reading returns every number to the bit.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    path : str or Path
+    created : str, optional
+        A date to record; nothing is taken from the clock.
+
+    Raises
+    ------
+    InputError
+        A number that is not finite, with its JSON path.
+    FileError
+        The file cannot be written.
+    """
+    write_bytes(_json.canonical(calibration_content(calibration, created)), path)
+
+
+def calibration_content(calibration: Calibration, created: str | None = None) -> dict[str, Any]:
+    """What `write_calibration` writes, as plain mappings, lists and arrays."""
+    tool, rig, residuals = calibration.tool, calibration.rig, calibration.residuals
+    names = list(calibration.parameter_names)
+    content: dict[str, Any] = {
+        "schema": "inclinometry/tool",
+        "version": VERSION,
+        "tool": tool.name,
+        "created": created,
+        "method": calibration.method,
+        "inputs": dict(calibration.inputs),
+        "convention": CONVENTION,
+        "triads": _triads_content(tool),
+        "covariance": {"parameters": names, "matrix": calibration.covariance},
+        "field_directions": dict(calibration.field_directions),
+        "rig": {
+            "sd_rad": rig.sd,
+            "errors_rad": rig.errors,
+            "errors_sd_rad": rig.errors_sd,
+            "nuisance": {
+                name: {"estimate_rad": value, "uncertainty_rad": sd} for name, (value, sd) in rig.nuisance.items()
+            },
+        },
+        "residuals": {
+            "station": list(residuals.station),
+            "values": dict(residuals.values),
+            "standardised": dict(residuals.standardised),
+            "leverage": residuals.leverage,
+        },
+        "temperature_range_degC": tool.temperature_range,
+        "warnings": list(calibration.warnings),
+    }
+    inside = _block(names, np.asarray(calibration.covariance), tool.parameter_names)
+    if inside is None or not np.array_equal(inside, tool.covariance):
+        # a method whose joint covariance does not contain the tool's own
+        content["tool_covariance"] = {"parameters": list(tool.parameter_names), "matrix": tool.covariance}
+    return content
+
+
+def _block(names: list[str], matrix: Array, wanted: tuple[str, ...]) -> Array | None:
+    """The rows and columns of `wanted` out of a covariance with named rows; None when one is not there."""
+    place = {name: i for i, name in enumerate(names)}
+    if any(name not in place for name in wanted):
+        return None
+    rows = [place[name] for name in wanted]
+    return matrix[np.ix_(rows, rows)]
+
+
+def _triads_content(tool: Tool) -> dict[str, Any]:
+    triads: dict[str, Any] = {}
+    for kind, triad in tool.triads.items():
+        entry: dict[str, Any] = {
+            "tensor": triad.tensor[0],
+            "offset": triad.offset[0],
+            "unit": triad.unit,
+            "field_strength": triad.field_strength,
+            "field_unit": FIELD_UNITS[kind],
+            "noise": tool.noise[kind],
+            "reference_temperature_degC": triad.reference_temperature,
+        }
+        if triad.degree:
+            powers = range(1, triad.degree + 1)
+            entry["temperature_coefficients"] = [
+                {"power": p, "tensor": triad.tensor[p], "offset": triad.offset[p]} for p in powers
+            ]
+        triads[kind] = entry
+    return triads
+
+
+def write_truth(tool: Tool, extras: Mapping[str, Any], path: str | Path) -> None:
+    """Write truth.json: the triads of a simulated tool and, under `extras`, whatever else the simulation knows.
+
+    Names in `extras` carry their units; angles end in _deg or _rad. Numpy arrays are written as lists.
+    """
+    content = {
+        "schema": "inclinometry/truth",
+        "version": VERSION,
+        "tool": tool.name,
+        "convention": CONVENTION,
+        "triads": _triads_content(tool),
+        "temperature_range_degC": tool.temperature_range,
+        "extras": dict(extras),
+    }
+    write_bytes(_json.canonical(content), path)
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """Read tool.json.
+
+    Raises
+    ------
+    FileError
+        Not JSON, another kind of file, a newer version, or content the schema refuses: with the JSON path, the value
+        found and what is expected there.
+    """
+    content = _load(path, ("inclinometry/tool",))
+    rig, residuals = content["rig"], content["residuals"]
+    try:
+        return Calibration(
+            _tool(content, path),
+            content["method"],
+            content["inputs"],
+            {kind: _array(v) for kind, v in content["field_directions"].items()},
+            tuple(content["covariance"]["parameters"]),
+            _covariance(content["covariance"], path, "$.covariance"),
+            Rig(
+                _array(rig["sd_rad"]),
+                None if rig["errors_rad"] is None else _array(rig["errors_rad"]),
+                None if rig["errors_sd_rad"] is None else _array(rig["errors_sd_rad"]),
+                {n: (float(v["estimate_rad"]), float(v["uncertainty_rad"])) for n, v in rig["nuisance"].items()},
+            ),
+            Residuals(
+                tuple(residuals["station"]),
+                {kind: _array(v) for kind, v in residuals["values"].items()},
+                {kind: _array(v) for kind, v in residuals["standardised"].items()},
+                _array(residuals["leverage"]),
+            ),
+            tuple(content["warnings"]),
+        )
+    except (ValueError, OverflowError) as error:
+        raise _refused(error, path) from None
+
+
+def read_tool(path: str | Path) -> Tool:
+    """Read the instrument out of tool.json or truth.json (whose covariance is zero); errors as `read_calibration`."""
+    content = _load(path, tuple(_SCHEMAS))
+    try:
+        return _tool(content, path)
+    except (ValueError, OverflowError) as error:
+        raise _refused(error, path) from None
+
+
+def read_extras(path: str | Path) -> dict[str, Any]:
+    """What a truth.json knows besides its triads; errors as `read_calibration`."""
+    extras: dict[str, Any] = _load(path, ("inclinometry/truth",))["extras"]
+    return extras
+
+
+def _load(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
+    content = _json.load(path)
+    kind, version = content.get("schema"), content.get("version")
+    if kind not in kinds:
+        wanted = " or ".join(f'"{k}"' for k in kinds)
+        raise FileError(f"$.schema is {str(kind)[:60]!r}; a file with schema {wanted} is needed", path=path)
+    if isinstance(version, int) and version > VERSION:
+        problem = f"$.version is {version}, written by a newer release; this one reads version {VERSION}"
+        raise FileError(f"{problem}: update inclinometry", path=path)
+    _json.validate(content, f"{_SCHEMAS[kind]}-{VERSION}", path)
+    return content
+
+
+def _tool(content: dict[str, Any], path: str | Path) -> Tool:
+    triads = {kind: _triad(kind, entry, path) for kind, entry in content["triads"].items()}
+    noise = {kind: _array(entry["noise"]) for kind, entry in content["triads"].items() if "noise" in entry}
+    span = content["temperature_range_degC"]
+    limits = None if span is None else (float(span[0]), float(span[1]))
+    tool = Tool(content["tool"], triads, noise=noise, temperature_range=limits)
+    key = "tool_covariance" if "tool_covariance" in content else "covariance"
+    if key not in content:
+        return tool
+    matrix = _covariance(content[key], path, f"$.{key}")
+    inside = _block(content[key]["parameters"], matrix, tool.parameter_names)
+    if inside is None:
+        lost = next(name for name in tool.parameter_names if name not in content[key]["parameters"])
+        raise FileError(f"$.{key}.parameters lacks {lost!r}, a parameter of $.triads; add its row", path=path)
+    return Tool(tool.name, triads, inside, noise, limits)
+
+
+def _triad(kind: str, entry: dict[str, Any], path: str | Path) -> Triad:
+    higher = entry.get("temperature_coefficients", [])
+    if [term["power"] for term in higher] != list(range(1, len(higher) + 1)):
+        where = f"$.triads.{kind}.temperature_coefficients"
+        raise FileError(f"{where}: the powers must be 1, 2, .. in this order", path=path)
+    if entry.get("field_unit", FIELD_UNITS[kind]) != FIELD_UNITS[kind]:
+        where = f"$.triads.{kind}.field_unit"
+        raise FileError(f"{where} is {entry['field_unit']!r}; expected {FIELD_UNITS[kind]!r}", path=path)
+    strength = entry.get("field_strength")
+    return Triad(
+        kind,
+        _array([entry["tensor"], *(term["tensor"] for term in higher)]),
+        _array([entry["offset"], *(term["offset"] for term in higher)]),
+        entry["unit"],
+        None if strength is None else float(strength),
+        float(entry.get("reference_temperature_degC", 20.0)),
+    )
+
+
+def _covariance(entry: dict[str, Any], path: str | Path, where: str) -> Array:
+    size = len(entry["parameters"])
+    if len(entry["matrix"]) != size or any(len(row) != size for row in entry["matrix"]):
+        raise FileError(f"{where}.matrix is not {size} x {size}, one row and column a parameter", path=path)
+    return _array(entry["matrix"]).reshape(size, size)
+
+
+def _array(value: Any) -> Array:
+    return frozen(value)
+
+
+def _refused(error: Exception, path: str | Path) -> FileError:
+    if isinstance(error, FileError):
+        return error
+    reason = str(error) if isinstance(error, InputError) else f"its arrays do not go together ({error})"
+    return FileError(f"this tool cannot be used: {reason}", path=path)
