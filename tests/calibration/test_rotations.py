@@ -1,0 +1,146 @@
+"""Two turns about the tool axis: exact where the source says so, refused in words where they show nothing."""
+
+import numpy as np
+import pytest
+
+from inclinometry.attitude.rotations import dcm
+from inclinometry.calibration import plans
+from inclinometry.calibration.closed import ClosedForm
+from inclinometry.calibration.rotations import axial_conditioning, find_direction, solve_rotations, why_not_rotations
+from inclinometry.core.errors import IdentifiabilityError, InputError
+
+EXACT = 5e-15  # sums of eight numbers of order one over a conditioning of 0.5
+DIP = np.radians(68.0)
+DOWN, MAGNETIC = np.array([0.0, 0.0, 1.0]), np.array([np.cos(DIP), 0.0, np.sin(DIP)])
+
+
+def dials_of(plan):
+    return plan.azimuth, plan.inclination, plan.toolface
+
+
+@pytest.mark.parametrize("rolls", [3, 8, 11])
+@pytest.mark.parametrize(("inclination", "azimuth"), [(45, 0), (30, 0), (0, 0), (23, 180), (60, 137)])
+@pytest.mark.parametrize("a", [DOWN, MAGNETIC], ids=["gravity", "magnetic"])
+def test_exact_on_noise_free_data(inclination, azimuth, rolls, a):
+    rng = np.random.default_rng(rolls)
+    dials = dials_of(plans.rotations(np.radians(inclination), np.radians(azimuth), rolls))
+    truth = ClosedForm(rng.normal(size=(50, 4, 3)), rng.normal(size=(50, 4)), np.broadcast_to(a, (50, 3)))
+    found = solve_rotations(truth.signals(*dials), *dials, known_direction=a)
+    assert np.abs(found.tensor - truth.tensor).max() < EXACT
+    assert np.abs(found.offset - truth.offset).max() < EXACT
+    assert np.array_equal(found.direction, truth.direction)
+
+
+def test_equal_to_least_squares_on_noisy_signals_with_unequal_turns():
+    """A second, dumb implementation: four unknowns a sensor; the axial part is shared exactly only by equal turns."""
+    rng = np.random.default_rng(3)
+    parts = [(0.4, i, t) for i, n in ((0.7, 5), (0.7 + np.pi / 2, 5)) for t in 2 * np.pi * np.arange(n) / n + i]
+    dials = tuple(rng.permutation(np.array(parts)).T)
+    signals = rng.normal(size=3) + dcm(*dials) @ MAGNETIC @ rng.normal(size=(3, 3)) + 1e-3 * rng.normal(size=(10, 3))
+    design = np.column_stack([dcm(*dials) @ MAGNETIC, np.ones(10)])
+    expected = np.linalg.lstsq(design, signals, rcond=None)[0].T
+    found = solve_rotations(signals, *dials, known_direction=MAGNETIC)
+    assert np.abs(np.column_stack([found.tensor, found.offset]) - expected).max() < EXACT
+    unequal = [(0.4, i, t) for i, n in ((0.7, 4), (0.7 + np.pi / 2, 9)) for t in 2 * np.pi * np.arange(n) / n]
+    dials = tuple(np.array(unequal).T)
+    signals = dcm(*dials) @ MAGNETIC @ rng.normal(size=(3, 3)) + 1e-3 * rng.normal(size=(13, 3))
+    design = np.column_stack([dcm(*dials) @ MAGNETIC, np.ones(13)])
+    expected = np.linalg.lstsq(design, signals, rcond=None)[0].T
+    found = solve_rotations(signals, *dials, known_direction=MAGNETIC)
+    assert np.abs(np.column_stack([found.tensor, found.offset]) - expected).max() < EXACT
+
+
+def test_order_of_turns_whole_turns_and_faces_do_not_matter():
+    rng = np.random.default_rng(4)
+    a, i, t = dials_of(plans.rotations(np.radians(30.0), 0.5))
+    flip = rng.random(16) < 0.5
+    order = rng.permutation(16)
+    dials = [v[order] for v in (a + np.pi * flip, np.where(flip, -i, i), t + np.pi * flip)]
+    truth = ClosedForm(np.eye(3), np.ones(3), DOWN)
+    assert np.abs(solve_rotations(truth.signals(*dials), *dials).tensor - truth.tensor).max() < EXACT
+    upright = dials_of(plans.rotations(0.0, np.pi))
+    moved = (np.where(upright[1] == 0.0, 0.3, upright[0]), *upright[1:])  # upright, azimuth and toolface are one angle
+    assert why_not_rotations(*moved) is None
+    assert np.abs(solve_rotations(truth.signals(*moved), *moved).tensor - truth.tensor).max() < EXACT
+
+
+def test_conditioning_figures_of_the_source():
+    assert axial_conditioning(np.radians(45.0)) == pytest.approx(2**0.5)
+    assert axial_conditioning(np.radians(135.0)) == pytest.approx(0.0, abs=1e-15)
+    for azimuth in (0.0, 1.0, 2.0):  # at 45 degrees the azimuth does not matter
+        assert axial_conditioning(np.pi / 4, azimuth, MAGNETIC) == pytest.approx(2**0.5 * np.sin(DIP))
+    assert axial_conditioning(0.0, np.pi, MAGNETIC) == pytest.approx(1.30, abs=0.005)
+    assert axial_conditioning(0.0, 0.0, MAGNETIC) == pytest.approx(0.55, abs=0.005)
+
+
+def test_a_singular_pair_of_inclinations_is_refused_with_the_cure():
+    dials = dials_of(plans.rotations(np.radians(135.0)))
+    signals = ClosedForm(np.eye(3), np.zeros(3), DOWN).signals(*dials)
+    with pytest.raises(IdentifiabilityError, match="turn at 45 and 135 degrees"):
+        solve_rotations(signals, *dials)
+
+
+def test_signals_of_another_field_are_refused():
+    dials = dials_of(plans.rotations())
+    signals = ClosedForm(np.eye(3), np.zeros(3), MAGNETIC).signals(*dials)
+    with pytest.raises(IdentifiabilityError, match="do not follow the known direction"):
+        solve_rotations(signals, *dials)
+
+
+@pytest.mark.parametrize(("inclination", "azimuth"), [(45, 0), (30, 0), (0, 180), (60, 137)])
+def test_the_direction_is_found_where_the_turns_show_it(inclination, azimuth):
+    rng = np.random.default_rng(5)
+    dials = dials_of(plans.rotations(np.radians(inclination), np.radians(azimuth)))
+    truth = ClosedForm(rng.normal(size=(3, 3)), rng.normal(size=3), MAGNETIC)
+    signals = truth.signals(*dials)
+    assert np.abs(find_direction(signals, *dials) - MAGNETIC).max() < EXACT
+    noisy = find_direction(signals + 1e-3 * rng.normal(size=signals.shape), *dials)
+    assert np.abs(noisy - MAGNETIC).max() < 0.01  # noise of 1e-3 over a separation not below 0.2
+    assert np.abs(find_direction(signals, *dials, sign_hint=-MAGNETIC) + MAGNETIC).max() < EXACT
+
+
+def test_gravity_at_45_and_135_does_not_show_its_direction():
+    """sin 45 = sin 135: the zero of roll and a tilt out of the plane are one to these turns."""
+    dials = dials_of(plans.rotations())
+    signals = ClosedForm(np.eye(3), np.zeros(3), DOWN).signals(*dials)
+    noisy = signals + 1e-3 * np.random.default_rng(6).normal(size=signals.shape)
+    for values in (signals, noisy):
+        with pytest.raises(IdentifiabilityError, match="give the dip"):
+            find_direction(values, *dials)
+    away = dials_of(plans.rotations(np.radians(30.0)))
+    found = find_direction(ClosedForm(np.eye(3), np.zeros(3), DOWN).signals(*away), *away)
+    assert np.abs(found - DOWN).max() < EXACT
+
+
+def test_inclination_zero_gives_the_bias_of_the_source():
+    """0.1 degrees: 1.23 mg on the z accelerometer and 67 nT on the z fluxgate (of 50 uT, dip 70) at 45 degrees."""
+    dials, error = dials_of(plans.rotations()), np.radians(0.1)
+    magnetic = np.array([np.cos(np.radians(70.0)), 0.0, np.sin(np.radians(70.0))])
+    found = {}
+    for name, a in (("g", DOWN), ("b", magnetic)):
+        signals = ClosedForm(np.eye(3), np.zeros(3), a).signals(dials[0], dials[1] + error, dials[2])
+        found[name] = abs(solve_rotations(signals, *dials, known_direction=a).offset[2])
+    assert found["g"] == pytest.approx(1.23e-3, abs=5e-6)
+    assert 50000.0 * found["b"] == pytest.approx(67.0, abs=3.0)
+
+
+@pytest.mark.parametrize(
+    ("dials", "words"),
+    [
+        (dials_of(plans.twelve()), "has azimuth"),
+        (([0.0] * 6, [0.0] * 3 + [np.pi] * 3, [0.0, 2.0, 4.0] * 2), "every station is upright"),
+        (([0.0] * 6, [0.5] * 6, [0.0, 2.0, 4.0] * 2), "1 different inclinations"),
+        (([0.0] * 6, [0.5] * 3 + [1.0] * 3, [0.0, 2.0, 4.0] * 2), "must be 90 degrees"),
+        (([0.0] * 6, [0.5] * 3 + [0.5 + np.pi / 2] * 3, [0.0, 2.0, 4.0] * 2), "rolls at inclination"),
+    ],
+)
+def test_another_plan_is_refused_with_the_reason(dials, words):
+    assert words in why_not_rotations(*dials)
+    with pytest.raises(InputError, match=words):
+        solve_rotations(np.zeros((len(dials[0]), 3)), *dials)
+
+
+def test_find_direction_takes_one_triad():
+    dials = dials_of(plans.rotations())
+    with pytest.raises(InputError, match="one triad"):
+        find_direction(np.zeros((2, 16, 3)), *dials)
