@@ -27,43 +27,60 @@ def calibration(
     warnings: Sequence[str],
 ) -> Calibration:
     """The record of a joint fit; `used` are the readings that entered it."""
+    tool = _tool(used, fitted, name, reference_temperature)
+    names = list(tool.parameter_names)
+    for kind in tool.triads:
+        names += [f"{kind}.direction.north", f"{kind}.direction.east"]
+    return Calibration(
+        tool,
+        "joint",
+        {"readings": readings.digest},
+        dict(fitted.state.directions),
+        (*names, *(f"rig.{n}" for n in fitted.model.nuisance_names())),
+        fitted.covariance,
+        _rig(fitted),
+        _residuals(used, fitted),
+        tuple(warnings),
+    )
+
+
+def closed_calibration(
+    readings: BenchReadings, fitted: Fitted, method: str, name: str, warnings: Sequence[str]
+) -> Calibration:
+    """The record of a closed form, which says nothing of the errors of single settings."""
+    heat = readings.temperature
+    tool = _tool(readings, fitted, name, 20.0 if heat is None else float(np.round(heat.mean(), 3)))
+    return Calibration(
+        tool,
+        method,
+        {"readings": readings.digest},
+        dict(fitted.state.directions),
+        tool.parameter_names,
+        tool.covariance,
+        Rig(fitted.model.rig_sd.copy()),
+        _residuals(readings, fitted),
+        (*warnings, *axis_warnings(fitted.state)),
+    )
+
+
+def _tool(used: BenchReadings, fitted: Fitted, name: str, reference_temperature: float) -> Tool:
     model, state = fitted.model, fitted.state
-    tool_columns, _, _, _ = model.columns()
-    size = max(s.stop for s in tool_columns.values())
     triads, noise, start = {}, {}, 0
     for kind, coefficients in state.coefficients.items():
         triads[kind] = Triad(
             kind,
             coefficients[..., :3],
             coefficients[..., 3],
-            readings.units[kind],
-            readings.reference.get(_STRENGTH.get(kind, "")),
+            used.units[kind],
+            used.reference.get(_STRENGTH.get(kind, "")),
             reference_temperature,
         )
         noise[kind] = _single_reading_noise(used, model.noise_sd[:, start : start + coefficients.shape[1]])
         start += coefficients.shape[1]
+    size = max(columns.stop for columns in model.columns()[0].values())
     span = used.temperature
-    tool = Tool(
-        name,
-        triads,
-        fitted.covariance[:size, :size],
-        noise,
-        None if span is None else (float(span.min()), float(span.max())),
-    )
-    names = list(tool.parameter_names)
-    for kind in triads:
-        names += [f"{kind}.direction.north", f"{kind}.direction.east"]
-    return Calibration(
-        tool,
-        "joint",
-        {"readings": readings.digest},
-        dict(state.directions),
-        (*names, *(f"rig.{n}" for n in model.nuisance_names())),
-        fitted.covariance,
-        _rig(fitted),
-        _residuals(used, fitted),
-        tuple(warnings),
-    )
+    heat = None if span is None else (float(span.min()), float(span.max()))
+    return Tool(name, triads, fitted.covariance[:size, :size], noise, heat)
 
 
 def _single_reading_noise(readings: BenchReadings, noise_sd: Array) -> Array:
@@ -133,7 +150,7 @@ def outlier_warnings(readings: BenchReadings, outliers: Sequence[Outlier], remov
     return sentences
 
 
-def rig_warnings(readings: BenchReadings, fitted: Fitted) -> list[str]:
+def rig_warnings(fitted: Fitted) -> list[str]:
     """What the rig and the axes leave to be said."""
     sentences = []
     for name, (estimate, sd) in constant_errors(fitted).items():
@@ -142,10 +159,10 @@ def rig_warnings(readings: BenchReadings, fitted: Fitted) -> list[str]:
                 f"the residuals show a {name.replace('_', ' ')} of the rig of {np.degrees(estimate):+.3f} +- "
                 f"{np.degrees(sd):.3f} deg that was not fitted: give it a prior, or mend the rig"
             )
-    return sentences + axis_warnings(readings, fitted.state)
+    return sentences + axis_warnings(fitted.state)
 
 
-def axis_warnings(readings: BenchReadings, state: State) -> list[str]:
+def axis_warnings(state: State) -> list[str]:
     """Channels that look exchanged: allowed by the mathematics, rarely meant."""
     sentences = []
     down = {kind: float(np.degrees(np.arccos(np.clip(a[2], -1.0, 1.0)))) for kind, a in state.directions.items()}

@@ -128,7 +128,7 @@ def calibrate_joint(
     used = readings.take(kept)
     warnings += assemble.outlier_warnings(readings, outliers, robust)
     if diagnose:
-        warnings += assemble.rig_warnings(used, fitted)
+        warnings += assemble.rig_warnings(fitted)
     return assemble.calibration(readings, used, fitted, name, reference, [*readings.notes, *warnings])
 
 

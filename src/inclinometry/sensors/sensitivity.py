@@ -17,16 +17,16 @@ class Sensitivity(NamedTuple):
     """Derivatives of (inclination, azimuth, toolface, magnetic toolface).
 
     by_parameter : (..., 4, p) by the tool's parameters, in the order of `Tool.covariance`
-    by_signal : (..., 4, M) by each sensor's reading, accelerometer first
+    by_signal : (..., 4, M) by each sensor's reading, in the order of `kinds`
     """
 
     by_parameter: Array
     by_signal: Array
+    kinds: tuple[str, ...]
 
     def components(self, tool: Tool) -> dict[str, Array]:
         """Covariances (..., 4, 4) of the angles, rad^2, by what causes them: the calibration, one reading's noise."""
-        second = [k for k in ("magnetometer", "gyro") if k in tool.triads][0]
-        noise = np.concatenate([tool.noise["accelerometer"], tool.noise[second]])
+        noise = np.concatenate([tool.noise[kind] for kind in self.kinds])
         spread = self.by_signal * noise
         moved = self.by_parameter @ tool.covariance
         return {
@@ -43,9 +43,10 @@ def angle_sensitivity(
     Parameters
     ----------
     tool : Tool
-        With an accelerometer and a second triad of three seen components each.
+        With an accelerometer, and a second triad for the azimuth, of three seen components each.
     fields : mapping of kind to (..., 3)
-        Fields in tool axes as `Triad.field` returns them (unit length at the calibration's strength).
+        Fields in tool axes as `Triad.field` returns them (unit length at the calibration's strength). Without the second
+        field the rows of azimuth and magnetic toolface are NaN.
     temperature : (...) array_like, optional
         degC, for tools whose parameters depend on it.
     second : str
@@ -63,10 +64,16 @@ def angle_sensitivity(
     >>> angle_sensitivity(tool, here).by_parameter.shape
     (4, 24)
     """
-    jacobian = angles_jacobian(fields["accelerometer"], fields[second])
+    g = fields["accelerometer"]
+    kinds = ("accelerometer", second) if second in fields else ("accelerometer",)
+    # inclination and toolface do not care about the second field: any that is not vertical serves
+    other = fields.get(second, np.eye(3)[np.abs(g).argmin(axis=-1)])
+    jacobian = angles_jacobian(g, other)
+    if second not in fields:
+        jacobian[..., [1, 3], :] = np.nan
     parameters = np.zeros((*jacobian.shape[:-1], len(tool.parameter_names)))
     signals = []
-    for place, kind in enumerate(("accelerometer", second)):
+    for place, kind in enumerate(kinds):
         triad, field = tool.triads[kind], fields[kind]
         by_signal = jacobian[..., 3 * place : 3 * place + 3] @ triad.inverse(temperature)
         signals.append(by_signal)
@@ -77,4 +84,4 @@ def angle_sensitivity(
             by_signal[..., :, None, :, None] * powers[..., None, :, None, None] * regressor[..., None, None, None, :]
         )
         parameters[..., tool.slices[kind]] = moves.reshape(*moves.shape[:-3], -1)
-    return Sensitivity(parameters, np.concatenate(signals, axis=-1))
+    return Sensitivity(parameters, np.concatenate(signals, axis=-1), kinds)

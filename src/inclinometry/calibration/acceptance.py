@@ -1,0 +1,214 @@
+"""Verification: independent positions decide whether a calibrated tool is accepted, never the residuals of the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from inclinometry.attitude.orientation import angles, angles_jacobian
+from inclinometry.attitude.rotations import dcm, dcm_derivatives
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
+from inclinometry.sensors.sensitivity import angle_sensitivity
+
+JUDGED = ("inclination", "azimuth", "toolface")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Maximum permissible errors, rad; None where an angle is not judged.
+
+    guarded : whether the expanded uncertainty is taken off the limit before a pass is given (JCGM 106, guarded acceptance)
+    min_inclination : azimuth and toolface are not judged nearer to the vertical than this, rad
+    """
+
+    name: str
+    source: str
+    inclination: float | None = None
+    azimuth: float | None = None
+    toolface: float | None = None
+    guarded: bool = False
+    min_inclination: float = np.radians(1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """Errors of a tool at independent positions, judged.
+
+    dials : (K, 3) azimuth, inclination, toolface as dialled, rad
+    true_inclination : (K,) of the tool at each position, the rig's own tilt accounted for, rad
+    errors, u, limits : (K, 3) measured minus set, standard uncertainty, limit, in the order of `JUDGED`, rad
+    decision : (K, 3) "pass", "fail", "inconclusive", "not judged"
+    coverage_factor : k of the expanded uncertainty
+    verdict : "pass" or "fail"; an inconclusive position fails a guarded verification
+    """
+
+    station: Sequence[str]
+    dials: Array
+    true_inclination: Array
+    errors: Array
+    u: Array
+    limits: Array
+    decision: Sequence[Sequence[str]]
+    coverage_factor: float
+    verdict: str
+    reasons: Sequence[str]
+    limits_name: str
+    limits_source: str
+    tool: str = ""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
+
+
+def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | None = None) -> Verification:
+    """Compare a tool's angles with the rig's at positions that were not used to calibrate it.
+
+    Parameters
+    ----------
+    readings : BenchReadings
+        With rig angles, accelerometer and magnetometer, taken on the stand of the calibration (its orientation is known
+        from there).
+    calibration : Calibration
+    limits : Limits, optional
+        Without limits each error is held against its own uncertainty: tool, sensor noise and rig together, so wide that
+        a tool as good as its certificate passes all positions with 99 % probability.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    InputError
+        Without rig angles, without one of the triads, or when these are the readings the tool was calibrated with.
+
+    Notes
+    -----
+    Expected fields C(A, I, T) a with the directions a recovered by the calibration, so neither a tilted base nor a rig
+    turned from north counts as an error of the tool. Decision rules: JCGM 106:2012, 8.2 (simple) and 8.3 (guarded).
+    """
+    _check(readings, calibration)
+    dials = np.stack(readings.dials, axis=1)
+    matrix = dcm(*dials.T)
+    expected_g = matrix @ calibration.field_directions["accelerometer"]
+    expected_b = matrix @ calibration.field_directions["magnetometer"]
+    tool = calibration.tool
+    seen = {k: tool.triads[k].field(readings.channels[k], readings.temperature) for k in _BOTH}
+    measured, wanted = angles(seen["accelerometer"], seen["magnetometer"]), angles(expected_g, expected_b)
+    errors = np.stack([wrap_signed(getattr(measured, n) - getattr(wanted, n)) for n in JUDGED], axis=1)
+    variance, k = _variance(readings, calibration, expected_g, expected_b), 2.0
+    u = np.sqrt(variance)
+    inclination = wanted.inclination
+    steep = np.minimum(inclination, np.pi - inclination) < (limits.min_inclination if limits else np.radians(1.0))
+    bounds = np.full(errors.shape, np.inf)
+    if limits is None:
+        from scipy.special import ndtri
+
+        judged = 3 * len(errors) - 2 * int(steep.sum())
+        k = float(ndtri(1.0 - 0.005 / judged))
+        bounds = k * u
+    else:
+        for column, name in enumerate(JUDGED):
+            value = getattr(limits, name)
+            bounds[:, column] = np.inf if value is None else value
+    bounds[steep, 1:] = np.inf
+    guard = k * u if limits and limits.guarded else np.zeros_like(u)
+    decision = [
+        [_judge(*cell) for cell in zip(*row, strict=True)] for row in zip(np.abs(errors), bounds, guard, strict=True)
+    ]
+    reasons = _reasons(readings, errors, bounds, decision)
+    verdict = "fail" if any(d in ("fail", "inconclusive") for row in decision for d in row) else "pass"
+    return Verification(
+        readings.station,
+        dials,
+        inclination,
+        errors,
+        u,
+        bounds,
+        decision,
+        k,
+        verdict,
+        reasons,
+        limits.name if limits else "certificate",
+        limits.source if limits else "the tool's own calibration: 99 % of tools as good as certified pass",
+        tool.name,
+        {"readings": readings.digest, **{f"calibration {n}": d for n, d in calibration.inputs.items()}},
+        tuple(_warnings(readings, calibration)),
+    )
+
+
+_BOTH = ("accelerometer", "magnetometer")
+
+
+def _check(readings: BenchReadings, calibration: Calibration) -> None:
+    for kind in _BOTH:
+        if kind not in readings.channels or kind not in calibration.tool.triads:
+            raise InputError(
+                f"no {kind}: verification needs accelerometer and magnetometer in readings and calibration"
+            )
+        have, want = readings.channels[kind].shape[1], calibration.tool.triads[kind].count
+        if have != want:
+            raise InputError(f"the readings have {have} {kind} channels, the calibration {want}: not the same tool")
+    if not set(_BOTH) <= set(calibration.field_directions):
+        raise InputError("this calibration does not know the rig's orientation (field method): calibrate on the stand")
+    if readings.digest and readings.digest in calibration.inputs.values():
+        raise InputError(
+            "these are the readings the tool was calibrated with; verification needs independent positions"
+        )
+
+
+def _variance(readings: BenchReadings, calibration: Calibration, g: Array, b: Array) -> Array:
+    """Variance (K, 3) of each error: calibration, noise of these readings, random error of the rig's setting."""
+    sensitivity = angle_sensitivity(
+        calibration.tool, {"accelerometer": g, "magnetometer": b}, readings.temperature, "magnetometer"
+    )
+    count = np.ones(len(g)) if readings.count is None else readings.count
+    parts = sensitivity.components(calibration.tool)
+    total = np.diagonal(parts["calibration"], axis1=1, axis2=2)[:, :3].copy()
+    total += np.diagonal(parts["sensor noise"], axis1=1, axis2=2)[:, :3] / count[:, None]
+    moved = dcm_derivatives(*readings.dials)
+    jacobian = angles_jacobian(g, b)[:, :3]
+    directions = calibration.field_directions
+    shift = np.concatenate([moved @ directions[k] for k in _BOTH], axis=-1)  # (K, dial, 6)
+    by_dial = np.einsum("kai,kdi->kad", jacobian, shift)
+    total += np.sum((by_dial * calibration.rig.sd) ** 2, axis=2)
+    return np.asarray(np.where(np.isfinite(total), total, np.pi**2 / 3.0))
+
+
+def _judge(error: float, limit: float, guard: float) -> str:
+    if not np.isfinite(limit):
+        return "not judged"
+    if error > limit:
+        return "fail"
+    return "inconclusive" if error > limit - guard else "pass"
+
+
+def _reasons(readings: BenchReadings, errors: Array, bounds: Array, decision: list[list[str]]) -> tuple[str, ...]:
+    """The worst position of each angle that did not pass, and a word when everything did."""
+    sentences = []
+    for column, name in enumerate(JUDGED):
+        bad = [row for row in range(len(errors)) if decision[row][column] in ("fail", "inconclusive")]
+        if bad:
+            worst = max(bad, key=lambda row: abs(errors[row, column]) / bounds[row, column])
+            sentences.append(
+                f"{name}: {len(bad)} of {len(errors)} positions not accepted; worst at station {readings.station[worst]}, "
+                f"error {np.degrees(errors[worst, column]):+.3f} deg, limit {np.degrees(bounds[worst, column]):.3f} deg"
+            )
+    if not sentences:
+        sentences.append("every judged angle is within its limit at every position")
+    return tuple(sentences)
+
+
+def _warnings(readings: BenchReadings, calibration: Calibration) -> list[str]:
+    sentences = list(readings.notes)
+    span, heat = calibration.tool.temperature_range, readings.temperature
+    if span and heat is not None and (heat.min() < span[0] - 5.0 or heat.max() > span[1] + 5.0):
+        sentences.append(
+            f"verified at {heat.min():.1f} to {heat.max():.1f} degC, calibrated at {span[0]:.1f} to {span[1]:.1f} degC"
+        )
+    return sentences

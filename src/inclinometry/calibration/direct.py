@@ -1,0 +1,145 @@
+"""The closed forms as calibrations: the same record as the joint fit, with uncertainties propagated from the readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.calibration import assemble
+from inclinometry.calibration.classical import solve_classical
+from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance
+from inclinometry.calibration.fitting import FIRST_RIG_SD, Fitted, fit_with_variances, noise_guess
+from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.orthogonal import solve_orthogonal
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.rotations import find_direction, solve_rotations
+from inclinometry.calibration.signs import fix_signs
+from inclinometry.calibration.start import DOWN, starting_state
+from inclinometry.calibration.twelve import solve_twelve
+from inclinometry.core.arrays import Array, within
+
+Solver = Callable[[Array], ClosedForm]
+
+
+class Known(TypedDict, total=False):
+    """What may be known of a run; as for `calibrate_joint`."""
+
+    noise_sd: Mapping[str, ArrayLike] | None
+    rig_sd: ArrayLike | None
+    name: str
+
+
+def calibrate_twelve(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
+    """The twelve positions (equations (17)-(25), corrected) as a calibration of all triads.
+
+    Parameters
+    ----------
+    readings : BenchReadings
+        At p >= 3 equal rolls upright and at p >= 3 equal azimuths lying.
+    noise_sd, rig_sd, name : optional
+        As for `calibrate_joint`; they enter the uncertainties only. Estimated from the residuals of the joint model when
+        not given.
+
+    Raises
+    ------
+    InputError
+        When the settings are not that plan; the message says what differs.
+    """
+    return _closed(readings, "twelve", lambda kind, a: partial(_solve, solve_twelve, readings), **known)
+
+
+def calibrate_orthogonal(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
+    """The 24 orthogonal positions, their half or the two-face plan; parameters as `calibrate_twelve`."""
+    return _closed(readings, "orthogonal", lambda kind, a: partial(_solve, solve_orthogonal, readings), **known)
+
+
+def calibrate_rotations(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
+    """Two full turns about the tool axis, 90 degrees apart in inclination; parameters as `calibrate_twelve`.
+
+    The magnetic field's direction comes from the dip of the readings' reference, else from the turns themselves where
+    they show it.
+    """
+
+    def solver(kind: str, direction: Array) -> Solver:
+        if kind == "accelerometer":
+            a = DOWN
+        elif kind == "magnetometer" and "dip" in readings.reference:
+            a = _north(readings.reference["dip"])
+        else:
+            a = find_direction(readings.channels[kind], *readings.dials, sign_hint=direction)
+        return lambda signals: solve_rotations(signals, *readings.dials, known_direction=a)
+
+    return _closed(readings, "rotations", solver, **known)
+
+
+def calibrate_classical(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
+    """The small-angle method with a level rig, trusted dials and nameplate scale; for comparison only."""
+
+    def solver(kind: str, direction: Array) -> Solver:
+        if kind == "accelerometer":
+            a = DOWN
+        elif kind == "magnetometer" and "dip" in readings.reference:
+            a = _north(readings.reference["dip"])
+        else:
+            a = direction * np.array([1.0, 0.0, 1.0])
+        return lambda signals: solve_classical(signals, *readings.dials, known_direction=a)
+
+    return _closed(readings, "classical", solver, **known)
+
+
+def _solve(method: Callable[..., ClosedForm], readings: BenchReadings, signals: Array) -> ClosedForm:
+    return method(signals, *readings.dials)
+
+
+def _north(dip: float) -> Array:
+    return np.array([np.cos(dip), 0.0, np.sin(dip)])
+
+
+def _closed(
+    readings: BenchReadings,
+    method: str,
+    solver: Callable[[str, Array], Solver],
+    noise_sd: Mapping[str, ArrayLike] | None = None,
+    rig_sd: ArrayLike | None = None,
+    name: str = "",
+) -> Calibration:
+    """Solve every triad, find the variances with the joint model, propagate them."""
+    model, start, warnings, free_noise = _joint_model(readings, noise_sd, rig_sd)
+    solvers = {kind: solver(kind, start.directions[kind]) for kind in readings.channels}
+    forms = {kind: solvers[kind](values) for kind, values in readings.channels.items()}
+    weights = fit_with_variances(model, start, free_noise, rig_sd is None).model
+    spread = reading_covariance(list(forms.values()), *readings.dials, weights.rig_sd, weights.noise_sd)
+    joint = covariance(list(solvers.values()), list(readings.channels.values()), spread)
+    state = State(
+        {kind: np.concatenate([form.tensor, form.offset[:, None]], axis=1)[None] for kind, form in forms.items()},
+        {kind: np.asarray(form.direction) for kind, form in forms.items()},
+        np.zeros((len(readings), 3)),
+        np.zeros(4),
+    )
+    state, _ = fix_signs(state, readings.reference, {})
+    # columns of the field directions are not estimated together with the tensor here: no covariance for them
+    whole = np.zeros((len(joint) + 2 * len(forms),) * 2)
+    whole[: len(joint), : len(joint)] = joint
+    fitted = Fitted(weights, state, whole, float("nan"), weights.linearise(state))
+    return assemble.closed_calibration(readings, fitted, method, name, [*readings.notes, *warnings])
+
+
+def _joint_model(
+    readings: BenchReadings, noise_sd: Mapping[str, ArrayLike] | None, rig_sd: ArrayLike | None
+) -> tuple[Model, State, list[str], bool]:
+    sensors = sum(v.shape[1] for v in readings.channels.values())
+    rig = np.full(3, FIRST_RIG_SD) if rig_sd is None else within(np.broadcast_to(rig_sd, (3,)), "rig_sd", 0.0, 0.6)
+    size = len(readings)
+    settings = np.stack(readings.dials, axis=1)
+    model = Model(
+        readings.channels, settings, np.ones((size, 1)), np.ones((size, sensors)), np.array(rig), np.zeros(4), {}
+    )
+    start = starting_state(model, dict.fromkeys(readings.channels, DOWN))
+    start, warnings = fix_signs(start, readings.reference, {})
+    noise, free = noise_guess(readings, noise_sd, model.linearise(start).residual)
+    return model.with_weights(noise, np.array(rig)), start, warnings, free

@@ -1,0 +1,213 @@
+"""Reduce raw channels of a calibrated tool to survey stations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.attitude.orientation import Angles, angles, inclination_toolface
+from inclinometry.core.angles import wrap_positive
+from inclinometry.core.arrays import Array, finite
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site, azimuth_to
+from inclinometry.sensors.sensitivity import angle_sensitivity
+from inclinometry.sensors.tool import Tool
+from inclinometry.survey.flags import magnitudes, reference_of, station_flags, summary
+
+UNKNOWN = np.pi / np.sqrt(3.0)
+"""Standard uncertainty of an angle about which nothing is known (uniform over the circle), rad."""
+
+
+BLOCK = 20_000
+"""Stations whose sensitivities are held in memory at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Stations of a survey; angles in rad.
+
+    azimuth_reference : "magnetic", "true" or "grid": the north that azimuth counts from
+    g_total (n,) m/s^2, b_total (n,) nT : NaN where the calibration does not know the field strength at its stand
+    components : name -> (n, 4) variances, rad^2, of inclination, azimuth, toolface, magnetic toolface
+    flags : per station, the names of what is remarkable; see `inclinometry.survey.flags.FLAGS`
+    """
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    toolface: Array
+    magnetic_toolface: Array
+    g_total: Array
+    b_total: Array
+    dip: Array
+    components: Mapping[str, Array]
+    azimuth_reference: str
+    flags: Sequence[Sequence[str]]
+    tool: str = ""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
+
+    def __len__(self) -> int:
+        return len(self.md)
+
+    def u(self, name: str) -> Array:
+        """Standard uncertainty (n,) of "inclination", "azimuth", "toolface" or "magnetic_toolface", rad.
+
+        Azimuth and toolface of a vertical tool are unknown: the uncertainty never exceeds that of a uniform angle.
+        """
+        column = ("inclination", "azimuth", "toolface", "magnetic_toolface").index(name)
+        total = np.asarray(sum(part[:, column] for part in self.components.values()))
+        return np.asarray(np.minimum(np.sqrt(np.where(np.isfinite(total), total, np.inf)), UNKNOWN))
+
+    @property
+    def u_inclination(self) -> Array:
+        """Standard uncertainty of inclination, rad."""
+        return self.u("inclination")
+
+    @property
+    def u_azimuth(self) -> Array:
+        """Standard uncertainty of azimuth, rad."""
+        return self.u("azimuth")
+
+    @property
+    def u_toolface(self) -> Array:
+        """Standard uncertainty of toolface, rad."""
+        return self.u("toolface")
+
+
+def reduce_survey(
+    md: ArrayLike,
+    channels: Mapping[str, ArrayLike],
+    tool: Tool,
+    *,
+    temperature: ArrayLike | None = None,
+    site: Site | None = None,
+    calibration_dip: float | None = None,
+    inputs: Mapping[str, str] | None = None,
+) -> Survey:
+    """Inclination, azimuth, toolface and their uncertainties from raw channels.
+
+    Parameters
+    ----------
+    md : (n,) array_like
+        Measured depth, m, increasing.
+    channels : mapping of kind to (n, m) array_like
+        Signals in the tool's units.
+    tool : Tool
+    temperature : (n,) array_like, optional
+        degC; needed when the tool's parameters depend on it.
+    site : Site, optional
+        Declination and convergence for a true or grid azimuth; references of g, b and dip for the flags.
+    calibration_dip : float, optional
+        Dip at the stand, rad. A dip far from it is flagged when the site states none of its own.
+    inputs : mapping of name to digest, optional
+
+    Returns
+    -------
+    Survey
+
+    Raises
+    ------
+    InputError
+        Depths that do not increase, channels missing or of another tool, true or grid north without declination.
+
+    Notes
+    -----
+    Uncertainties: J C J' with the joint covariance of the calibration and the noise of one reading, kept apart by name.
+
+    Examples
+    --------
+    >>> from inclinometry.sensors.triad import Triad
+    >>> kinds = ("accelerometer", "magnetometer")
+    >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in kinds})
+    >>> s = reduce_survey([0.0], {"accelerometer": [[-0.5, 0, 0.8660254]], "magnetometer": [[0.4, 0, 0.7]]}, tool)
+    >>> np.degrees(s.inclination).round(4), s.azimuth_reference
+    (array([30.]), 'magnetic')
+    """
+    depth = finite(md, "md", (None,))
+    if (np.diff(depth) <= 0.0).any():
+        row = int(np.argmax(np.diff(depth) <= 0.0))
+        raise InputError(f"md falls from {depth[row]:g} to {depth[row + 1]:g} m at station {row + 2}; it must increase")
+    heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
+    seen = _fields(channels, tool, heat, len(depth))
+    found, parts = _attitude(seen, tool, heat)
+    azimuth, parts, reference, warnings = _north(found.azimuth, parts, site)
+    size = magnitudes(seen, tool, heat, len(depth))
+    inclination_sd = np.sqrt(np.asarray(sum(p[:, 0] for p in parts.values())))
+    flags = station_flags(found, inclination_sd, size, tool, heat, reference_of(tool, site, calibration_dip))
+    return Survey(
+        depth,
+        found.inclination,
+        azimuth,
+        found.toolface,
+        found.magnetic_toolface,
+        _total(seen, tool, "accelerometer", len(depth)),
+        _total(seen, tool, "magnetometer", len(depth)),
+        size.dip,
+        parts,
+        reference,
+        flags,
+        tool.name,
+        dict(inputs or {}),
+        (*warnings, *summary(flags)),
+    )
+
+
+def _fields(channels: Mapping[str, ArrayLike], tool: Tool, heat: Array | None, size: int) -> dict[str, Array]:
+    """Fields in tool axes for every triad the readings and the tool share."""
+    if "accelerometer" not in channels or "accelerometer" not in tool.triads:
+        raise InputError("no accelerometer in the readings or in the calibration; a survey needs gravity")
+    for kind in channels:
+        if kind not in tool.triads:
+            raise InputError(f"the readings have a {kind}, the calibration has none: calibrate it or drop its columns")
+    fields = {}
+    for kind, triad in tool.triads.items():
+        if kind not in channels:
+            continue
+        signals = finite(channels[kind], f"{kind} channels", (size, None))
+        if signals.shape[1] != triad.count:
+            raise InputError(f"{signals.shape[1]} {kind} channels, the calibration has {triad.count}: another tool?")
+        if not triad.full:
+            raise InputError(f"the {kind} sees only a plane; three seen components are needed")
+        fields[kind] = triad.field(signals, heat)
+    return fields
+
+
+def _attitude(seen: Mapping[str, Array], tool: Tool, heat: Array | None) -> tuple[Angles, dict[str, Array]]:
+    """Angles and the variances (n, 4) of each by cause; NaN azimuth where there is no second field."""
+    pieces: list[dict[str, Array]] = []
+    for start in range(0, len(seen["accelerometer"]), BLOCK):
+        here = slice(start, start + BLOCK)
+        block = {kind: field[here] for kind, field in seen.items()}
+        parts = angle_sensitivity(tool, block, None if heat is None else heat[here]).components(tool)
+        pieces.append({name: np.diagonal(part, axis1=1, axis2=2) for name, part in parts.items()})
+    variances = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    if "magnetometer" in seen:
+        return angles(seen["accelerometer"], seen["magnetometer"]), variances
+    inclination, toolface = inclination_toolface(seen["accelerometer"])
+    nothing = np.full(len(inclination), np.nan)
+    return Angles(inclination, nothing, toolface, nothing), variances
+
+
+def _north(
+    azimuth: Array, variances: dict[str, Array], site: Site | None
+) -> tuple[Array, dict[str, Array], str, list[str]]:
+    """Azimuth from the north the site asks for, and what that adds to its uncertainty."""
+    reference = "magnetic" if site is None else site.north_reference
+    if site is None or reference == "magnetic":
+        return azimuth, variances, "magnetic", []
+    turned = wrap_positive(azimuth_to(reference, azimuth, site))
+    if site.declination_sigma is None:
+        return turned, variances, reference, ["the uncertainty of the declination is not stated and not included"]
+    added = np.zeros((len(azimuth), 4))
+    added[:, 1] = site.declination_sigma**2
+    return turned, {**variances, "declination": added}, reference, []
+
+
+def _total(seen: Mapping[str, Array], tool: Tool, kind: str, size: int) -> Array:
+    """Field strength (n,) in SI, NaN where the strength at the calibration stand is unknown."""
+    strength = tool.triads[kind].field_strength if kind in seen else None
+    return np.full(size, np.nan) if strength is None else strength * np.linalg.norm(seen[kind], axis=1)
