@@ -1,0 +1,106 @@
+"""Normal gravity of the WGS84 ellipsoid: what an accelerometer should see before local geology."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.core.arrays import Array, within
+
+SEMI_MAJOR_AXIS: Final = 6378137.0
+"""m (WGS84)."""
+FLATTENING: Final = 1.0 / 298.257223563
+"""WGS84."""
+EQUATORIAL_GRAVITY: Final = 9.7803253359
+"""m/s^2 (NIMA TR8350.2, table 3.4)."""
+SOMIGLIANA: Final = 0.00193185265241
+"""Constant k of Somigliana's formula (NIMA TR8350.2, table 3.4)."""
+CENTRIFUGAL_RATIO: Final = 0.00344978650684
+"""m = omega^2 a^2 b / GM (NIMA TR8350.2, table 3.4)."""
+GRAVITATION: Final = 6.67430e-11
+"""Newton's constant, m^3 kg^-1 s^-2 (CODATA 2018)."""
+CRUST_DENSITY: Final = 2670.0
+"""Conventional density of the upper crust, kg/m^3."""
+GRAVITY_SIGMA: Final = 4e-4
+"""Standard deviation to assume for normal gravity when nothing is known of the place, m/s^2: gravity anomalies are
+commonly some tens of mGal (1 mGal = 1e-5 m/s^2), here 40, and several times that in high mountains."""
+
+
+def normal_gravity(latitude: ArrayLike, height: ArrayLike = 0.0) -> Array:
+    """Gravity of the WGS84 ellipsoid on and above it.
+
+    Parameters
+    ----------
+    latitude : (...) array_like
+        Geodetic, rad.
+    height : (...) array_like
+        Above the ellipsoid, m, -12000 to 20000. A negative height is the free-air formula carried on downward, right
+        in open air (a valley) or for small depths; inside rock use `gravity_at_depth`.
+
+    Returns
+    -------
+    (...) ndarray
+        m/s^2.
+
+    Raises
+    ------
+    InputError
+        Latitude or height out of range.
+
+    Notes
+    -----
+    Somigliana's closed formula (NIMA TR8350.2, equation 4-1) and the second-order free-air reduction (4-3).
+
+    Examples
+    --------
+    >>> normal_gravity(np.radians([0.0, 45.0, 90.0])).round(6)
+    array([9.780325, 9.806198, 9.832185])
+    """
+    phi = within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
+    h = within(height, "height", -12e3, 20e3, "m")
+    sine2 = np.sin(phi) ** 2
+    eccentricity2 = FLATTENING * (2.0 - FLATTENING)
+    surface = EQUATORIAL_GRAVITY * (1.0 + SOMIGLIANA * sine2) / np.sqrt(1.0 - eccentricity2 * sine2)
+    first = 1.0 + FLATTENING + CENTRIFUGAL_RATIO - 2.0 * FLATTENING * sine2
+    ratio = h / SEMI_MAJOR_AXIS
+    return np.asarray(surface * (1.0 - 2.0 * first * ratio + 3.0 * ratio**2))
+
+
+def gravity_at_depth(latitude: ArrayLike, depth: ArrayLike, surface_height: ArrayLike = 0.0) -> Array:
+    """Normal gravity inside rock, `depth` metres below a level surface at `surface_height`.
+
+    Parameters
+    ----------
+    latitude : (...) array_like
+        Geodetic, rad.
+    depth : (...) array_like
+        Below the surface, m, 0 to 12000.
+    surface_height : (...) array_like
+        Height of the surface, m.
+
+    Returns
+    -------
+    (...) ndarray
+        m/s^2.
+
+    Raises
+    ------
+    InputError
+        A value out of range.
+
+    Notes
+    -----
+    Prey's reduction: the free-air increase less twice the attraction 2 pi G rho of the rock passed,
+    0.3086 - 0.2239 = 0.085 mGal/m for 2670 kg/m^3. At 5000 m this is 4.2e-3 m/s^2, where the free-air formula alone
+    would say 15.4e-3; each 100 kg/m^3 of density changes it by 0.42e-3.
+
+    Examples
+    --------
+    >>> float((gravity_at_depth(0.8, 5000.0) - normal_gravity(0.8)).round(4))
+    0.0042
+    """
+    z = within(depth, "depth", 0.0, 12e3, "m")
+    top = within(surface_height, "surface_height", -500.0, 8000.0, "m")
+    return np.asarray(normal_gravity(latitude, top - z) - 4.0 * np.pi * GRAVITATION * CRUST_DENSITY * z)
