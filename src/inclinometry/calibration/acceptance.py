@@ -17,23 +17,29 @@ from inclinometry.core.errors import InputError
 from inclinometry.sensors.sensitivity import angle_sensitivity
 
 JUDGED = ("inclination", "azimuth", "toolface")
+NEAR_VERTICAL = np.radians(1.0)
+"""Azimuth and toolface are never judged nearer to the vertical than this, rad."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Maximum permissible errors, rad; None where an angle is not judged.
+    """Largest errors a verified tool may have.
 
-    guarded : whether the expanded uncertainty is taken off the limit before a pass is given (JCGM 106, guarded acceptance)
-    min_inclination : azimuth and toolface are not judged nearer to the vertical than this, rad
+    name : of the preset, or the file's without its ending.
+    source : who set these figures, and where.
+    inclination, azimuth, toolface : rad; None where there is no limit.
+    min_inclination_for_azimuth : rad; nearer to the vertical azimuth and toolface are not judged.
+    guard : "none": an error within the limit passes (JCGM 106:2012, 8.2); "expanded-uncertainty": the limit is first
+        reduced by the expanded uncertainty of the comparison (8.3).
     """
 
     name: str
     source: str
-    inclination: float | None = None
-    azimuth: float | None = None
-    toolface: float | None = None
-    guarded: bool = False
-    min_inclination: float = np.radians(1.0)
+    inclination: float | None
+    azimuth: float | None
+    toolface: float | None
+    min_inclination_for_azimuth: float = 0.0
+    guard: str = "none"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +110,9 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
     variance, k = _variance(readings, calibration, expected_g, expected_b), 2.0
     u = np.sqrt(variance)
     inclination = wanted.inclination
-    steep = np.minimum(inclination, np.pi - inclination) < (limits.min_inclination if limits else np.radians(1.0))
+    steep = np.minimum(inclination, np.pi - inclination) < max(
+        limits.min_inclination_for_azimuth if limits else 0.0, NEAR_VERTICAL
+    )
     bounds = np.full(errors.shape, np.inf)
     if limits is None:
         from scipy.special import ndtri
@@ -117,7 +125,7 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
             value = getattr(limits, name)
             bounds[:, column] = np.inf if value is None else value
     bounds[steep, 1:] = np.inf
-    guard = k * u if limits and limits.guarded else np.zeros_like(u)
+    guard = k * u if limits and limits.guard == "expanded-uncertainty" else np.zeros_like(u)
     decision = [
         [_judge(*cell) for cell in zip(*row, strict=True)] for row in zip(np.abs(errors), bounds, guard, strict=True)
     ]

@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
 
+from inclinometry.calibration.acceptance import Limits
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io import _toml
 
 GUARDS = ("none", "expanded-uncertainty")
 _KEYS = ("source", "inclination_deg", "azimuth_deg", "toolface_deg", "min_inclination_deg_for_azimuth", "guard")
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Largest errors a verified tool may have.
-
-    name : of the preset, or the file's without its ending.
-    source : who set these figures, and where.
-    inclination, azimuth, toolface : rad; None where there is no limit.
-    min_inclination_for_azimuth : rad; below it azimuth (and the high-side toolface) is not judged.
-    guard : "none": an error within the limit passes; "expanded-uncertainty": the limit is first reduced by the expanded
-        uncertainty of the comparison.
-    """
-
-    name: str
-    source: str
-    inclination: float | None
-    azimuth: float | None
-    toolface: float | None
-    min_inclination_for_azimuth: float
-    guard: str
 
 
 def limit_names() -> tuple[str, ...]:
