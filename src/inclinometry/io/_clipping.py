@@ -3,8 +3,8 @@
 The rule for saturation. A channel's extreme value is named when at least three stations read exactly this value AND
 
 1. it is the rail of a two's complement or unsigned converter: all readings are whole numbers, and the value is
-   2^n - 1 (n >= 7; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where all readings are positive, and the
-   fit of rule 2, if it is good to 0.2 % of the span, does not say that just this value was to be expected; or
+   2^n - 1 (n >= 9; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where all readings are positive, and the
+   fit of rule 2 to the stations at neither extreme, if it is good to 0.2 % of the span, does not expect this value; or
 2. the rig was set there to attitudes at which the other stations predict more: a linear fit of the channel on the
    gravity direction (accelerometer) or on all nine direction cosines (other kinds) overshoots the value by five of its
    own standard deviations and 2 % of half the span, at two or more of these stations; or
@@ -21,6 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from inclinometry.attitude.rotations import dcm
 from inclinometry.core.arrays import Array
 
 Settings = tuple[Array, Array, Array]
@@ -55,9 +56,15 @@ def saturation_notes(
                 continue
             if settings is not None and basis is None:
                 basis = _basis(kind, settings)
-            beyond = None if basis is None else _predicted_beyond(column, at, basis, sign)
-            lonely = basis is None and count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
-            if beyond or lonely or (beyond is None and _is_rail(column, extreme, sign)):
+            if basis is None:
+                lonely = count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
+                clipped = lonely or _is_rail(column, extreme, sign)
+            else:
+                inner = (column > column.min()) & (column < column.max())
+                clipped = _predicted_beyond(column, at, ~at, basis, sign) is True or (
+                    _is_rail(column, extreme, sign) and _predicted_beyond(column, at, inner, basis, sign) is not False
+                )
+            if clipped:
                 notes.append(f"{name} reads exactly {extreme:.12g} in {count} stations: saturated?")
     return notes
 
@@ -67,10 +74,10 @@ def _is_rail(column: Array, extreme: float, sign: float) -> bool:
         return False
     if sign > 0.0:
         size = extreme + 1.0
-        return size >= 128.0 and np.log2(size) % 1.0 == 0.0 and bool(column.min() >= -size)
+        return size >= 512.0 and np.log2(size) % 1.0 == 0.0 and bool(column.min() >= -size)
     if extreme == 0.0:
-        return bool(column.max() >= 127.0)
-    return extreme <= -128.0 and np.log2(-extreme) % 1.0 == 0.0 and bool(column.max() <= -extreme - 1.0)
+        return bool(column.max() >= 511.0)
+    return extreme <= -512.0 and np.log2(-extreme) % 1.0 == 0.0 and bool(column.max() <= -extreme - 1.0)
 
 
 def _basis(kind: str, settings: Settings) -> Array:
@@ -80,22 +87,24 @@ def _basis(kind: str, settings: Settings) -> Array:
         s, c = np.sin(inclination), np.cos(inclination)
         columns = [-s * np.cos(toolface), s * np.sin(toolface), c]
     else:
-        from inclinometry.attitude.rotations import dcm
-
         columns = list(dcm(azimuth, inclination, toolface).reshape(-1, 9).T)
     return np.stack([*columns, np.ones_like(azimuth)], axis=1)
 
 
-def _predicted_beyond(column: Array, at: NDArray[np.bool_], basis: Array, sign: float) -> bool | None:
-    """Whether the stations elsewhere predict values beyond those read at `at`; None when they cannot tell."""
-    known, asked = basis[~at], basis[at]
+def _predicted_beyond(
+    column: Array, at: NDArray[np.bool_], fitted: NDArray[np.bool_], basis: Array, sign: float
+) -> bool | None:
+    """Whether the stations `fitted` predict values beyond those read at `at`; None when they cannot tell."""
+    known, asked = basis[fitted], basis[at]
+    if len(known) < 4:
+        return None
     inverse = np.linalg.pinv(known, rcond=1e-9)
     free = len(known) - np.linalg.matrix_rank(known, tol=1e-9)
     seen = np.linalg.norm(asked - asked @ inverse @ known, axis=1) < 1e-6
     if free < 3 or seen.sum() < 2:
         return None
-    model, span = inverse @ column[~at], np.ptp(column)
-    spread = np.sqrt(np.sum((known @ model - column[~at]) ** 2) / free)
+    model, span = inverse @ column[fitted], np.ptp(column)
+    spread = np.sqrt(np.sum((known @ model - column[fitted]) ** 2) / free)
     excess = sign * (asked[seen] @ model - column[at][seen])
     if (excess > max(5.0 * spread, 0.01 * span)).sum() >= 2:
         return True
