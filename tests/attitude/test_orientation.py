@@ -35,6 +35,7 @@ def random_attitudes(count: int, seed: int = 1) -> tuple[np.ndarray, ...]:
 @example(1.0, np.pi, 2.0, 1.2)
 @example(1.0, 1e-9, 2.0, 1.2)
 @example(1.0, 1e-300, 2.0, 1.2)
+@example(0.0, 5e-324, 1.0, 0.0)
 @example(1.0, np.pi / 2, 2.0, -1.5)
 def test_fields_to_angles_and_back(azimuth: float, inclination: float, toolface: float, dip: float) -> None:
     g, b = fields(azimuth, inclination, toolface, dip)

@@ -9,6 +9,7 @@ from inclinometry.attitude.orientation import angles, angles_jacobian, fields
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.errors import InputError
 from inclinometry.uncertainty.montecarlo import (
+    LinearCheck,
     MonteCarlo,
     check_linear,
     monte_carlo,
@@ -73,7 +74,7 @@ def test_shortest_interval_holds_its_part() -> None:
     assert ((ordered[899:] - ordered[: 999 - 899]).min(axis=0) == high - low).all()
 
 
-def angle_check(inclination: float, sigma: float) -> np.ndarray:
+def angle_check(inclination: float, sigma: float) -> LinearCheck:
     """Verdicts on linear propagation for inclination, azimuth, toolface, magnetic toolface."""
     g, b = fields(0.7, inclination, 1.9, 1.1)
     nominal = np.stack(angles(g, b), axis=-1)
@@ -84,18 +85,24 @@ def angle_check(inclination: float, sigma: float) -> np.ndarray:
         count=COUNT,
         seed=5,
     )
-    return check_linear(found, np.zeros(4), propagate(angles_jacobian(g, b), covariance), digits=2).valid
+    return check_linear(found, np.zeros(4), propagate(angles_jacobian(g, b), covariance))
 
 
 def test_linear_propagation_of_the_angles_holds_away_from_vertical() -> None:
-    assert angle_check(np.radians(30.0), 1e-3).all()
+    check = angle_check(np.radians(30.0), 1e-3)
+    assert check.valid.all()
+    # standard error of a standard deviation, 1 / sqrt(2 N) = 0.0016, four of them
+    np.testing.assert_allclose(check.ratio, 1.0, atol=0.0064)
 
 
 def test_and_fails_near_vertical_where_only_the_magnetic_toolface_survives() -> None:
-    # sigma is as large as the inclination: azimuth and toolface are far from normal, their sum is not
-    valid = angle_check(1e-3, 1e-3)
-    assert not valid[:3].any()
-    assert valid[3]
+    # sigma is as large as the inclination: inclination is one-sided, azimuth and toolface are nearly uniform, but
+    # what they share cancels in their sum
+    check = angle_check(1e-3, 1e-3)
+    assert not check.valid[:2].any()
+    assert (np.abs(check.ratio[:3] - 1.0) > 0.1).all()
+    assert check.valid[3]
+    assert check.ratio[3] == pytest.approx(1.0, abs=0.0064)
 
 
 def test_sampler_of_singular_covariance_and_mixed_units() -> None:

@@ -18,6 +18,8 @@ from inclinometry.core.errors import InputError
 
 PARALLEL = 1e-14
 """Sine of the angle between g and b below which rounding alone decides the azimuth."""
+PLUMB = 1e-290
+"""Sine of the inclination below which products of components run out of digits: taken as exactly vertical."""
 
 
 class Angles(NamedTuple):
@@ -76,12 +78,10 @@ def angles(g: ArrayLike, b: ArrayLike) -> Angles:
     t = _triad(g, b)
     d, e, n = t.down, t.east, t.north
     level = np.hypot(d[..., 0], d[..., 1])
-    vertical = level == 0.0
+    vertical = level < PLUMB
     hanging = wrap_positive(np.arctan2(e[..., 0] - n[..., 1], n[..., 0] + e[..., 1]))
-    standing = wrap_positive(np.arctan2(e[..., 0] + n[..., 1], e[..., 1] - n[..., 0]))
-    plumb = np.where(d[..., 2] > 0.0, hanging, standing)
     azimuth = np.where(vertical, 0.0, wrap_positive(np.arctan2(e[..., 2], n[..., 2])))
-    toolface = np.where(vertical, plumb, wrap_positive(np.arctan2(d[..., 1], -d[..., 0])))
+    toolface = np.where(vertical, _plumb_toolface(t), wrap_positive(np.arctan2(d[..., 1], -d[..., 0])))
     # pointing up it is toolface - azimuth that stays defined; the sum is then best formed from its parts
     magnetic = np.where(d[..., 2] > 0.0, hanging, wrap_positive(azimuth + toolface))
     return Angles(np.arctan2(level, d[..., 2]), azimuth, toolface, magnetic)
@@ -121,12 +121,14 @@ def angles_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
     """
     t = _triad(g, b)
     theta = _triad_rotation(t)
-    toolface = angles(g, b).toolface
-    cosine, sine, zero = np.cos(toolface), np.sin(toolface), np.zeros_like(toolface)
-    along = _row(np.stack([-cosine, sine, zero], axis=-1), theta)
-    across = _row(np.stack([sine, cosine, zero], axis=-1), theta)
     level = np.hypot(t.down[..., 0], t.down[..., 1])[..., None]
-    vertical = level == 0.0
+    vertical = level < PLUMB
+    toolface = _plumb_toolface(t)[..., None]
+    safe = np.where(vertical, 1.0, level)
+    hx = np.where(vertical, -np.cos(toolface), t.down[..., 0:1] / safe)
+    hy = np.where(vertical, np.sin(toolface), t.down[..., 1:2] / safe)
+    along = hx * theta[..., 0, :] + hy * theta[..., 1, :]
+    across = hy * theta[..., 0, :] - hx * theta[..., 1, :]
     cos_i = t.down[..., 2:3]
     sin_i = np.where(vertical, np.nan, level)
     # tan(I/2) by whichever form does not cancel
@@ -151,7 +153,7 @@ def inclination_toolface(g: ArrayLike) -> tuple[Array, Array]:
     """
     d, _ = _unit(g, "g")
     level = np.hypot(d[..., 0], d[..., 1])
-    toolface = np.where(level == 0.0, 0.0, wrap_positive(np.arctan2(d[..., 1], -d[..., 0])))
+    toolface = np.where(level < PLUMB, 0.0, wrap_positive(np.arctan2(d[..., 1], -d[..., 0])))
     return np.arctan2(level, d[..., 2]), toolface
 
 
@@ -262,6 +264,8 @@ def _triad_rotation(t: _Triad) -> Array:
     return np.concatenate([cross_matrix(t.down) * per_g[..., None] + twist_g, twist_b], axis=-1)
 
 
-def _row(vector: Array, matrix: Array) -> Array:
-    """vector' matrix over the last axes."""
-    return np.asarray((vector[..., None, :] @ matrix)[..., 0, :])
+def _plumb_toolface(t: _Triad) -> Array:
+    """Toolface at azimuth 0 in a vertical tool: from A + T when it points down, from T - A when it points up."""
+    sign = np.where(t.down[..., 2] > 0.0, 1.0, -1.0)
+    sine, cosine = t.east[..., 0] - sign * t.north[..., 1], t.east[..., 1] + sign * t.north[..., 0]
+    return wrap_positive(np.arctan2(sine, cosine))
