@@ -35,7 +35,8 @@ _CHANNEL = re.compile(
     rf"(?P<kind>{'|'.join(PREFIXES)})_(?P<axis>[xyz]|[1-9]\d{{0,2}})(_(?P<unit>{'|'.join(UNIT_LABELS)}))?(?P<sd>_sd)?"
 )
 _SUFFIX = re.compile(
-    r"_(deg|rad|degC|degF|K|m|ft|km|mm|cm|s|ms|us|min|h|g|mg|m_s2|counts|V|mV|nT|uT|mT|T|G|gauss|rad_s|deg_s|deg_h)$"
+    r"_(deg|rad|degC|degF|K|m|ft|km|mm|cm|s|ms|us|min|h|g|mg|m_s2|counts|V|mV|nT|uT|mT|T|G|gauss|rad_s|deg_s|deg_h)$",
+    re.IGNORECASE,
 )
 
 
@@ -104,7 +105,7 @@ def advice(name: str, known: Iterable[str]) -> str | None:
     >>> advice("operator", ["azimuth_deg"])
     """
     names = list(known)
-    bases = {_SUFFIX.sub("", k): k for k in reversed(names) if _SUFFIX.search(k)}
+    bases = {_SUFFIX.sub("", k).lower(): k for k in reversed(names) if _SUFFIX.search(k)}
     lowered = name.lower()
     if lowered in bases:
         return f"unit missing: write {bases[lowered]}"
