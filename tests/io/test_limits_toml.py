@@ -53,6 +53,8 @@ def test_an_unknown_name_lists_the_names():
         read_limits("rogatykh")
     with pytest.raises(InputError, match="presets"):
         read_limits("a\0b")
+    with pytest.raises(InputError, match="presets"):
+        read_limits("x" * 5000)
     with pytest.raises(FileError, match="no such file"):
         read_limits("nowhere/limits.toml")
 

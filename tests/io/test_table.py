@@ -50,6 +50,7 @@ def error(folder, content):
         PLAIN.replace("A", '"A"').replace("1.5", '"1.5"'),
         PLAIN.replace("1.5", '"1,5"').replace("2.25", '"2,25"'),
         PLAIN.encode("utf-8-sig"),
+        "sep=;\n" + PLAIN.replace(",", ";"),
         PLAIN.encode("utf-16"),
         b"\xfe\xff" + PLAIN.encode("utf-16-be"),
     ],
@@ -167,6 +168,15 @@ def test_progress_reaches_the_size(tmp_path):
     read_table(path, seen.append)
     assert seen == sorted(seen)
     assert seen[-1] == path.stat().st_size
+
+
+def test_kinds_of_columns(tmp_path):
+    table = read(tmp_path, "operator,mag_x\nAnn,1\n")
+    with pytest.raises(FileError, match="line 1: column 'operator' is text; numbers are needed"):
+        table.number("operator")
+    assert table.text("mag_x") == ("1.0",)
+    assert "mag_x" in table
+    assert 1 not in table
 
 
 def test_columns_are_read_only(tmp_path):

@@ -234,6 +234,8 @@ def test_truth(tmp_path):
         read_calibration(path)
     with pytest.raises(InputError, match=r"\$\.extras\.x is a object"):
         write_truth(tool, {"x": object()}, path)
+    with pytest.raises(InputError, match=r"\$\.extras: the keys \[1, 'a'\] are not distinct texts"):
+        write_truth(tool, {1: 2, "a": 3}, path)
 
 
 @pytest.mark.parametrize("name", ["tool-1", "truth-1"])

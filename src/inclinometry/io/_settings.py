@@ -13,15 +13,18 @@ _LIMITS = {"azimuth_deg": 360.0, "inclination_deg": 180.0, "toolface_deg": 360.0
 
 
 def read_settings(table: Table) -> tuple[Array, Array, Array] | None:
-    """Azimuth, inclination, toolface (n,), rad; None when the table has none of the three.
+    """Azimuth, inclination, toolface (n,), rad; None when the table has none of the three. Errors as `need_settings`."""
+    return need_settings(table) if any(name in table for name in ANGLES) else None
+
+
+def need_settings(table: Table) -> tuple[Array, Array, Array]:
+    """Azimuth, inclination, toolface (n,), rad.
 
     Raises
     ------
     FileError
-        Some but not all of the three, values out of range, angles that look like radians.
+        One of the three is missing, values out of range, angles that look like radians.
     """
-    if not any(name in table for name in ANGLES):
-        return None
     table.require(ANGLES)
     degrees = [table.number(name) for name in ANGLES]
     for name, values in zip(ANGLES, degrees, strict=True):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from inclinometry.calibration.plans import Plan
 from inclinometry.io import _write
-from inclinometry.io._settings import read_settings
+from inclinometry.io._settings import need_settings
 from inclinometry.io.columns import ANGLES, PLAN, numbers_among
 from inclinometry.io.table import read_table
 
@@ -29,10 +29,7 @@ def read_plan(path: str | Path) -> Plan:
     """
     table = read_table(path, numeric=numbers_among(PLAN))
     table.unknown(PLAN)
-    table.require(ANGLES)
-    settings = read_settings(table)
-    if settings is None:
-        raise table.error("the plan has no angles; add azimuth_deg, inclination_deg, toolface_deg")
+    settings = need_settings(table)
     roll_set = table.text("roll_set") if "roll_set" in table else ()
     return Plan(Path(path).stem, *settings, roll_set if any(roll_set) else ())
 

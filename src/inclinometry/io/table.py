@@ -144,8 +144,12 @@ def read_table(
 
 
 def _header_row(block: Block) -> int | None:
-    """Index of the first line that is neither blank nor a comment."""
-    return next((i for i, line in enumerate(block.lines) if line.strip() and not line.lstrip().startswith("#")), None)
+    """Index of the first line that is neither blank, nor a comment, nor the `sep=;` a spreadsheet puts on top."""
+    for index, line in enumerate(block.lines):
+        text = line.strip().lower()
+        if text and not text.startswith("#") and text not in ("sep=", "sep=,", "sep=;"):
+            return index
+    return None
 
 
 class _Body:
