@@ -80,8 +80,8 @@ def angles_from_channels(
     row. b parallel to g only to within rounding is not noticed: its azimuth is noise.
 
     The formulas are those of `angles`. Components of the fields must lie between 1e-75 and 1e75 (squares are formed);
-    below, a tool counts as vertical when gx^2 + gy^2 vanishes. The arctangent errs by
-    4.5e-16 rad at most (2.3 units in the last place below pi/4), 6.7e-16 where almost a whole turn is rounded to 0.
+    below, a tool counts as vertical when gx^2 + gy^2 vanishes. The arctangent errs by 4.5e-16 rad at most (2.3 units in
+    the last place below pi/4), by 6.7e-16 where almost a whole turn is rounded to 0.
 
     Short arrays go through numpy until the compiled kernel is in memory, because loading it takes longer than they
     do; the two agree to rounding.
