@@ -13,7 +13,7 @@ _LIMITS = {"azimuth_deg": 360.0, "inclination_deg": 180.0, "toolface_deg": 360.0
 
 
 def read_settings(table: Table) -> tuple[Array, Array, Array] | None:
-    """Azimuth, inclination, toolface (n,), rad; None when the table has none of the three. Errors as `need_settings`."""
+    """Azimuth, inclination, toolface (n,), rad; None when the table has none of them. Errors as `need_settings`."""
     return need_settings(table) if any(name in table for name in ANGLES) else None
 
 
