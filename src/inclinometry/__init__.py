@@ -1,1 +1,153 @@
-"""Inclinometry: borehole inclinometers made trustworthy, from the bench to the bottom of the hole."""
+"""Borehole inclinometers made trustworthy, from the bench to the bottom of the hole.
+
+Conventions (the whole house; the documentation page "conventions" says the same)
+---------------------------------------------------------------------------------
+- n: north, east, down. Azimuth is clockwise from north seen from above; which north (magnetic, true, grid) is always
+  stated with the number. true = magnetic + declination (east +); grid = true - convergence (+ where grid north is east
+  of true). Dip is positive when the field points below the horizon.
+- t, the tool: x = index mark, the high side at toolface 0; y = 90 degrees clockwise of x looking down hole; z = down
+  hole. Toolface is clockwise looking down hole from high side to x; near vertical use the magnetic toolface A + T.
+- r, the rig: as n, turned by an unknown rotation. A rig is never assumed level or pointed at north.
+- C_tn(A, I, T) = R_z(T) R_y(I) R_z(A) takes NED components to tool components.
+- Field vectors are the field: gravity points down. An accelerometer at rest reads the specific force, -g: that sign
+  lives in its tensor.
+- A sensor is U = N a + U0 with a the unit vector along the field: any number of sensors, placed anywhere.
+- Inside: radians, m/s^2, nT, rad/s, metres, degrees Celsius, seconds. In files, options and reports: degrees, with the
+  unit in the name of the column or option.
+
+Five lines
+----------
+>>> import inclinometry as im
+>>> readings = im.read_bench("readings.csv")                                # doctest: +SKIP
+>>> tool = im.calibrate_joint(readings)                                     # doctest: +SKIP
+>>> survey = im.survey(im.read_raw_survey("raw.csv"), tool)                 # doctest: +SKIP
+>>> im.write_survey(survey, "survey.csv")                                   # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+# name -> module; loaded when first asked for, so that importing the package costs nothing
+_CONTENTS = {
+    "BenchReadings": "calibration.readings",
+    "Calibration": "calibration.result",
+    "Limits": "calibration.acceptance",
+    "Plan": "calibration.plans",
+    "Site": "earth.site",
+    "Survey": "survey.reduce",
+    "Tool": "sensors.tool",
+    "Triad": "sensors.triad",
+    "Verification": "calibration.acceptance",
+    "angles": "attitude.orientation",
+    "angles_from_channels": "attitude.channels",
+    "calibrate_classical": "calibration.direct",
+    "calibrate_field": "calibration.field",
+    "calibrate_joint": "calibration.joint",
+    "calibrate_orthogonal": "calibration.direct",
+    "calibrate_rotations": "calibration.direct",
+    "calibrate_twelve": "calibration.direct",
+    "calibration_report": "report.calibration",
+    "capability": "calibration.capability",
+    "compare": "workflow.calibrate",
+    "dcm": "attitude.rotations",
+    "fields": "attitude.orientation",
+    "optimal_plan": "calibration.design",
+    "plans": "calibration.plans",
+    "read_bench": "io.bench_csv",
+    "read_calibration": "io.tool_json",
+    "read_raw_survey": "io.survey_csv",
+    "read_site": "io.site_toml",
+    "reduce_survey": "survey.reduce",
+    "stations_from_log": "calibration.stillness",
+    "survey": "workflow.survey",
+    "verify": "calibration.acceptance",
+    "write_bench": "io.bench_csv",
+    "write_calibration": "io.tool_json",
+    "write_survey": "workflow.survey",
+}
+
+__all__ = [
+    "BenchReadings",
+    "Calibration",
+    "Limits",
+    "Plan",
+    "Site",
+    "Survey",
+    "Tool",
+    "Triad",
+    "Verification",
+    "angles",
+    "angles_from_channels",
+    "calibrate_classical",
+    "calibrate_field",
+    "calibrate_joint",
+    "calibrate_orthogonal",
+    "calibrate_rotations",
+    "calibrate_twelve",
+    "calibration_report",
+    "capability",
+    "compare",
+    "dcm",
+    "fields",
+    "optimal_plan",
+    "plans",
+    "read_bench",
+    "read_calibration",
+    "read_raw_survey",
+    "read_site",
+    "reduce_survey",
+    "stations_from_log",
+    "survey",
+    "verify",
+    "write_bench",
+    "write_calibration",
+    "write_survey",
+]
+
+if TYPE_CHECKING:
+    from inclinometry.attitude.channels import angles_from_channels
+    from inclinometry.attitude.orientation import angles, fields
+    from inclinometry.attitude.rotations import dcm
+    from inclinometry.calibration import plans
+    from inclinometry.calibration.acceptance import Limits, Verification, verify
+    from inclinometry.calibration.capability import capability
+    from inclinometry.calibration.design import optimal_plan
+    from inclinometry.calibration.direct import (
+        calibrate_classical,
+        calibrate_orthogonal,
+        calibrate_rotations,
+        calibrate_twelve,
+    )
+    from inclinometry.calibration.field import calibrate_field
+    from inclinometry.calibration.joint import calibrate_joint
+    from inclinometry.calibration.plans import Plan
+    from inclinometry.calibration.readings import BenchReadings
+    from inclinometry.calibration.result import Calibration
+    from inclinometry.calibration.stillness import stations_from_log
+    from inclinometry.earth.site import Site
+    from inclinometry.io.bench_csv import read_bench, write_bench
+    from inclinometry.io.site_toml import read_site
+    from inclinometry.io.survey_csv import read_raw_survey
+    from inclinometry.io.tool_json import read_calibration, write_calibration
+    from inclinometry.report.calibration import calibration_report
+    from inclinometry.sensors.tool import Tool
+    from inclinometry.sensors.triad import Triad
+    from inclinometry.survey.reduce import Survey, reduce_survey
+    from inclinometry.workflow.calibrate import compare
+    from inclinometry.workflow.survey import survey, write_survey
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _CONTENTS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = import_module(f"{__name__}.{_CONTENTS[name]}")
+    # `plans` is a module; `survey` the function hides the room of the same name
+    value = module if name == "plans" else getattr(module, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

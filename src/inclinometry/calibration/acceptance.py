@@ -204,8 +204,9 @@ def _reasons(readings: BenchReadings, errors: Array, bounds: Array, decision: li
         if bad:
             worst = max(bad, key=lambda row: abs(errors[row, column]) / bounds[row, column])
             sentences.append(
-                f"{name}: {len(bad)} of {len(errors)} positions not accepted; worst at station {readings.station[worst]}, "
-                f"error {np.degrees(errors[worst, column]):+.3f} deg, limit {np.degrees(bounds[worst, column]):.3f} deg"
+                f"{name}: {len(bad)} of {len(errors)} positions not accepted; worst at station "
+                f"{readings.station[worst]}, error {np.degrees(errors[worst, column]):+.3f} deg, "
+                f"limit {np.degrees(bounds[worst, column]):.3f} deg"
             )
     if not sentences:
         sentences.append("every judged angle is within its limit at every position")

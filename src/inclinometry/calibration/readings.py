@@ -8,13 +8,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+from inclinometry.calibration.summary import readings_text
 from inclinometry.core.arrays import Array, Index, finite, frozen
 from inclinometry.core.constants import KINDS
 from inclinometry.core.digest import digest_bytes
 from inclinometry.core.errors import InputError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BenchReadings:
     """One row a station; angles in radians, signals in whatever unit the tool reports.
 
@@ -99,6 +100,9 @@ class BenchReadings:
     def _arrays(self) -> list[Array]:
         dials = [v for v in (self.azimuth, self.inclination, self.toolface, self.temperature) if v is not None]
         return [*self.channels.values(), *dials]
+
+    def __repr__(self) -> str:
+        return readings_text(self)
 
     def __len__(self) -> int:
         return len(self.station)

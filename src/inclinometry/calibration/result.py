@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from inclinometry.calibration.summary import calibration_text
 from inclinometry.core.arrays import Array
 from inclinometry.sensors.tool import Tool
 
@@ -43,7 +44,7 @@ class Residuals:
     leverage: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
     """A calibrated tool and everything that speaks for or against it.
 
@@ -51,9 +52,9 @@ class Calibration:
     method : "joint", "twelve", "orthogonal", "rotations", "field", "classical".
     inputs : name -> digest of what it was made from.
     field_directions : kind -> unit vector of the field in rig axes (x of the rig = azimuth 0, z down).
-    parameter_names, covariance : the joint covariance of tool parameters, field directions (two tangent angles each, rad)
-        and nuisance parameters. It is the inverse Fisher information; it holds when the noise and rig model hold and is
-        meaningless along directions named in `warnings` as invisible to the plan.
+    parameter_names, covariance : the joint covariance of tool parameters, field directions (two tangent angles each,
+        rad) and nuisance parameters. It is the inverse Fisher information; it holds when the noise and rig model hold
+        and is meaningless along directions named in `warnings` as invisible to the plan.
     warnings : sentences a person can act on.
     """
 
@@ -71,3 +72,6 @@ class Calibration:
     def uncertainty(self) -> dict[str, float]:
         """Standard uncertainty of each named parameter."""
         return dict(zip(self.parameter_names, np.sqrt(np.diagonal(self.covariance)).tolist(), strict=True))
+
+    def __repr__(self) -> str:
+        return calibration_text(self)

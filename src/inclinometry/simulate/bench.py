@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +30,7 @@ class BenchSimulation:
     temperature : (K,) degC, or None.
     units : kind -> unit of the signals.
     reference : what a bench knows of its fields: "g" m/s^2, "b" nT, "dip" rad, where the tool has the triad.
-    tool, rig : the truth.
+    tool, rig : the truth; the rig's tilt axis as it was drawn.
     setting_errors : (K, 3) true minus intended azimuth, inclination, toolface (zeros and random parts).
     orientation : (K, 3, 3) true rotation from rig to tool axes, bumps included.
     field_directions : kind -> (3,) true unit field in rig axes.
@@ -136,7 +136,7 @@ def simulate_bench(
         units={kind: triad.unit for kind, triad in tool.triads.items()},
         reference=bench_reference(tool, rig.dip),
         tool=tool,
-        rig=rig,
+        rig=replace(rig, tilt_axis=float(tilt_axis[0])),
         setting_errors=errors[0],
         orientation=orientation,
         field_directions=directions,

@@ -21,11 +21,12 @@ UNKNOWN = np.pi / np.sqrt(3.0)
 """Standard uncertainty of an angle about which nothing is known (uniform over the circle), rad."""
 
 
+_SHOWN = ("inclination", "azimuth", "toolface")
 BLOCK = 20_000
 """Stations whose sensitivities are held in memory at once."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Survey:
     """Stations of a survey; angles in rad.
 
@@ -49,6 +50,14 @@ class Survey:
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+
+    def __repr__(self) -> str:
+        steps = np.unique(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int)) if len(self) else []
+        lines = [f"Survey: {len(self)} stations, azimuth from {self.azimuth_reference} north, deg"]
+        for row in steps:
+            cells = [f"{np.degrees(getattr(self, n)[row]):9.3f} ± {np.degrees(self.u(n)[row]):.3f}" for n in _SHOWN]
+            lines.append(f"{self.md[row]:10.2f} m {' '.join(cells)}  {', '.join(self.flags[row])}".rstrip())
+        return "\n".join([*lines, *(f"warning: {sentence}" for sentence in self.warnings)])
 
     def __len__(self) -> int:
         return len(self.md)

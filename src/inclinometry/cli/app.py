@@ -1,0 +1,82 @@
+"""The table of commands; each is imported only when it runs, so that --help answers at once."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from cyclopts import App
+
+app = App(
+    name="inclinometry",
+    help="Borehole inclinometers made trustworthy, from the bench to the bottom of the hole.",
+    help_epilogue="Angles are in degrees, depths in metres. `inclinometry demo` shows the whole way on real data.",
+    version=lambda: version("inclinometry"),
+    help_format="plaintext",
+)
+simulate = App(
+    name="simulate", help="Simulate a bench, a well or a log, with the truth beside it.", help_format="plaintext"
+)
+
+_HERE = "inclinometry.cli"
+
+
+def _add(to: App, where: str, name: str, summary: str, example: str) -> None:
+    """A command that is imported when it runs; its help opens with what it does and an example."""
+    to.command(
+        f"{_HERE}.{where}", name=name, help=f"{summary}\n\nExample: inclinometry {example}", help_format="plaintext"
+    )
+
+
+app.command(simulate)
+_add(app, "bench:plan", "plan", "Write the rig settings of a calibration plan.", "plan twelve -o plan.csv")
+_add(
+    app,
+    "bench:readings",
+    "readings",
+    "Find the still stations of a continuous log.",
+    "readings log.csv --plan plan.csv -o readings.csv",
+)
+_add(
+    app,
+    "bench:calibrate",
+    "calibrate",
+    "Calibrate a tool from bench readings.",
+    "calibrate readings.csv -o tool.json --report report.html",
+)
+_add(app, "bench:compare", "compare", "Run every applicable method side by side.", "compare readings.csv")
+_add(
+    app,
+    "survey:verify",
+    "verify",
+    "Verify a calibrated tool at independent positions: exit status 0 pass, 1 fail, 2 bad input.",
+    "verify check.csv --calibration tool.json --limits rogatykh-2018-fluxgate",
+)
+_add(
+    app,
+    "survey:survey",
+    "survey",
+    "Reduce raw channels to survey stations with uncertainty.",
+    "survey raw.csv --calibration tool.json -o survey.csv --report survey.html",
+)
+_add(app, "demo:demo", "demo", "Show everything on real and simulated data.", "demo --output demo-output")
+_add(
+    simulate,
+    "simulate:bench",
+    "bench",
+    "Simulate bench readings of a plan.",
+    "simulate bench --plan twelve --seed 1 --rig-sd-deg 0.1 -o readings.csv --truth truth.json",
+)
+_add(
+    simulate,
+    "simulate:well",
+    "well",
+    "Simulate the raw survey of a well with a simulated tool.",
+    "simulate well --truth truth.json -o raw.csv --path path.csv",
+)
+_add(
+    simulate,
+    "simulate:log",
+    "log",
+    "Simulate a continuous log: rests at the positions of a plan.",
+    "simulate log --plan twelve -o log.csv",
+)

@@ -1,0 +1,367 @@
+"""Commands of the bench: plan, readings, calibrate, compare."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.summary import rounded
+from inclinometry.cli import output
+from inclinometry.core.digest import digest_file
+from inclinometry.io.atomic import write_text
+from inclinometry.io.bench_csv import write_bench
+from inclinometry.io.plan_csv import write_plan
+from inclinometry.io.site_toml import read_site
+from inclinometry.io.tool_json import read_tool, write_calibration
+from inclinometry.workflow.calibrate import INCLINATIONS, Comparison, Options, expected_uncertainty, readings_at
+from inclinometry.workflow.calibrate import calibrate as calibrate_readings
+from inclinometry.workflow.calibrate import compare as compare_methods
+
+Output = Annotated[Path, Parameter(name=["--output", "-o"])]
+Json = Annotated[bool, Parameter(name="--json", negative="")]
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+def plan(
+    name: str,
+    /,
+    *,
+    output_: Output,
+    number: Annotated[int, Parameter(name=["--number", "-n"])] = 24,
+    inclination_range_deg: tuple[float, float] = (10.0, 90.0),
+    criterion: str = "azimuth",
+    rig_sd_deg: float = 0.1,
+    dip_deg: float = 70.0,
+    first_inclination_deg: float = 45.0,
+    azimuth_deg: float = 0.0,
+    rolls: int | None = None,
+    seed: int = 1,
+    json: Json = False,
+) -> None:
+    """Write the rig settings of a calibration plan.
+
+    Parameters
+    ----------
+    name
+        twelve, orthogonal, half, two-face, rotations or optimal.
+    output_
+        CSV with station, azimuth_deg, inclination_deg, toolface_deg.
+    number
+        Stations of an optimal plan.
+    inclination_range_deg
+        Where the tool will work; an optimal plan is aimed at it.
+    criterion
+        What an optimal plan minimises over that range: azimuth, inclination or trace.
+    rig_sd_deg
+        Random error of a setting of the rig an optimal plan is for.
+    dip_deg
+        Magnetic dip at the bench an optimal plan is for.
+    first_inclination_deg
+        First of the two inclinations of rotations; the second is 90 degrees more.
+    azimuth_deg
+        Azimuth of rotations.
+    rolls
+        Equal rolls a turn, of twelve (3) and rotations (8).
+    seed
+        Of the search for an optimal plan.
+    json
+        Print a JSON summary.
+    """
+    from inclinometry.workflow.plan import make_plan
+
+    with output.working("searching the plan") as progress:
+        found = make_plan(
+            name,
+            number=number,
+            inclination_range=tuple(np.radians(inclination_range_deg)),
+            criterion=criterion,
+            rig_sd=np.radians(rig_sd_deg),
+            dip=np.radians(dip_deg),
+            first_inclination=np.radians(first_inclination_deg),
+            azimuth=np.radians(azimuth_deg),
+            rolls=rolls,
+            seed=seed,
+            progress=progress,
+        )
+    write_plan(found, output_)
+    if json:
+        output.print_json({"plan": found.name, "stations": len(found), "output": output_})
+    else:
+        output.console.print(f"{found.name}: {len(found)} stations written to {output_}")
+
+
+def readings(
+    log: Path,
+    /,
+    *,
+    output_: Output,
+    plan: Path | None = None,
+    window_s: float = 0.5,
+    shortest_s: float = 1.0,
+    json: Json = False,
+) -> None:
+    """Find the still stations of a continuous log and write one reading for each.
+
+    Parameters
+    ----------
+    log
+        CSV with time_s and the channels.
+    output_
+        Bench readings CSV: means, standard deviation of one sample, count.
+    plan
+        Positions visited, in order; adds the rig angles.
+    window_s
+        Time over which stillness is judged.
+    shortest_s
+        Shortest rest that counts.
+    json
+        Print a JSON summary.
+    """
+    from inclinometry.io.plan_csv import read_plan
+    from inclinometry.workflow.stations import readings_of_log
+
+    with output.reading(log) as progress:
+        found, intervals = readings_of_log(
+            log,
+            plan=None if plan is None else read_plan(plan),
+            window=window_s,
+            shortest=shortest_s,
+            progress=progress,
+        )
+    write_bench(found, output_)
+    if json:
+        output.print_json({"stations": len(found), "output": output_, "notes": found.notes})
+        return
+    output.console.print(f"{len(found)} still stations written to {output_}")
+    for sentence in intervals.report():
+        output.console.print(f"  {sentence}", markup=False)
+
+
+def calibrate(
+    readings: Path,
+    /,
+    *,
+    output_: Output,
+    method: str = "joint",
+    report: Path | None = None,
+    site: Path | None = None,
+    tool: str = "unnamed",
+    rig_sd_deg: float | None = None,
+    level_sd_deg: float | None = None,
+    inclination_zero_sd_deg: float | None = None,
+    nonorthogonality_sd_deg: float | None = None,
+    temperature_degree: int | None = None,
+    robust: Flag = False,
+    created: str | None = None,
+    json: Json = False,
+) -> None:
+    """Calibrate a tool from bench readings.
+
+    Parameters
+    ----------
+    readings
+        CSV with station, azimuth_deg, inclination_deg, toolface_deg and the channels accel_x ... mag_z, gyro_z.
+    output_
+        The calibration, tool.json.
+    method
+        joint, twelve, orthogonal, rotations, classical or field (no angles, only roll_set).
+    report
+        Write an HTML report.
+    site
+        site.toml with the fields at the bench (g, b_nT, dip_deg).
+    tool
+        Serial number for the record.
+    rig_sd_deg
+        Random error of a setting of the rig; estimated from the readings when not given.
+    level_sd_deg
+        How level the stand is known to be, for plans that cannot tell.
+    inclination_zero_sd_deg
+        Fit a constant error of the inclination dial with this prior.
+    nonorthogonality_sd_deg
+        Fit the non-orthogonality of the rig's axes with this prior.
+    temperature_degree
+        Degree of the polynomial in temperature; chosen by information criterion when not given.
+    robust
+        Leave out stations that disagree with the others.
+    created
+        Date for the record; nothing is taken from the clock.
+    json
+        Print a JSON summary.
+    """
+    with output.reading(readings) as progress:
+        data = readings_at(readings, None if site is None else read_site(site), progress)
+
+    def rad(value: float | None) -> float | None:
+        return None if value is None else float(np.radians(value))
+
+    options = Options(
+        rad(rig_sd_deg),
+        rad(level_sd_deg),
+        rad(inclination_zero_sd_deg),
+        rad(nonorthogonality_sd_deg),
+        temperature_degree,
+        robust,
+        tool,
+    )
+    found = calibrate_readings(data, method, options)
+    page = None
+    if report is not None:
+        from inclinometry.report.calibration import calibration_report
+
+        page = calibration_report(found, readings=data)
+    write_calibration(found, output_, created=created)
+    if page is not None:
+        write_text(page, report or "")
+    output.warnings(found.warnings)
+    if json:
+        output.print_json(_summary(found) | {"output": output_, "digest": digest_file(output_)})
+        return
+    show_calibration(found)
+    output.console.print(f"written to {output_}" + (f", report to {report}" if report else ""))
+
+
+def _summary(found: Calibration) -> dict[str, Any]:
+    expected = expected_uncertainty(found)
+    rows = [] if expected is None else np.degrees(expected)
+    return {
+        "method": found.method,
+        "tool": found.tool.name,
+        "stations": len(found.residuals.station),
+        "rig_sd_deg": np.degrees(found.rig.sd),
+        "noise": dict(found.tool.noise),
+        "expected_u_deg": [
+            {"inclination_deg": float(np.degrees(i)), "inclination": r[0], "azimuth": r[1], "toolface": r[2]}
+            for i, r in zip(INCLINATIONS, rows, strict=False)
+        ],
+        "warnings": list(found.warnings),
+    }
+
+
+def show_calibration(found: Calibration) -> None:
+    """Tables of a calibration on the terminal."""
+    u = found.uncertainty
+    for kind, triad in found.tool.triads.items():
+        rows = []
+        for sensor in range(triad.count):
+            names = [f"{kind}.tensor[{sensor},{axis}]" for axis in range(3)] + [f"{kind}.offset[{sensor}]"]
+            values = [*triad.tensor[0, sensor], triad.offset[0, sensor]]
+            rows.append([str(sensor + 1), *(rounded(v, u[n]) for v, n in zip(values, names, strict=True))])
+        output.table(
+            f"{kind}, {triad.unit} per unit field", ["sensor", "along x", "along y", "along z", "offset"], rows
+        )
+    expected = expected_uncertainty(found)
+    if expected is not None:
+        rows = [
+            [f"{np.degrees(i):g}", *(f"{value:.3f}" for value in np.degrees(r[:3]))]
+            for i, r in zip(INCLINATIONS, expected, strict=True)
+        ]
+        header = ["inclination deg", "u(inclination)", "u(azimuth)", "u(toolface)"]
+        output.table("expected standard uncertainty from this calibration, worst case, deg", header, rows)
+    sd = np.degrees(found.rig.sd)
+    output.console.print(
+        f"method {found.method}, {len(found.residuals.station)} stations, rig settings good to {sd.max():.3f} deg"
+    )
+
+
+def compare(
+    readings: Path,
+    /,
+    *,
+    truth: Path | None = None,
+    site: Path | None = None,
+    rig_sd_deg: float | None = None,
+    json: Json = False,
+) -> None:
+    """Run every applicable method on the same readings, side by side.
+
+    Parameters
+    ----------
+    readings
+        Bench readings CSV.
+    truth
+        truth.json of a simulation: adds the actual errors.
+    site
+        site.toml with the fields at the bench.
+    rig_sd_deg
+        Random error of a setting of the rig; estimated when not given.
+    json
+        Print JSON.
+    """
+    with output.reading(readings) as progress:
+        data = readings_at(readings, None if site is None else read_site(site), progress)
+    known = None if rig_sd_deg is None else float(np.radians(rig_sd_deg))
+    found = compare_methods(data, truth=None if truth is None else read_tool(truth), rig_sd=known)
+    if json:
+        output.print_json(_comparison(found))
+    else:
+        show_comparison(found)
+
+
+def _comparison(found: Comparison) -> dict[str, Any]:
+    return {
+        "inclination_deg": np.degrees(found.inclination),
+        "methods": [
+            {
+                "method": a.method,
+                "applicable": a.calibration is not None,
+                "reason": a.reason,
+                "expected_u_deg": _named(found.uncertainty.get(a.method)),
+                "true_error_deg": _named(found.error.get(a.method)),
+                "parameters": None if a.calibration is None else asdict_parameters(a.calibration),
+                "warnings": [] if a.calibration is None else list(a.calibration.warnings),
+            }
+            for a in found.attempts
+        ],
+    }
+
+
+def _named(values: Any) -> dict[str, Any] | None:
+    if values is None:
+        return None
+    return {name: np.degrees(values[:, i]) for i, name in enumerate(("inclination", "azimuth", "toolface"))}
+
+
+def asdict_parameters(found: Calibration) -> dict[str, Any]:
+    """Tensor and offset of each triad with their standard uncertainties."""
+    u = np.sqrt(np.diagonal(found.tool.covariance))
+    content = {}
+    for kind, triad in found.tool.triads.items():
+        block = u[found.tool.slices[kind]].reshape(triad.degree + 1, triad.count, 4)[0]
+        content[kind] = {
+            "tensor": triad.tensor[0],
+            "offset": triad.offset[0],
+            "u_tensor": block[:, :3],
+            "u_offset": block[:, 3],
+        }
+    return content
+
+
+def show_comparison(found: Comparison, title: str = "") -> None:
+    """Table of the methods on the terminal."""
+    degrees = [f"{np.degrees(i):g}" for i in found.inclination]
+    header = ["method", *(f"u(inc) at {d}" for d in degrees), *(f"u(azi) at {d}" for d in degrees)]
+    if found.error:
+        header += [f"err(azi) at {d}" for d in degrees]
+    rows, reasons = [], []
+    for attempt in found.attempts:
+        expected = found.uncertainty.get(attempt.method)
+        if attempt.calibration is None:
+            reasons.append(f"{attempt.method}: not applicable: {attempt.reason}")
+            continue
+        row = [attempt.method]
+        for column in (0, 1):
+            row += ["-"] * len(degrees) if expected is None else [f"{v:.3f}" for v in np.degrees(expected[:, column])]
+        if found.error:
+            row += [f"{v:.3f}" for v in np.degrees(found.error[attempt.method][:, 1])]
+        rows.append(row)
+    title = title or "expected standard uncertainty from the calibration, worst over azimuth and toolface, deg"
+    output.table(title, header, rows)
+    for sentence in reasons:
+        output.console.print(sentence, markup=False)
+    for attempt in found.attempts:
+        if attempt.calibration is not None and attempt.method == "joint":
+            output.warnings(attempt.calibration.warnings)

@@ -1,0 +1,220 @@
+"""Commands that simulate: a bench, a well, a log; the truth is written beside the data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.bench import Json, Output
+from inclinometry.io.bench_csv import write_bench
+from inclinometry.io.tool_json import write_truth
+from inclinometry.simulate.rig import Rig
+from inclinometry.workflow import simulate as use
+
+
+def bench(
+    *,
+    plan: str,
+    output_: Output,
+    seed: int = 1,
+    truth: Path | None = None,
+    tool: Path | None = None,
+    layout: str = "realistic",
+    rig_sd_deg: float = 0.0,
+    base_tilt_deg: float = 0.0,
+    north_offset_deg: float = 0.0,
+    inclination_zero_deg: float = 0.0,
+    dip_deg: float = 70.0,
+    bits: int = 12,
+    noise: float = 1.0,
+    repeats: int = 1,
+    temperature: Annotated[
+        list[float] | None, Parameter(name="--temperature-degC", consume_multiple=True, negative="")
+    ] = None,
+    temperature_degree: int = 0,
+    misread: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    json: Json = False,
+) -> None:
+    """Simulate bench readings of a plan.
+
+    Parameters
+    ----------
+    plan
+        twelve, orthogonal, half, two-face, rotations, or a CSV file of positions.
+    output_
+        Bench readings CSV.
+    seed
+        Decides tool, rig errors and noise.
+    truth
+        Write the tool and stand behind the readings.
+    tool
+        truth.json of an earlier simulation: visit the same tool on the same stand again.
+    layout
+        realistic (a few per cent and degrees off) or random (sensors anywhere).
+    rig_sd_deg
+        Random error of each setting of the rig.
+    base_tilt_deg
+        Tilt of the rig's base, about a random axis.
+    north_offset_deg
+        Azimuth of the rig's zero.
+    inclination_zero_deg
+        Constant error of the inclination dial.
+    dip_deg
+        Magnetic dip at the bench.
+    bits
+        Of the converter; 0 for signals in m/s2 and nT without steps.
+    noise
+        Factor on 0.3 mg and 20 nT.
+    repeats
+        Readings averaged at each station.
+    temperature
+        The whole plan is visited at each of these temperatures.
+    temperature_degree
+        Degree of the tool's own dependence on temperature.
+    misread
+        Faults STATION:DIAL:DEGREES, e.g. 7:toolface:30.
+    json
+        Print a JSON summary.
+    """
+    places = use.plan_named(plan)
+    heat = None
+    if temperature:
+        places = use.repeated(places, len(temperature))
+        heat = np.repeat(np.array(temperature), len(places) // len(temperature))
+    rig = Rig(
+        dip=np.radians(dip_deg),
+        base_tilt=np.radians(base_tilt_deg),
+        north_offset=np.radians(north_offset_deg),
+        setting_sd=np.radians(rig_sd_deg),
+        inclination_zero=np.radians(inclination_zero_deg),
+        faults=[use.misread(text, len(places)) for text in misread or ()],
+    )
+    found = use.bench(
+        places,
+        seed,
+        rig=rig,
+        layout=layout,
+        bits=bits or None,
+        noise=noise,
+        repeats=repeats,
+        temperature=heat,
+        temperature_degree=temperature_degree,
+        truth=None if tool is None else use.read_truth(tool),
+    )
+    write_bench(found.readings, output_)
+    if truth is not None:
+        write_truth(found.truth, found.extras, truth)
+    output.warnings(found.readings.notes)
+    if json:
+        output.print_json({"stations": len(found.readings), "output": output_, "truth": truth})
+    else:
+        output.console.print(f"{len(found.readings)} stations written to {output_}")
+
+
+def well(
+    *,
+    truth: Path,
+    output_: Output,
+    seed: int = 1,
+    kickoff_m: float = 300.0,
+    inclination_deg: float = 60.0,
+    azimuth_deg: float = 75.0,
+    hold_m: float = 900.0,
+    spacing_m: float = 30.0,
+    dip_deg: float = 70.0,
+    noise: float = 1.0,
+    path: Path | None = None,
+    json: Json = False,
+) -> None:
+    """Simulate the raw survey of a build-and-hold well with a simulated tool.
+
+    Parameters
+    ----------
+    truth
+        truth.json of the tool (from simulate bench).
+    output_
+        Raw survey CSV: md_m and the channels.
+    seed
+        Decides toolfaces and noise.
+    kickoff_m
+        Depth at which building starts.
+    inclination_deg
+        Of the hold section.
+    azimuth_deg
+        From magnetic north.
+    hold_m
+        Length of the hold section.
+    spacing_m
+        Between stations.
+    dip_deg
+        Magnetic dip at the well.
+    noise
+        Factor on the tool's own noise.
+    path
+        Write the true path (survey CSV columns).
+    json
+        Print a JSON summary.
+    """
+    found = use.well(
+        use.read_truth(truth)[0],
+        seed,
+        kickoff=kickoff_m,
+        inclination=np.radians(inclination_deg),
+        azimuth=np.radians(azimuth_deg),
+        hold=hold_m,
+        spacing=spacing_m,
+        dip=np.radians(dip_deg),
+        noise=noise,
+    )
+    use.write_well(found, output_, path)
+    if json:
+        output.print_json({"stations": len(found.md), "output": output_, "path": path})
+    else:
+        output.console.print(f"{len(found.md)} stations written to {output_}")
+
+
+def log(
+    *,
+    plan: str,
+    output_: Output,
+    seed: int = 1,
+    truth: Path | None = None,
+    dwell_s: float = 5.0,
+    move_s: float = 2.0,
+    rate_hz: float = 100.0,
+    json: Json = False,
+) -> None:
+    """Simulate a continuous log: the tool rests at each position of a plan and moves between them.
+
+    Parameters
+    ----------
+    plan
+        Plan by name or CSV file.
+    output_
+        Log CSV: time_s and the channels.
+    seed
+        Decides tool, motion and noise.
+    truth
+        Write the tool behind the log.
+    dwell_s
+        Rest at each position.
+    move_s
+        Time between rests.
+    rate_hz
+        Samples a second.
+    json
+        Print a JSON summary.
+    """
+    places = use.plan_named(plan)
+    found, tool = use.log(places, seed, dwell=dwell_s, move=move_s, rate=rate_hz)
+    use.write_log(found, output_)
+    if truth is not None:
+        write_truth(tool, {"seed": seed}, truth)
+    if json:
+        output.print_json({"samples": len(found.time), "rests": len(places), "output": output_})
+    else:
+        output.console.print(f"{len(found.time)} samples, {len(places)} rests, written to {output_}")

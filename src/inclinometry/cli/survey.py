@@ -1,0 +1,175 @@
+"""Commands that use a calibrated tool: verify, survey."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.calibration.acceptance import JUDGED, Verification
+from inclinometry.calibration.summary import rounded
+from inclinometry.cli import output
+from inclinometry.cli.bench import Json, Output
+from inclinometry.io.atomic import write_text
+from inclinometry.io.bench_csv import read_bench
+from inclinometry.io.limits_toml import read_limits
+from inclinometry.io.site_toml import read_site
+from inclinometry.io.tool_json import read_calibration
+from inclinometry.survey.reduce import Survey
+from inclinometry.workflow.survey import survey_file, write_survey
+
+
+def verify(
+    readings: Path,
+    /,
+    *,
+    calibration: Path,
+    limits: str | None = None,
+    report: Path | None = None,
+    json: Json = False,
+) -> int:
+    """Verify a calibrated tool at independent positions; exit status 0 pass, 1 fail, 2 bad input.
+
+    Parameters
+    ----------
+    readings
+        Bench readings CSV of positions that were not used to calibrate.
+    calibration
+        tool.json
+    limits
+        Name of a preset or a TOML file; without limits each error is held against its own uncertainty.
+    report
+        Write an HTML report.
+    json
+        Print JSON.
+    """
+    from inclinometry.calibration.acceptance import verify as verify_readings
+
+    with output.reading(readings) as progress:
+        data = read_bench(readings, progress=progress)
+    found = verify_readings(data, read_calibration(calibration), None if limits is None else read_limits(limits))
+    if report is not None:
+        from inclinometry.report.verification import verification_report
+
+        write_text(verification_report(found), report)
+    output.warnings(found.warnings)
+    if json:
+        output.print_json(
+            {
+                "verdict": found.verdict,
+                "reasons": found.reasons,
+                "limits": {"name": found.limits_name, "source": found.limits_source},
+                "coverage_factor": found.coverage_factor,
+                "stations": [
+                    {
+                        "station": s,
+                        **{
+                            n: {"error_deg": e[i], "u_deg": w[i], "limit_deg": b[i], "decision": d[i]}
+                            for i, n in enumerate(JUDGED)
+                        },
+                    }
+                    for s, e, w, b, d in zip(
+                        found.station,
+                        np.degrees(found.errors),
+                        np.degrees(found.u),
+                        np.degrees(found.limits),
+                        found.decision,
+                        strict=True,
+                    )
+                ],
+            }
+        )
+    else:
+        show_verification(found)
+    return 0 if found.verdict == "pass" else 1
+
+
+def show_verification(found: Verification) -> None:
+    """Verdict and the largest error of each angle on the terminal."""
+    rows = []
+    for column, name in enumerate(JUDGED):
+        judged = [row for row in range(len(found.errors)) if found.decision[row][column] != "not judged"]
+        if not judged:
+            rows.append([name, "-", "-", "-", "not judged"])
+            continue
+        worst = max(judged, key=lambda row, c=column: abs(found.errors[row, c]) / found.limits[row, c])
+        e, u, b = (np.degrees(x[worst, column]) for x in (found.errors, found.u, found.limits))
+        bad = sum(found.decision[row][column] != "pass" for row in judged)
+        verdict = "pass" if bad == 0 else f"{bad} of {len(judged)} not accepted"
+        rows.append([name, f"{e:+.3f}", f"{u:.3f}", f"{b:.3f}", verdict])
+    output.table(
+        f"{found.verdict.upper()} against {found.limits_name}",
+        ["angle", "worst error deg", "u deg", "limit deg", "verdict"],
+        rows,
+        found.limits_source,
+    )
+    for sentence in found.reasons:
+        output.console.print(sentence, markup=False)
+
+
+def survey(
+    raw: Path,
+    /,
+    *,
+    calibration: Path,
+    output_: Output,
+    site: Path | None = None,
+    report: Path | None = None,
+    json: Json = False,
+) -> None:
+    """Reduce raw channels to survey stations with uncertainty.
+
+    Parameters
+    ----------
+    raw
+        CSV with md_m and the channels.
+    calibration
+        tool.json
+    output_
+        Survey CSV.
+    site
+        site.toml: north_reference, declination_deg, convergence_deg, g, b_nT, dip_deg and their sigmas.
+    report
+        Write an HTML report.
+    json
+        Print a JSON summary.
+    """
+    place = None if site is None else read_site(site)
+    with output.reading(raw) as progress:
+        found = survey_file(raw, calibration, place, progress)
+    page = None
+    if report is not None:
+        from inclinometry.report.survey import survey_report
+
+        page = survey_report(found)
+    write_survey(found, output_)
+    if page is not None:
+        write_text(page, report or "")
+    output.warnings(found.warnings)
+    if json:
+        output.print_json(
+            {
+                "stations": len(found),
+                "azimuth_reference": found.azimuth_reference,
+                "flagged": sum(bool(row) for row in found.flags),
+                "warnings": found.warnings,
+                "output": output_,
+            }
+        )
+    else:
+        show_survey(found)
+        output.console.print(
+            f"{len(found)} stations written to {output_}" + (f", report to {report}" if report else "")
+        )
+
+
+def show_survey(found: Survey, most: int = 12) -> None:
+    """A few stations spread over the survey, on the terminal."""
+    rows = []
+    for row in np.unique(np.linspace(0, len(found) - 1, min(most, len(found))).astype(int)):
+        angles = (found.inclination, found.azimuth, found.toolface)
+        u = (found.u_inclination, found.u_azimuth, found.u_toolface)
+        cells = [rounded(np.degrees(a[row]), np.degrees(w[row])) for a, w in zip(angles, u, strict=True)]
+        rows.append([f"{found.md[row]:.1f}", *cells, f"{np.degrees(found.dip[row]):.2f}", ", ".join(found.flags[row])])
+    header = ["md m", "inclination", f"azimuth ({found.azimuth_reference})", "toolface", "dip", "flags"]
+    output.table("stations, deg with standard uncertainty", header, rows)

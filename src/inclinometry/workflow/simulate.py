@@ -1,0 +1,221 @@
+"""Simulated benches and wells in the files the rest of the house reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
+from inclinometry.io.plan_csv import read_plan
+from inclinometry.io.raw_csv import write_log as write_log_csv
+from inclinometry.io.raw_csv import write_raw_survey
+from inclinometry.io.survey_csv import write_survey_csv
+from inclinometry.io.tool_json import read_extras, read_tool
+from inclinometry.sensors.tool import Tool
+from inclinometry.simulate.bench import BenchSimulation, simulate_bench
+from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
+from inclinometry.simulate.log import LogSimulation, simulate_log
+from inclinometry.simulate.rig import Misread, Rig
+from inclinometry.simulate.tool import random_tool, realistic_tool
+
+PLANS = {
+    "twelve": plans.twelve,
+    "orthogonal": plans.orthogonal,
+    "half": plans.half,
+    "two-face": plans.two_face,
+    "rotations": plans.rotations,
+}
+"""Plans that need no design, by name."""
+
+LAYOUTS = {"realistic": realistic_tool, "random": random_tool}
+"""How the sensors sit: near the tool's axes, or anywhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedBench:
+    """Readings, the tool behind them and what else the simulation knows."""
+
+    readings: BenchReadings
+    truth: Tool
+    extras: Mapping[str, Any]
+
+
+def plan_named(name: str) -> Plan:
+    """A plan by name, or from a CSV file."""
+    if name in PLANS:
+        return PLANS[name]()
+    if Path(name).suffix or Path(name).exists():
+        return read_plan(name)
+    raise InputError(f"plan {name!r} is unknown; allowed: {', '.join(PLANS)}, optimal (see `plan`), or a CSV file")
+
+
+def bench(
+    plan: Plan,
+    seed: int,
+    *,
+    rig: Rig,
+    layout: str = "realistic",
+    bits: int | None = 12,
+    noise: float = 1.0,
+    repeats: int = 1,
+    temperature: Array | float | None = None,
+    temperature_degree: int = 0,
+    truth: tuple[Tool, Rig] | None = None,
+) -> SimulatedBench:
+    """Simulate a bench run of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+    seed : int
+        Decides tool, rig errors and noise.
+    rig : Rig
+        The stand and its errors; `truth`'s stand replaces its base and field.
+    layout : {"realistic", "random"}
+    bits : int, optional
+        Of the converter; None for signals in m/s^2 and nT without steps.
+    noise : float
+        Factor on 0.3 mg and 20 nT.
+    truth : (Tool, Rig), optional
+        A tool and stand of an earlier simulation, to be visited again.
+    """
+    if layout not in LAYOUTS:
+        raise InputError(f"layout {layout!r} is unknown; allowed: {', '.join(LAYOUTS)}")
+    if noise < 0.0:
+        raise InputError(f"noise factor is {noise:g}; it must be 0 or more")
+    tool = LAYOUTS[layout](seed, bits=bits, temperature_degree=temperature_degree) if truth is None else truth[0]
+    stand = rig if truth is None else _revisit(rig, truth[1])
+    run = simulate_bench(
+        tool,
+        stand,
+        plan.azimuth,
+        plan.inclination,
+        plan.toolface,
+        noise={kind: noise * sd for kind, sd in tool.noise.items()},
+        bits=bits,
+        repeats=repeats,
+        temperature=temperature,
+        seed=seed,
+    )
+    return SimulatedBench(_readings(run, plan), run.tool, _extras(run, seed))
+
+
+def _revisit(rig: Rig, stand: Rig) -> Rig:
+    """The errors of `rig` on the base and in the field of `stand`."""
+    names = ("dip", "latitude", "declination", "base_tilt", "tilt_axis", "north_offset")
+    return replace(rig, **{name: getattr(stand, name) for name in names})
+
+
+def _readings(run: BenchSimulation, plan: Plan) -> BenchReadings:
+    return BenchReadings(
+        run.signals,
+        run.azimuth,
+        run.inclination,
+        run.toolface,
+        sd=run.sd,
+        count=run.count,
+        temperature=run.temperature,
+        roll_set=plan.roll_set,
+        units=run.units,
+        reference=run.reference,
+        notes=[
+            f"{kind} saturated in {int(hit.any(axis=1).sum())} stations"
+            for kind, hit in run.saturated.items()
+            if hit.any()
+        ],
+    )
+
+
+def _extras(run: BenchSimulation, seed: int) -> dict[str, Any]:
+    rig = run.rig
+    return {
+        "seed": seed,
+        "field_directions": dict(run.field_directions),
+        "setting_errors_deg": np.degrees(run.setting_errors),
+        "rig": {
+            "dip_deg": float(np.degrees(rig.dip)),
+            "latitude_deg": float(np.degrees(rig.latitude)),
+            "declination_deg": float(np.degrees(rig.declination)),
+            "base_tilt_deg": float(np.degrees(rig.base_tilt)),
+            "tilt_axis_deg": 0.0 if rig.tilt_axis is None else float(np.degrees(rig.tilt_axis)),
+            "north_offset_deg": float(np.degrees(rig.north_offset)),
+        },
+    }
+
+
+def read_truth(path: str | Path) -> tuple[Tool, Rig]:
+    """Tool and stand of an earlier simulation."""
+    stand = read_extras(path).get("rig")
+    if not isinstance(stand, Mapping):
+        raise InputError(f"{path}: no stand in this truth; simulate a bench to get one")
+    degrees = {name.removesuffix("_deg"): np.radians(float(value)) for name, value in stand.items()}
+    return read_tool(path), Rig(**degrees)
+
+
+def misread(text: str, size: int) -> Misread:
+    """A fault "STATION:DIAL:DEGREES", e.g. "7:toolface:30"."""
+    parts = text.split(":")
+    dials = ("azimuth", "inclination", "toolface")
+    try:
+        station, dial, off = int(parts[0]), parts[1], float(parts[2])
+    except (IndexError, ValueError):
+        raise InputError(f"misread {text!r}: write STATION:DIAL:DEGREES, e.g. 7:toolface:30") from None
+    if not 1 <= station <= size or dial not in dials:
+        raise InputError(f"misread {text!r}: stations are 1 to {size}, dials {', '.join(dials)}")
+    return Misread(station - 1, dial, np.radians(off))
+
+
+def repeated(plan: Plan, times: int) -> Plan:
+    """A plan visited several times over."""
+    angles = [np.tile(getattr(plan, name), times) for name in ("azimuth", "inclination", "toolface")]
+    rolls = [f"{name}.{i + 1}" if name else "" for i in range(times) for name in plan.roll_set]
+    return Plan(plan.name, *angles, rolls)
+
+
+def well(
+    tool: Tool,
+    seed: int,
+    *,
+    kickoff: float = 300.0,
+    inclination: float = np.radians(60.0),
+    azimuth: float = np.radians(75.0),
+    hold: float = 900.0,
+    spacing: float = 30.0,
+    dip: float = np.radians(70.0),
+    noise: float = 1.0,
+) -> SurveySimulation:
+    """The raw survey of a build-and-hold well; lengths in m, angles in rad, azimuth from magnetic north."""
+    profile = WellProfile(kickoff=kickoff, hold=inclination, hold_length=hold, azimuth=azimuth, spacing=spacing)
+    path = well_path(profile, seed)
+    return simulate_survey(tool, *path, dip=dip, noise={k: noise * sd for k, sd in tool.noise.items()}, seed=seed)
+
+
+def write_well(found: SurveySimulation, path: str | Path, truth: str | Path | None = None) -> None:
+    """Raw survey CSV and, where wanted, the true path in the columns of a survey."""
+    write_raw_survey(path, found.md, found.signals, found.temperature)
+    if truth is not None:
+        names = ("md", "inclination", "azimuth", "toolface", "magnetic_toolface")
+        write_survey_csv(truth, {**{name: getattr(found, name) for name in names}, "azimuth_reference": "magnetic"})
+
+
+def log(
+    plan: Plan, seed: int, *, dwell: float = 5.0, move: float = 2.0, rate: float = 100.0
+) -> tuple[LogSimulation, Tool]:
+    """A continuous log over the positions of a plan; seconds and samples a second."""
+    tool = realistic_tool(seed, bits=None)
+    return simulate_log(
+        tool, plan.azimuth, plan.inclination, plan.toolface, dwell=dwell, move=move, rate=rate, seed=seed
+    ), tool
+
+
+def write_log(found: LogSimulation, path: str | Path) -> None:
+    """Log CSV."""
+    write_log_csv(path, found.time, found.signals)

@@ -1,0 +1,53 @@
+"""From a continuous log to bench readings: one row for each still interval, settings from a plan where there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.stillness import StillIntervals, stations_from_log
+from inclinometry.core.errors import InputError
+from inclinometry.io.log_csv import read_log
+
+
+def readings_of_log(
+    path: str | Path,
+    *,
+    plan: Plan | None = None,
+    window: float = 0.5,
+    shortest: float = 1.0,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[BenchReadings, StillIntervals]:
+    """Still stations of a log.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV of `time_s` and channels.
+    plan : Plan, optional
+        The positions that were visited, in order; there must be as many still intervals.
+    window, shortest : float
+        Seconds over which stillness is judged, and the shortest rest that counts.
+
+    Raises
+    ------
+    InputError
+        No rest, or another number of rests than the plan has positions.
+    """
+    log = read_log(path, progress=progress)
+    readings, found = stations_from_log(
+        log.time, log.channels, temperature=log.temperature, units=log.units, window=window, shortest=shortest
+    )
+    readings = replace(readings, digest=log.digest, notes=(*log.notes, *readings.notes))
+    if plan is None:
+        return readings, found
+    if len(plan) != len(readings):
+        raise InputError(
+            f"{path}: {len(readings)} still intervals, the plan has {len(plan)} positions; they must be as many "
+            "(lower --shortest-s if a rest was missed, raise it if a pause was taken for one)"
+        )
+    settings = {name: getattr(plan, name) for name in ("azimuth", "inclination", "toolface", "roll_set")}
+    return replace(readings, **settings), found

@@ -1,0 +1,58 @@
+"""From a file of raw channels to survey stations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.digest import digest_file
+from inclinometry.earth.site import Site
+from inclinometry.io.survey_csv import RawSurvey, read_raw_survey, write_survey_csv
+from inclinometry.io.tool_json import read_calibration
+from inclinometry.survey.reduce import Survey, reduce_survey
+
+
+def survey(raw: RawSurvey, calibration: Calibration, site: Site | None = None) -> Survey:
+    """Reduce raw stations with a calibrated tool.
+
+    Parameters
+    ----------
+    raw : RawSurvey
+        From `read_raw_survey`.
+    calibration : Calibration
+    site : Site, optional
+        North reference and reference fields.
+    """
+    directions = calibration.field_directions
+    dip = None
+    if {"accelerometer", "magnetometer"} <= set(directions):
+        dip = float(np.arcsin(np.clip(directions["accelerometer"] @ directions["magnetometer"], -1.0, 1.0)))
+    return reduce_survey(
+        raw.md,
+        raw.channels,
+        calibration.tool,
+        temperature=raw.temperature,
+        site=site,
+        calibration_dip=dip,
+        inputs={"raw": raw.digest, **{f"calibration {name}": digest for name, digest in calibration.inputs.items()}},
+    )
+
+
+def survey_file(
+    raw: str | Path, tool: str | Path, site: Site | None = None, progress: Callable[[int], None] | None = None
+) -> Survey:
+    """`survey` from files; the tool file's own digest is recorded too."""
+    found = survey(read_raw_survey(raw, progress=progress), read_calibration(tool), site)
+    return Survey(**{**vars(found), "inputs": {**found.inputs, "tool": digest_file(tool)}})
+
+
+def write_survey(survey: Survey, path: str | Path) -> None:
+    """Write the survey CSV."""
+    names = ("md", "inclination", "azimuth", "toolface", "magnetic_toolface", "g_total", "b_total", "dip")
+    columns = {name: getattr(survey, name) for name in names}
+    columns |= {name: getattr(survey, name) for name in ("u_inclination", "u_azimuth", "u_toolface")}
+    flags = ["|".join(row) for row in survey.flags]
+    write_survey_csv(path, {**columns, "azimuth_reference": survey.azimuth_reference, "flags": flags})
