@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.summary import rounded
 from inclinometry.cli import output
+from inclinometry.core.arrays import Array
 from inclinometry.core.digest import digest_file
 from inclinometry.io.atomic import write_text
 from inclinometry.io.bench_csv import write_bench
@@ -340,25 +341,23 @@ def asdict_parameters(found: Calibration) -> dict[str, Any]:
     return content
 
 
+def _figures(values: Array | None) -> str:
+    return "-" if values is None else " ".join(f"{v:.3f}" for v in np.degrees(values))
+
+
 def show_comparison(found: Comparison, title: str = "") -> None:
     """Table of the methods on the terminal."""
-    degrees = [f"{np.degrees(i):g}" for i in found.inclination]
-    header = ["method", *(f"u(inc) at {d}" for d in degrees), *(f"u(azi) at {d}" for d in degrees)]
-    if found.error:
-        header += [f"err(azi) at {d}" for d in degrees]
+    header = ["method", "u(inclination)", "u(azimuth)"] + (["azimuth error"] if found.error else [])
     rows, reasons = [], []
     for attempt in found.attempts:
-        expected = found.uncertainty.get(attempt.method)
         if attempt.calibration is None:
             reasons.append(f"{attempt.method}: not applicable: {attempt.reason}")
             continue
-        row = [attempt.method]
-        for column in (0, 1):
-            row += ["-"] * len(degrees) if expected is None else [f"{v:.3f}" for v in np.degrees(expected[:, column])]
-        if found.error:
-            row += [f"{v:.3f}" for v in np.degrees(found.error[attempt.method][:, 1])]
-        rows.append(row)
-    title = title or "expected standard uncertainty from the calibration, worst over azimuth and toolface, deg"
+        expected, error = found.uncertainty.get(attempt.method), found.error.get(attempt.method)
+        row = [attempt.method, *(_figures(None if expected is None else expected[:, c]) for c in (0, 1))]
+        rows.append(row + ([_figures(None if error is None else error[:, 1])] if found.error else []))
+    at = ", ".join(f"{np.degrees(i):g}" for i in found.inclination)
+    title = title or f"standard uncertainty from the calibration alone, worst case, deg, at inclinations {at}"
     output.table(title, header, rows)
     for sentence in reasons:
         output.console.print(sentence, markup=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +14,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-console = Console(highlight=False, soft_wrap=True)
+_WIDEST = 110  # columns the widest table needs; a narrower terminal wraps lines rather than cells
+
+console = Console(highlight=False, soft_wrap=True, width=max(shutil.get_terminal_size().columns, _WIDEST))
 """Standard output for people."""
 
 
@@ -41,7 +44,7 @@ def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], capt
     """A table whose first column is text and whose others are numbers."""
     found = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_edge=False)
     for place, name in enumerate(header):
-        found.add_column(name, justify="left" if place == 0 else "right", overflow="fold")
+        found.add_column(name, justify="left" if place == 0 else "right", no_wrap=True)
     for row in rows:
         found.add_row(*row)
     console.print(found)

@@ -1,0 +1,41 @@
+"""Run every benchmark, print its tables, and write the figures that README.md quotes.
+
+    python -m benchmarks [--quick]
+
+Results go to bench-output/NAME.json; the table in README.md between its bench markers is rewritten from them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+from pathlib import Path
+
+from benchmarks import readme
+
+NAMES = ("kernel", "closed_forms", "joint", "design", "real_data")
+DRAWS = {"closed_forms": 500, "joint": 800}
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a tenth of the draws, README.md left alone")
+    options = parser.parse_args()
+    folder = Path("bench-output")
+    folder.mkdir(exist_ok=True)
+    results = {}
+    for name in NAMES:
+        print(f"\n== {name} ==", flush=True)
+        module = importlib.import_module(f"benchmarks.{name}")
+        known = {"draws": DRAWS[name] // (10 if options.quick else 1)} if name in DRAWS else {}
+        results[name] = module.run(**known)
+        module.report(results[name])
+        (folder / f"{name}.json").write_text(json.dumps(results[name], indent=1) + "\n", encoding="utf-8")
+    if not options.quick:
+        readme.update(results, Path("README.md"))
+
+
+if __name__ == "__main__":
+    main()
