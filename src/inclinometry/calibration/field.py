@@ -1,0 +1,264 @@
+"""Calibration without a rig: constant strength, constant dip, and rolls about the tool axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from inclinometry.calibration._coverage import require_coverage, unit
+from inclinometry.calibration._field_gauge import canonical, warn_axes
+from inclinometry.calibration._field_model import FieldProblem, Prior, Shots, Unknowns, upended
+from inclinometry.calibration._field_noise import Estimate, bad_shots, estimate, first_levels
+from inclinometry.calibration._field_result import assemble
+from inclinometry.calibration._field_start import rotations_between, tool_axis, triad_start, unknowns
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.arrays import Array, within
+from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.core.lsq import inverse_spd
+
+DIRECTIONS_NEEDED = 6
+"""Distinct field directions below which nothing is tried; the information of the fit is judged besides."""
+
+WEAKEST = 0.05
+"""Standard deviation, as a share of the full field, beyond which a parameter counts as not determined by the shots."""
+
+
+def calibrate_field(
+    readings: BenchReadings,
+    *,
+    specific_force: bool | None = None,
+    axis_angle_sd: float = 0.1,
+    scale_spread_sd: float = 0.1,
+    name: str = "tool",
+) -> Calibration:
+    """Calibrate an accelerometer, a magnetometer or both from shots in unknown attitudes; only `roll_set` is used.
+
+    Stations that share a roll set were pointed at one target and rolled about the tool axis; the others are anywhere.
+
+    Parameters
+    ----------
+    readings : BenchReadings
+        At least one roll set of three or more rolls (two will do with both triads), and attitudes all over the
+        sphere. `reference["dip"]`, when given, decides the accelerometer's sign. `sd` weights readings relative to each
+        other, within a factor of two; their level is estimated.
+    specific_force : bool, optional
+        True: the accelerometer reads specific force (+1 g on the axis that points up); False: gravity. Not given: what
+        the sign of the reference dip says, or gravity where there is none.
+    axis_angle_sd : float
+        rad. Prior standard deviation of the angle between two sensitive axes of a triad about 90 degrees.
+    scale_spread_sd : float
+        Prior standard deviation of the logarithm of a conversion factor about the triad's mean. Both priors are wide
+        beside what a usual campaign tells; they steady a sparse one.
+    name : str
+        Name of the tool.
+
+    Returns
+    -------
+    Calibration
+        Method "field". `rig.sd` holds the pointing error found, `rig.nuisance` the dip and the pointing error.
+
+    Raises
+    ------
+    InputError
+        No triad of three or more sensors, or values out of range.
+    IdentifiabilityError
+        No roll set, rolls too close together, too few or one-sided field directions, or a direction of the parameters
+        the shots do not determine.
+
+    Notes
+    -----
+    Maximum likelihood with one free attitude C_k for each station: y_jk = N_j C_k f_j + U0_j + e_jk, f = (0, 0, 1) and
+    (cos dip, 0, sin dip); in a roll set the tool axis is one direction plus a pointing error. Noise of each triad and
+    of pointing is estimated along (restricted maximum likelihood) with Student's t of 8 degrees of freedom, because a
+    hand shakes now and then. The covariance is the inverse Fisher information of that model, priors included.
+
+    What such data cannot show is set by convention. Tool z is the roll axis, on the side where the third sensor of the
+    first triad points. Tool x: the common turn of both triads about z is such that the first two sensors of the first
+    triad lie as near as can be to x and y. Handedness: each triad is taken as right-handed as wired; mirror images fit
+    all the same. The rotation between the triads is found from the constant dip, whatever it is.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> q = np.linalg.qr(rng.normal(size=(30, 3, 3)))[0]; q *= np.sign(np.linalg.det(q))[:, None, None]
+    >>> roll = np.arange(8) * np.pi / 4; c, s = np.cos(roll), np.sin(roll); o = np.zeros(8)
+    >>> q[:8] = np.stack([c, s, o, -s, c, o, o, o, o + 1], -1).reshape(8, 3, 3) @ q[0]
+    >>> channels = {"accelerometer": q[:, :, 2] * 9.8 + 0.1, "magnetometer": q @ [20e3, 0, 40e3] - 500.0}
+    >>> readings = BenchReadings(channels, roll_set=["1"] * 8 + [""] * 22)
+    >>> calibration = calibrate_field(readings)
+    >>> tool = calibration.tool
+    >>> tool.triads["magnetometer"].offset.round(1)
+    array([[-500., -500., -500.]])
+    """
+    prior = Prior(
+        float(within(axis_angle_sd, "axis_angle_sd", 1e-4, 1.0, "rad")),
+        float(within(scale_spread_sd, "scale_spread_sd", 1e-4, 1.0)),
+    )
+    notes: list[str] = []
+    shots, scales, names = _shots(readings, notes)
+    begin, flip = _begin(shots, prior, readings.reference, specific_force, notes)
+    problem = FieldProblem(shots, prior, first_levels(len(shots.kinds), shots.member))
+    found = estimate(problem, begin)
+    _require_information(found, names)
+    at, projection = canonical(found, flip)
+    notes += _name_bad(found, readings.station)
+    notes += warn_axes(shots.kinds, at, flip)
+    return assemble(readings, name, found, at, projection, scales, notes)
+
+
+def _shots(readings: BenchReadings, notes: list[str]) -> tuple[Shots, list[float], tuple[str, ...]]:
+    """Readings in units of the full field, the conversion factors, and the roll sets' membership."""
+    kinds = [k for k in ("accelerometer", "magnetometer") if k in readings.channels]
+    if not kinds:
+        raise InputError("a field calibration needs an accelerometer or a magnetometer; these readings have neither")
+    if "gyro" in readings.channels:
+        notes.append("gyro readings are ignored: without a rig the field method has nothing to compare them with")
+    for kind in kinds:
+        sensors = readings.channels[kind].shape[1]
+        if sensors < 3:
+            raise InputError(
+                f"{kind}: {sensors} sensors; the field method needs at least 3, a rig method will do with 2"
+            )
+    sets = [s for s in dict.fromkeys(readings.roll_set) if s]
+    lone = [s for s in sets if list(readings.roll_set).count(s) < 2]
+    if lone:
+        notes.append(
+            f"roll set {', '.join(lone)}: a single station tells nothing of the tool axis; used as a free shot"
+        )
+    sets = [s for s in sets if s not in lone]
+    if not sets:
+        raise IdentifiabilityError(
+            "no roll set: constant strength and dip never show where the tool axis is; roll the tool about its axis at "
+            "one target and name these stations in roll_set, or fit one triad in its own axes by its norm"
+        )
+    member = np.array([sets.index(s) if s in sets else -1 for s in readings.roll_set])
+    signals, relative, scales = [], [], []
+    for kind in kinds:
+        y = readings.channels[kind]
+        tensor, _, proper = triad_start(y)
+        if not proper:
+            notes.append(f"{kind}: the readings lie on no algebraic ellipsoid, started from a sphere; add attitudes")
+        scales.append(float(np.linalg.norm(tensor) / np.sqrt(3.0)))
+        signals.append(y / scales[-1])
+        relative.append(_relative(readings.sd.get(kind), y.shape))
+    return Shots(kinds, signals, relative, member, len(sets)), scales, tuple(sets)
+
+
+def _relative(sd: Array | None, shape: tuple[int, ...]) -> Array:
+    """Standard deviations over their median, within a factor of two: errors common to a shot do not average out."""
+    if sd is None or not np.any(sd > 0.0):
+        return np.ones(shape)
+    return np.clip(sd / np.median(sd[sd > 0.0]), 0.5, 2.0)
+
+
+def _begin(
+    shots: Shots, prior: Prior, reference: Mapping[str, float], specific_force: bool | None, notes: list[str]
+) -> tuple[Unknowns, bool]:
+    """Starting point of least cost among the rotations the dip allows, and whether the accelerometer is flipped."""
+    triads, fields = [], []
+    for kind, y in zip(shots.kinds, shots.signals, strict=True):
+        tensor, offset, _ = triad_start(y)
+        field = unit((y - offset) @ np.linalg.pinv(tensor).T)
+        require_coverage(kind, field, DIRECTIONS_NEEDED)
+        triads.append((tensor, offset))
+        fields.append(field)
+    both = len(fields) == 2
+    betweens = rotations_between(fields[0], fields[1]) if both else [np.eye(3)]
+    problem = FieldProblem(shots, prior, first_levels(len(shots.kinds), shots.member))
+    best: tuple[float, Unknowns, bool] | None = None
+    trouble = ""
+    for between in betweens:
+        turned = [fields[0], fields[1] @ between.T] if both else fields
+        axis = _axis(shots, turned)
+        sine = float(np.mean(np.sum(turned[0] * turned[-1], axis=1)))
+        flip = shots.kinds[0] == "accelerometer" and _reads_force(specific_force, reference, sine, both=both)
+        start = [(-triads[0][0] if flip else triads[0][0], triads[0][1]), *triads[1:]]
+        try:
+            fit = problem.solve(unknowns(shots, start, between, axis), 1e-6)
+        except ConvergenceError as error:
+            trouble = str(error)
+            continue
+        if best is None or fit.cost < best[0]:
+            best = fit.cost, _leading(fit.estimate, flip), flip
+    if best is None:
+        raise IdentifiabilityError(f"no start leads to a fit ({trouble}); check the axes and that the dip was constant")
+    _note_sign(best[2], best[1].dip, reference, specific_force, notes, both=both)
+    return best[1], best[2]
+
+
+def _axis(shots: Shots, fields: Sequence[Array]) -> Array:
+    """Tool axis in the first triad's own axes, pointing either way."""
+    axis, singular = tool_axis(fields, shots.member, shots.sets)
+    # the second singular value is the width of the circle the fields drew; 0.2 is some 10 deg of roll
+    if singular[1] < 0.2:
+        raise IdentifiabilityError(
+            "the rolls of the roll sets do not show the tool axis: they span too little, or a single triad was rolled "
+            "only once; roll through a full turn in three or more steps"
+        )
+    return axis
+
+
+def _leading(at: Unknowns, flip: bool) -> Unknowns:
+    """Tool z on the side where the third sensor of the first triad points, or the one most along it."""
+    along = unit(at.tensors[0])[:, 2] * (-1.0 if flip else 1.0)
+    leader = 2 if abs(along[2]) > 0.3 else int(np.argmax(np.abs(along)))
+    return upended(at) if along[leader] < 0.0 else at
+
+
+def _reads_force(given: bool | None, reference: Mapping[str, float], sine: float, *, both: bool) -> bool:
+    """Whether the accelerometer reads specific force: as told, or by the sign of the reference dip, or no."""
+    if given is not None or not both or "dip" not in reference:
+        return bool(given)
+    return bool(sine * np.sin(reference["dip"]) < 0.0)
+
+
+def _note_sign(
+    flip: bool, dip: float, reference: Mapping[str, float], given: bool | None, notes: list[str], *, both: bool
+) -> None:
+    """Say how the sign was decided where it could be doubted."""
+    if not both or "dip" not in reference:
+        return
+    if given is None and flip:
+        notes.append("the accelerometer is taken to read specific force, because of the sign of the reference dip")
+    if abs(dip - reference["dip"]) > np.radians(10.0):
+        notes.append(
+            f"dip comes out as {np.degrees(dip):.1f} deg, the reference is {np.degrees(reference['dip']):.1f} deg; "
+            "check the axes of the magnetometer (one mirrored?) and the accelerometer's sign"
+        )
+
+
+def _require_information(found: Estimate, sets: Sequence[str]) -> None:
+    """Raise in words when, priors aside, the shots leave a direction of the tool's parameters open."""
+    problem, shots = found.problem, found.problem.shots
+    alone = FieldProblem(shots, Prior(1e6, 1e6), problem.levels)
+    covariance = inverse_spd(alone.normal(found.at).hessian)[: shots.tool, : shots.tool]
+    gauge = alone.gauge(found.at)[: shots.tool]
+    clear = np.eye(shots.tool) - np.outer(gauge, gauge)
+    values, vectors = np.linalg.eigh(clear @ covariance @ clear)
+    sd = float(np.sqrt(max(values[-1], 0.0)))
+    if sd <= WEAKEST:
+        return
+    index = int(np.argmax(np.abs(vectors[:, -1])))
+    kind = next(k for k, c in zip(shots.kinds, shots.columns, strict=True) if c.start <= index < c.stop)
+    sensor, place = divmod(index - shots.columns[list(shots.kinds).index(kind)].start, 4)
+    what = f"offset of sensor {sensor + 1}" if place == 3 else f"sensor {sensor + 1} along {'xyz'[place]}"
+    raise IdentifiabilityError(
+        f"{len(shots.member)} shots and roll sets {', '.join(sets)} leave a parameter open ({kind}, mostly {what}): "
+        f"known to {100 * sd:.0f} % of the full field only; add free shots in other attitudes and another roll set"
+    )
+
+
+def _name_bad(found: Estimate, station: Sequence[str]) -> list[str]:
+    """Sentences that name the shots that do not fit, and the components the shots cannot tell."""
+    out = []
+    for k, group in bad_shots(found):
+        if group < len(found.problem.shots.kinds):
+            what = f"its {found.problem.shots.kinds[group]} reading does not fit (disturbed field, moved, or mistyped)"
+        else:
+            what = "it was not pointed like the others of its roll set"
+        out.append(f"station {station[k]}: {what}; it has next to no weight, repeat it")
+    for component in found.blind:
+        out.append(f"too few shots to estimate the noise of {component}; an expected value is used")
+    return out

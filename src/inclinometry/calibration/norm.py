@@ -1,0 +1,242 @@
+"""One triad, no rig: every reading has the same length. The rotation to the tool axes stays unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.calibration._coverage import distinct, require_coverage, unit
+from inclinometry.calibration._ellipsoid import algebraic_ellipsoid
+from inclinometry.core.arrays import Array, finite, frozen
+from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.core.lsq import Normal, levenberg_marquardt
+from inclinometry.sensors.triad import Triad
+
+DIRECTIONS_NEEDED = 9
+"""An ellipsoid has nine parameters; each distinct field direction gives one equation."""
+
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class NormFit:
+    """Field = inverse (signals - bias), with inverse = T K upper triangular of positive diagonal.
+
+    inverse : (3, 3) field units per signal unit.
+    bias : (3,) signal units.
+    strength : length of the field, in the field's unit.
+    covariance : (9, 9) of (inverse 00, 01, 02, 11, 12, 22, bias 0, 1, 2), the inverse Fisher information scaled by the
+        residual variance. It holds for independent residuals: fit pose means, not their many samples, where errors of
+        one pose are common.
+    residual : (K,) length of the field minus strength, in the field's unit.
+    rms : root mean square of `residual`.
+    cost : half the weighted sum of squares of `residual`.
+    distinct : number of distinct field directions (5 deg apart).
+    warnings : sentences a person can act on.
+    """
+
+    inverse: Array
+    bias: Array
+    strength: float
+    covariance: Array
+    residual: Array
+    rms: float
+    cost: float
+    distinct: int
+    warnings: Sequence[str] = ()
+
+    @property
+    def scale(self) -> Array:
+        """Diagonal of K, field units per signal unit; 1/scale is the conversion factor."""
+        return np.diagonal(self.inverse).copy()
+
+    @property
+    def misalignment(self) -> Array:
+        """(yz, zy, zx), rad: T = [[1, -yz, zy], [0, 1, -zx], [0, 0, 1]] (Tedaldi, Pretto, Menegatti 2014, eq. 1)."""
+        shear = self.inverse / self.scale
+        return np.array([-shear[0, 1], shear[0, 2], -shear[1, 2]])
+
+    @property
+    def uncertainty(self) -> dict[str, Array]:
+        """Standard uncertainties of "bias", "scale", "conversion" (1/scale) and "misalignment"."""
+        jacobian = np.zeros((3, 9))
+        scale, shear = self.scale, self.inverse / self.scale
+        for row, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+            jacobian[row, _UPPER.index((i, j))] = 1.0 / scale[j]
+            jacobian[row, _UPPER.index((j, j))] = -shear[i, j] / scale[j]
+        sd = np.sqrt(np.diagonal(self.covariance))
+        diagonal = sd[[0, 3, 5]]
+        skew = np.sqrt(np.diagonal(jacobian @ self.covariance @ jacobian.T))
+        return {"bias": sd[6:], "scale": diagonal, "conversion": diagonal / scale**2, "misalignment": skew}
+
+    @property
+    def tensor(self) -> Array:
+        """(3, 3) parametric tensor N: signal units per unit direction of the field the sensors report."""
+        return np.asarray(np.linalg.inv(self.inverse) * self.strength)
+
+    def triad(self, kind: str, unit: str = "counts", *, specific_force: bool = False) -> Triad:
+        """The triad in its own axes: z along the third sensor, y in the plane of the last two.
+
+        Parameters
+        ----------
+        kind : {"accelerometer", "magnetometer", "gyro"}
+        unit : str
+            Unit of the signals.
+        specific_force : bool
+            True for an accelerometer that reads +1 g upwards at rest: the house's tensor is for gravity, downwards.
+        """
+        return Triad(kind, -self.tensor if specific_force else self.tensor, self.bias, unit, self.strength)
+
+    def field(self, signals: ArrayLike) -> Array:
+        """Calibrated field (..., 3), in the field's unit."""
+        return np.asarray((finite(signals, "signals", (3,)) - self.bias) @ self.inverse.T)
+
+
+def calibrate_norm(signals: ArrayLike, strength: float = 1.0, weight: ArrayLike | None = None) -> NormFit:
+    """Find the nine parameters of a triad from readings of a field of constant strength, by Levenberg-Marquardt.
+
+    Parameters
+    ----------
+    signals : (K, 3) array_like
+        Readings at rest, any unit, at 9 or more distinct directions of the field all over the sphere.
+    strength : float
+        Length of the field in the unit wanted, e.g. 9.80665 m/s^2.
+    weight : (K,) array_like, optional
+        Inverse variances up to a factor, e.g. the number of samples in each mean; 1 when not given.
+
+    Returns
+    -------
+    NormFit
+        The rotation from sensor to tool axes is not in such data; by convention `inverse` is upper triangular.
+
+    Raises
+    ------
+    InputError
+        Shapes, values or a strength that cannot be used.
+    IdentifiabilityError
+        Fewer than nine distinct directions, all on one side, or readings that lie on no ellipsoid.
+
+    Notes
+    -----
+    Minimises sum w (|T K (y - b)| - strength)^2, equation (10) of Tedaldi D., Pretto A., Menegatti E., "A robust and
+    easy to implement method for IMU calibration without external equipments", ICRA 2014.
+
+    Examples
+    --------
+    >>> directions = np.random.default_rng(1).normal(size=(40, 3))
+    >>> field = 9.81 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    >>> fit = calibrate_norm(field * [400, 410, 420] + [10, 20, 30], 9.81)
+    >>> fit.bias.round(6), (1 / fit.scale).round(6)
+    (array([10., 20., 30.]), array([400., 410., 420.]))
+    """
+    y = finite(signals, "signals", (None, 3))
+    if y.ndim != 2:
+        raise InputError(f"signals has shape {y.shape}; expected (K, 3)")
+    if not (np.isfinite(strength) and strength > 0.0):
+        raise InputError(f"strength is {strength}; it must be positive")
+    w = np.ones(len(y)) if weight is None else finite(weight, "weight", (len(y),))
+    if np.any(w < 0.0) or not np.any(w > 0.0):
+        raise InputError("weight has negative values or is zero throughout; give inverse variances")
+    if len(y) < DIRECTIONS_NEEDED:
+        raise IdentifiabilityError(
+            f"{len(y)} readings; a norm-only fit needs at least {DIRECTIONS_NEEDED} distinct field directions"
+        )
+    start = algebraic_ellipsoid(y)
+    # coverage is judged in the fitted ellipsoid where there is one: raw signals with a large offset all point one way
+    count = require_coverage("signals", (y - start.centre) @ start.inverse.T, DIRECTIONS_NEEDED)
+    warnings = () if start.proper else (_NOT_AN_ELLIPSOID,)
+    theta, information = _refine(y, w, start.inverse, start.centre, proper=start.proper)
+    return _result(y, w, strength, theta, information, count, warnings)
+
+
+_NOT_AN_ELLIPSOID = (
+    "the readings lie on no algebraic ellipsoid (it comes out as a hyperboloid or thinner than 10 to 1): too few "
+    "attitudes or a field that was not constant; started from a sphere instead, check the residuals"
+)
+
+
+def _refine(y: Array, w: Array, inverse: Array, centre: Array, *, proper: bool) -> tuple[Array, Array]:
+    """Parameters (upper triangle in units of 1/size, centre in units of size) and their information, unit strength."""
+    size = 1.0 / np.cbrt(np.linalg.det(inverse))
+    x = (y - centre) / size
+    upper = np.linalg.cholesky((inverse * size).T @ (inverse * size)).T
+    start = np.concatenate([[upper[i, j] for i, j in _UPPER], np.zeros(3)])
+    weight = w / w.mean()
+
+    def normal(theta: Array) -> Normal:
+        residual, jacobian = _linearise(theta, x)
+        weighted = jacobian * weight[:, None]
+        return Normal(float(residual @ (weight * residual)), weighted.T @ residual, weighted.T @ jacobian)
+
+    try:
+        fit = levenberg_marquardt(normal, start, lambda theta, step: theta + step)
+    except ConvergenceError as error:
+        raise IdentifiabilityError(f"no ellipsoid fits the readings ({error}); {_NOT_AN_ELLIPSOID}") from None
+    information = normal(fit.estimate).hessian
+    if np.any(fit.estimate[[0, 3, 5]] <= 0.0) or np.linalg.cond(information) > 1e10:
+        raise IdentifiabilityError(f"the readings do not determine an ellipsoid; {_NOT_AN_ELLIPSOID}")
+    # back to the signals' own unit
+    unitless = np.concatenate([np.full(6, size), np.full(3, 1.0 / size)])
+    theta = fit.estimate / unitless
+    theta[6:] += centre
+    return theta, information * np.outer(unitless, unitless)
+
+
+def _linearise(theta: Array, x: Array) -> tuple[Array, Array]:
+    """|B (x - b)| - 1 and its Jacobian; equation by hand: d|Bz| = u'(dB z - B db), u = Bz / |Bz|."""
+    upper = np.zeros((3, 3))
+    upper[tuple(zip(*_UPPER, strict=True))] = theta[:6]
+    z = x - theta[6:]
+    field = z @ upper.T
+    u = unit(field)
+    jacobian = np.empty((len(x), 9))
+    for column, (i, j) in enumerate(_UPPER):
+        jacobian[:, column] = u[:, i] * z[:, j]
+    jacobian[:, 6:] = -u @ upper
+    return np.linalg.norm(field, axis=1) - 1.0, jacobian
+
+
+def _result(
+    y: Array, w: Array, strength: float, theta: Array, information: Array, count: int, warnings: Sequence[str]
+) -> NormFit:
+    """Everything in the field's unit."""
+    inverse = np.zeros((3, 3))
+    inverse[tuple(zip(*_UPPER, strict=True))] = theta[:6]
+    inverse *= strength
+    field = (y - theta[6:]) @ inverse.T
+    residual = np.linalg.norm(field, axis=1) - strength
+    relative = w / w.mean()
+    freedom = max(len(y) - 9, 1)
+    variance = float(relative @ (residual / strength) ** 2) / freedom
+    to_field = np.concatenate([np.full(6, strength), np.ones(3)])
+    covariance = np.linalg.inv(information) * variance * np.outer(to_field, to_field)
+    notes = list(warnings)
+    if len(y) == 9:
+        notes.append("nine readings leave nothing over: residuals and uncertainties are zero and mean nothing")
+    return NormFit(
+        frozen(inverse),
+        frozen(theta[6:]),
+        float(strength),
+        frozen(covariance),
+        frozen(residual),
+        float(np.sqrt(np.mean(residual**2))),
+        0.5 * float(w @ residual**2),
+        count,
+        tuple(notes),
+    )
+
+
+def count_directions(signals: ArrayLike) -> int:
+    """Number of distinct field directions (5 deg apart) in (K, 3) readings, seen from the centre of their ellipsoid.
+
+    Examples
+    --------
+    >>> count_directions([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0.01]])
+    6
+    """
+    y = finite(signals, "signals", (None, 3))
+    start = algebraic_ellipsoid(y)
+    return distinct((y - start.centre) @ start.inverse.T)

@@ -1,0 +1,284 @@
+"""Still stations in a continuous log: found without an initial rest, each one accounted for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inclinometry.calibration._windows import (
+    Run,
+    Windows,
+    moving_variance,
+    noise_floor,
+    otsu,
+    quantisation_variance,
+    runs,
+    sampling_period,
+)
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.core.arrays import Array, finite, frozen, within
+from inclinometry.core.constants import KINDS
+from inclinometry.core.errors import InputError
+
+CREEP: Final = 0.01
+"""Change of a channel's mean during a shaky rest, as a share of its range over the log, beyond which it is a motion."""
+
+KNOCK: Final = 0.003
+"""Change of a channel's mean across a short disturbance, as a share of its range, up to which it is one station."""
+
+
+@dataclass(frozen=True, eq=False)
+class StillIntervals:
+    """What was found in a log and what was dropped.
+
+    intervals : (n, 2) int, first sample and one past the last of each still interval, in order.
+    dropped : (start, stop, reason) of every other stretch that was quiet for a while.
+    noise_sd : (c,) standard deviation of each channel at rest, estimated from the log; in the channel's unit.
+    period : s, sampling interval.
+    samples : length of the log.
+    """
+
+    intervals: NDArray[np.int64]
+    dropped: Sequence[tuple[int, int, str]]
+    noise_sd: Array
+    period: float
+    samples: int
+
+    def __len__(self) -> int:
+        return len(self.intervals)
+
+    def pairs(self) -> list[tuple[int, int]]:
+        """The intervals as (start, stop) of int, ready for slicing."""
+        return [(int(a), int(b)) for a, b in self.intervals]
+
+    def report(self) -> tuple[str, ...]:
+        """Sentences: what was found, and what was dropped and why."""
+        still = int(sum(b - a for a, b in self.pairs()))
+        share = 100.0 * still / self.samples
+        lines = [
+            f"{len(self)} still stations in {self.samples} samples ({self.samples * self.period:.1f} s, "
+            f"{1.0 / self.period:.4g} Hz); still {share:.0f} % of the time"
+        ]
+        lines += [f"samples {a} to {b} dropped: {reason}" for a, b, reason in self.dropped]
+        return tuple(lines)
+
+
+def still_intervals(
+    time: ArrayLike,
+    channels: ArrayLike,
+    *,
+    window: float = 0.5,
+    shortest: float = 1.0,
+    ratio: float = 4.0,
+) -> StillIntervals:
+    """Find where a logged tool was at rest; the noise at rest is estimated from the log itself.
+
+    Parameters
+    ----------
+    time : (N,) array_like
+        s, increasing; the sampling rate comes from here, and a gap ends an interval.
+    channels : (N, c) array_like
+        Any number of channels in any units, of one triad or of several side by side.
+    window : float
+        s, length of the centred window whose variance decides (at least 5 samples are used).
+    shortest : float
+        s, shorter rests are dropped, and reported.
+    ratio : float
+        A sample is still when the window's variance, in units of the noise at rest, is below this on the average over
+        the channels. At 4 a window of 20 samples of pure noise is called moving less than once in 1e8.
+
+    Returns
+    -------
+    StillIntervals
+
+    Raises
+    ------
+    InputError
+        Times that do not increase, a log shorter than two windows, channels that never change.
+
+    Notes
+    -----
+    The noise of each channel is the fixed point of "median window variance over the still samples", entered from the
+    quietest fiftieth of the windows; so a log needs neither an initial rest nor to be still for most of its length. A
+    channel that rests within one count is given the rounding noise of that count. Rests in the hand shake more than
+    this: a stretch without any calm rest, below the valley between rest and motion in the histogram of log variance
+    (Otsu 1979) and not turning slowly, is a station too, and its larger scatter shows in its `sd`. Calm rests parted by
+    a knock that changed next to nothing are one station.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0)
+    >>> time = np.arange(3000) / 100.0
+    >>> signal = np.where(time < 12, 0, np.where(time < 15, np.sin(3 * time), 2)) + noise.normal(0, 0.01, 3000)
+    >>> [(round(a, -2), round(b, -2)) for a, b in still_intervals(time, signal[:, None]).pairs()]
+    [(0, 1200), (1500, 3000)]
+    """
+    t = finite(time, "time", (None,))
+    x = finite(channels, "channels", (None, None))
+    if t.ndim != 1 or x.ndim != 2 or len(x) != len(t):
+        raise InputError(f"time has shape {t.shape} and channels {x.shape}; expected (N,) and (N, c)")
+    within(window, "window", 0.0, 3600.0, "s")
+    within(shortest, "shortest", 0.0, 86400.0, "s")
+    within(ratio, "ratio", 1.5, 1e6)
+    period, gaps = sampling_period(t)
+    half = max(round(window / period) // 2, 2)
+    if len(t) < 4 * half + 2:
+        raise InputError(
+            f"the log has {len(t)} samples; at least {4 * half + 2} are needed for a window of {window:g} s"
+        )
+    windows = Windows(half, gaps)
+    rounding = quantisation_variance(x)
+    alive = np.ptp(x, axis=0) > 0.0
+    if not alive.any():
+        raise InputError("no channel ever changes; the log holds no measurement")
+    variance = np.maximum(moving_variance(x[:, alive], windows), rounding[alive])
+    floor = noise_floor(variance, ratio)
+    activity = np.mean(variance / floor, axis=1)
+    noise = np.zeros(x.shape[1])
+    noise[alive] = np.sqrt(floor)
+    found, dropped = _judge(_Log(t, x, noise, gaps), activity, ratio, shortest)
+    return StillIntervals(np.array(found, dtype=np.int64).reshape(-1, 2), tuple(dropped), frozen(noise), period, len(t))
+
+
+class _Log(NamedTuple):
+    time: Array
+    signals: Array
+    noise: Array
+    gaps: NDArray[np.int64]
+
+    def seconds(self, run: Run) -> float:
+        return float(self.time[run[1] - 1] - self.time[run[0]])
+
+
+def _judge(log: _Log, activity: Array, ratio: float, shortest: float) -> tuple[list[Run], list[tuple[int, int, str]]]:
+    """Rests at the noise of rest; then rests that only shake (a hand); what remains is dropped with a reason."""
+    calm = [run for run in runs(activity < ratio, log.gaps) if log.seconds(run) >= shortest]
+    largest = np.ptp(log.signals, axis=0)
+    found = _join_knocks(log, calm, largest)
+    dropped: list[tuple[int, int, str]] = []
+    limit = max(ratio, otsu(activity))
+    for run in runs(activity < limit, log.gaps):
+        if any(start < run[1] and stop > run[0] for start, stop in calm):
+            continue
+        lasts, moved = log.seconds(run), _creep(log, run, largest)
+        if lasts < 0.25 * shortest:
+            continue  # a flicker: the turning point of a motion, not a rest
+        if lasts < shortest:
+            dropped.append((*run, f"quiet for {lasts:.2f} s only; at least {shortest:g} s are needed"))
+        elif moved > CREEP:
+            dropped.append((*run, f"turning slowly: a channel moves by {100 * moved:.1f} % of its range"))
+        else:
+            found.append(run)
+    return sorted(found), dropped
+
+
+def _join_knocks(log: _Log, calm: list[Run], largest: Array) -> list[Run]:
+    """Join neighbouring rests parted by less than a second whose means agree: a knock, not a move.
+
+    A change of `KNOCK` makes the joint mean shorter than its parts by less than KNOCK^2 / 2 only.
+    """
+    joined: list[Run] = []
+    for run in calm:
+        if joined and log.time[run[0]] - log.time[joined[-1][1] - 1] < 1.0 and not np.isin(run[0], log.gaps):
+            before, after = (log.signals[a:b].mean(axis=0) for a, b in (joined[-1], run))
+            if np.all(np.abs(after - before) <= np.maximum(0.5 * log.noise, KNOCK * largest)):
+                joined[-1] = (joined[-1][0], run[1])
+                continue
+        joined.append(run)
+    return joined
+
+
+def _creep(log: _Log, run: Run, largest: Array) -> float:
+    """Largest change of a channel's mean from the first to the last third of a run, as a share of its range."""
+    start, stop = run
+    third = max((stop - start) // 3, 1)
+    change = log.signals[stop - third : stop].mean(axis=0) - log.signals[start : start + third].mean(axis=0)
+    return float(np.max(np.abs(change) / np.maximum(largest, np.finfo(float).tiny)))
+
+
+def stations_from_log(
+    time: ArrayLike,
+    channels: Mapping[str, ArrayLike],
+    *,
+    temperature: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+    window: float = 0.5,
+    shortest: float = 1.0,
+    ratio: float = 4.0,
+) -> tuple[BenchReadings, StillIntervals]:
+    """Turn a continuous log into bench readings: one row for each rest, means with their scatter, none lost.
+
+    Parameters
+    ----------
+    time : (N,) array_like
+        s.
+    channels : mapping of kind to (N, m) array_like
+        Signals of each triad; all of them together decide whether the tool is still.
+    temperature : (N,) array_like, optional
+        degC, averaged over each rest.
+    units : mapping of kind to str, optional
+    window, shortest, ratio
+        As in `still_intervals`.
+
+    Returns
+    -------
+    BenchReadings
+        Without rig angles. `sd` is the standard deviation of each mean, from the scatter of the means of up to ten
+        blocks where that is more than white noise gives; `count` the samples averaged; `notes` the report.
+    StillIntervals
+        Where the rows come from and what was dropped.
+
+    Raises
+    ------
+    InputError
+        Bad shapes, or no rest in the whole log.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0)
+    >>> time = np.arange(2000) / 100.0
+    >>> level = np.where(time < 8, 1.0, np.where(time < 12, time, 3.0))[:, None] * [1, 2, 3]
+    >>> readings, found = stations_from_log(time, {"accelerometer": level + noise.normal(0, 0.01, (2000, 3))})
+    >>> len(readings), readings.channels["accelerometer"].round(1).tolist()
+    (2, [[1.0, 2.0, 3.0], [3.0, 6.0, 9.0]])
+    """
+    arrays = {kind: finite(channels[kind], kind, (None, None)) for kind in KINDS if kind in channels}
+    if not arrays or set(channels) - set(KINDS):
+        raise InputError(f"channels are {sorted(channels)}; allowed: one or more of {', '.join(KINDS)}")
+    length = len(finite(time, "time", (None,)))
+    for kind, values in arrays.items():
+        if values.shape[:-1] != (length,):
+            raise InputError(f"{kind} has shape {values.shape}; expected ({length}, m)")
+    found = still_intervals(time, np.hstack(list(arrays.values())), window=window, shortest=shortest, ratio=ratio)
+    pairs = found.pairs()
+    if not pairs:
+        raise InputError(
+            f"the tool is never still for {shortest:g} s in this log; rest longer at each station, or lower `shortest`"
+        )
+    degrees = None if temperature is None else finite(temperature, "temperature", (length,))
+    readings = BenchReadings(
+        {kind: np.array([values[a:b].mean(axis=0) for a, b in pairs]) for kind, values in arrays.items()},
+        sd={kind: np.array([sd_of_mean(values[a:b]) for a, b in pairs]) for kind, values in arrays.items()},
+        count=np.array([float(b - a) for a, b in pairs]),
+        temperature=None if degrees is None else np.array([degrees[a:b].mean() for a, b in pairs]),
+        units=units or {},
+        notes=found.report(),
+    )
+    return readings, found
+
+
+def sd_of_mean(samples: Array, blocks: int = 10) -> Array:
+    """Standard deviation of the mean of (n, m) samples: the larger of white noise and scatter of block means."""
+    n = len(samples)
+    white = samples.std(axis=0, ddof=1) / np.sqrt(n)
+    # blocks of fewer than 8 samples would only repeat the white noise with less certainty
+    count = min(blocks, n // 8)
+    if count < 3:
+        return np.asarray(white)
+    size = n // count
+    means = samples[: count * size].reshape(count, size, -1).mean(axis=1)
+    return np.asarray(np.maximum(white, means.std(axis=0, ddof=1) / np.sqrt(count)))
