@@ -1,4 +1,4 @@
-"""The one least-squares loop: exact on linear problems, the same minimum as scipy on others, and honest when it fails."""
+"""The one least-squares loop: exact on linear problems, the same minimum as scipy on others, honest when it fails."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,40 @@
+"""Simulated bench runs as readings, for the tests of this room."""
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.simulate.bench import simulate_bench
+
+
+@pytest.fixture(scope="session")
+def bench():
+    """(plan, tool, rig, **more) -> (readings, truth); `more` as for `simulate_bench`."""
+
+    def run(plan, tool, rig, *, seed=1, reference=None, **more):
+        true = simulate_bench(tool, rig, plan.azimuth, plan.inclination, plan.toolface, seed=seed, **more)
+        readings = BenchReadings(
+            true.signals,
+            true.azimuth,
+            true.inclination,
+            true.toolface,
+            sd=true.sd,
+            count=true.count,
+            temperature=true.temperature,
+            units=true.units,
+            reference=true.reference if reference is None else reference,
+        )
+        return readings, true
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def sensor_noise():
+    """(tool, bits) -> kind -> standard deviation of one reading, converter included; signals in counts."""
+
+    def of(tool, bits=None):
+        step = 0.0 if bits is None else 1.0 / np.sqrt(12.0)
+        return {kind: np.hypot(sd, step) for kind, sd in tool.noise.items()}
+
+    return of
