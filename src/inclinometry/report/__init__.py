@@ -1,1 +1,13 @@
-""""""
+"""Reports a person reads: one self-contained HTML file each, figures, and the rows of tables for any face.
+
+calibration, verification, survey
+    `calibration_report`, `verification_report`, `survey_report`: offline HTML, light and dark; same input, same bytes.
+comparison
+    `comparison_figure`: methods side by side.
+tables, digits
+    Rows of (label, value, uncertainty, unit) and how many digits of them mean something.
+expected, words
+    What a calibrated tool can promise, and the sentences that say so.
+figure, page
+    One style for all drawings (matplotlib, loaded when something is drawn) and all pages (jinja2).
+"""

@@ -1,0 +1,186 @@
+"""Tables of a calibration report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.report.content import Table, TableRow
+from inclinometry.report.digits import plain, significant, with_uncertainty
+from inclinometry.report.expected import COLUMNS, EXPANDED, TYPICAL, differences, expected
+from inclinometry.report.tables import (
+    Row,
+    classical_rows,
+    field_unit,
+    noise_rows,
+    orthogonality_rows,
+    parameter_rows,
+    sensor_names,
+    signal_to_field,
+)
+from inclinometry.report.words import DIALS, strongest_correlations
+from inclinometry.sensors.tool import Tool
+
+
+def promise_table(tool: Tool, dip: float) -> Table | None:
+    """Standard and expanded uncertainty at typical inclinations."""
+    found = expected(tool, np.radians(TYPICAL), dip)
+    if found is None or not found.capability.variance.any():
+        return None
+    table = {name: np.degrees(found.worst(name)) for name in found.angles}
+    rows = [
+        TableRow(
+            [
+                f"{x:g}°",
+                *(f"{significant(float(u[i]))} / {significant(EXPANDED * float(u[i]))}" for u in table.values()),
+            ]
+        )
+        for i, x in enumerate(TYPICAL)
+    ]
+    where = "worst azimuth and toolface at each inclination" if found.second else "worst toolface at each inclination"
+    caption = f"Standard / expanded uncertainty (k = {EXPANDED:g}), deg; {where}"
+    return Table(caption, ["at", *table], rows)
+
+
+def rig_table(calibration: Calibration, readings: BenchReadings | None) -> Table | None:
+    """Errors of the settings at every station."""
+    errors, sd = calibration.rig.errors, calibration.rig.errors_sd
+    if errors is None:
+        return None
+    spread = np.full(errors.shape, np.nan) if sd is None else sd
+    settings = _settings(calibration, readings)
+    rows = []
+    for k, name in enumerate(calibration.residuals.station):
+        pairs = zip(np.degrees(errors[k]), np.degrees(spread[k]), strict=True)
+        rows.append(
+            TableRow([name, *settings.get(name, []), *(with_uncertainty(float(e), float(s)) for e, s in pairs)])
+        )
+    head = ["station", *(_SET if settings else []), *(f"error of {d}, deg" for d in DIALS)]
+    note = "Each estimate is drawn toward zero by the standard deviation of a setting; their scatter understates it."
+    return Table("Estimated error of each setting", head, rows, note)
+
+
+_SET = [f"{dial} set, deg" for dial in DIALS]
+
+
+def _settings(calibration: Calibration, readings: BenchReadings | None) -> dict[str, list[str]]:
+    """Station name to its dials as text; empty unless every station of the residuals is found once."""
+    if readings is None or readings.azimuth is None:
+        return {}
+    dials = np.degrees(np.stack(readings.dials, axis=1))
+    found = {n: [plain(v) for v in row] for n, row in zip(readings.station, dials, strict=True)}
+    whole = len(found) == len(readings) and all(name in found for name in calibration.residuals.station)
+    return found if whole else {}
+
+
+def residual_tables(calibration: Calibration, readings: BenchReadings | None) -> dict[str, Table]:
+    """Per triad: residual of each sensor, as a field where that says more than the signal, and standardised."""
+    residuals, settings, found = calibration.residuals, _settings(calibration, readings), {}
+    for kind, values in residuals.values.items():
+        triad = calibration.tool.triads[kind]
+        unit = field_unit(triad).name
+        fields = np.asarray(values) * signal_to_field(triad)
+        noise = calibration.tool.noise[kind] * signal_to_field(triad)
+        standardised = np.asarray(residuals.standardised[kind])
+        names = sensor_names(triad.count)
+        rows = []
+        for k, name in enumerate(residuals.station):
+            cells = [_fixed(float(v), float(s)) for v, s in zip(fields[k], noise, strict=True)]
+            scaled = [f"{v:+.2f}" for v in standardised[k]]
+            worst = float(np.nanmax(np.abs(standardised[k]), initial=0.0))
+            state = "bad" if worst > 3.0 else "warn" if worst > 2.0 else ""
+            rows.append(
+                TableRow([name, *settings.get(name, []), *cells, *scaled, f"{residuals.leverage[k]:.2f}"], state)
+            )
+        head = ["station", *(_SET if settings else []), *(f"{n}, {unit}" for n in names)]
+        head += [*(f"{n} / σ" for n in names), "leverage"]
+        note = "Reading minus model at the settings as dialled; coloured beyond two, bold beyond three deviations."
+        found[kind] = Table(f"Residuals of the {kind}", head, rows, note)
+    return found
+
+
+def _fixed(value: float, noise: float) -> str:
+    """A residual with one digit more than its noise deserves, so that columns line up."""
+    if not np.isfinite(value):
+        return "not known"
+    places = 3 if not noise > 0.0 else int(np.clip(1 - np.floor(np.log10(noise)), 0, 9))
+    return f"{value:+.{places}f}"
+
+
+def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
+    """Classical view, orthogonality and the parameters of one triad."""
+    triad, names = tool.triads[kind], sensor_names(tool.triads[kind].count)
+    classic, noise = classical_rows(tool, kind), noise_rows(tool, kind)
+    across = [
+        sorted({row.label.split(" toward ")[1] for row in classic[4 * i + 2 : 4 * i + 4]}) for i in range(len(names))
+    ]
+    body = []
+    for i, name in enumerate(names):
+        scale, bias, first, second = classic[4 * i : 4 * i + 4]
+        toward = [f"{axis}: {row.text}" for axis, row in zip(across[i], (first, second), strict=True)]
+        body.append(TableRow([name, scale.text, bias.text, *toward, significant(noise[i].value)]))
+    unit = field_unit(triad)
+    head = ["sensor", f"scale, {unit.scale_name}", f"bias, {unit.name}", "toward, deg", "toward, deg"]
+    head.append(f"noise, {unit.name}")
+    at = f" at {triad.reference_temperature:g} °C" if triad.degree else ""
+    square = orthogonality_rows(tool, kind)
+    return {
+        "kind": kind,
+        "classical": Table(f"Scale, bias and misalignment{at}, ± standard uncertainty", head, body),
+        "orthogonality": Table(
+            "Angle between axes less 90°", ["axes", "deg"], [TableRow([row.label, row.text]) for row in square]
+        ),
+        "parameters": _parameters(tool, kind, parameter_rows(tool, kind)),
+    }
+
+
+def _parameters(tool: Tool, kind: str, rows: list[Row]) -> Table:
+    """Tensor and offset, a line a sensor and power of temperature."""
+    triad = tool.triads[kind]
+    names, body = sensor_names(triad.count), []
+    for start in range(0, len(rows), 4):
+        power, sensor = divmod(start // 4, triad.count)
+        label = names[sensor] + (f" · T{power}" if triad.degree else "")
+        units = [rows[start].unit] if triad.degree else []
+        body.append(TableRow([label, *units, *(row.text for row in rows[start : start + 4])]))
+    head = ["sensor", *(["unit"] if triad.degree else []), "N x", "N y", "N z", "U0"]
+    unit = "" if triad.degree else f", {triad.unit}"
+    powers = f"; Tn: factor of (T - {triad.reference_temperature:g} °C)^n" if triad.degree else ""
+    caption = f"Tensor N and offset U0{unit}, ± standard uncertainty{powers}"
+    return Table(caption, head, body, text_columns=2 if triad.degree else 1)
+
+
+def correlation_table(calibration: Calibration) -> Table | None:
+    """The strongest correlations; None where the method states no covariance."""
+    rows = [TableRow(pair) for pair in strongest_correlations(calibration)]
+    return Table("Strongest correlations", ["one", "other", "correlation"], rows, text_columns=2) if rows else None
+
+
+def comparison_table(
+    calibration: Calibration, others: Mapping[str, Calibration], dip: float, at_deg: float
+) -> Table | None:
+    """Each method's own promise and how far its angles are from this calibration's."""
+    if not others:
+        return None
+    body = [_method(f"{calibration.method} (this report)", calibration, None, dip, at_deg)]
+    body += [_method(name, other, calibration, dip, at_deg) for name, other in others.items()]
+    head = ["method", *(f"u({name}), deg" for name in COLUMNS), *(f"Δ {name}, deg" for name in COLUMNS)]
+    note = (
+        "Δ: largest difference from this report's calibration between 10 and 90 deg inclination. u: what the method "
+        "says of itself; a method that knows nothing of the rig's errors promises too much."
+    )
+    return Table(f"Standard uncertainty at {at_deg:g}° inclination, worst attitude", head, body, note)
+
+
+def _method(name: str, other: Calibration, reference: Calibration | None, dip: float, at_deg: float) -> TableRow:
+    found = expected(other.tool, np.radians([at_deg]), dip)
+    promised = dict.fromkeys(COLUMNS, "")
+    if found is not None and np.any(np.diagonal(other.tool.covariance)):
+        promised |= {n: significant(float(np.degrees(found.worst(n)[0]))) for n in found.angles}
+    away = {} if reference is None else differences(reference.tool, other.tool, dip)
+    shown = [significant(float(np.degrees(away[n]))) if n in away else "" for n in COLUMNS]
+    return TableRow([name, *(promised[n] or "not stated" for n in COLUMNS), *shown])

@@ -1,0 +1,153 @@
+"""The report of a verification."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from inclinometry.calibration.acceptance import JUDGED, Verification
+from inclinometry.report import verification_figures as draw
+from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
+from inclinometry.report.digits import plain, rounded, significant
+from inclinometry.report.page import render
+
+UNDEFINED_DEG = 30.0
+"""Standard uncertainty from which an angle is not worth printing: the tool hangs vertically, deg."""
+_STATES = {"fail": "bad", "inconclusive": "warn"}
+
+
+def verification_report(verification: Verification) -> str:
+    """A verification as one self-contained HTML page: verdict, errors against limits, table.
+
+    Parameters
+    ----------
+    verification : Verification
+        As `inclinometry.calibration.acceptance.verify` returns it.
+
+    Returns
+    -------
+    str
+        HTML without any reference outside itself. The same input gives the same text.
+
+    Examples
+    --------
+    >>> one = np.radians([[0.02, 0.1, 0.05]])
+    >>> found = Verification(["1"], np.zeros((1, 3)), np.zeros(1), one, one / 4, 2 * one, [["pass"] * 3], 2.0, "pass",
+    ...                      ["every judged angle is within its limit"], "shop", "our own limits", "A7")
+    >>> page = verification_report(found)
+    >>> "PASS" in page, "FAIL" in page
+    (True, False)
+    """
+    passed = verification.verdict == "pass"
+    name = verification.tool or "Tool without a name"
+    return render(
+        "verification.html",
+        title=f"Verification of {verification.tool or 'a tool'}",
+        kind="Verification report",
+        heading=name,
+        conventions=CONVENTIONS,
+        state="good" if passed else "bad",
+        badge=verification.verdict.upper(),
+        verdict=_sentence(verification),
+        notes=[f"{reason[:1].upper()}{reason[1:]}." for reason in verification.reasons],
+        warnings=list(verification.warnings),
+        summary=_summary(verification),
+        station_figures=[_station(verification, c) for c in range(3)],
+        curve_figures=[_curve(verification, c) for c in range(3)],
+        table=cut(_table(verification)),
+        facts=_facts(verification),
+    )
+
+
+def _sentence(verification: Verification) -> str:
+    count, tool = len(verification.station), verification.tool or "the tool"
+    kept = "keeps" if verification.verdict == "pass" else "does not keep"
+    where = f"{count} independent position{'s' * (count != 1)}"
+    return f"{tool[:1].upper()}{tool[1:]} {kept} the limits “{verification.limits_name}” at {where}."
+
+
+def _summary(verification: Verification) -> Table:
+    """Per angle: largest error, its limit, counts of the decisions."""
+    body = []
+    for column, name in enumerate(JUDGED):
+        decisions = [row[column] for row in verification.decision]
+        judged = np.array([d != "not judged" for d in decisions], dtype=bool)
+        error = np.degrees(verification.errors[judged, column])
+        u = np.degrees(verification.u[judged, column])
+        if not len(error):
+            body.append(TableRow([name, "not judged", "", "", "", "0", "0", "0"]))
+            continue
+        worst = int(np.argmax(np.abs(error)))
+        limits = np.degrees(verification.limits[judged, column])
+        low, high = (significant(float(v), 3) for v in (limits.min(), limits.max()))
+        counts = [str(decisions.count(d)) for d in ("pass", "inconclusive", "fail")]
+        state = "bad" if "fail" in decisions else "warn" if "inconclusive" in decisions else ""
+        cells = [
+            _signed(float(error[worst]), float(u[worst])),
+            significant(float(np.sqrt(np.mean(error**2)))),
+            significant(verification.coverage_factor * float(np.median(u))),
+            low if low == high else f"{low} to {high}",
+        ]
+        body.append(TableRow([name, *cells, *counts], state))
+    head = [
+        "angle",
+        "largest error, deg",
+        "rms, deg",
+        "U (median), deg",
+        "limit ±, deg",
+        "pass",
+        "inconclusive",
+        "fail",
+    ]
+    return Table(f"Errors over all judged positions; U with k = {verification.coverage_factor:.3g}", head, body)
+
+
+def _signed(value: float, u: float) -> str:
+    text = rounded(value, u)
+    return text if text.startswith("-") or not np.isfinite(value) else f"+{text}"
+
+
+def _station(verification: Verification, column: int) -> Picture:
+    name = JUDGED[column]
+    band = "; shaded: guard band" if any("inconclusive" in row for row in verification.decision) else ""
+    caption = f"Error of {name} at each station, bars U (k = {verification.coverage_factor:.3g}); red: limits{band}"
+    return picture(draw.station_figure(verification, column), f"station{name}", caption)
+
+
+def _curve(verification: Verification, column: int) -> Picture:
+    caption = f"Error curve: error of {JUDGED[column]} over its setting"
+    return picture(draw.curve_figure(verification, column), f"curve{JUDGED[column]}", caption)
+
+
+def _table(verification: Verification) -> Table:
+    """A line a station: settings, error and expanded uncertainty of each angle, decisions."""
+    dials = np.degrees(verification.dials)
+    errors, spread = np.degrees(verification.errors), np.degrees(verification.u)
+    rows = []
+    for k, station in enumerate(verification.station):
+        cells = [plain(v) for v in dials[k]]
+        for column in range(3):
+            error, u = float(errors[k, column]), float(spread[k, column])
+            limit = float(np.degrees(verification.limits[k, column]))
+            defined = u < UNDEFINED_DEG
+            cells += (
+                [_signed(error, u), significant(verification.coverage_factor * u)] if defined else ["undefined", ""]
+            )
+            cells += [f"{limit:.3g}" if np.isfinite(limit) else "", verification.decision[k][column]]
+        worst = [_STATES.get(d, "") for d in verification.decision[k]]
+        state = "bad" if "bad" in worst else "warn" if "warn" in worst else ""
+        rows.append(TableRow([station, *cells], state))
+    head = ["station", "azimuth set", "inclination set", "toolface set"]
+    for name in JUDGED:
+        head += [f"error of {name}", "U", "limit ±", "decision"]
+    return Table(f"All positions, deg; U with k = {verification.coverage_factor:.3g}", head, rows)
+
+
+def _facts(verification: Verification) -> list[tuple[str, str]]:
+    facts = [
+        ("Tool", verification.tool or "not named"),
+        ("Positions", str(len(verification.station))),
+        ("Limits", verification.limits_name),
+        ("Source of the limits", verification.limits_source or "not stated"),
+        ("Coverage factor", f"k = {verification.coverage_factor:.3g}"),
+    ]
+    return facts + [(f"Digest of {name}", digest) for name, digest in verification.inputs.items()]

@@ -1,0 +1,228 @@
+"""What a calibration says, in the sentences a calibration engineer would write."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from inclinometry.calibration.likelihood import tangent_basis
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.angles import wrap_positive, wrap_signed
+from inclinometry.core.arrays import Array
+from inclinometry.report.digits import significant, with_uncertainty
+from inclinometry.report.expected import EXPANDED, Expected, field_dip
+
+METHODS = {
+    "joint": "joint maximum likelihood of all triads, rig errors shared between them",
+    "twelve": "closed form for the twelve positions",
+    "orthogonal": "closed form for the 24 orthogonal positions",
+    "rotations": "closed form for two full rotations about the tool axis",
+    "field": "constant field strength in any attitude, no rig",
+    "classical": "classical small-angle differences",
+}
+DIALS = ("azimuth", "inclination", "toolface")
+
+
+def listed(words: list[str]) -> str:
+    """Words with commas and a final "and".
+
+    Examples
+    --------
+    >>> listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])
+    ('a', 'a and b', 'a, b and c')
+    """
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
+
+
+def verdict(calibration: Calibration, found: Expected | None, at_deg: float) -> str:
+    """One sentence: what a reading of this tool is worth. `found` holds the inclination `at_deg` (deg) alone."""
+    tool = calibration.tool.name or "this tool"
+    if found is None:
+        return f"The accelerometers of {tool} see fewer than three components of gravity: no attitude can be promised."
+    values = {name: EXPANDED * float(np.degrees(found.worst(name)[0])) for name in found.angles}
+    if not any(values.values()):
+        return f"The method gives no uncertainty for {tool}: what its readings are worth is not known from this run."
+    parts = listed([f"{name} within ±{significant(value)}°" for name, value in values.items()])
+    where = f"at {at_deg:g}° inclination, at the worst azimuth and toolface" if found.second else f"at {at_deg:g}°"
+    condition = "if the warnings below are dealt with" if calibration.warnings else ""
+    return f"One reading of {tool} gives {parts} ({_coverage()}) {where}{', ' if condition else ''}{condition}."
+
+
+def _coverage() -> str:
+    return f"expanded, k = {EXPANDED:g}, about 95 %"
+
+
+def covers(calibration: Calibration) -> str:
+    """What stands behind the promise, and what does not."""
+    without = not np.any(np.diagonal(calibration.tool.covariance))
+    if without:
+        return "The method states no covariance: only the noise of one reading is included, not the calibration itself."
+    return (
+        "Included: the calibration's own uncertainty with all correlations, and the noise of one reading. Not "
+        "included: misalignment in the drill string, magnetic interference, temperatures outside the calibrated range, "
+        "ageing."
+    )
+
+
+def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[tuple[str, str]]:
+    """What was measured, as pairs of label and text."""
+    tool, stations = calibration.tool, len(calibration.residuals.station)
+    triads = [f"{t.count} {kind}s ({t.unit})" for kind, t in tool.triads.items()]
+    facts = [
+        ("Tool", tool.name or "not named"),
+        ("Sensors", listed(triads)),
+        ("Method", f"{calibration.method}: {METHODS.get(calibration.method, 'see the record')}"),
+        ("Stations", f"{stations}{_left_out(stations, readings)}"),
+        ("Temperature", _temperature(calibration)),
+    ]
+    for kind, triad in tool.triads.items():
+        if triad.degree:
+            degree = f"polynomial of degree {triad.degree} about {triad.reference_temperature:g} °C"
+            facts.append((f"Temperature model of the {kind}", degree))
+    if readings is not None and readings.count is not None:
+        facts.append(("Readings averaged", f"{int(readings.count.min())} to {int(readings.count.max())} a station"))
+    if readings is not None:
+        facts += [(f"Stated at the stand: {name}", text) for name, text in _stated(readings.reference)]
+    return facts + [(f"Digest of {name}", digest) for name, digest in calibration.inputs.items()]
+
+
+def _left_out(used: int, readings: BenchReadings | None) -> str:
+    missing = 0 if readings is None else len(readings) - used
+    return f" ({missing} more were left out of the fit)" if missing > 0 else ""
+
+
+def _temperature(calibration: Calibration) -> str:
+    span = calibration.tool.temperature_range
+    return "not recorded" if span is None else f"{span[0]:.1f} to {span[1]:.1f} °C"
+
+
+def _stated(reference: Mapping[str, float]) -> list[tuple[str, str]]:
+    shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: f"{v:.0f} nT", "dip": lambda v: f"{np.degrees(v):.2f}°"}
+    return [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in reference.items()]
+
+
+def rig_sentences(calibration: Calibration) -> list[str]:
+    """Where the rig's base and the fields stand, how well the dials were set, constant errors found."""
+    directions, sentences = calibration.field_directions, []
+    if "accelerometer" in directions:
+        sentences.append(_base(calibration))
+    for kind in ("magnetometer", "gyro"):
+        if kind in directions:
+            sentences += _second_field(calibration, kind)
+    if not directions:
+        sentences.append("No rig took part, so nothing is known of one.")
+        return sentences
+    sd = np.degrees(np.broadcast_to(calibration.rig.sd, (3,)))
+    loose = [f"{name} {significant(value)}°" for name, value in zip(DIALS, sd, strict=True) if value > 0.0]
+    trusted = [name for name, value in zip(DIALS, sd, strict=True) if value <= 0.0]
+    if loose:
+        sentences.append(f"Standard deviation of one setting: {listed(loose)}.")
+    if trusted:
+        sentences.append(f"The dials of {listed(trusted)} were taken as exact.")
+    for name, (value, u) in calibration.rig.nuisance.items():
+        text = with_uncertainty(float(np.degrees(value)), float(np.degrees(u)))
+        sentences.append(f"Constant error of the rig, {name.replace('_', ' ')}: {text}°.")
+    return sentences
+
+
+def _base(calibration: Calibration) -> str:
+    def lean(fields: Mapping[str, Array]) -> float:
+        x, y, z = fields["accelerometer"]
+        return float(np.degrees(np.arctan2(np.hypot(x, y), z)))
+
+    x, y, _ = calibration.field_directions["accelerometer"]
+    tilt = lean(calibration.field_directions)
+    u = _spread(calibration, lean)
+    text = with_uncertainty(tilt, u)
+    if np.isfinite(u) and tilt < 2.0 * u:
+        return f"The base of the rig is level within what was measured: tilt {text}°."
+    toward = float(np.degrees(wrap_positive(np.arctan2(y, x))))
+    return f"The base of the rig is tilted by {text}°: true down leans toward the rig's azimuth {toward:.0f}°."
+
+
+def _second_field(calibration: Calibration, kind: str) -> list[str]:
+    def turn(fields: Mapping[str, Array]) -> float:
+        x, y, _ = fields[kind]
+        return float(np.degrees(wrap_signed(np.arctan2(y, x))))
+
+    def below(fields: Mapping[str, Array]) -> float:
+        return float(np.degrees(field_dip(fields, kind) or 0.0))
+
+    at = calibration.field_directions
+    dip = with_uncertainty(below(at), _spread(calibration, below))
+    north = with_uncertainty(turn(at), _spread(calibration, turn))
+    if kind == "magnetometer":
+        return [f"The magnetic field dips {dip}° and points to the rig's azimuth {north}°."]
+    latitude = with_uncertainty(-below(at), _spread(calibration, below))
+    return [f"The Earth's axis stands {latitude}° above the horizon (the latitude), at the rig's azimuth {north}°."]
+
+
+def _spread(calibration: Calibration, quantity: Callable[[Mapping[str, Array]], float]) -> float:
+    """Standard uncertainty of a function of the field directions; nan where their covariance is not in the record."""
+    names, at = list(calibration.parameter_names), calibration.field_directions
+    rows, slopes = [], []
+    step = 1e-6  # rad: central differences then err by 1e-12, and no direction is so exactly vertical in practice
+    for kind, direction in at.items():
+        basis = tangent_basis(np.asarray(direction))
+        for column, label in enumerate(("north", "east")):
+            name = f"{kind}.direction.{label}"
+            if name not in names:
+                return float("nan")
+            sides = [quantity({**at, kind: direction + sign * step * basis[:, column]}) for sign in (1.0, -1.0)]
+            rows.append(names.index(name))
+            slopes.append(float(np.degrees(wrap_signed(np.radians(sides[0] - sides[1])))) / (2.0 * step))
+    block = np.asarray(calibration.covariance)[np.ix_(rows, rows)]
+    variance = float(np.array(slopes) @ block @ np.array(slopes))
+    return float(np.sqrt(variance)) if variance > 0.0 else float("nan")
+
+
+def residual_sentences(calibration: Calibration) -> list[str]:
+    """Whether the residuals are as large as the model says."""
+    from scipy.special import erfc
+
+    blocks = calibration.residuals.standardised
+    values = np.concatenate([np.zeros(0), *(np.asarray(v).ravel() for v in blocks.values())])
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return ["The method leaves no residuals."]
+    beyond = int((np.abs(values) > 3.0).sum())
+    lie = "lies" if beyond == 1 else "lie"
+    chance = len(values) * float(erfc(3.0 / np.sqrt(2.0)))
+    spread = float(np.sqrt(np.mean(values**2)))
+    return [
+        f"Root mean square of the standardised residuals: {spread:.2f} (1 when noise and rig are as stated).",
+        f"{beyond} of {len(values)} residuals {lie} beyond three standard deviations; chance alone would put "
+        f"{significant(chance, 1)} there.",
+    ]
+
+
+def identifiability_sentences(calibration: Calibration) -> list[str]:
+    """How many readings carry how many parameters, and whether one station decides alone."""
+    sizes = sum(np.asarray(v).size for v in calibration.residuals.values.values())
+    unknown = len(calibration.parameter_names)
+    sentences = [f"{sizes} readings determine {unknown} parameters: {sizes - unknown} are left to check them."]
+    leverage = np.asarray(calibration.residuals.leverage)
+    if len(leverage):
+        most = int(np.argmax(leverage))
+        name, share = calibration.residuals.station[most], float(leverage[most])
+        decisive = "an error there would go unseen" if share > 0.9 else "no station decides alone"
+        sentences.append(f"The station with most leverage is {name}, {share:.2f} of 1: {decisive}.")
+    if any("assumed" in sentence for sentence in calibration.warnings):
+        sentences.append("The plan is blind in a direction named in the warnings; there the assumption decides.")
+    return sentences
+
+
+def strongest_correlations(calibration: Calibration, most: int = 5) -> list[tuple[str, str, str]]:
+    """Pairs of parameters that can be mistaken for each other, with their correlation, strongest first."""
+    covariance = np.asarray(calibration.covariance)
+    sd = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    if not (sd > 0.0).any():
+        return []
+    safe = np.where(sd > 0.0, sd, 1.0)
+    matrix = np.triu(covariance / np.outer(safe, safe), 1)
+    order = np.argsort(-np.abs(matrix), axis=None, kind="stable")[:most]
+    names = calibration.parameter_names
+    pairs = [divmod(int(place), len(matrix)) for place in order]
+    return [(names[i], names[j], f"{matrix[i, j]:+.3f}") for i, j in pairs if matrix[i, j] != 0.0]

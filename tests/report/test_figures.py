@@ -1,0 +1,46 @@
+"""Drawings: no global state, the same bytes, colours of the page."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+from inclinometry.core.errors import InputError
+from inclinometry.report.comparison import MethodCurve, comparison_figure
+from inclinometry.report.figure import INK, inline_svg, save_png, save_svg, style
+
+CURVES = [MethodCurve(f"method {n}", np.radians([5.0, 45.0, 90.0]), [1e-4 * n] * 3, [1e-3 * n] * 3) for n in (1, 2, 3)]
+
+
+def test_same_bytes_whatever_the_users_settings(tmp_path):
+    save_png(comparison_figure(CURVES), tmp_path / "a.png")
+    save_svg(comparison_figure(CURVES), tmp_path / "a.svg")
+    with matplotlib.rc_context({"font.size": 30.0, "axes.facecolor": "yellow", "svg.fonttype": "path"}):
+        save_png(comparison_figure(CURVES), tmp_path / "b.png")
+        save_svg(comparison_figure(CURVES), tmp_path / "b.svg")
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert INK in (tmp_path / "a.svg").read_text()  # a file of its own has a real colour
+
+
+def test_nothing_global_is_left_behind():
+    before = dict(matplotlib.rcParams)
+    inline_svg(comparison_figure(CURVES, title="all"), "one", "methods")
+    assert dict(matplotlib.rcParams) == before
+    with style():
+        assert matplotlib.rcParams["svg.hashsalt"] == "inclinometry"
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_text_is_never_rewritten():
+    name = 'id="a" #010203 <b>'
+    svg = inline_svg(comparison_figure([CURVES[0]._replace(name=name)]), "one", 'a "quoted" <text>')
+    assert 'id="a" #010203 &lt;b&gt;' in svg
+    assert "a &#34;quoted&#34; &lt;text&gt;" in svg
+    assert "currentColor" in svg
+
+
+def test_bad_rows_are_named():
+    with pytest.raises(InputError, match="no method"):
+        comparison_figure([])
+    with pytest.raises(InputError, match="odd: 2 inclinations and 1 errors"):
+        comparison_figure([MethodCurve("odd", [0.1, 0.2], [1e-3], [1e-3, 1e-3])])

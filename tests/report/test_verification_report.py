@@ -1,0 +1,61 @@
+"""The verification report."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration.acceptance import Verification
+from inclinometry.report.verification import verification_report
+
+from .pages import check
+
+NAMES = ("pass", "inconclusive", "fail", "not judged")
+
+
+@pytest.fixture
+def found():
+    size = 12
+    random = np.random.default_rng(5)
+    u = np.radians(0.05) * np.ones((size, 3))
+    limits = np.radians([0.2, 0.6, 0.5]) * np.ones((size, 3))
+    limits[0, 1:] = np.inf
+    u[0, 1:] = np.pi / np.sqrt(3.0)
+    decision = [["pass"] * 3 for _ in range(size)]
+    decision[0] = ["pass", "not judged", "not judged"]
+    dials = random.uniform(0.0, 2.0, (size, 3))
+    return Verification(
+        [str(k) for k in range(size)], dials, dials[:, 1], 0.04 * u * random.standard_normal((size, 3)), u, limits,
+        decision, 2.0, "pass", ["all within"], "shop", "sheet 4", "A7", {"readings": "sha256:1"},
+    )  # fmt: skip
+
+
+def test_pass(found):
+    page = check(verification_report(found))
+    assert page.text.index("PASS") < page.text.index("A7 keeps the limits “shop” at 12 independent positions")
+    assert "FAIL" not in page.text
+    assert page.tags.count("svg") == 6
+    assert "undefined" in page.text
+    assert verification_report(found) == verification_report(found)
+
+
+def test_fail_with_guard_band(found):
+    decision = [list(row) for row in found.decision]
+    decision[3][0], decision[4][1] = "fail", "inconclusive"
+    page = check(verification_report(replace(found, decision=decision, verdict="fail")))
+    assert "FAIL" in page.text
+    assert "does not keep" in page.text
+    assert "guard band" in page.text
+
+
+def test_nothing_judged(found):
+    none = replace(found, limits=np.full((12, 3), np.inf), decision=[["not judged"] * 3 for _ in range(12)])
+    assert "not judged" in check(verification_report(none)).text
+
+
+def test_hostile_names(found):
+    evil = "<img src=x onerror=alert(1)>"
+    sharp = replace(
+        found, station=[evil] * 12, tool=evil, limits_name=evil, limits_source=evil, reasons=[evil], warnings=[evil]
+    )
+    assert check(verification_report(sharp)).text.count(evil) >= 12 + 5
