@@ -1,0 +1,60 @@
+"""Sphinx configuration. Everything is built from this repository; nothing is fetched."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
+
+from sphinx.util.inspect import TypeAliasForwardRef  # noqa: E402
+from support import api, docstrings  # noqa: E402
+
+project = "inclinometry"
+author = "the authors of inclinometry"
+version = release = "0.1.0"
+extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "myst_parser"]
+exclude_patterns = ["_build", "README.md", "examples"]
+
+html_theme = "furo"
+html_title = "inclinometry"
+
+myst_enable_extensions = ["dollarmath", "amsmath", "substitution", "deflist"]
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+add_module_names = False
+autodoc_preserve_defaults = True
+# inside a union or a tuple autodoc would print TypeAliasForwardRef('Array')
+TypeAliasForwardRef.__repr__ = lambda self: self.name
+autodoc_type_aliases = {name: name for name in ("Array", "Index", "Mask", "ArrayLike", "NDArray")}
+# types in docstrings are written for people ("(..., 3) array_like"): they are no references
+napoleon_use_param = False
+napoleon_use_rtype = False
+napoleon_custom_sections = [("Fields", "params_style")]
+napoleon_google_docstring = False
+default_role = "code"
+python_use_unqualified_type_names = True
+
+nitpicky = True
+# every reference inside the package must resolve; these names of other packages have no page here to point to
+OUTSIDE = (
+    "Any", "Array", "ArrayLike", "Axes", "Callable", "Collection", "Column", "Figure", "Generator", "Index", "Iterable",
+    "Iterator", "Mapping", "MappingProxyType", "Markup", "Mask", "NDArray", "Path", "SeedSequence", "Sequence", "bool_",
+    "collections.abc.Callable", "collections.abc.Mapping", "collections.abc.Sequence", "date", "dtype", "float64",
+    "floating", "int64", "ndarray", "np.bool_", "numpy.dtype", "numpy.float64", "numpy.int64", "numpy.ndarray",
+    "_P", "inclinometry.report.figure._R", "inclinometry.core.lsq.State",
+)  # fmt: skip
+nitpick_ignore = [("py:class", name) for name in OUTSIDE]
+
+api.write(HERE / "generated")
+
+
+def setup(app: object) -> None:
+    """Register the reading of docstrings and signatures."""
+    app.connect("autodoc-process-docstring", docstrings.prepare, priority=100)
+    app.connect("autodoc-process-docstring", docstrings.restore, priority=900)
+    app.connect("autodoc-process-signature", docstrings.signature)

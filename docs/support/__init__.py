@@ -1,0 +1,1 @@
+"""What the pages are made with: numbers, drawings, the API reference, and the reading of docstrings."""

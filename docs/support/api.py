@@ -1,0 +1,113 @@
+"""The API reference and the command line's, written from the package itself, so that neither can forget anything."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import inspect
+import io
+import pkgutil
+import sys
+from pathlib import Path
+
+import inclinometry
+
+FLOORS = (
+    ("workflow",),
+    ("report",),
+    ("io",),
+    ("survey",),
+    ("calibration", "simulate"),
+    ("sensors",),
+    ("attitude", "earth", "uncertainty"),
+    ("core",),
+)
+"""Rooms from the top floor down; above them stands the command line, which has a page of its own."""
+
+
+def write(folder: Path) -> None:
+    """Write the pages; those that would not change are left alone, so that builds stay quick."""
+    pages = {"api/index.md": _index(), "commands.md": _commands()}
+    for room in (room for floor in FLOORS for room in floor):
+        pages[f"api/{room}.md"] = _room(room)
+    for name, text in pages.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def _summary(thing: object) -> str:
+    text = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ")
+    for mark in "|*$":
+        text = text.replace(mark, f"\\{mark}")
+    return text
+
+
+def _home(name: str) -> tuple[str, object]:
+    """Where a public name is documented, and the thing itself."""
+    module = importlib.import_module(f"inclinometry.{inclinometry._CONTENTS[name]}")
+    if not hasattr(module, name):  # `plans` is a module itself
+        return module.__name__, module
+    return f"{module.__name__}.{name}", getattr(module, name)
+
+
+def _index() -> str:
+    lines = [
+        "# API reference",
+        "",
+        "`import inclinometry as im` gives the names below; each is loaded when it is first used. Everything else is",
+        "reached through its room, e.g. `from inclinometry.calibration.stillness import still_intervals`.",
+        "",
+        "| name | what it is |",
+        "|---|---|",
+    ]
+    for name in inclinometry.__all__:
+        try:
+            home, thing = _home(name)
+        except ModuleNotFoundError:
+            continue
+        role = "py:mod" if inspect.ismodule(thing) else "py:obj"
+        lines.append(f"| {{{role}}}`im.{name} <{home}>` | {_summary(thing)} |")
+    lines += ["", "## Rooms", "", "From the top floor down; a room imports only from floors below its own.", ""]
+    lines += ["```{toctree}", ":maxdepth: 1", "", *(room for floor in FLOORS for room in floor), "```", ""]
+    return "\n".join(lines)
+
+
+def _room(room: str) -> str:
+    importlib.import_module(f"inclinometry.{room}")
+    package = sys.modules[f"inclinometry.{room}"]
+    lines = [f"# {room}", "", (package.__doc__ or "").splitlines()[0], ""]
+    for found in pkgutil.iter_modules(package.__path__):
+        if found.name.startswith("_"):
+            continue
+        name = f"inclinometry.{room}.{found.name}"
+        lines += [f"## {room}.{found.name}", "", "```{eval-rst}", f".. automodule:: {name}", "   :members:", "```", ""]
+    return "\n".join(lines)
+
+
+def _commands() -> str:
+    lines = ["# Command line", "", "What `--help` says of each command.", ""]
+    for words in ([], *_names()):
+        title = " ".join(["inclinometry", *words])
+        lines += [f"## {title}", "", "```text", _help(words), "```", ""]
+    return "\n".join(lines)
+
+
+def _names() -> list[list[str]]:
+    from inclinometry.cli.app import app, simulate
+
+    names = [[name] for name in app if not name.startswith("-") and name != "simulate"]
+    return [*names, *(["simulate", name] for name in simulate if not name.startswith("-"))]
+
+
+def _help(words: list[str]) -> str:
+    from cyclopts import CycloptsError
+    from rich.console import Console
+
+    from inclinometry.cli.app import app
+
+    stream = io.StringIO()
+    with contextlib.suppress(CycloptsError, ImportError):
+        app.help_print(words, console=Console(file=stream, width=100, color_system=None))
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()).strip()

@@ -1,0 +1,83 @@
+"""Docstrings are written for a prompt; this makes them fit for a page without changing what they say."""
+
+from __future__ import annotations
+
+import re
+
+_FIELD = re.compile(r"^(\w[\w, ]*) : (\S.*)$")
+_COLON = "\N{RATIO}"
+_RULE = re.compile(r"-{3,}")
+
+
+def prepare(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """Escape what reStructuredText would take for markup, and set lines `name : meaning` apart as a list."""
+    result: list[str] = []
+    example = False
+    for line in lines:
+        stripped = line.strip()
+        if stripped == "Attributes":
+            line = line.replace(stripped, "Fields")
+        example = stripped.startswith(">>>") or (example and bool(stripped))
+        result.append(line if example else _escaped(line))
+    result = _listed(result)
+    if what in ("attribute", "data", "property") and result:
+        # napoleon would read "type: meaning" into a first line with a colon; `restore` brings it back
+        result[0] = result[0].replace(":", _COLON)
+    lines[:] = result
+
+
+def restore(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """After napoleon: the colons `prepare` has hidden from it."""
+    lines[:] = [line.replace(_COLON, ":") for line in lines]
+
+
+def signature(
+    app: object, what: str, name: str, thing: object, options: object, arguments: str | None, result: str | None
+) -> tuple[str | None, str | None]:
+    """Types as the source writes them, without the modules they come from."""
+    if arguments and name.startswith("inclinometry.simulate."):
+        # two rooms have a Rig: what is known of one, and one to simulate
+        arguments = re.sub(r"(?<![\w.~])Rig\b", "~inclinometry.simulate.rig.Rig", arguments)
+    return _short(arguments), _short(result)
+
+
+def _short(text: str | None) -> str | None:
+    if text is None:
+        return None
+    text = text.replace("<factory>", "...")  # no Python: the rest of the signature would not be understood
+    return re.sub(
+        r"~?\b(?:collections\.abc|pathlib|types|datetime|numpy\.random\.\w+|np\.random|numpy|np)\.(?=[A-Za-z])",
+        "",
+        text,
+    )
+
+
+def _escaped(line: str) -> str:
+    """Bars, stars and trailing underscores outside of backticks are text."""
+    parts = re.split(r"(``[^`]+``|`[^`]+`)", line)
+    for index in range(0, len(parts), 2):
+        text = re.sub(r"([|*])", r"\\\1", parts[index])
+        parts[index] = re.sub(r"(\w)_(?=$|[\s.,;:)\]'/-])", r"\1\\_", text)
+    return "".join(parts)
+
+
+def _listed(lines: list[str]) -> list[str]:
+    """Lines `name : meaning` at the left margin, before any section of the docstring, become a list."""
+    rules = [number for number, line in enumerate(lines) if _RULE.fullmatch(line.strip())]
+    stop = rules[0] - 1 if rules else len(lines)
+    result: list[str] = []
+    inside = False
+    for line in lines[:stop]:
+        found = _FIELD.match(line)
+        if found:
+            if not inside and result and result[-1].strip():
+                result.append("")
+            result.append(f"* **{found[1]}** : {found[2]}")
+        elif inside and line.startswith("    "):
+            result.append("  " + line.strip())
+        else:
+            if inside and line.strip():
+                result.append("")
+            result.append(line)
+        inside = bool(found) or (inside and line.startswith("    "))
+    return result + lines[stop:]
