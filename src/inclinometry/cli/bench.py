@@ -142,6 +142,11 @@ def readings(
         output.console.print(f"  {sentence}", markup=False)
 
 
+def radians(degrees: float | None) -> float | None:
+    """Degrees of an option in rad; None stays None."""
+    return None if degrees is None else float(np.radians(degrees))
+
+
 def calibrate(
     readings: Path,
     /,
@@ -169,7 +174,8 @@ def calibrate(
     output_
         The calibration, tool.json.
     method
-        joint, twelve, orthogonal, rotations, classical or field (no angles, only roll_set).
+        joint, twelve, orthogonal, rotations, classical, field (no angles, only roll_set) or norm (no roll set
+        either: each triad in its own axes).
     report
         Write an HTML report.
     site
@@ -195,15 +201,11 @@ def calibrate(
     """
     with output.reading(readings) as progress:
         data = readings_at(readings, None if site is None else read_site(site), progress)
-
-    def rad(value: float | None) -> float | None:
-        return None if value is None else float(np.radians(value))
-
     options = Options(
-        rad(rig_sd_deg),
-        rad(level_sd_deg),
-        rad(inclination_zero_sd_deg),
-        rad(nonorthogonality_sd_deg),
+        radians(rig_sd_deg),
+        radians(level_sd_deg),
+        radians(inclination_zero_sd_deg),
+        radians(nonorthogonality_sd_deg),
         temperature_degree,
         robust,
         tool,
@@ -227,7 +229,7 @@ def calibrate(
 
 def _summary(found: Calibration) -> dict[str, Any]:
     expected = expected_uncertainty(found)
-    rows = [] if expected is None else np.degrees(expected)
+    rows = np.zeros((0, 4)) if expected is None else np.degrees(expected)
     return {
         "method": found.method,
         "tool": found.tool.name,
@@ -275,6 +277,7 @@ def compare(
     truth: Path | None = None,
     site: Path | None = None,
     rig_sd_deg: float | None = None,
+    level_sd_deg: float | None = None,
     json: Json = False,
 ) -> None:
     """Run every applicable method on the same readings, side by side.
@@ -289,13 +292,15 @@ def compare(
         site.toml with the fields at the bench.
     rig_sd_deg
         Random error of a setting of the rig; estimated when not given.
+    level_sd_deg
+        How level the stand is known to be.
     json
         Print JSON.
     """
     with output.reading(readings) as progress:
         data = readings_at(readings, None if site is None else read_site(site), progress)
-    known = None if rig_sd_deg is None else float(np.radians(rig_sd_deg))
-    found = compare_methods(data, truth=None if truth is None else read_tool(truth), rig_sd=known)
+    known = None if truth is None else read_tool(truth)
+    found = compare_methods(data, truth=known, rig_sd=radians(rig_sd_deg), level_sd=radians(level_sd_deg))
     if json:
         output.print_json(_comparison(found))
     else:

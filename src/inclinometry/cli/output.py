@@ -6,7 +6,7 @@ import json
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -87,3 +87,12 @@ def working(what: str) -> Iterator[Callable[[float], None] | None]:
     with Progress(console=errors, transient=True) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def step(title: str) -> Iterator[None]:
+    """Say on standard error what is being done, and that it is done."""
+    errors = Console(stderr=True, highlight=False)
+    with errors.status(title) if errors.is_terminal else nullcontext():
+        yield
+    errors.print(f"  done: {title}", markup=False)

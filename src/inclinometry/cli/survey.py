@@ -92,7 +92,8 @@ def show_verification(found: Verification) -> None:
         if not judged:
             rows.append([name, "-", "-", "-", "not judged"])
             continue
-        worst = max(judged, key=lambda row, c=column: abs(found.errors[row, c]) / found.limits[row, c])
+        shares = np.abs(found.errors[judged, column]) / found.limits[judged, column]
+        worst = judged[int(np.argmax(shares))]
         e, u, b = (np.degrees(x[worst, column]) for x in (found.errors, found.u, found.limits))
         bad = sum(found.decision[row][column] != "pass" for row in judged)
         verdict = "pass" if bad == 0 else f"{bad} of {len(judged)} not accepted"

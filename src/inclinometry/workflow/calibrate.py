@@ -40,7 +40,7 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
     run = method(method_name)
     given = {f.name: getattr(options, f.name) for f in fields_of(Options) if getattr(options, f.name) != f.default}
     given.pop("name", None)
-    takes = {"joint": set(given), "field": set()}.get(method_name, {"rig_sd"})
+    takes = {"joint": set(given), "field": set(), "norm": set()}.get(method_name, {"rig_sd"})
     for option in given:
         if option not in takes:
             raise InputError(
@@ -114,9 +114,11 @@ class Comparison:
     error: Mapping[str, Array]
 
 
-def compare(readings: BenchReadings, *, truth: Tool | None = None, rig_sd: float | None = None) -> Comparison:
-    """Run every applicable method on the same readings."""
-    attempts = attempt_all(readings, rig_sd=rig_sd)
+def compare(
+    readings: BenchReadings, *, truth: Tool | None = None, rig_sd: float | None = None, level_sd: float | None = None
+) -> Comparison:
+    """Run every applicable method on the same readings; rad."""
+    attempts = attempt_all(readings, rig_sd=rig_sd, level_sd=level_sd)
     uncertainty, error = {}, {}
     for attempt in attempts:
         if attempt.calibration is None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from inclinometry.calibration.direct import (
 )
 from inclinometry.calibration.field import calibrate_field
 from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.norm_record import calibrate_norms
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.errors import InclinometryError, InputError
@@ -26,6 +29,7 @@ METHODS: dict[str, Callable[..., Calibration]] = {
     "rotations": calibrate_rotations,
     "classical": calibrate_classical,
     "field": calibrate_field,
+    "norm": calibrate_norms,
 }
 
 
@@ -45,18 +49,25 @@ def method(name: str) -> Callable[..., Calibration]:
     return METHODS[name]
 
 
-def attempt_all(readings: BenchReadings, *, rig_sd: float | None = None) -> list[Attempt]:
+def attempt_all(
+    readings: BenchReadings, *, rig_sd: float | None = None, level_sd: float | None = None
+) -> list[Attempt]:
     """Every method the readings allow, side by side; the others with their reason.
 
     The joint fit stands twice: as the product's answer, and as plain least squares with trusted dials, which is what a
     fit that does not share the rig's errors between the triads amounts to.
     """
     attempts = []
-    for name in METHODS:
-        known = {} if name == "field" else {"rig_sd": rig_sd}
-        attempts.append(_attempt(name, lambda name=name, known=known: METHODS[name](readings, **known)))
+    level: dict[str, Any] = {} if level_sd is None else {"field_prior": {"accelerometer": ([0.0, 0.0, 1.0], level_sd)}}
+    for name, run in METHODS.items():
+        if name == "norm":
+            continue  # its triads stand in axes of their own: nothing to compare
+        known: dict[str, Any] = {} if name == "field" else {"rig_sd": rig_sd, **(level if name == "joint" else {})}
+        attempts.append(_attempt(name, partial(run, readings, **known)))
         if name == "joint":
-            attempts.append(_attempt("least squares", lambda: calibrate_joint(readings, rig_sd=0.0, diagnose=False)))
+            attempts.append(
+                _attempt("least squares", partial(calibrate_joint, readings, rig_sd=0.0, diagnose=False, **level))
+            )
     return attempts
 
 

@@ -175,9 +175,9 @@ def misread(text: str, size: int) -> Misread:
 
 def repeated(plan: Plan, times: int) -> Plan:
     """A plan visited several times over."""
-    angles = [np.tile(getattr(plan, name), times) for name in ("azimuth", "inclination", "toolface")]
     rolls = [f"{name}.{i + 1}" if name else "" for i in range(times) for name in plan.roll_set]
-    return Plan(plan.name, *angles, rolls)
+    azimuth, inclination, toolface = (np.tile(a, times) for a in (plan.azimuth, plan.inclination, plan.toolface))
+    return Plan(plan.name, azimuth, inclination, toolface, rolls)
 
 
 def well(

@@ -1,0 +1,102 @@
+"""The demo on the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.bench import Json, show_comparison
+from inclinometry.cli.survey import show_survey, show_verification
+from inclinometry.workflow.demo import PUBLISHED_XSENS, Demo, steps
+
+Folder = Annotated[Path, Parameter(name=["--output", "-o"])]
+
+
+def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
+    """Calibrate two real instruments, run simulated benches through every method, survey a simulated well.
+
+    Parameters
+    ----------
+    output_
+        Folder for readings, calibrations, reports and pictures.
+    json
+        Print JSON.
+    """
+    found = Demo(output_)
+    output_.mkdir(parents=True, exist_ok=True)
+    for title, step in steps():
+        with output.step(title):
+            step(found)
+    if json:
+        output.print_json(summary(found))
+        return
+    _show_real(found)
+    for name, comparison in found.comparisons.items():
+        output.console.print()
+        show_comparison(
+            comparison, f"plan {name}: standard uncertainty and true rms error, deg, at inclinations 5, 30, 60, 90"
+        )
+    output.console.print()
+    if found.verification is not None:
+        show_verification(found.verification)
+    output.console.print()
+    if found.survey is not None and found.survey_error is not None:
+        show_survey(found.survey, 8)
+        inclined = found.survey.inclination > np.radians(5.0)
+        rms = np.degrees(np.sqrt(np.mean(found.survey_error[inclined] ** 2, axis=0)))
+        output.console.print(
+            f"rms error against the true well beyond 5 deg of inclination: inclination {rms[0]:.3f}, azimuth {rms[1]:.3f} deg"
+        )
+    output.console.print(f"\nOpen {output_ / 'index.html'} for the reports.")
+
+
+def _show_real(found: Demo) -> None:
+    if found.xsens is not None:
+        ours = {
+            "bias": found.xsens.bias,
+            "counts per m/s2": 1.0 / found.xsens.scale,
+            "misalignment": found.xsens.misalignment,
+        }
+        u = found.xsens.uncertainty
+        spread = {"bias": u["bias"], "counts per m/s2": u["conversion"], "misalignment": u["misalignment"]}
+        rows = [
+            [f"{name} {'xyz'[i]}", f"{ours[name][i]:.6g}", f"{spread[name][i]:.2g}", f"{PUBLISHED_XSENS[name][i]:.6g}"]
+            for name in ours
+            for i in range(3)
+        ]
+        output.console.print()
+        title = f"Xsens MTi, real log: {found.xsens_poses} poses found, rms of the norm {found.xsens.rms:.5f} m/s2"
+        output.table(title, ["parameter", "found", "u", "imu_tk"], rows)
+    if found.cave is not None:
+        output.console.print(
+            "\nSAP6 cave instrument HC, calibrated on shots 1-16 without a rig: tool axis spread over the unseen roll set "
+            f"{np.degrees(found.cave.axis_spread):.3f} deg, dip scatter {np.degrees(found.cave.dip_scatter):.3f} deg"
+        )
+
+
+def summary(found: Demo) -> dict[str, object]:
+    """The figures of the demo for machines."""
+    content: dict[str, object] = {"folder": found.folder, "pages": [path for _, path in found.pages]}
+    if found.xsens is not None:
+        content["xsens"] = {"poses": found.xsens_poses, "bias": found.xsens.bias, "rms_m_s2": found.xsens.rms}
+    if found.cave is not None:
+        content["cave"] = {
+            "axis_spread_deg": np.degrees(found.cave.axis_spread),
+            "dip_scatter_deg": np.degrees(found.cave.dip_scatter),
+        }
+    content["benches"] = {
+        name: {
+            m: {"u_deg": np.degrees(u[:, :2]), "error_deg": np.degrees(c.error[m][:, :2])}
+            for m, u in c.uncertainty.items()
+        }
+        for name, c in found.comparisons.items()
+    }
+    if found.verification is not None:
+        content["verification"] = found.verification.verdict
+    if found.survey_error is not None:
+        content["survey_rms_deg"] = np.degrees(np.sqrt(np.mean(found.survey_error**2, axis=0)))
+    return content

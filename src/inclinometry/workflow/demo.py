@@ -1,0 +1,206 @@
+"""The whole way once: real instruments calibrated, simulated benches through every method, a well surveyed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.acceptance import Verification, verify
+from inclinometry.calibration.field import calibrate_field
+from inclinometry.calibration.norm import NormFit, calibrate_norm
+from inclinometry.calibration.norm_record import calibrate_norms
+from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.arrays import Array
+from inclinometry.io.atomic import write_text
+from inclinometry.io.bench_csv import read_bench, write_bench
+from inclinometry.io.survey_csv import read_raw_survey
+from inclinometry.io.tool_json import read_calibration, write_calibration, write_truth
+from inclinometry.report.calibration import calibration_report
+from inclinometry.report.survey import survey_report
+from inclinometry.report.verification import verification_report
+from inclinometry.sensors.tool import Tool
+from inclinometry.simulate.rig import Rig
+from inclinometry.survey.reduce import Survey, reduce_survey
+from inclinometry.workflow import simulate
+from inclinometry.workflow.calibrate import Comparison, compare, true_errors
+from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
+from inclinometry.workflow.methods import METHODS
+from inclinometry.workflow.survey import survey, write_survey
+
+PUBLISHED_XSENS = {
+    "bias": (33124.2, 33275.2, 32364.4),
+    "counts per m/s2": (414.459, 412.010, 414.649),
+    "misalignment": (-0.0033593, -0.00890639, -0.0213341),
+}
+"""imu_tk's own result on this log (Tedaldi, Pretto, Menegatti 2014), from its released calibration file."""
+
+BENCHES = {"twelve": plans.twelve, "orthogonal": plans.orthogonal, "rotations": plans.rotations}
+RIG = Rig(dip=np.radians(70.0), setting_sd=np.radians(0.1), base_tilt=np.radians(0.2))
+SEED = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Cave:
+    """A cave instrument, calibrated on shots 1-16 and judged on the roll set it has not seen."""
+
+    calibration: Calibration
+    axis_spread: float  # rms angle of the tool axis about its mean over the held-out rolls, rad
+    dip_scatter: float  # standard deviation of the dip over them, rad
+
+
+@dataclass(eq=False)
+class Demo:
+    """What the demo found, filled step by step."""
+
+    folder: Path
+    xsens: NormFit | None = None
+    xsens_poses: int = 0
+    cave: Cave | None = None
+    comparisons: dict[str, Comparison] = field(default_factory=dict)
+    verification: Verification | None = None
+    survey: Survey | None = None
+    survey_error: Array | None = None  # (n, 2) inclination, azimuth, rad
+    pages: list[tuple[str, Path]] = field(default_factory=list)
+
+    def page(self, title: str, name: str, text: str) -> None:
+        """Write a report and remember it for the index."""
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(text, path)
+        self.pages.append((title, path))
+
+
+def steps() -> Iterator[tuple[str, Callable[[Demo], None]]]:
+    """The steps in order, each with what it does; every file is written whole or not at all."""
+    yield "calibrating a real Xsens MTi from its log", _xsens
+    yield "calibrating a real cave instrument without a rig", _cave
+    for name in BENCHES:
+        yield f"simulated bench, plan {name}, every method", partial(_bench, name=name)
+    yield "verifying the tool at independent positions", _verify
+    yield "surveying a simulated well with it", _well
+    yield "drawing the methods side by side", _picture
+
+
+def _xsens(demo: Demo) -> None:
+    readings, found = xsens_stations()
+    demo.xsens_poses = len(found)
+    demo.xsens = calibrate_norm(readings.channels["accelerometer"], XSENS_GRAVITY)
+    record = calibrate_norms(readings, specific_force=True, name="Xsens MTi (Tedaldi et al. 2014)")
+    _store(demo, "xsens", readings, record)
+    demo.page("Xsens MTi, real log: calibration", "xsens/report.html", calibration_report(record, readings=readings))
+
+
+def _cave(demo: Demo) -> None:
+    shots = cave_instrument("HC")
+    readings = shots.take(np.arange(16))
+    record = calibrate_field(readings, name="SAP6 HC")
+    demo.cave = judge_cave(record, shots.take(np.arange(16, 24)))
+    _store(demo, "cave", readings, record)
+    demo.page("SAP6 cave instrument, real shots", "cave/report.html", calibration_report(record, readings=readings))
+
+
+def judge_cave(record: Calibration, rolls: BenchReadings) -> Cave:
+    """Spread of the tool axis and of the dip over a roll set the calibration has not seen."""
+    seen = reduce_survey(np.arange(float(len(rolls))), rolls.channels, record.tool)
+    axis = np.stack(
+        [
+            np.sin(seen.inclination) * np.cos(seen.azimuth),
+            np.sin(seen.inclination) * np.sin(seen.azimuth),
+            np.cos(seen.inclination),
+        ],
+        axis=1,
+    )
+    mean = axis.mean(axis=0) / np.linalg.norm(axis.mean(axis=0))
+    off = np.arctan2(np.linalg.norm(np.cross(axis, mean), axis=1), axis @ mean)
+    return Cave(record, float(np.sqrt(np.mean(off**2))), float(np.std(seen.dip)))
+
+
+def _bench(demo: Demo, name: str) -> None:
+    run = simulate.bench(BENCHES[name](), SEED, rig=RIG)
+    folder = demo.folder / name
+    folder.mkdir(parents=True, exist_ok=True)
+    write_bench(run.readings, folder / "readings.csv")
+    write_truth(run.truth, run.extras, folder / "truth.json")
+    readings = read_bench(folder / "readings.csv")
+    found = compare(readings, truth=run.truth, level_sd=RIG.base_tilt)
+    demo.comparisons[name] = found
+    best = found.attempts[0].calibration
+    if best is None:
+        return
+    record = replace(best, tool=_named(best.tool, "simulated 1"))
+    write_calibration(record, folder / "tool.json")
+    others = {a.method: a.calibration for a in found.attempts[1:] if a.calibration is not None}
+    text = calibration_report(record, readings=readings, closed_forms=others)
+    demo.page(f"simulated bench, plan {name}: calibration", f"{name}/report.html", text)
+
+
+def _named(tool: Tool, name: str) -> Tool:
+    return Tool(name, tool.triads, tool.covariance, tool.noise, tool.temperature_range)
+
+
+def _store(demo: Demo, name: str, readings: BenchReadings, record: Calibration) -> None:
+    folder = demo.folder / name
+    folder.mkdir(parents=True, exist_ok=True)
+    write_bench(readings, folder / "readings.csv")
+    write_calibration(record, folder / "tool.json")
+
+
+def _verify(demo: Demo) -> None:
+    folder = demo.folder / "orthogonal"
+    stand = simulate.read_truth(folder / "truth.json")
+    run = simulate.bench(plans.twelve(4, 5), SEED + 1, rig=replace(RIG, setting_sd=np.radians(0.02)), truth=stand)
+    write_bench(run.readings, folder / "check.csv")
+    demo.verification = verify(read_bench(folder / "check.csv"), read_calibration(folder / "tool.json"))
+    demo.page("verification at independent positions", "orthogonal/verify.html", verification_report(demo.verification))
+
+
+def _well(demo: Demo) -> None:
+    folder = demo.folder / "well"
+    folder.mkdir(parents=True, exist_ok=True)
+    truth, _ = simulate.read_truth(demo.folder / "orthogonal" / "truth.json")
+    run = simulate.well(truth, SEED)
+    simulate.write_well(run, folder / "raw.csv", folder / "path.csv")
+    found = survey(read_raw_survey(folder / "raw.csv"), read_calibration(demo.folder / "orthogonal" / "tool.json"))
+    write_survey(found, folder / "survey.csv")
+    off = [found.inclination - run.inclination, (found.azimuth - run.azimuth + np.pi) % (2.0 * np.pi) - np.pi]
+    demo.survey, demo.survey_error = found, np.stack(off, axis=1)
+    demo.page("simulated well: survey", "well/survey.html", survey_report(found))
+
+
+def _picture(demo: Demo) -> None:
+    from inclinometry.report.comparison import MethodCurve, comparison_figure
+    from inclinometry.report.figure import save_png
+    from inclinometry.report.index import index_page
+
+    inclination = np.radians([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
+    curves = [
+        MethodCurve(name, inclination, errors[:, 0], errors[:, 1])
+        for name, errors in simulated_errors(PICTURED, BENCHES["twelve"](), inclination).items()
+    ]
+    title = f"12 positions, rig settings good to 0.1 deg: rms error over {DRAWS} simulated tools"
+    save_png(comparison_figure(curves, title=title), demo.folder / "comparison.png")
+    pages = [(title, path.relative_to(demo.folder).as_posix()) for title, path in demo.pages]
+    write_text(index_page("Demonstration", pages), demo.folder / "index.html")
+
+
+DRAWS = 40
+PICTURED = ("joint", "twelve", "classical")
+
+
+def simulated_errors(methods: Sequence[str], plan: Plan, inclination: Array) -> dict[str, Array]:
+    """Rms errors (n, 3) of angles, rad, over simulated tools and rigs: what a method does, not what it says."""
+    squared: dict[str, list[Array]] = {name: [] for name in methods}
+    for seed in range(DRAWS):
+        run = simulate.bench(plan, seed, rig=RIG)
+        for name in methods:
+            known = {"diagnose": False} if name == "joint" else {}
+            found = METHODS[name](run.readings, **known)
+            squared[name].append(true_errors(found.tool, run.truth, RIG.dip, inclination) ** 2)
+    return {name: np.sqrt(np.mean(values, axis=0)) for name, values in squared.items()}

@@ -1,0 +1,61 @@
+"""The real measurements that come with the package, in the house's types."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from importlib.resources import files
+
+import numpy as np
+
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.stillness import StillIntervals, stations_from_log
+from inclinometry.core.arrays import Array
+from inclinometry.core.digest import digest_bytes
+
+_DATA = "demo_data"
+CAVE_INSTRUMENTS = ("BB", "CF", "FG", "HC")
+XSENS_GRAVITY = 9.81744
+"""Local gravity stated with the Xsens log, m/s^2."""
+
+
+def xsens_log() -> tuple[Array, Array, str]:
+    """Time (n,) s, accelerometer counts (n, 3) of a real Xsens MTi, and the digest of the file.
+
+    Source: Tedaldi, Pretto, Menegatti, ICRA 2014.
+    """
+    data = files("inclinometry.workflow").joinpath(_DATA, "xsens_mti", "xsens_acc.txt.gz").read_bytes()
+    table = np.array(gzip.decompress(data).split(), dtype=np.float64).reshape(-1, 4)
+    return table[:, 0], table[:, 1:], digest_bytes(data)
+
+
+def xsens_stations() -> tuple[BenchReadings, StillIntervals]:
+    """The poses of the Xsens log, found by the house's own detector."""
+    time, counts, digest = xsens_log()
+    readings, found = stations_from_log(time, {"accelerometer": counts})
+    return BenchReadings(
+        readings.channels,
+        sd=readings.sd,
+        count=readings.count,
+        reference={"g": XSENS_GRAVITY},
+        notes=readings.notes,
+        digest=digest,
+    ), found
+
+
+def cave_instrument(name: str) -> BenchReadings:
+    """The 24 shots of a real hand-held cave-survey instrument, mapped to house axes.
+
+    Shots 1-8 are free, 9-16 and 17-24 two sets of 8 rolls about the tool axis, the instrument's y, at a fixed target.
+    House axes are the instrument's z (taken as index mark), x, y. Source: furbrain, CircuitPython_mag_cal.
+    """
+    data = files("inclinometry.workflow").joinpath(_DATA, "sap6_cave", f"{name}.json").read_bytes()
+    raw = json.loads(data)
+    mag, grav = np.array(raw["mag"]), np.array(raw["grav"])
+    # the makers' maps from chip axes to instrument axes: "+x+y-z" and "-y-x+z"
+    b = np.stack([mag[:, 0], mag[:, 1], -mag[:, 2]], axis=1)
+    g = np.stack([-grav[:, 1], -grav[:, 0], grav[:, 2]], axis=1)
+    to_house = [2, 0, 1]
+    rolls = [""] * 8 + ["1"] * 8 + ["2"] * 8
+    channels = {"accelerometer": g[:, to_house], "magnetometer": b[:, to_house]}
+    return BenchReadings(channels, roll_set=rolls, units={"magnetometer": "uT"}, digest=digest_bytes(data))
