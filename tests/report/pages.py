@@ -58,6 +58,7 @@ def check(text):
     # an address may stand in a page only as the name of a namespace
     assert re.findall(r"https?://", re.sub(r'xmlns(:\w+)?="[^"]*"', "", text)) == []
     assert "@import" not in text
+    assert "mathdefault" not in text  # a tick label meant for the mathematical typesetter
     assert all(value.startswith("#") for value in re.findall(r"url\(([^)]*)\)", text))
     inner = set(re.findall(r'(?:url\(|href=")#([^)"]+)', text))
     assert inner <= set(page.ids)

@@ -79,7 +79,7 @@ def test_warnings_turn_the_verdict(usual):
     assert "No warnings" in check(calibration_report(found)).text
     words = check(calibration_report(warned)).text
     assert "1 warning " in words
-    assert "if the warnings below are dealt with" in words
+    assert "settle the warning below before relying on it" in words
     assert "station 3 disagrees" in words
 
 

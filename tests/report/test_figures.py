@@ -1,5 +1,8 @@
 """Drawings: no global state, the same bytes, colours of the page."""
 
+import subprocess
+import sys
+
 import matplotlib
 import numpy as np
 import pytest
@@ -44,3 +47,13 @@ def test_bad_rows_are_named():
         comparison_figure([])
     with pytest.raises(InputError, match="odd: 2 inclinations and 1 errors"):
         comparison_figure([MethodCurve("odd", [0.1, 0.2], [1e-3], [1e-3, 1e-3])])
+
+
+def test_importing_the_reports_loads_no_drawing_library():
+    code = (
+        "import sys, inclinometry.report.calibration, inclinometry.report.survey, inclinometry.report.verification\n"
+        "import inclinometry.report.comparison\n"
+        "print([m for m in ('matplotlib', 'jinja2', 'scipy', 'numba') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 MANY = 2000
 """Points above which markers are drawn as an image inside the SVG, to keep the page small."""
 TICKS_DEG = (0, 30, 60, 90, 120, 150, 180)
-FAR = 12.0
+FAR = 6.0
 """Standardised residual beyond which the scale turns logarithmic, so that one outlier does not flatten the rest."""
 
 
@@ -42,6 +42,20 @@ def residual_figure(calibration: Calibration, kind: str) -> Figure:
             label=name,
             rasterized=values.size > MANY,
         )
+    _sigma_lines(axes)
+    reach = 1.12 * max(3.4, float(np.nanmax(np.abs(values), initial=0.0)))
+    if reach > FAR:
+        reach *= 1.4  # room for the marker where the scale is dense
+        _outlier_scale(axes, reach)
+    axes.set_ylim(-reach, reach)
+    axes.set_ylabel("residual / its σ")
+    station_axis(axes, list(calibration.residuals.station))
+    _legend_above(axes, sensors)
+    return figure
+
+
+def _sigma_lines(axes: Axes) -> None:
+    """Limits at two and three standard deviations, named at the right edge."""
     for level, colour, dash in ((2.0, INK, "--"), (3.0, BAD, "-")):
         for sign in (1.0, -1.0):
             axes.axhline(sign * level, color=colour, linestyle=dash, linewidth=1.0)
@@ -56,14 +70,6 @@ def residual_figure(calibration: Calibration, kind: str) -> Figure:
             color=colour,
             annotation_clip=False,
         )
-    reach = 1.12 * max(3.4, float(np.nanmax(np.abs(values), initial=0.0)))
-    if reach > FAR:
-        axes.set_yscale("symlog", linthresh=4.0)
-    axes.set_ylim(-reach, reach)
-    axes.set_ylabel("residual / its σ")
-    station_axis(axes, list(calibration.residuals.station))
-    _legend_above(axes, sensors)
-    return figure
 
 
 @styled
@@ -140,6 +146,16 @@ def promise_map(found: Expected, name: str) -> Figure:
     axes.set_xlabel("azimuth, deg")
     axes.set_ylabel("inclination, deg")
     return figure
+
+
+def _outlier_scale(axes: Axes, reach: float) -> None:
+    """Linear to 4 standard deviations, logarithmic beyond, with plain numbers."""
+    axes.set_yscale("symlog", linthresh=4.0)
+    decades = np.arange(1, int(np.floor(np.log10(reach))) + 1)
+    steps = np.concatenate([[2.0], [6.0] * (reach < 30.0), 10.0 ** decades[:: -(-len(decades) // 4) or 1]])
+    ticks = [*(-steps[::-1]), 0.0, *steps]
+    axes.set_yticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
+    axes.set_yticks([], minor=True)
 
 
 def log_scale(axes: Axes, low: float, high: float) -> None:

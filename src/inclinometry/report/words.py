@@ -46,8 +46,9 @@ def verdict(calibration: Calibration, found: Expected | None, at_deg: float) -> 
         return f"The method gives no uncertainty for {tool}: what its readings are worth is not known from this run."
     parts = listed([f"{name} within ±{significant(value)}°" for name, value in values.items()])
     where = f"at {at_deg:g}° inclination, at the worst azimuth and toolface" if found.second else f"at {at_deg:g}°"
-    condition = "if the warnings below are dealt with" if calibration.warnings else ""
-    return f"One reading of {tool} gives {parts} ({_coverage()}) {where}{', ' if condition else ''}{condition}."
+    count = len(calibration.warnings)
+    condition = f"; settle the warning{'s' * (count > 1)} below before relying on it" if count else ""
+    return f"One reading of {tool} gives {parts} ({_coverage()}) {where}{condition}."
 
 
 def _coverage() -> str:
