@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.variance import estimate_components
+from inclinometry.calibration.variance import estimate_components, least_noise
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import InputError
 from inclinometry.core.lsq import levenberg_marquardt
@@ -50,7 +50,7 @@ def fit_with_variances(model: Model, start: State, free_noise: bool, free_rig: b
     here = fit(model, start)
     if not (free_noise or free_rig):
         return here
-    smallest = 1e-10 * np.concatenate([np.ptp(v, axis=0) for v in model.signals.values()])
+    smallest = np.concatenate([least_noise(v) for v in model.signals.values()])
     for _ in range(8):
         parts = estimate_components(here.model, here.at, here.state, free_noise, free_rig)
         spread = [np.full(v.shape[1], parts.noise[k]) for k, v in model.signals.items()]
@@ -79,7 +79,7 @@ def noise_guess(readings: BenchReadings, given: Mapping[str, object] | None, res
         count = values.shape[1]
         rms = np.sqrt(np.mean(residual[:, start : start + count] ** 2)) / 3.0
         start += count
-        least = np.maximum(1e-9 * np.ptp(values, axis=0), np.finfo(float).tiny)
+        least = least_noise(values)
         if given is not None and kind in given:
             sd = finite(given[kind], f"{kind} noise sd")  # type: ignore[arg-type]
             if (sd <= 0.0).any():

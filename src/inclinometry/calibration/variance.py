@@ -96,20 +96,38 @@ def estimate_components(model: Model, at: Linear, state: State, free_noise: bool
     parts.append(spread @ spread.swapaxes(1, 2))
     likelihood = _Restricted(at, state.errors, model.prior_information(state), parts)
     free = np.array([free_noise] * len(kinds) + [free_rig and bool(model.rig_sd.any())])
-    factors, relative = _maximise(likelihood, np.ones(len(parts)), free)
+    factors, relative = _maximise(likelihood, np.ones(len(parts)), free, _floors(model))
     return Components(dict(zip(kinds, factors[:-1].tolist(), strict=True)), float(factors[-1]), relative)
 
 
 _FLOOR = 1e-8
 """A rig variance this far below its starting value is called perfect."""
 
+LEAST_NOISE = 1e-8
+"""Share of a channel's range below which its noise is rounding; smaller ones would leave no digits for the rig's part."""
 
-def _maximise(likelihood: _Restricted, factors: Array, free: Mask) -> tuple[Array, Array]:
-    """Fisher scoring with halved steps inside factors >= floor."""
+
+def least_noise(signals: Array) -> Array:
+    """Least standard deviation (m,) that channels (K, m) are taken to have."""
+    return np.asarray(np.maximum(LEAST_NOISE * np.ptp(signals, axis=0), np.finfo(float).tiny))
+
+
+def _floors(model: Model) -> Array:
+    """Least factor of each variance: rounding for the noise, what is called perfect for the rig."""
+    floors, start = [], 0
+    for signals in model.signals.values():
+        sd = model.noise_sd[:, start : start + signals.shape[1]]
+        start += signals.shape[1]
+        floors.append(max(_FLOOR, min(1.0, float(np.max(least_noise(signals) / sd) ** 2))))
+    return np.array([*floors, _FLOOR])
+
+
+def _maximise(likelihood: _Restricted, factors: Array, free: Mask, floors: Array) -> tuple[Array, Array]:
+    """Fisher scoring with halved steps inside factors >= floors."""
     value, gradient, information = likelihood.evaluate(factors)
     for _ in range(60):
         # a factor at its floor with the likelihood falling upwards stays there
-        active = free & ~((factors <= _FLOOR) & (gradient > 0.0))
+        active = free & ~((factors <= floors) & (gradient > 0.0))
         if not active.any():
             break
         index = np.flatnonzero(active)
@@ -122,7 +140,7 @@ def _maximise(likelihood: _Restricted, factors: Array, free: Mask) -> tuple[Arra
         length = 1.0
         while length > 1e-4:
             trial = factors.copy()
-            trial[index] = np.maximum(factors[index] + length * step, _FLOOR)
+            trial[index] = np.maximum(factors[index] + length * step, floors[index])
             result = likelihood.evaluate(trial)
             if result[0] < value:
                 break
