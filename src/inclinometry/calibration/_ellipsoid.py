@@ -20,7 +20,8 @@ class Ellipsoid(NamedTuple):
 def algebraic_sphere(signals: Array) -> tuple[Array, float]:
     """Centre and radius of the algebraic least-squares sphere, linear in the unknowns."""
     middle = signals.mean(axis=0)
-    spread = max(float(np.sqrt(np.mean((signals - middle) ** 2))), np.finfo(float).tiny)
+    # readings that are all the same have no size; any will do, coverage is refused later
+    spread = float(np.sqrt(np.mean((signals - middle) ** 2))) or 1.0
     x = (signals - middle) / spread
     design = np.column_stack([2.0 * x, np.ones(len(x))])
     solution = np.linalg.lstsq(design, np.sum(x * x, axis=1), rcond=1e-10)[0]

@@ -197,7 +197,19 @@ class FieldProblem:
         hessian += np.outer(gauge, gauge) * float(np.mean(np.diagonal(hessian)[: self.shots.tool]))
         extra = np.arange(self.shots.tool, self.size)
         hessian[extra, extra] += RIDGE
+        if len(self.shots.kinds) == 1:
+            self._pin_headings(at, hessian)
         return Normal(cost, gradient, hessian)
+
+    def _pin_headings(self, at: Unknowns, hessian: Array) -> None:
+        """One field alone shows no heading: keep each set's direction from wandering about the vertical."""
+        sideways = np.cross(np.array([0.0, 0.0, 1.0]), at.pointing)
+        for s, direction in enumerate(sideways):
+            own = slice(self.shots.tool + 1 + 2 * s, self.shots.tool + 3 + 2 * s)
+            heading = tangent(at.pointing[s]).T @ direction
+            hessian[own, own] += (
+                np.outer(heading, heading) * float(np.trace(hessian[own, own])) / max(float(heading @ heading), 1e-6)
+            )
 
     def gauge(self, at: Unknowns) -> Array:
         """Unit direction in which all readings stay the same: the tool axes turned about the tool axis."""

@@ -63,7 +63,7 @@ def estimate(problem: FieldProblem, at: Unknowns, rounds: int = 100) -> Estimate
     weight = np.ones_like(problem.levels.used)
     expected = np.array([*[NOISE] * len(problem.shots.kinds), POINTING])
     for count in range(rounds):
-        at = problem.solve(at).estimate
+        at = problem.solve(at, 1e-4).estimate
         square, free = _sums(problem, at, np.where(present, weight, 1.0))
         updated = np.where(present, (FREEDOM + free) / (FREEDOM + square), 0.0)
         total, freedom = np.sum(updated * square, axis=0), free.sum(axis=0)

@@ -91,9 +91,8 @@ def roll_harmonics(roll: ArrayLike, signal: ArrayLike) -> RollHarmonics:
     offset, cosine, sine = (float(v) for v in solution)
     amplitude = float(np.hypot(cosine, sine))
     covariance = variance * np.linalg.inv(design.T @ design)
-    slope = np.array(
-        [[1, 0, 0], [0, cosine / amplitude, sine / amplitude], [0, sine / amplitude**2, -cosine / amplitude**2]]
-    )
+    size = max(amplitude, np.finfo(float).tiny ** 0.25)  # a constant signal has no phase; its uncertainty is huge
+    slope = np.array([[1.0, 0.0, 0.0], [0.0, cosine / size, sine / size], [0.0, sine / size**2, -cosine / size**2]])
     sds = np.sqrt(np.diagonal(slope @ covariance @ slope.T))
     second = _second(angle, values) if distinct >= 6 else (None, None)
     return RollHarmonics(

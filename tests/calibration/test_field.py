@@ -1,0 +1,439 @@
+"""Field calibration: simulated tools come back within an honest covariance; real cave instruments beat the peer."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from inclinometry.calibration._field_model import FieldProblem, Prior, Shots, Unknowns, rotations, tangent, turned
+from inclinometry.calibration._field_noise import first_levels
+from inclinometry.calibration._field_start import cube, rotations_between
+from inclinometry.calibration.field import calibrate_field
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.core.errors import IdentifiabilityError, InputError
+
+DIP = np.radians(68.0)
+SCALE = {"accelerometer": 9.8, "magnetometer": 48e3}
+
+
+def roll_matrix(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def simulated(rng, free=24, sets=2, rolls=8, noise=0.002, pointing=0.005, skew=0.03, sensors=3, mount=None):
+    """Readings and the true {kind: (tensor, offset)}; `mount` turns the magnetometer's sensors."""
+    attitude = list((cube()[rng.permutation(24)] @ Rotation.random(random_state=rng).as_matrix())[:free])
+    attitude = [Rotation.from_rotvec(rng.normal(0, 0.2, 3)).as_matrix() @ r for r in attitude]
+    roll_set = [""] * len(attitude)
+    for s in range(sets):
+        base = Rotation.random(random_state=rng).as_matrix()
+        for i in range(rolls):
+            tilt = Rotation.from_rotvec([*rng.normal(0, pointing, 2), 0.0]).as_matrix()
+            attitude.append(roll_matrix(2 * np.pi * i / rolls + rng.normal(0, 0.1)) @ tilt @ base)
+            roll_set.append(str(s + 1))
+    attitude = np.array(attitude)
+    fields = {"accelerometer": [0.0, 0.0, 1.0], "magnetometer": [np.cos(DIP), 0.0, np.sin(DIP)]}
+    channels, truth = {}, {}
+    for kind, f in fields.items():
+        axes = np.eye(3) if sensors == 3 else np.vstack([np.eye(3), rng.normal(size=(sensors - 3, 3))])
+        if mount is not None and kind == "magnetometer":
+            axes = axes @ mount
+        tensor = SCALE[kind] * (axes + rng.normal(0, skew, (sensors, 3)))
+        offset = SCALE[kind] * rng.normal(0, 0.05, sensors)
+        clean = attitude @ f @ tensor.T + offset
+        channels[kind] = clean + rng.normal(0, noise * SCALE[kind], clean.shape)
+        truth[kind] = tensor, offset
+    return BenchReadings(channels, roll_set=roll_set), truth
+
+
+def in_canonical_axes(truth):
+    """The true parameters turned about z as the convention says."""
+    n = next(iter(truth.values()))[0]
+    n = n / np.linalg.norm(n, axis=1, keepdims=True)
+    turn = roll_matrix(np.arctan2(n[0, 1] - n[1, 0], n[0, 0] + n[1, 1]))
+    return {kind: (tensor @ turn.T, offset) for kind, (tensor, offset) in truth.items()}
+
+
+def vector(truth):
+    return np.concatenate([np.column_stack([n, u]).ravel() for n, u in truth.values()])
+
+
+def fitted(calibration):
+    return {kind: (t.tensor[0], t.offset[0]) for kind, t in calibration.tool.triads.items()}
+
+
+def normalised_square(calibration, truth):
+    """Squared error in the metric of the covariance, and its dimension (the gauge is taken out)."""
+    miss = vector(fitted(calibration)) - vector(in_canonical_axes(truth))
+    sd = np.sqrt(np.diagonal(calibration.tool.covariance))
+    values, vectors = np.linalg.eigh(calibration.tool.covariance / np.outer(sd, sd))
+    keep = values > 1e-9
+    return float(np.sum((vectors.T @ (miss / sd))[keep] ** 2 / values[keep])), int(keep.sum())
+
+
+def cave(name):
+    """Shots of a cave instrument in house axes: instrument Z, X, Y become x, y, z."""
+    text = files("inclinometry.workflow").joinpath("demo_data", "sap6_cave", f"{name}.json").read_text()
+    raw = json.loads(text)
+    mag, grav = np.array(raw["mag"]) * [1, 1, -1], np.array(raw["grav"])
+    grav = np.column_stack([-grav[:, 1], -grav[:, 0], grav[:, 2]])
+    return grav[:, [2, 0, 1]], mag[:, [2, 0, 1]]
+
+
+def cave_scores(name, train, held_out):
+    """Spread of the tool axis and scatter of the dip, degrees, over held-out rolls at one target."""
+    grav, mag = cave(name)
+    channels = {"accelerometer": grav[train], "magnetometer": mag[train]}
+    tool = calibrate_field(BenchReadings(channels, roll_set=[""] * 8 + ["1"] * 8)).tool
+    down = tool.triads["accelerometer"].field(grav[held_out])
+    b = tool.triads["magnetometer"].field(mag[held_out])
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    b /= np.linalg.norm(b, axis=1, keepdims=True)
+    east = np.cross(down, b)
+    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    axis = np.column_stack([np.cross(east, down)[:, 2], east[:, 2], down[:, 2]])
+    mean = axis.mean(axis=0) / np.linalg.norm(axis.mean(axis=0))
+    apart = np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, mean), axis=1), axis @ mean))
+    dip = np.degrees(np.arcsin(np.sum(down * b, axis=1)))
+    return np.array([np.sqrt(np.mean(apart**2)), dip.std()])
+
+
+FREE, FIRST, SECOND = np.arange(8), np.arange(8, 16), np.arange(16, 24)
+
+
+@pytest.mark.parametrize(("name", "spread"), [("BB", 0.72), ("CF", 0.53), ("FG", 1.20), ("HC", 0.27)])
+def test_cave_instruments_held_out(name, spread):
+    assert cave_scores(name, np.r_[FREE, FIRST], SECOND)[0] <= spread
+
+
+# the published figures are means over both ways round: either roll set held out. HC is 0.287 there, its peer 0.286:
+# with all 24 shots in the fit it is still 0.265, the hand's share.
+@pytest.mark.parametrize(
+    ("name", "spread", "dip"), [("BB", 0.72, 0.25), ("CF", 0.53, 0.27), ("FG", 1.20, 0.34), ("HC", 0.29, 0.44)]
+)
+def test_cave_instruments_both_ways_round(name, spread, dip):
+    one = cave_scores(name, np.r_[FREE, FIRST], SECOND)
+    other = cave_scores(name, np.r_[FREE, SECOND], FIRST)
+    assert np.all((one + other) / 2 <= [spread, dip])
+
+
+def test_the_badly_pointed_shot_of_instrument_fg_is_named():
+    """Shot 13 points 5 degrees beside its seven companions."""
+    grav, mag = cave("FG")
+    readings = BenchReadings(
+        {"accelerometer": grav, "magnetometer": mag},
+        roll_set=[""] * 8 + ["1"] * 8 + ["2"] * 8,
+        station=[f"shot {i}" for i in range(24)],
+    )
+    assert any("shot 13" in w and "not pointed" in w for w in calibrate_field(readings).warnings)
+
+
+@pytest.mark.parametrize(
+    "options", [{"free": 8, "sets": 2}, {"free": 16, "sets": 1}, {"noise": 3e-4, "pointing": 5e-4, "rolls": 4}]
+)
+def test_covariance_is_honest(options):
+    """Normalised squared error over 24 simulated tools within the 99.9 % chi-square band, noise levels estimated."""
+    squares, size = [], 0
+    for seed in range(24):
+        readings, truth = simulated(np.random.default_rng(seed), **options)
+        square, size = normalised_square(calibrate_field(readings), truth)
+        squares.append(square)
+    assert size == 23
+    # four standard deviations of a mean of 24; upwards also the share of estimating three levels from some 25 squares
+    band = 4 * np.sqrt(2 * size / 24)
+    assert size - band < np.mean(squares) < (size + band) * 1.15
+
+
+def test_noise_and_pointing_levels_are_found():
+    found = []
+    for seed in range(8):
+        readings, _ = simulated(np.random.default_rng(100 + seed), sets=4)
+        calibration = calibrate_field(readings)
+        noise = [calibration.tool.noise[k][0] / SCALE[k] for k in SCALE]
+        found.append([*noise, calibration.rig.nuisance["pointing"][0]])
+    # t scale is 0.9 of the normal's; 8 campaigns of some 60 degrees of freedom know each level to 6 %
+    np.testing.assert_allclose(np.mean(found, axis=0), [0.0018, 0.0018, 0.0045], rtol=0.15)
+
+
+def test_exact_readings_come_back():
+    readings, truth = simulated(np.random.default_rng(1), noise=0.0, pointing=0.0)
+    calibration = calibrate_field(readings)
+    for kind, (tensor, offset) in in_canonical_axes(truth).items():
+        triad = calibration.tool.triads[kind]
+        # what is left is the pull of the priors against readings trusted to 1e-5
+        np.testing.assert_allclose(triad.tensor[0], tensor, atol=1e-6 * SCALE[kind])
+        np.testing.assert_allclose(triad.offset[0], offset, atol=1e-6 * SCALE[kind])
+    assert calibration.rig.nuisance["dip"][0] == pytest.approx(DIP, abs=1e-6)
+    assert calibration.warnings == ()
+
+
+@pytest.mark.parametrize("index", range(24))
+def test_any_mounting_of_the_magnetometer_is_found(index):
+    readings, truth = simulated(np.random.default_rng(7), mount=cube()[index])
+    calibration = calibrate_field(readings)
+    assert normalised_square(calibration, truth)[0] < 60  # chi-square of 23 exceeds this once in 3e4
+    named = any(w.startswith("magnetometer: sensors lie") for w in calibration.warnings)
+    assert named == (not np.allclose(cube()[index], np.eye(3)))
+
+
+def test_five_sensors():
+    readings, truth = simulated(np.random.default_rng(3), sensors=5, noise=1e-3)
+    square, size = normalised_square(calibrate_field(readings), truth)
+    assert size == 39
+    assert square < 85  # chi-square of 39 exceeds this once in 3e4
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "magnetometer"])
+def test_one_triad_alone(kind):
+    readings, truth = simulated(np.random.default_rng(4), sets=3)
+    alone = BenchReadings({kind: readings.channels[kind]}, roll_set=readings.roll_set)
+    calibration = calibrate_field(alone)
+    square, size = normalised_square(calibration, {kind: truth[kind]})
+    assert size == 11
+    assert square < 38  # chi-square of 11 exceeds this once in 1e4
+    assert "dip" not in calibration.rig.nuisance
+    assert calibration.parameter_names == calibration.tool.parameter_names
+
+
+def test_specific_force_by_option_and_by_the_reference_dip():
+    readings, truth = simulated(np.random.default_rng(5))
+    channels = {**readings.channels, "accelerometer": -readings.channels["accelerometer"]}
+    tensor, offset = truth["accelerometer"]
+    truth = {"accelerometer": (-tensor, -offset), "magnetometer": truth["magnetometer"]}
+    told = calibrate_field(BenchReadings(channels, roll_set=readings.roll_set), specific_force=True)
+    found = calibrate_field(BenchReadings(channels, roll_set=readings.roll_set, reference={"dip": 1.1}))
+    np.testing.assert_allclose(vector(fitted(told)), vector(fitted(found)), rtol=1e-9)
+    # the convention for x uses where the sensors point, not the sign of what they read
+    flipped = {k: (n * (-1 if k == "accelerometer" else 1), u) for k, (n, u) in truth.items()}
+    expected = in_canonical_axes(flipped)["accelerometer"][0]
+    np.testing.assert_allclose(found.tool.triads["accelerometer"].tensor[0], -expected, atol=0.05)
+    assert any("specific force" in w for w in found.warnings)
+    wrong = calibrate_field(
+        BenchReadings(channels, roll_set=readings.roll_set, reference={"dip": 1.1}), specific_force=False
+    )
+    assert any("the reference is" in w for w in wrong.warnings)
+
+
+def test_a_magnetic_object_beside_one_shot_is_named_and_does_little_harm():
+    readings, truth = simulated(np.random.default_rng(6), noise=1e-3)
+    b = readings.channels["magnetometer"].copy()
+    b[5] += [3000.0, -2000.0, 1500.0]
+    bad = BenchReadings({**readings.channels, "magnetometer": b}, roll_set=readings.roll_set)
+    calibration = calibrate_field(bad)
+    assert any(w.startswith("station 6: its magnetometer reading") for w in calibration.warnings)
+    assert normalised_square(calibration, truth)[0] < 60
+    assert abs(calibration.residuals.standardised["magnetometer"][5]).max() > 10
+
+
+def test_a_badly_pointed_roll_is_named():
+    readings, _ = simulated(np.random.default_rng(8), sets=3)
+    away = Rotation.from_rotvec([0.1, 0.0, 0.0]).as_matrix()
+    channels = {k: v.copy() for k, v in readings.channels.items()}
+    channels["accelerometer"][26] = away @ channels["accelerometer"][26]
+    channels["magnetometer"][26] = away @ channels["magnetometer"][26]
+    warnings = calibrate_field(BenchReadings(channels, roll_set=readings.roll_set)).warnings
+    assert any(w.startswith("station 27: it was not pointed") for w in warnings)
+
+
+def test_units_do_not_matter():
+    readings, _ = simulated(np.random.default_rng(9))
+    one = calibrate_field(readings)
+    channels = {k: 1e-3 * v for k, v in readings.channels.items()}
+    other = calibrate_field(BenchReadings(channels, roll_set=readings.roll_set))
+    np.testing.assert_allclose(1e-3 * vector(fitted(one)), vector(fitted(other)), rtol=1e-6, atol=1e-9)
+
+
+def test_turning_the_world_changes_nothing():
+    """Stations come in any order and the rolls start anywhere: the answer is the same."""
+    readings, _ = simulated(np.random.default_rng(10))
+    order = np.random.default_rng(0).permutation(len(readings))
+    shuffled = calibrate_field(readings.take(order))
+    one = vector(fitted(calibrate_field(readings)))
+    sd = np.sqrt(np.diagonal(shuffled.tool.covariance))
+    np.testing.assert_allclose(one, vector(fitted(shuffled)), atol=0.02 * sd.max())
+
+
+def test_given_sd_weights_readings():
+    readings, truth = simulated(np.random.default_rng(11), noise=1e-3)
+    sd = {k: np.where(np.arange(len(readings))[:, None] % 2, 2.0, 1.0) * np.ones((1, 3)) for k in SCALE}
+    channels = {
+        k: v + 1e-3 * SCALE[k] * np.sqrt(3) * np.random.default_rng(12).normal(size=v.shape) * (sd[k] > 1)
+        for k, v in readings.channels.items()
+    }
+    calibration = calibrate_field(BenchReadings(channels, roll_set=readings.roll_set, sd=sd))
+    assert normalised_square(calibration, truth)[0] < 60
+
+
+def test_gyro_lone_sets_and_temperature_are_said():
+    readings, _ = simulated(np.random.default_rng(13))
+    channels = {**readings.channels, "gyro": np.zeros((len(readings), 3))}
+    rolls = ["alone", *list(readings.roll_set)[1:]]
+    warm = np.linspace(20, 25, len(readings))
+    calibration = calibrate_field(BenchReadings(channels, roll_set=rolls, temperature=warm, reference={"b": 48e3}))
+    assert any("gyro" in w for w in calibration.warnings)
+    assert any("alone" in w for w in calibration.warnings)
+    assert calibration.tool.temperature_range == (20.0, 25.0)
+    assert calibration.tool.triads["magnetometer"].field_strength == 48e3
+    assert calibration.method == "field"
+    assert np.all((calibration.residuals.leverage >= 0) & (calibration.residuals.leverage <= 1))
+
+
+def one_sided(readings):
+    keep = [i for i in range(len(readings)) if readings.channels["accelerometer"][i, 2] > 2.0]
+    return readings.take(keep)
+
+
+def test_refusals_in_words():
+    readings, _ = simulated(np.random.default_rng(14))
+    with pytest.raises(IdentifiabilityError, match="no roll set"):
+        calibrate_field(BenchReadings(readings.channels))
+    with pytest.raises(IdentifiabilityError, match="one side"):
+        calibrate_field(one_sided(readings))
+    few = readings.take([0, 0, 1, 1, *range(24, 28)])
+    with pytest.raises(IdentifiabilityError):
+        calibrate_field(few)
+    with pytest.raises(InputError, match="neither"):
+        calibrate_field(BenchReadings({"gyro": np.zeros((5, 3))}))
+    with pytest.raises(InputError, match="2 sensors"):
+        calibrate_field(BenchReadings({"magnetometer": np.zeros((5, 2))}))
+    with pytest.raises(InputError, match="axis_angle_sd"):
+        calibrate_field(readings, axis_angle_sd=7.0)
+    two = [i for i in range(len(readings)) if i < 26]
+    lone = {"accelerometer": readings.channels["accelerometer"][two]}
+    with pytest.raises(IdentifiabilityError, match="span too little"):
+        calibrate_field(BenchReadings(lone, roll_set=[readings.roll_set[i] for i in two]))
+
+
+def test_noise_that_drowns_the_parameters_is_refused():
+    readings, _ = simulated(np.random.default_rng(20), free=20, sets=1, noise=0.15)
+    with pytest.raises(IdentifiabilityError, match="leave a parameter open"):
+        calibrate_field(readings)
+
+
+def test_too_few_rolls_to_tell_the_pointing_error():
+    readings, _ = simulated(np.random.default_rng(21), sets=1, rolls=2)
+    assert any("too few shots to estimate the noise of pointing" in w for w in calibrate_field(readings).warnings)
+
+
+def test_shots_that_leave_a_parameter_open_are_refused():
+    """Two roll sets 10 degrees apart and nothing else: the scale along the tool axis is a guess."""
+    rng = np.random.default_rng(15)
+    attitude = []
+    for tilt in (1.5, 1.7):
+        base = Rotation.from_euler("yx", [tilt, 0.3]).as_matrix()
+        attitude += [roll_matrix(a) @ base for a in np.arange(8) * np.pi / 4]
+    fields = {"accelerometer": [0, 0, 1.0], "magnetometer": [np.cos(DIP), 0, np.sin(DIP)]}
+    channels = {k: np.array(attitude) @ f + rng.normal(0, 0.003, (16, 3)) for k, f in fields.items()}
+    with pytest.raises(IdentifiabilityError):
+        calibrate_field(BenchReadings(channels, roll_set=["1"] * 8 + ["2"] * 8))
+
+
+@pytest.fixture
+def problem():
+    rng = np.random.default_rng(16)
+    readings, truth = simulated(rng, free=4, sets=2, rolls=3, sensors=4)
+    signals = [readings.channels[k] / SCALE[k] for k in SCALE]
+    member = np.array([-1] * 4 + [0] * 3 + [1] * 3)
+    shots = Shots(list(SCALE), signals, [np.ones_like(s) for s in signals], member, 2)
+    pointing = rng.normal(size=(2, 3))
+    at = Unknowns(
+        [truth[k][0] / SCALE[k] for k in SCALE],
+        [truth[k][1] / SCALE[k] for k in SCALE],
+        0.9,
+        pointing / np.linalg.norm(pointing, axis=1, keepdims=True),
+        Rotation.random(10, random_state=rng).as_matrix(),
+    )
+    return FieldProblem(shots, Prior(0.1, 0.1), first_levels(2, member)), at
+
+
+def moved(at, shots, step, turn):
+    """A second, plain way to step: shared parameters by `step`, attitudes by `turn`."""
+    tensors, offsets = [], []
+    for columns, tensor, offset in zip(shots.columns, at.tensors, at.offsets, strict=True):
+        block = step[columns].reshape(-1, 4)
+        tensors.append(tensor + block[:, :3])
+        offsets.append(offset + block[:, 3])
+    tilt = step[shots.tool + 1 :].reshape(-1, 2)
+    pointing = at.pointing + np.einsum("sij,sj->si", tangent(at.pointing), tilt)
+    pointing /= np.linalg.norm(pointing, axis=1, keepdims=True)
+    return Unknowns(tensors, offsets, at.dip + step[shots.tool], pointing, rotations(turn) @ at.attitude)
+
+
+def test_slopes_against_finite_differences(problem):
+    problem, at = problem
+    shots, size = problem.shots, problem.size
+    linear = problem.linear(at)
+    h = 1e-6  # truncation 1e-12 and rounding 1e-10 of residuals of some hundreds
+    for p in range(shots.tool + 1):
+        step = h * np.eye(size)[p]
+        ahead = problem.linear(moved(at, shots, step, np.zeros((10, 3)))).residual
+        back = problem.linear(moved(at, shots, -step, np.zeros((10, 3)))).residual
+        np.testing.assert_allclose((ahead - back) / (2 * h), linear.shared[:, :, p], atol=1e-4)
+    for axis in range(3):
+        turn = h * np.tile(np.eye(3)[axis], (10, 1))
+        ahead = problem.linear(moved(at, shots, np.zeros(size), turn)).residual
+        back = problem.linear(moved(at, shots, np.zeros(size), -turn)).residual
+        np.testing.assert_allclose((ahead - back) / (2 * h), linear.latent[:, :, axis], atol=1e-4)
+
+
+def test_prior_slopes_against_finite_differences():
+    rng = np.random.default_rng(17)
+    shots = Shots(["magnetometer"], [rng.normal(size=(5, 3))], [np.ones((5, 3))], np.zeros(5, int), 1)
+    problem = FieldProblem(shots, Prior(0.1, 0.2), first_levels(1, shots.member))
+    at = Unknowns(
+        [np.eye(3) + rng.normal(0, 0.2, (3, 3))], [np.zeros(3)], 0.0, np.array([[0, 0, 1.0]]), np.eye(3)[None]
+    )
+    rows = problem._prior_rows(at)
+    for p in range(shots.tool):
+        step = 1e-6 * np.eye(problem.size)[p]
+        ahead = [v for v, _ in problem._prior_rows(moved(at, shots, step, np.zeros((1, 3))))]
+        back = [v for v, _ in problem._prior_rows(moved(at, shots, -step, np.zeros((1, 3))))]
+        np.testing.assert_allclose((np.array(ahead) - back) / 2e-6, [s[p] for _, s in rows], atol=1e-7)
+
+
+def test_the_gauge_is_a_symmetry(problem):
+    problem, at = problem
+    cost = problem.normal(at).cost
+    assert problem.normal(turned(at, 0.7)).cost == pytest.approx(cost, rel=1e-12)
+    assert abs(problem.normal(at).gradient @ problem.gauge(at)) < 1e-9 * cost
+
+
+def test_eliminating_the_attitudes_is_the_full_solution(problem):
+    """One step of the reduced equations against one step of the full least squares over everything."""
+    problem, at = problem
+    linear = problem.linear(at)
+    count, rows, size = linear.shared.shape
+    full = np.zeros((count * rows, size + 3 * count))
+    full[:, :size] = linear.shared.reshape(-1, size)
+    for k in range(count):
+        full[k * rows : (k + 1) * rows, size + 3 * k : size + 3 * k + 3] = linear.latent[k]
+    # the ridge on attitudes is part of the model here; that on the shared parameters is added after the elimination
+    normal = full.T @ full + 1e-2 * np.diag([0.0] * size + [1.0] * (3 * count))
+    schur = normal[:size, :size] - normal[:size, size:] @ np.linalg.solve(normal[size:, size:], normal[size:, :size])
+    _, shared, residual = linear.reduced()
+    np.testing.assert_allclose(np.einsum("knp,knq->pq", linear.shared, shared), schur, atol=1e-9 * np.abs(schur).max())
+    rhs = full.T @ linear.residual.ravel()
+    gradient = rhs[:size] - normal[:size, size:] @ np.linalg.solve(normal[size:, size:], rhs[size:])
+    ours = np.einsum("knp,kn->p", linear.shared, residual)
+    np.testing.assert_allclose(ours, gradient, atol=1e-9 * np.abs(gradient).max())
+
+
+def test_rotation_between_triads_from_the_dip_alone():
+    rng = np.random.default_rng(18)
+    attitude = Rotation.random(12, random_state=rng).as_matrix()
+    true = Rotation.random(random_state=rng).as_matrix()
+    a, b = attitude[:, :, 2], attitude @ [np.cos(DIP), 0, np.sin(DIP)]
+    np.testing.assert_allclose(rotations_between(a, b @ true)[0], true, atol=1e-9)
+
+
+def test_mirrored_first_two_sensors_still_have_a_convention():
+    readings, _ = simulated(np.random.default_rng(19))
+    swap = [1, 0, 2]  # sensors 1 and 2 exchanged: a left-handed triad, taken as right-handed
+    channels = {k: v[:, swap] for k, v in readings.channels.items()}
+    calibration = calibrate_field(BenchReadings(channels, roll_set=readings.roll_set))
+    assert np.isfinite(calibration.covariance).all()

@@ -1,0 +1,222 @@
+"""The norm-only fit: real logs with published answers, invariances, honest covariance, clear refusals."""
+
+from __future__ import annotations
+
+import gzip
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration._ellipsoid import algebraic_ellipsoid
+from inclinometry.calibration.norm import calibrate_norm, count_directions
+from inclinometry.calibration.plans import orthogonal, twelve
+from inclinometry.core.errors import IdentifiabilityError, InputError
+
+MPU = Path(__file__).parents[1] / "reference" / "mpu9150"
+
+
+def sphere(rng, count):
+    v = rng.normal(size=(count, 3))
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+@pytest.fixture(scope="module")
+def xsens():
+    data = files("inclinometry.workflow").joinpath("demo_data", "xsens_mti", "xsens_acc.txt.gz").read_bytes()
+    return np.array(gzip.decompress(data).split(), dtype=float).reshape(-1, 4)
+
+
+@pytest.fixture(scope="module")
+def poses(xsens):
+    """The detector of imu_tk: variances over 101 samples, divisor n - 1, norm below 6 x that of the first 50 s."""
+    time, x = xsens[:, 0], xsens[:, 1:]
+    window = np.lib.stride_tricks.sliding_window_view(x - x.mean(axis=0), 101, axis=0)
+    moving = np.linalg.norm(window.var(axis=-1, ddof=1), axis=1)
+    limit = 6.0 * np.linalg.norm(x[: np.searchsorted(time, time[0] + 50.0)].var(axis=0, ddof=1))
+    still = np.concatenate([[False], moving < limit, [False]])
+    edges = np.flatnonzero(still[1:] != still[:-1]).reshape(-1, 2) + 50
+    return [(a, b) for a, b in edges if b - a >= 100]
+
+
+@pytest.fixture(scope="module")
+def xsens_fit(xsens, poses):
+    return calibrate_norm(np.concatenate([xsens[a : a + 100, 1:] for a, _ in poses]), 9.81744)
+
+
+def test_xsens_equals_imu_tk(poses, xsens_fit):
+    """Bias, 1/scale, misalignment and cost of imu_tk to the digits it prints.
+
+    Its optimiser stops at a relative change of cost of 1e-6, hence 4e-6 relative on the misalignment, which is 1/1000
+    of its standard uncertainty.
+    """
+    assert len(poses) == 38
+    np.testing.assert_allclose(xsens_fit.bias, [33124.2, 33275.2, 32364.4], atol=0.05)
+    np.testing.assert_allclose(1.0 / xsens_fit.scale, [414.459, 412.010, 414.649], atol=6e-4)
+    np.testing.assert_allclose(xsens_fit.misalignment, [0.0033593, -0.00890639, 0.0213341], atol=5e-8)
+    assert xsens_fit.cost == pytest.approx(0.120131, abs=5e-7)
+
+
+def test_xsens_pose_means(xsens, poses, xsens_fit):
+    means = np.array([xsens[a:b, 1:].mean(axis=0) for a, b in poses])
+    miss = np.linalg.norm(xsens_fit.field(means), axis=1) - 9.81744
+    assert np.sqrt(np.mean(miss**2)) == pytest.approx(0.00112, abs=5e-6)
+
+
+@pytest.mark.parametrize("name", ["imu0", "imu1"])
+def test_mpu9150_equals_the_published_run(name):
+    """S, NO and B of their M = [[1 + Sx, NOy, NOz], [0, 1 + Sy, NOx], [0, 0, 1 + Sz]] as printed, 4 decimals."""
+    log = np.array(gzip.decompress((MPU / f"{name}.log.gz").read_bytes()).split(), float).reshape(-1, 6)
+    still = np.linalg.norm(log[:, 3:], axis=1) < 0.13
+    quiet, count = np.zeros(len(log), bool), 60
+    for i, rest in enumerate(still):
+        if rest:
+            count += 1
+            quiet[i] = count > 60
+        else:
+            quiet[i - 60 : i + 1] = False
+            count = 0
+    printed = (MPU / f"their_run_{name}.txt").read_text().splitlines()[2].strip("[] ").split()
+    fit = calibrate_norm(log[quiet, :3], 9.81)
+    m = np.linalg.inv(fit.inverse)
+    ours = [m[0, 0] - 1, m[1, 1] - 1, m[2, 2] - 1, m[1, 2], m[0, 1], m[0, 2], *fit.bias]
+    # half a unit of the last printed digit; their robust loss moves the answer by less than a tenth of that
+    np.testing.assert_allclose(ours, np.array(printed, float), atol=5.5e-5)
+    raw = np.linalg.norm(log[quiet, :3], axis=1) - 9.81
+    before, after = {"imu0": (0.213, 0.055), "imu1": (0.233, 0.054)}[name]
+    assert np.sqrt(np.mean(raw**2)) == pytest.approx(before, abs=5e-4)
+    assert fit.rms == pytest.approx(after, abs=5e-4)
+
+
+def test_exact_readings_come_back():
+    rng = np.random.default_rng(0)
+    inverse = np.array([[2e-3, 1e-4, -3e-4], [0.0, 1.5e-3, 2e-4], [0.0, 0.0, 2.2e-3]])
+    bias = np.array([3e3, -2e3, 1e2])
+    fit = calibrate_norm(9.8 * sphere(rng, 30) @ np.linalg.inv(inverse).T + bias, 9.8)
+    np.testing.assert_allclose(fit.inverse, inverse, atol=1e-12)
+    np.testing.assert_allclose(fit.bias, bias, atol=1e-6)
+    assert fit.rms < 1e-9
+
+
+def test_rotated_or_mirrored_sensors_leave_the_field_length():
+    rng = np.random.default_rng(1)
+    y = sphere(rng, 40) @ np.diag([3.0, 4.0, 5.0]) + rng.normal(0, 1e-3, (40, 3)) + 1.0
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    np.testing.assert_allclose(calibrate_norm(y).residual, calibrate_norm(y @ turn.T).residual, atol=1e-10)
+
+
+def test_units_scale_through():
+    rng = np.random.default_rng(2)
+    y = sphere(rng, 40) * 400.0 + rng.normal(0, 0.1, (40, 3)) + 50.0
+    one, other = calibrate_norm(y, 9.8), calibrate_norm(1e6 * y, 9.8)
+    np.testing.assert_allclose(other.bias, 1e6 * one.bias, rtol=1e-9)
+    np.testing.assert_allclose(other.residual, one.residual, atol=1e-9)
+    np.testing.assert_allclose(other.uncertainty["conversion"], 1e6 * one.uncertainty["conversion"], rtol=1e-6)
+
+
+def test_covariance_is_honest():
+    """Normalised squared error of 200 draws, 9 parameters and 31 degrees of freedom, within the chi-square band."""
+    rng = np.random.default_rng(3)
+    true_inverse, true_bias = np.array([[1.0, 0.1, -0.05], [0, 1.1, 0.02], [0, 0, 0.9]]), np.array([0.2, -0.1, 0.3])
+    truth = np.concatenate([true_inverse[np.triu_indices(3)], true_bias])
+    directions = sphere(rng, 40)
+    squares = []
+    for _ in range(200):
+        y = directions @ np.linalg.inv(true_inverse).T + true_bias + rng.normal(0, 1e-3, (40, 3))
+        fit = calibrate_norm(y)
+        miss = np.concatenate([fit.inverse[np.triu_indices(3)], fit.bias]) - truth
+        squares.append(miss @ np.linalg.solve(fit.covariance, miss))
+    # noise level estimated from 31 degrees of freedom: the mean is 9 * 31 / 29; four sigmas of 200 draws either way
+    assert np.mean(squares) == pytest.approx(9 * 31 / 29, abs=4 * np.sqrt(18 / 200) * 1.2)
+
+
+def test_uncertainty_views_match_their_scatter():
+    rng = np.random.default_rng(4)
+    directions, views = sphere(rng, 40), {"bias": [], "scale": [], "conversion": [], "misalignment": []}
+    for _ in range(300):
+        fit = calibrate_norm((directions * 400 + 20) + rng.normal(0, 0.4, (40, 3)), 9.8)
+        for name in views:
+            views[name].append(1 / fit.scale if name == "conversion" else getattr(fit, name))
+    for name, values in views.items():
+        # one fit's own estimate from 31 degrees of freedom is good to 13 %; 300 draws to 4 %
+        np.testing.assert_allclose(np.std(values, axis=0), fit.uncertainty[name], rtol=0.5)
+
+
+def test_weights_count_readings():
+    rng = np.random.default_rng(5)
+    y = sphere(rng, 20) + rng.normal(0, 0.01, (20, 3))
+    twice = calibrate_norm(np.concatenate([y, y[:7]]))
+    weighted = calibrate_norm(y, weight=np.where(np.arange(20) < 7, 2.0, 1.0))
+    np.testing.assert_allclose(twice.inverse, weighted.inverse, atol=1e-9)
+    assert twice.cost == pytest.approx(weighted.cost)
+
+
+def test_triad_view_reads_gravity():
+    rng = np.random.default_rng(6)
+    down = sphere(rng, 30)
+    y = -9.8 * down * 400 + 10.0
+    triad = calibrate_norm(y, 9.8).triad("accelerometer", specific_force=True)
+    np.testing.assert_allclose(triad.field(y), down, atol=1e-9)
+    assert triad.field_strength == 9.8
+
+
+@pytest.mark.parametrize(("plan", "accelerometer"), [(twelve(), 4), (orthogonal(), 6)])
+def test_bench_plans_show_too_few_directions(plan, accelerometer):
+    i, t = plan.inclination, plan.toolface
+    down = np.stack([-np.sin(i) * np.cos(t), np.sin(i) * np.sin(t), np.cos(i)], axis=1)
+    assert count_directions(down) == accelerometer
+    with pytest.raises(IdentifiabilityError, match=f"{accelerometer} distinct"):
+        calibrate_norm(down)
+
+
+def test_one_side_only_is_refused():
+    rng = np.random.default_rng(7)
+    down = sphere(rng, 60)
+    down[:, 2] = np.abs(down[:, 2]) + 0.3
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    with pytest.raises(IdentifiabilityError, match="one side"):
+        calibrate_norm(down)
+
+
+def test_a_hyperboloid_is_said_never_nan():
+    """Readings on a one-sheet hyperboloid: no ellipsoid, so the sphere start is tried and refused in words."""
+    t = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    z = np.tile([-1.0, -0.3, 0.3, 1.0], 10)
+    y = np.column_stack([np.sqrt(1 + z**2) * np.cos(t), np.sqrt(1 + z**2) * np.sin(t), z])
+    assert not algebraic_ellipsoid(y).proper
+    with pytest.raises(IdentifiabilityError, match="ellipsoid"):
+        calibrate_norm(y)
+
+
+def test_one_wild_reading_does_not_bend_the_start():
+    rng = np.random.default_rng(8)
+    y = sphere(rng, 40)
+    clean = algebraic_ellipsoid(y).centre
+    y[3] *= 1.5
+    assert np.linalg.norm(algebraic_ellipsoid(y).centre - clean) < 0.02
+
+
+def test_nine_readings_say_that_nothing_is_left_over():
+    turns = np.radians(np.arange(9) * 140.0)
+    z = np.linspace(-0.95, 0.95, 9)
+    y = np.column_stack([np.sqrt(1 - z**2) * np.cos(turns), np.sqrt(1 - z**2) * np.sin(turns), z])
+    fit = calibrate_norm(y)
+    assert "nothing over" in fit.warnings[-1]
+
+
+@pytest.mark.parametrize(
+    ("signals", "options", "error"),
+    [
+        (np.ones((8, 3)), {}, IdentifiabilityError),
+        (np.ones((20, 2)), {}, InputError),
+        (np.ones((2, 20, 3)), {}, InputError),
+        (np.ones((20, 3)), {"strength": -1.0}, InputError),
+        (np.ones((20, 3)), {"weight": -np.ones(20)}, InputError),
+        (np.full((20, 3), np.nan), {}, InputError),
+        (np.ones((20, 3)), {}, IdentifiabilityError),
+    ],
+)
+def test_bad_input(signals, options, error):
+    with pytest.raises(error):
+        calibrate_norm(signals, **options)
