@@ -146,7 +146,7 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
         limits.source if limits else "the tool's own calibration: 99 % of tools as good as certified pass",
         tool.name,
         {"readings": readings.digest, **{f"calibration {n}": d for n, d in calibration.inputs.items()}},
-        tuple(_warnings(readings, calibration)),
+        (*_warnings(readings, calibration), *_too_narrow(u * k, bounds, limits)),
     )
 
 
@@ -211,6 +211,22 @@ def _reasons(readings: BenchReadings, errors: Array, bounds: Array, decision: li
     if not sentences:
         sentences.append("every judged angle is within its limit at every position")
     return tuple(sentences)
+
+
+def _too_narrow(expanded: Array, bounds: Array, limits: Limits | None) -> list[str]:
+    """A limit narrower than the comparison's own uncertainty cannot be decided, whatever the tool does."""
+    if limits is None:
+        return []
+    sentences = []
+    for column, name in enumerate(JUDGED):
+        judged = np.isfinite(bounds[:, column])
+        hopeless = int(np.sum(expanded[judged, column] > bounds[judged, column]))
+        if hopeless:
+            sentences.append(
+                f"{name}: at {hopeless} of {int(judged.sum())} positions the limit is smaller than the expanded "
+                "uncertainty of the comparison itself (calibration, noise, rig); a better rig or more readings are needed"
+            )
+    return sentences
 
 
 def _warnings(readings: BenchReadings, calibration: Calibration) -> list[str]:

@@ -49,7 +49,8 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
         inclined = found.survey.inclination > np.radians(5.0)
         rms = np.degrees(np.sqrt(np.mean(found.survey_error[inclined] ** 2, axis=0)))
         output.console.print(
-            f"rms error against the true well beyond 5 deg of inclination: inclination {rms[0]:.3f}, azimuth {rms[1]:.3f} deg"
+            "rms error against the true well beyond 5 deg of inclination, deg: "
+            f"inclination {rms[0]:.3f}, azimuth {rms[1]:.3f}"
         )
     output.console.print(f"\nOpen {output_ / 'index.html'} for the reports.")
 
@@ -73,8 +74,8 @@ def _show_real(found: Demo) -> None:
         output.table(title, ["parameter", "found", "u", "imu_tk"], rows)
     if found.cave is not None:
         output.console.print(
-            "\nSAP6 cave instrument HC, calibrated on shots 1-16 without a rig: tool axis spread over the unseen roll set "
-            f"{np.degrees(found.cave.axis_spread):.3f} deg, dip scatter {np.degrees(found.cave.dip_scatter):.3f} deg"
+            "\nSAP6 cave instrument HC, calibrated on shots 1-16 without a rig: tool axis spread over the unseen roll "
+            f"set {np.degrees(found.cave.axis_spread):.3f} deg, dip scatter {np.degrees(found.cave.dip_scatter):.3f} deg"
         )
 
 

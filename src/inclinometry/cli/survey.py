@@ -142,7 +142,7 @@ def survey(
     if report is not None:
         from inclinometry.report.survey import survey_report
 
-        page = survey_report(found)
+        page = survey_report(found, site=place)
     write_survey(found, output_)
     if page is not None:
         write_text(page, report or "")
