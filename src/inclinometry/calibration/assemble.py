@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+
 import numpy as np
 
 from inclinometry.calibration.fitting import Fitted
@@ -162,6 +163,15 @@ def rig_warnings(fitted: Fitted) -> list[str]:
     return sentences + axis_warnings(fitted.state)
 
 
+def dead_channels(readings: BenchReadings) -> list[str]:
+    """Channels that said the same at every station."""
+    return [
+        f"{kind} channel {column + 1} reads {values[0, column]:g} at every station: is it connected?"
+        for kind, values in readings.channels.items()
+        for column in np.flatnonzero(np.ptp(values, axis=0) == 0.0)
+    ]
+
+
 def axis_warnings(state: State) -> list[str]:
     """Channels that look exchanged: allowed by the mathematics, rarely meant."""
     sentences = []
@@ -178,7 +188,8 @@ def axis_warnings(state: State) -> list[str]:
         rows = coefficients[0, :, :3]
         if len(rows) != 3:
             continue
-        cosines = np.abs(rows) / np.linalg.norm(rows, axis=1, keepdims=True)
+        lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+        cosines = np.abs(rows) / np.where(lengths > 0.0, lengths, 1.0)
         nearest = cosines.argmax(axis=1)
         if (cosines.max(axis=1) > 0.9).all() and set(nearest) == {0, 1, 2} and list(nearest) != [0, 1, 2]:
             found = ", ".join(f"{'xyz'[i]} lies along tool {'xyz'[n]}" for i, n in enumerate(nearest) if i != n)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from inclinometry.calibration import assemble
 from inclinometry.calibration.classical import solve_classical
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance
-from inclinometry.calibration.fitting import FIRST_RIG_SD, Fitted, fit_with_variances, noise_guess
+from inclinometry.calibration.fitting import Fitted, fit_with_variances, noise_guess, rig_guess
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.orthogonal import solve_orthogonal
 from inclinometry.calibration.readings import BenchReadings
@@ -21,7 +21,7 @@ from inclinometry.calibration.rotations import find_direction, solve_rotations
 from inclinometry.calibration.signs import fix_signs
 from inclinometry.calibration.start import DOWN, starting_state
 from inclinometry.calibration.twelve import solve_twelve
-from inclinometry.core.arrays import Array, within
+from inclinometry.core.arrays import Array
 
 Solver = Callable[[Array], ClosedForm]
 
@@ -133,13 +133,11 @@ def _joint_model(
     readings: BenchReadings, noise_sd: Mapping[str, ArrayLike] | None, rig_sd: ArrayLike | None
 ) -> tuple[Model, State, list[str], bool]:
     sensors = sum(v.shape[1] for v in readings.channels.values())
-    rig = np.full(3, FIRST_RIG_SD) if rig_sd is None else within(np.broadcast_to(rig_sd, (3,)), "rig_sd", 0.0, 0.6)
+    rig = rig_guess(rig_sd)
     size = len(readings)
     settings = np.stack(readings.dials, axis=1)
-    model = Model(
-        readings.channels, settings, np.ones((size, 1)), np.ones((size, sensors)), np.array(rig), np.zeros(4), {}
-    )
+    model = Model(readings.channels, settings, np.ones((size, 1)), np.ones((size, sensors)), rig, np.zeros(4), {})
     start = starting_state(model, dict.fromkeys(readings.channels, DOWN))
     start, warnings = fix_signs(start, readings.reference, {})
     noise, free = noise_guess(readings, noise_sd, model.linearise(start).residual)
-    return model.with_weights(noise, np.array(rig)), start, warnings, free
+    return model.with_weights(noise, rig), start, warnings, free

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.variance import estimate_components, least_noise
-from inclinometry.core.arrays import Array, finite
+from inclinometry.core.arrays import Array, finite, within
+from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
 from inclinometry.core.lsq import levenberg_marquardt
 
@@ -67,12 +69,25 @@ def fit_with_variances(model: Model, start: State, free_noise: bool, free_rig: b
     return here
 
 
+def rig_guess(given: ArrayLike | None) -> Array:
+    """Standard deviations (3,) of a setting to start with, rad."""
+    if given is None:
+        return np.full(3, FIRST_RIG_SD)
+    sd = within(given, "rig_sd", 0.0, np.radians(30.0), "rad")
+    if sd.shape not in ((), (3,)):
+        raise InputError(f"rig_sd has shape {sd.shape}; give one value, or three for azimuth, inclination, toolface")
+    return np.array(np.broadcast_to(sd, (3,)))
+
+
 def noise_guess(readings: BenchReadings, given: Mapping[str, object] | None, residual: Array) -> tuple[Array, bool]:
     """Standard deviations (K, M) to start with and whether the fit may change them.
 
     A value given by the caller wins, then the standard deviations of the readings; otherwise a third of the starting
     residual, to be corrected by the variance components.
     """
+    unknown = set(given or {}) - set(KINDS)
+    if unknown:
+        raise InputError(f"noise_sd names {sorted(unknown)[0]!r}; allowed: {', '.join(KINDS)}")
     columns, known, start = [], [], 0
     size = len(readings)
     for kind, values in readings.channels.items():
@@ -82,13 +97,17 @@ def noise_guess(readings: BenchReadings, given: Mapping[str, object] | None, res
         least = least_noise(values)
         if given is not None and kind in given:
             sd = finite(given[kind], f"{kind} noise sd")  # type: ignore[arg-type]
-            if (sd <= 0.0).any():
-                raise InputError(f"{kind} noise sd is {sd}; it must be positive")
+            if sd.shape not in ((), (count,), (size, count)) or (sd <= 0.0).any():
+                raise InputError(
+                    f"{kind} noise sd is {sd}; it must be positive, one value or one for each of {count} sensors"
+                )
             columns.append(np.broadcast_to(sd, (size, count)))
             known.append(True)
         elif kind in readings.sd and (readings.sd[kind] > 0.0).any():
             # a mean of identical readings is still only known to the converter's step
-            columns.append(np.hypot(readings.sd[kind], _step_sd(values)))
+            sd = np.hypot(readings.sd[kind], _step_sd(values))
+            # nor is a mean without scatter exact where that step is unknown: it is taken as good as the others
+            columns.append(np.where(sd > 0.0, sd, np.sqrt(np.mean(sd[sd > 0.0] ** 2))))
             known.append(True)
         else:
             columns.append(np.broadcast_to(np.maximum(rms, least), (size, count)))

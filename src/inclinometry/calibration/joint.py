@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.calibration import assemble
-from inclinometry.calibration.fitting import FIRST_RIG_SD, fit_with_variances, noise_guess
+from inclinometry.calibration.fitting import fit_with_variances, noise_guess, rig_guess
 from inclinometry.calibration.identifiability import blindness
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.outliers import Outlier, find_outliers
@@ -21,6 +21,7 @@ from inclinometry.calibration.signs import fix_signs
 from inclinometry.calibration.start import DOWN, starting_state
 from inclinometry.calibration.temperature import choose_powers
 from inclinometry.core.arrays import Array, finite, within
+from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import IdentifiabilityError, InputError
 
 LEVEL_PRIOR = np.radians(5.0)
@@ -96,8 +97,8 @@ def calibrate_joint(
     """
     azimuth, inclination, toolface = readings.dials
     _enough(readings)
-    rig = _rig_sd(rig_sd)
-    priors = {k: (_unit(v, k), np.eye(3) / s**2) for k, (v, s) in (field_prior or {}).items() if k in readings.channels}
+    rig = rig_guess(rig_sd)
+    priors = _field_prior(readings, field_prior)
     model = Model(
         readings.channels,
         np.stack([azimuth, inclination, toolface], axis=1),
@@ -118,6 +119,7 @@ def calibrate_joint(
         warnings.append(sentence)
     powers, reference = choose_powers(readings, model, start, temperature_degree)
     model, start = model.with_powers(start, powers)
+    warnings += assemble.dead_channels(readings)
     fitted = fit_with_variances(model, start, free_noise, rig_sd is None)
     outliers: list[Outlier] = []
     kept = np.arange(len(readings))
@@ -148,18 +150,27 @@ def _enough(readings: BenchReadings) -> None:
             )
 
 
-def _rig_sd(given: ArrayLike | None) -> Array:
-    if given is None:
-        return np.full(3, FIRST_RIG_SD)
-    return np.array(np.broadcast_to(within(given, "rig_sd", 0.0, np.radians(30.0), "rad"), (3,)))
-
-
 def _nuisance_sd(given: Mapping[str, float] | None) -> Array:
     unknown = set(given or {}) - set(NUISANCE)
     if unknown:
         raise InputError(f"nuisance parameter {sorted(unknown)[0]!r} is unknown; allowed: {', '.join(NUISANCE)}")
     values = np.array([(given or {}).get(n, 0.0) for n in NUISANCE])
     return within(values, "nuisance_sd", 0.0, np.radians(30.0), "rad")
+
+
+def _field_prior(
+    readings: BenchReadings, given: Mapping[str, tuple[ArrayLike, float]] | None
+) -> dict[str, tuple[Array, Array]]:
+    """Direction and precision of each prior on a field of these readings."""
+    unknown = set(given or {}) - set(KINDS)
+    if unknown:
+        raise InputError(f"field_prior names {sorted(unknown)[0]!r}; allowed: {', '.join(KINDS)}")
+    priors = {}
+    for kind, (direction, sd) in (given or {}).items():
+        spread = float(within(sd, f"sd of the field_prior of the {kind}", 1e-9, np.pi, "rad"))
+        if kind in readings.channels:
+            priors[kind] = (_unit(direction, kind), np.eye(3) / spread**2)
+    return priors
 
 
 def _unit(value: ArrayLike, kind: str) -> Array:

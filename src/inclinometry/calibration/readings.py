@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from inclinometry.calibration.summary import readings_text
 from inclinometry.core.arrays import Array, Index, finite, frozen
@@ -84,7 +85,9 @@ class BenchReadings:
         if self.inclination is not None and np.abs(self.inclination).max(initial=0.0) > 2.0 * np.pi:
             worst = np.abs(self.inclination).max()
             raise InputError(f"inclination reaches {worst:g} rad; it looks like degrees: convert with numpy.radians")
-        sd = {k: np.broadcast_to(finite(v, f"{k} sd"), channels[k].shape) for k, v in self.sd.items() if k in channels}
+        sd = {k: _spread(v, k, channels[k].shape) for k, v in self.sd.items() if k in channels}
+        if self.count is not None and (self.count < 1.0).any():
+            raise InputError(f"count is {self.count.min():g} at a station; each row is the mean of at least 1 reading")
         put(self, "sd", MappingProxyType({k: frozen(v) for k, v in sd.items()}))
         put(self, "station", tuple(self.station) or tuple(str(i + 1) for i in range(size)))
         put(self, "roll_set", tuple(self.roll_set))
@@ -138,3 +141,13 @@ class BenchReadings:
             self.notes,
             self.digest,
         )
+
+
+def _spread(value: ArrayLike, kind: str, shape: tuple[int, ...]) -> Array:
+    """Standard deviations (K, m), none of them negative."""
+    sd = finite(value, f"{kind} sd")
+    if sd.shape not in ((), shape[1:], shape) or (sd < 0.0).any():
+        raise InputError(
+            f"{kind} sd has shape {sd.shape} and least value {sd.min(initial=0.0):g}; expected {shape}, >= 0"
+        )
+    return np.broadcast_to(sd, shape)

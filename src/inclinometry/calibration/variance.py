@@ -35,7 +35,7 @@ class _Restricted:
     def evaluate(self, factors: Array) -> tuple[float, Array, Array]:
         """Twice the negative log likelihood, its gradient by factor, and the expected information (n, n)."""
         covariance = np.tensordot(factors, np.stack(self.parts), axes=1)
-        inverse = np.linalg.inv(covariance)
+        inverse: Array = np.linalg.inv(covariance)
         sign_free = np.linalg.slogdet(covariance)[1].sum()
         weighted = inverse @ self.jacobian  # V^-1 J
         normal = np.tensordot(self.jacobian, weighted, axes=([0, 1], [0, 1])) + self.prior
@@ -104,7 +104,7 @@ _FLOOR = 1e-8
 """A rig variance this far below its starting value is called perfect."""
 
 LEAST_NOISE = 1e-8
-"""Share of a channel's range below which its noise is rounding; smaller ones would leave no digits for the rig's part."""
+"""Share of a channel's range below which its noise is rounding; less would leave no digits for the rig's part."""
 
 
 def least_noise(signals: Array) -> Array:
