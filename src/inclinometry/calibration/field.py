@@ -258,7 +258,7 @@ def _name_bad(found: Estimate, station: Sequence[str]) -> list[str]:
             what = f"its {found.problem.shots.kinds[group]} reading does not fit (disturbed field, moved, or mistyped)"
         else:
             what = "it was not pointed like the others of its roll set"
-        out.append(f"station {station[k]}: {what}; it has next to no weight, repeat it")
+        out.append(f"station {station[k]}: {what}; its weight is {found.weight[k, group]:.2f}, repeat it")
     for component in found.blind:
         out.append(f"too few shots to estimate the noise of {component}; an expected value is used")
     return out
