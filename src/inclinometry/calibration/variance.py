@@ -35,7 +35,7 @@ class _Restricted:
     def evaluate(self, factors: Array) -> tuple[float, Array, Array]:
         """Twice the negative log likelihood, its gradient by factor, and the expected information (n, n)."""
         covariance = np.tensordot(factors, np.stack(self.parts), axes=1)
-        inverse: Array = np.linalg.inv(covariance)
+        inverse: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         sign_free = np.linalg.slogdet(covariance)[1].sum()
         weighted = inverse @ self.jacobian  # V^-1 J
         normal = np.tensordot(self.jacobian, weighted, axes=([0, 1], [0, 1])) + self.prior
