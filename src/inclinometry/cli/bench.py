@@ -210,12 +210,13 @@ def calibrate(
         robust,
         tool,
     )
-    found = calibrate_readings(data, method, options)
     page = None
-    if report is not None:
-        from inclinometry.report.calibration import calibration_report
+    with output.busy(f"calibrating, method {method}"):
+        found = calibrate_readings(data, method, options)
+        if report is not None:
+            from inclinometry.report.calibration import calibration_report
 
-        page = calibration_report(found, readings=data)
+            page = calibration_report(found, readings=data)
     write_calibration(found, output_, created=created)
     if page is not None:
         write_text(page, report or "")
@@ -300,7 +301,8 @@ def compare(
     with output.reading(readings) as progress:
         data = readings_at(readings, None if site is None else read_site(site), progress)
     known = None if truth is None else read_tool(truth)
-    found = compare_methods(data, truth=known, rig_sd=radians(rig_sd_deg), level_sd=radians(level_sd_deg))
+    with output.busy("running every method"):
+        found = compare_methods(data, truth=known, rig_sd=radians(rig_sd_deg), level_sd=radians(level_sd_deg))
     if json:
         output.print_json(_comparison(found))
     else:

@@ -90,9 +90,16 @@ def working(what: str) -> Iterator[Callable[[float], None] | None]:
 
 
 @contextmanager
-def step(title: str) -> Iterator[None]:
-    """Say on standard error what is being done, and that it is done."""
-    errors = Console(stderr=True, highlight=False)
+def busy(title: str) -> Iterator[None]:
+    """A sign of life on a terminal while something is computed or written."""
+    errors = Console(stderr=True)
     with errors.status(title) if errors.is_terminal else nullcontext():
         yield
-    errors.print(f"  done: {title}", markup=False)
+
+
+@contextmanager
+def step(title: str) -> Iterator[None]:
+    """Say on standard error what is being done, and that it is done."""
+    with busy(title):
+        yield
+    Console(stderr=True, highlight=False).print(f"  done: {title}", markup=False)

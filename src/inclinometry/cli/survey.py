@@ -14,9 +14,10 @@ from inclinometry.io.atomic import write_text
 from inclinometry.io.bench_csv import read_bench
 from inclinometry.io.limits_toml import read_limits
 from inclinometry.io.site_toml import read_site
+from inclinometry.io.survey_csv import read_raw_survey
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.survey.reduce import Survey
-from inclinometry.workflow.survey import survey_file, write_survey
+from inclinometry.workflow.survey import survey_with, write_survey
 
 
 def verify(
@@ -137,13 +138,15 @@ def survey(
     """
     place = None if site is None else read_site(site)
     with output.reading(raw) as progress:
-        found = survey_file(raw, calibration, place, progress)
+        data = read_raw_survey(raw, progress=progress)
     page = None
-    if report is not None:
-        from inclinometry.report.survey import survey_report
+    with output.busy(f"reducing and writing {len(data)} stations"):
+        found = survey_with(data, calibration, place)
+        if report is not None:
+            from inclinometry.report.survey import survey_report
 
-        page = survey_report(found, site=place)
-    write_survey(found, output_)
+            page = survey_report(found, site=place)
+        write_survey(found, output_)
     if page is not None:
         write_text(page, report or "")
     output.warnings(found.warnings)

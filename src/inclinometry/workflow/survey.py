@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.io.survey_csv import RawSurvey, read_raw_survey, write_survey_csv
+from inclinometry.io.survey_csv import RawSurvey, write_survey_csv
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.survey.reduce import Survey, reduce_survey
 
@@ -41,12 +41,10 @@ def survey(raw: RawSurvey, calibration: Calibration, site: Site | None = None) -
     )
 
 
-def survey_file(
-    raw: str | Path, tool: str | Path, site: Site | None = None, progress: Callable[[int], None] | None = None
-) -> Survey:
-    """`survey` from files; the tool file's own digest is recorded too."""
-    found = survey(read_raw_survey(raw, progress=progress), read_calibration(tool), site)
-    return Survey(**{**vars(found), "inputs": {**found.inputs, "tool": digest_file(tool)}})
+def survey_with(raw: RawSurvey, tool: str | Path, site: Site | None = None) -> Survey:
+    """`survey` with a tool.json, whose own digest is recorded too."""
+    found = survey(raw, read_calibration(tool), site)
+    return replace(found, inputs={**found.inputs, "tool": digest_file(tool)})
 
 
 def write_survey(survey: Survey, path: str | Path) -> None:
