@@ -8,20 +8,42 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from sphinx.util.inspect import TypeAliasForwardRef  # noqa: E402
-from support import api, docstrings  # noqa: E402
+from sphinx.util.inspect import TypeAliasForwardRef
+from support import api, docstrings, drawing, figures
 
 project = "inclinometry"
 author = "the authors of inclinometry"
 version = release = "0.1.0"
-extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "myst_parser"]
-exclude_patterns = ["_build", "README.md", "examples"]
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "support.mathml",
+    "myst_parser",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "examples", "gallery/*.zip"]
 
+html_math_renderer = "mathml"
 html_theme = "furo"
+html_show_copyright = False
+html_static_path = ["_static"]
+html_css_files = ["style.css"]
 html_title = "inclinometry"
 
 myst_enable_extensions = ["dollarmath", "amsmath", "substitution", "deflist"]
 myst_heading_anchors = 3
+
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "gallery",
+    "within_subsection_order": "support.style.order",
+    "reset_modules": ("support.style.reset",),
+    "remove_config_comments": True,
+    "show_memory": False,
+    "show_signature": False,
+    "min_reported_time": 1e9,
+    "download_all_examples": False,
+}
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
@@ -51,6 +73,8 @@ OUTSIDE = (
 nitpick_ignore = [("py:class", name) for name in OUTSIDE]
 
 api.write(HERE / "generated")
+drawing.conventions(HERE / "generated" / "conventions.svg")
+myst_substitutions = figures.everything() | drawing.example_attitude()
 
 
 def setup(app: object) -> None:
