@@ -131,7 +131,7 @@ def _closed(
 
 def _joint_model(
     readings: BenchReadings, noise_sd: Mapping[str, ArrayLike] | None, rig_sd: ArrayLike | None
-) -> tuple[Model, State, list[str], bool]:
+) -> tuple[Model, State, list[str], frozenset[str]]:
     sensors = sum(v.shape[1] for v in readings.channels.values())
     rig = rig_guess(rig_sd)
     size = len(readings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,7 +47,7 @@ def fit(model: Model, start: State) -> Fitted:
     return Fitted(model, found.estimate, found.covariance, found.cost, model.linearise(found.estimate))
 
 
-def fit_with_variances(model: Model, start: State, free_noise: bool, free_rig: bool) -> Fitted:
+def fit_with_variances(model: Model, start: State, free_noise: Set[str], free_rig: bool) -> Fitted:
     """Fit, let the residuals correct the variances that may change, fit again until they agree."""
     here = fit(model, start)
     if not (free_noise or free_rig):
@@ -79,8 +79,10 @@ def rig_guess(given: ArrayLike | None) -> Array:
     return np.array(np.broadcast_to(sd, (3,)))
 
 
-def noise_guess(readings: BenchReadings, given: Mapping[str, object] | None, residual: Array) -> tuple[Array, bool]:
-    """Standard deviations (K, M) to start with and whether the fit may change them.
+def noise_guess(
+    readings: BenchReadings, given: Mapping[str, object] | None, residual: Array
+) -> tuple[Array, frozenset[str]]:
+    """Standard deviations (K, M) to start with and the kinds whose noise the fit may change.
 
     A value given by the caller wins, then the standard deviations of the readings; otherwise a third of the starting
     residual, to be corrected by the variance components.
@@ -88,7 +90,7 @@ def noise_guess(readings: BenchReadings, given: Mapping[str, object] | None, res
     unknown = set(given or {}) - set(KINDS)
     if unknown:
         raise InputError(f"noise_sd names {sorted(unknown)[0]!r}; allowed: {', '.join(KINDS)}")
-    columns, known, start = [], [], 0
+    columns, free, start = [], [], 0
     size = len(readings)
     for kind, values in readings.channels.items():
         count = values.shape[1]
@@ -102,17 +104,15 @@ def noise_guess(readings: BenchReadings, given: Mapping[str, object] | None, res
                     f"{kind} noise sd is {sd}; it must be positive, one value or one for each of {count} sensors"
                 )
             columns.append(np.broadcast_to(sd, (size, count)))
-            known.append(True)
         elif kind in readings.sd and (readings.sd[kind] > 0.0).any():
             # a mean of identical readings is still only known to the converter's step
             sd = np.hypot(readings.sd[kind], _step_sd(values))
             # nor is a mean without scatter exact where that step is unknown: it is taken as good as the others
             columns.append(np.where(sd > 0.0, sd, np.sqrt(np.mean(sd[sd > 0.0] ** 2))))
-            known.append(True)
         else:
             columns.append(np.broadcast_to(np.maximum(rms, least), (size, count)))
-            known.append(False)
-    return np.concatenate(columns, axis=1), not all(known)
+            free.append(kind)
+    return np.concatenate(columns, axis=1), frozenset(free)
 
 
 def _step_sd(values: Array) -> Array:

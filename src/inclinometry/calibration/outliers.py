@@ -7,6 +7,7 @@ the others say is it called an outlier, so that a bad station cannot hide behind
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +72,7 @@ def prediction_statistic(fitted: Fitted, full: Model, row: int) -> tuple[float, 
 
 
 def find_outliers(
-    full: Model, fitted: Fitted, free_noise: bool, free_rig: bool, most: int | None = None
+    full: Model, fitted: Fitted, free_noise: Set[str], free_rig: bool, most: int | None = None
 ) -> tuple[list[Outlier], Fitted]:
     """Outliers of a run and the fit without them.
 
@@ -79,7 +80,7 @@ def find_outliers(
     ----------
     full : Model of all stations
     fitted : its fit
-    free_noise, free_rig : which variances may change in a refit
+    free_noise, free_rig : which variances may change in a refit, as for `fit_with_variances`
     most : how many outliers to look for; a sixth of the stations when not given
     """
     from scipy.special import fdtrc

@@ -62,10 +62,12 @@ def powers_of(temperature: Array, reference: float, degree: int) -> Array:
 def _least_criterion(model: Model, start: State, temperature: Array, reference: float, most: int) -> int:
     """Degree with the least chi-square plus p log n, the variances being those of the highest degree."""
     highest = model.with_powers(start, powers_of(temperature, reference, most))
-    full = fit_with_variances(*highest, True, bool(model.rig_sd.any()))
+    full = fit_with_variances(*highest, frozenset(model.signals), bool(model.rig_sd.any()))
     criteria = []
     for degree in range(most + 1):
         trial, state = model.with_powers(start, powers_of(temperature, reference, degree))
-        fitted = fit_with_variances(trial.with_weights(full.model.noise_sd, full.model.rig_sd), state, False, False)
+        fitted = fit_with_variances(
+            trial.with_weights(full.model.noise_sd, full.model.rig_sd), state, frozenset(), False
+        )
         criteria.append(fitted.cost + fitted.at.jacobian.shape[2] * np.log(fitted.at.residual.size))
     return int(np.argmin(criteria))

@@ -7,6 +7,7 @@ third less noise than there is.
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,13 +75,14 @@ class _Restricted:
         return gradient, information
 
 
-def estimate_components(model: Model, at: Linear, state: State, free_noise: bool, free_rig: bool) -> Components:
+def estimate_components(model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool) -> Components:
     """Factors by which the model's variances must be multiplied to agree with the readings.
 
     Parameters
     ----------
     model, at, state : the model, its linearisation and the state of the fit
-    free_noise, free_rig : which variances may change
+    free_noise : kinds whose noise may change
+    free_rig : whether the variance of the settings may
     """
     kinds = list(model.signals)
     counts = [model.signals[kind].shape[1] for kind in kinds]
@@ -95,7 +97,7 @@ def estimate_components(model: Model, at: Linear, state: State, free_noise: bool
     spread = at.by_setting * model.rig_sd
     parts.append(spread @ spread.swapaxes(1, 2))
     likelihood = _Restricted(at, state.errors, model.prior_information(state), parts)
-    free = np.array([free_noise] * len(kinds) + [free_rig and bool(model.rig_sd.any())])
+    free = np.array([*(kind in free_noise for kind in kinds), free_rig and bool(model.rig_sd.any())])
     factors, relative = _maximise(likelihood, np.ones(len(parts)), free, _floors(model))
     return Components(dict(zip(kinds, factors[:-1].tolist(), strict=True)), float(factors[-1]), relative)
 
