@@ -179,25 +179,29 @@ def _picture(demo: Demo) -> None:
     from inclinometry.report.figure import save_png
     from inclinometry.report.index import index_page
 
-    inclination = np.radians([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
     curves = [
-        MethodCurve(name, inclination, errors[:, 0], errors[:, 1])
-        for name, errors in simulated_errors(PICTURED, BENCHES["twelve"](), inclination).items()
+        MethodCurve(name, INCLINATIONS_PICTURED, errors[:, 0], errors[:, 1])
+        for name, errors in simulated_errors(PICTURED, BENCHES["twelve"](), INCLINATIONS_PICTURED, DRAWS).items()
     ]
-    title = f"12 positions, rig settings good to 0.1 deg: rms error over {DRAWS} simulated tools"
-    save_png(comparison_figure(curves, title=title), demo.folder / "comparison.png")
+    save_png(comparison_figure(curves, title=picture_title(DRAWS)), demo.folder / "comparison.png")
     pages = [(title, path.relative_to(demo.folder).as_posix()) for title, path in demo.pages]
     write_text(index_page("Demonstration", pages), demo.folder / "index.html")
 
 
 DRAWS = 40
 PICTURED = ("joint", "twelve", "classical")
+INCLINATIONS_PICTURED = np.radians([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
 
 
-def simulated_errors(methods: Sequence[str], plan: Plan, inclination: Array) -> dict[str, Array]:
+def picture_title(draws: int) -> str:
+    """Title of the picture of the methods side by side."""
+    return f"12 positions, rig settings good to 0.1 deg: rms error over {draws} simulated tools"
+
+
+def simulated_errors(methods: Sequence[str], plan: Plan, inclination: Array, draws: int) -> dict[str, Array]:
     """Rms errors (n, 3) of angles, rad, over simulated tools and rigs: what a method does, not what it says."""
     squared: dict[str, list[Array]] = {name: [] for name in methods}
-    for seed in range(DRAWS):
+    for seed in range(draws):
         run = simulate.bench(plan, seed, rig=RIG)
         for name in methods:
             known = {"diagnose": False} if name == "joint" else {}

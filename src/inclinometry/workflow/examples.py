@@ -9,12 +9,13 @@ from importlib.resources import files
 import numpy as np
 
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.stillness import StillIntervals, stations_from_log
+from inclinometry.calibration.stillness import StillIntervals, sd_of_mean, stations_from_log
 from inclinometry.core.arrays import Array
 from inclinometry.core.digest import digest_bytes
 
 _DATA = "demo_data"
 CAVE_INSTRUMENTS = ("BB", "CF", "FG", "HC")
+XSENS_SAMPLES = 100
 XSENS_GRAVITY = 9.81744
 """Local gravity stated with the Xsens log, m/s^2."""
 
@@ -30,15 +31,19 @@ def xsens_log() -> tuple[Array, Array, str]:
 
 
 def xsens_stations() -> tuple[BenchReadings, StillIntervals]:
-    """The poses of the Xsens log, found by the house's own detector."""
+    """The poses of the Xsens log, found by the house's own detector; the first second of each, as in the publication.
+
+    The poses creep: means over all of a pose differ from its first second by up to two standard uncertainties.
+    """
     time, counts, digest = xsens_log()
-    readings, found = stations_from_log(time, {"accelerometer": counts})
+    _, found = stations_from_log(time, {"accelerometer": counts})
+    first = [counts[start : start + XSENS_SAMPLES] for start, _ in found.pairs()]
     return BenchReadings(
-        readings.channels,
-        sd=readings.sd,
-        count=readings.count,
+        {"accelerometer": np.array([samples.mean(axis=0) for samples in first])},
+        sd={"accelerometer": np.array([sd_of_mean(samples) for samples in first])},
+        count=np.array([float(len(samples)) for samples in first]),
         reference={"g": XSENS_GRAVITY},
-        notes=readings.notes,
+        notes=found.report(),
         digest=digest,
     ), found
 

@@ -1,0 +1,114 @@
+"""The table of figures in README.md and its picture, written from the results of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from inclinometry.report.comparison import MethodCurve, comparison_figure
+from inclinometry.report.figure import save_png
+from inclinometry.workflow.demo import BENCHES, INCLINATIONS_PICTURED, PICTURED, picture_title, simulated_errors
+
+START, END = "<!-- bench -->", "<!-- /bench -->"
+PICTURE = Path("docs/_static/comparison.png")
+DRAWS = 200
+
+
+def update(results: dict, readme: Path) -> None:
+    """Rewrite the table between the markers, and the picture above it."""
+    text = readme.read_text(encoding="utf-8")
+    before, rest = text.split(START)
+    _, after = rest.split(END)
+    rows = "\n".join(f"| {what} | {found} | {reference} |" for what, found, reference in table(results))
+    block = f"{START}\n| what | found | beside |\n|---|---|---|\n{rows}\n{END}"
+    readme.write_text(before + block + after, encoding="utf-8")
+    errors = simulated_errors(PICTURED, BENCHES["twelve"](), INCLINATIONS_PICTURED, DRAWS)
+    curves = [MethodCurve(n, INCLINATIONS_PICTURED, e[:, 0], e[:, 1]) for n, e in errors.items()]
+    save_png(comparison_figure(curves, title=picture_title(DRAWS)), PICTURE)
+
+
+def table(results: dict) -> list[tuple[str, str, str]]:
+    """Rows of what, found, beside."""
+    return [*_joint(results["joint"]), *_closed(results), *_real(results["real_data"]), *_speed(results)]
+
+
+def _joint(joint: dict) -> list[tuple[str, str, str]]:
+    ratios = [v for case in joint["scenarios"].values() for v in case["rmse over bound"].values()]
+    squared = [case["normalised squared error"] for case in joint["scenarios"].values()]
+    rows = [
+        (
+            f"joint fit, rms error / Cramér-Rao bound, {len(ratios)} parameter groups in 6 scenarios of {joint['draws']} tools",
+            f"{min(ratios):.3f} to {max(ratios):.3f}",
+            "1 is the bound",
+        ),
+        ("its stated covariance: normalised squared error", f"{min(squared):.3f} to {max(squared):.3f}", "1 is honest"),
+    ]
+    for plan in ("12", "24"):
+        rms = joint["scenarios"][f"{plan}, rig 0.1"]["rms deg"]
+        ours, plain = (rms[m]["azimuth"] for m in ("joint", "least squares"))
+        rows.append(
+            (
+                f"azimuth error at inclination 5 / 30 / 90°, {plan} positions, rig 0.1°, joint fit",
+                " / ".join(f"{ours[i]:.3f}°" for i in (1, 2, 4)),
+                "trusted dials " + " / ".join(f"{plain[i]:.3f}°" for i in (1, 2, 4)),
+            )
+        )
+    return rows
+
+
+def _closed(results: dict) -> list[tuple[str, str, str]]:
+    rows = []
+    for row in results["design"]["aimed"]:
+        rows.append(
+            (
+                f"{row['stations']} aimed positions, rig {row['rig_sd_deg']:g}°: worst azimuth uncertainty, inclination 10 to 90°",
+                f"{row['found_deg']:.3f}°",
+                f"{row['classical']} {row['classical_deg']:.3f}°",
+            )
+        )
+    return rows
+
+
+def _real(real: dict) -> list[tuple[str, str, str]]:
+    xsens = real["xsens"]
+    rows = [
+        (
+            "Xsens MTi log: bias and conversion of x, pose-mean rms",
+            f"{xsens['ours']['bias, counts'][0]:.1f}, {xsens['ours']['1/scale, counts/(m/s2)'][0]:.3f}, "
+            f"{xsens['ours']['pose-mean rms, m/s2'][0]:.5f} m/s²",
+            "imu_tk 33124.2, 414.459, 0.00112 m/s²",
+        ),
+        (
+            "its fitting time",
+            f"{1e3 * xsens['fit_s']:.0f} ms",
+            f"imu_tk {1e3 * xsens['published_fit_s']:.0f} ms (stated)",
+        ),
+    ]
+    for name, case in real["cave"].items():
+        one = case["first_to_second"]
+        rows.append(
+            (
+                f"cave instrument {name}, shots 1-16: spread of the tool axis over the unseen roll set",
+                f"{one['spread_deg']:.3f}° (both ways round {case['mean']['spread_deg']:.3f}°)",
+                f"peer's best, both ways round {case['peer'][0]:.3f}°",
+            )
+        )
+    return rows
+
+
+def _speed(results: dict) -> list[tuple[str, str, str]]:
+    kernel, closed, joint = results["kernel"]["ratios"], results["closed_forms"]["speed"], results["joint"]["speed"]
+    times = list(joint.values())
+    return [
+        ("six channels to three angles", f"{kernel['times_numpy']:.1f} × numpy in 16k blocks", "same run"),
+        (
+            "share of the machine's arithmetic limit / of its triad bandwidth",
+            f"{100 * kernel['of_arithmetic_limit']:.0f} % / {100 * kernel['of_triad_bandwidth']:.0f} %",
+            "same run",
+        ),
+        ("joint fit, 24 stations, two triads", f"{times[0]:.1f} ms", f"general solver × {times[1]:.1f}"),
+        (
+            "100 000 closed-form calibrations in a batch",
+            f"{closed['batch_s']:.3f} s",
+            f"loop × {closed['times_faster']:.0f}",
+        ),
+    ]
