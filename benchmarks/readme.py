@@ -36,7 +36,7 @@ def _joint(joint: dict) -> list[tuple[str, str, str]]:
     squared = [case["normalised squared error"] for case in joint["scenarios"].values()]
     rows = [
         (
-            f"joint fit, rms error / Cramér-Rao bound, {len(ratios)} parameter groups in 6 scenarios of {joint['draws']} tools",
+            f"joint fit, rms error / Cramér-Rao bound, {len(ratios)} parameter groups, {joint['draws']} tools each",
             f"{min(ratios):.3f} to {max(ratios):.3f}",
             "1 is the bound",
         ),
@@ -60,7 +60,7 @@ def _closed(results: dict) -> list[tuple[str, str, str]]:
     for row in results["design"]["aimed"]:
         rows.append(
             (
-                f"{row['stations']} aimed positions, rig {row['rig_sd_deg']:g}°: worst azimuth uncertainty, inclination 10 to 90°",
+                f"{row['stations']} aimed positions, rig {row['rig_sd_deg']:g}°: worst u(azimuth), inclination 10-90°",
                 f"{row['found_deg']:.3f}°",
                 f"{row['classical']} {row['classical_deg']:.3f}°",
             )

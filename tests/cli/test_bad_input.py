@@ -1,4 +1,4 @@
-"""Rubbish in: one clear line, exit status 2, nothing written - or a named warning where the numbers are still of use."""
+"""Rubbish in: one clear line, exit status 2, nothing written - or a named warning where the numbers are of use."""
 
 from __future__ import annotations
 

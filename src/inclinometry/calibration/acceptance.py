@@ -224,7 +224,7 @@ def _too_narrow(expanded: Array, bounds: Array, limits: Limits | None) -> list[s
         if hopeless:
             sentences.append(
                 f"{name}: at {hopeless} of {int(judged.sum())} positions the limit is smaller than the expanded "
-                "uncertainty of the comparison itself (calibration, noise, rig); a better rig or more readings are needed"
+                "uncertainty of the comparison itself (calibration, noise, rig): a better rig or more readings"
             )
     return sentences
 

@@ -194,6 +194,6 @@ def axis_warnings(state: State) -> list[str]:
         if (cosines.max(axis=1) > 0.9).all() and set(nearest) == {0, 1, 2} and list(nearest) != [0, 1, 2]:
             found = ", ".join(f"{'xyz'[i]} lies along tool {'xyz'[n]}" for i, n in enumerate(nearest) if i != n)
             sentences.append(
-                f"{kind} channels look swapped: {found}; the result is right as long as the survey uses the same columns"
+                f"{kind} channels look swapped: {found}; right as long as the survey uses the same columns"
             )
     return sentences

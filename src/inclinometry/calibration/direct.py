@@ -1,4 +1,4 @@
-"""The closed forms as calibrations: the same record as the joint fit, with uncertainties propagated from the readings."""
+"""The closed forms as calibrations: the record of the joint fit, with uncertainties propagated from the readings."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def calibrate_twelve(readings: BenchReadings, **known: Unpack[Known]) -> Calibra
     readings : BenchReadings
         At p >= 3 equal rolls upright and at p >= 3 equal azimuths lying.
     noise_sd, rig_sd, name : optional
-        As for `calibrate_joint`; they enter the uncertainties only. Estimated from the residuals of the joint model when
-        not given.
+        As for `calibrate_joint`; they enter the uncertainties only. Estimated from the residuals of the joint model
+        when not given.
 
     Raises
     ------

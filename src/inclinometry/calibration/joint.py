@@ -50,7 +50,8 @@ def calibrate_joint(
         Standard deviation of each reading, in the signals' unit. When neither this nor `readings.sd` gives it, it is
         estimated from the residuals (restricted maximum likelihood).
     rig_sd : float or (3,) array_like, optional
-        Standard deviation of a setting of azimuth, inclination, toolface, rad; 0 trusts a dial. Estimated when not given.
+        Standard deviation of a setting of azimuth, inclination, toolface, rad; 0 trusts a dial. Estimated when not
+        given.
     nuisance_sd : mapping, optional
         Constant errors of the rig to fit, name -> prior standard deviation in rad. Names: inclination_zero,
         toolface_zero, outer_nonorthogonality, inner_nonorthogonality.
@@ -79,8 +80,8 @@ def calibrate_joint(
 
     Notes
     -----
-    Model and elimination: `inclinometry.calibration.likelihood`. The sign of each tensor follows from one fact no reading
-    tells: gravity points down, the magnetic field lies on the side its dip says.
+    Model and elimination: `inclinometry.calibration.likelihood`. The sign of each tensor follows from one fact no
+    reading tells: gravity points down, the magnetic field lies on the side its dip says.
 
     Examples
     --------

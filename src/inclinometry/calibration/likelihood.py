@@ -1,8 +1,9 @@
 """The joint model of a bench run: all triads of a tool share the errors of the rig's settings.
 
-    y_jk = N_j(T_k) C(settings_k + d_k) a_j + U0_j(T_k) + e_jk,   |a_j| = 1,   d_k ~ N(0, diag(rig_sd^2)),   e ~ N(0, sd^2)
+    y_jk = N_j(T_k) C(settings_k + d_k) a_j + U0_j(T_k) + e_jk,   |a_j| = 1
+    d_k ~ N(0, diag(rig_sd^2)),   e_jk ~ N(0, sd^2)
 
-(errors in variables; spec of the joint estimator). The rig errors d_k are eliminated station by station, so a fit costs
+(errors in variables). The rig errors d_k are eliminated station by station, so a fit costs
 one small dense solve an iteration however many stations there are.
 """
 
@@ -196,7 +197,7 @@ class Model:
         return State(coefficients, directions, errors, nuisance)
 
     def station_covariance(self, at: Linear) -> Array:
-        """Covariance (K, M, M) of the readings of a station: sensor noise plus what the rig's errors do to all triads."""
+        """Covariance (K, M, M) of a station's readings: sensor noise plus what the rig's errors do to all triads."""
         spread = at.by_setting * self.rig_sd
         covariance = spread @ spread.swapaxes(1, 2)
         index = np.arange(covariance.shape[1])

@@ -38,7 +38,7 @@ def _from_degrees(name: str, rows: Sequence[tuple[float, float, float]], roll_se
 
 
 def twelve(rolls: int = 3, azimuths: int = 3) -> Plan:
-    """The twelve positions of Rogatykh 2018, Table 1, or any larger p: one roll set upright, then one per azimuth at 90.
+    """The twelve positions of Rogatykh 2018, Table 1, or any larger p: a roll set upright, then one per azimuth at 90.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ def twelve(rolls: int = 3, azimuths: int = 3) -> Plan:
     return _from_degrees("twelve", rows, [str(k + 1) for k in range(len(turns)) for _ in range(rolls)])
 
 
-# Azimuth, inclination, toolface of the first station of each group of four +90 degree rolls: each group starts with x up
-# when z lies along north-south, otherwise with x pointing north. Vertical groups carry azimuth 0.
+# Azimuth, inclination, toolface of the first station of each group of four +90 degree rolls: each group starts with x
+# up when z lies along north-south, otherwise with x pointing north. Vertical groups carry azimuth 0.
 _CUBE = [(0, 90, 0), (180, 90, 0), (0, 0, 0), (0, 180, 180), (90, 90, 270), (270, 90, 90)]
 HALF_ROWS = (1, 3, 5, 7, 10, 12, 14, 16, 17, 19, 21, 23)
 

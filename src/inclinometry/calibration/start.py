@@ -1,4 +1,4 @@
-"""Starting values for the joint fit, from any plan: the model is linear in the outer product of tensor and direction."""
+"""Starting values for the joint fit, from any plan: the model is linear in the products of tensor and direction."""
 
 from __future__ import annotations
 

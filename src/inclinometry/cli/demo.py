@@ -57,10 +57,12 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
 
 def _show_real(found: Demo) -> None:
     if found.xsens is not None:
+        # the elements of T as imu_tk prints them
+        skew = found.xsens.misalignment * [-1.0, 1.0, -1.0]
         ours = {
             "bias": found.xsens.bias,
             "counts per m/s2": 1.0 / found.xsens.scale,
-            "misalignment": found.xsens.misalignment,
+            "misalignment": skew,
         }
         u = found.xsens.uncertainty
         spread = {"bias": u["bias"], "counts per m/s2": u["conversion"], "misalignment": u["misalignment"]}
@@ -74,8 +76,8 @@ def _show_real(found: Demo) -> None:
         output.table(title, ["parameter", "found", "u", "imu_tk"], rows)
     if found.cave is not None:
         output.console.print(
-            "\nSAP6 cave instrument HC, calibrated on shots 1-16 without a rig: tool axis spread over the unseen roll "
-            f"set {np.degrees(found.cave.axis_spread):.3f} deg, dip scatter {np.degrees(found.cave.dip_scatter):.3f} deg"
+            "\nSAP6 cave instrument HC, shots 1-16, no rig: tool axis spread over the unseen "
+            f"roll set {np.degrees(found.cave.axis_spread):.3f} deg, dip scatter {np.degrees(found.cave.dip_scatter):.3f} deg"
         )
 
 

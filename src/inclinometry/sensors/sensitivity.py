@@ -45,8 +45,8 @@ def angle_sensitivity(
     tool : Tool
         With an accelerometer, and a second triad for the azimuth, of three seen components each.
     fields : mapping of kind to (..., 3)
-        Fields in tool axes as `Triad.field` returns them (unit length at the calibration's strength). Without the second
-        field the rows of azimuth and magnetic toolface are NaN.
+        Fields in tool axes as `Triad.field` returns them (unit length at the calibration's strength). Without the
+        second field the rows of azimuth and magnetic toolface are NaN.
     temperature : (...) array_like, optional
         degC, for tools whose parameters depend on it.
     second : str

@@ -52,7 +52,7 @@ class Survey:
     warnings: Sequence[str] = ()
 
     def __repr__(self) -> str:
-        steps = np.unique(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int)) if len(self) else []
+        steps = sorted(set(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int).tolist()))
         lines = [f"Survey: {len(self)} stations, azimuth from {self.azimuth_reference} north, deg"]
         for row in steps:
             cells = [f"{np.degrees(getattr(self, n)[row]):9.3f} ± {np.degrees(self.u(n)[row]):.3f}" for n in _SHOWN]
