@@ -7,8 +7,8 @@ give :math:`\\cos\\theta`. The closed form for the second component, coded as pr
 
 .. math:: |n_2|^2 = (A_B - B_A)^2 + (A_A + B_B)^2 + C_B^2 = n_2^2 + (a_1^2 + a_2^2)\\, n_1^2
 
-instead of :math:`A_A^2 + B_A^2 + C_B^2`. The horizontal part of the field leaks from the first component into the second:
-small for gravity on a level table, never small for the magnetic field.
+instead of :math:`A_A^2 + B_A^2 + C_B^2`. The horizontal part of the field leaks from the first component into the
+second: small for gravity on a level table, never small for the magnetic field.
 """
 
 import matplotlib.pyplot as plt

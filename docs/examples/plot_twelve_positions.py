@@ -2,9 +2,9 @@
 Twelve positions: residuals and what the tool can promise
 =========================================================
 
-A simulated instrument is put into the twelve positions of Rogatykh (2018) on a rig whose settings are good to 0.1 degrees
-and whose base is tilted by 5 degrees about an axis nobody knows. One joint fit finds both triads, the rig's errors and
-the noise.
+A simulated instrument is put into the twelve positions of Rogatykh (2018) on a rig whose settings are good to 0.1
+degrees and whose base is tilted by 5 degrees about an axis nobody knows. One joint fit finds both triads, the rig's
+errors and the noise.
 """
 
 import matplotlib.pyplot as plt
@@ -22,8 +22,8 @@ found = calibrate_joint(run.readings, name="simulated")
 print(found)
 
 # %%
-# Residuals of the fit, each divided by its own standard deviation under the model: two thirds should lie within one, all
-# but a few within two. They judge the model, not the tool: a tool is accepted at independent positions.
+# Residuals of the fit, each divided by its own standard deviation under the model: two thirds should lie within one,
+# all but a few within two. They judge the model, not the tool: a tool is accepted at independent positions.
 
 figure, axes = plt.subplots(figsize=(7, 3))
 station = np.arange(1, 13)

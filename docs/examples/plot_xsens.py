@@ -32,8 +32,8 @@ axes.set(xlabel="s", ylabel="counts", xlim=(0, time[-1] - time[0]))
 axes.legend(ncols=3, loc="lower right", fontsize=8)
 
 # %%
-# Length of the calibrated reading less gravity at each rest: with one scale and the mid-range as zero, and with the nine
-# parameters of the fit. Three of them fix the triad's own axes only: nothing in such data tells where the tool axis is.
+# Length of the calibrated reading less gravity at each rest: with one scale and the mid-range as zero, and with the
+# nine parameters of the fit. These give the triad in its own axes: nothing in such data tells where the tool axis is.
 
 middle = (counts.max(axis=0) + counts.min(axis=0)) / 2.0
 plain = np.linalg.norm(counts - middle, axis=1)
