@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import time as clock
 from importlib.resources import files
 from pathlib import Path
 
@@ -162,13 +161,10 @@ def test_sd_of_mean_sees_slow_noise():
     assert sd_of_mean(rng.normal(size=(10, 2))).shape == (2,)
 
 
-def test_a_million_samples_in_about_a_second():
+def test_a_million_samples():
     rng = np.random.default_rng(13)
     signals = rng.normal(size=(1_000_000, 6))
-    begin = clock.perf_counter()
     found = still_intervals(np.arange(1e6) / 100, signals)
-    # measured 0.4 s on an idle core; the rest is room for a busy machine
-    assert clock.perf_counter() - begin < 5.0
     assert found.pairs() == [(0, 1_000_000)]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -367,10 +365,7 @@ def test_a_million_lines(tmp_path):
                 f"{start + k},12.5,45.25,310.125,20.5,{','.join(map(str, row))}\n"
                 for k, row in enumerate(cells.tolist())
             )
-    begin = time.perf_counter()
     table = read_table(path)
-    # about 3 s on a laptop core; the limit leaves room for a loaded machine
-    assert time.perf_counter() - begin < 20.0
     assert len(table) == 1_000_000
     np.testing.assert_array_equal(table.number("gyro_z")[-10_000:], cells[:, 8])
     assert table.lines[-1] == 1_000_001

@@ -75,9 +75,10 @@ def _show_real(found: Demo) -> None:
         title = f"Xsens MTi, real log: {found.xsens_poses} poses found, rms of the norm {found.xsens.rms:.5f} m/s2"
         output.table(title, ["parameter", "found", "u", "imu_tk"], rows)
     if found.cave is not None:
+        spread, scatter = np.degrees([found.cave.axis_spread, found.cave.dip_scatter])
         output.console.print(
-            "\nSAP6 cave instrument HC, shots 1-16, no rig: tool axis spread over the unseen "
-            f"roll set {np.degrees(found.cave.axis_spread):.3f} deg, dip scatter {np.degrees(found.cave.dip_scatter):.3f} deg"
+            "\nSAP6 cave instrument HC, shots 1-16, no rig: over the roll set it has not seen the tool axis spreads by "
+            f"{spread:.3f} deg and the dip by {scatter:.3f} deg"
         )
 
 
