@@ -39,6 +39,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "support.style.order",
     "reset_modules": ("support.style.reset",),
     "remove_config_comments": True,
+    "capture_repr": (),
     "show_memory": False,
     "show_signature": False,
     "min_reported_time": 1e9,

@@ -39,31 +39,32 @@ def offset_error(triad):
 
 
 errors = np.linspace(-0.3, 0.3, 13)
-figure, axes = plt.subplots(figsize=(7, 3.4))
-for (name, plan), style in zip(PLANS.items(), ("o-", "s--"), strict=True):
-    off = []
+curves = {}
+for name, plan in PLANS.items():
+    curves[f"closed form, {name}"] = off = []
     for error in errors:
         readings = run(plan, error)
         form = solve_orthogonal(readings.channels["accelerometer"], *readings.dials, known_direction=[0, 0, 1])
         off.append(offset_error(form.triad("accelerometer")))
-    axes.plot(errors, off, style, label=f"closed form, {name}")
     print(f"closed form, {name}: {np.interp(0.1, errors, off):+.2f} mg at +0.1 deg")
 
 # %%
 # The joint fit, with the usual noise, on the one-face plan: left alone it names the error; given a prior of 0.5 degrees
 # it finds it.
 
-carried = []
-for error in errors:
-    found = calibrate_joint(run(PLANS["one face"], error, 1.0), nuisance_sd={"inclination_zero": np.radians(0.5)})
-    carried.append(offset_error(found.tool.triads["accelerometer"]))
-axes.plot(errors, carried, "^:", label="joint fit, one face, zero carried as an unknown")
+prior = {"inclination_zero": np.radians(0.5)}
+curves["joint fit, one face, zero carried"] = [
+    offset_error(calibrate_joint(run(PLANS["one face"], error, 1.0), nuisance_sd=prior).tool.triads["accelerometer"])
+    for error in errors
+]
+noisy = run(PLANS["one face"], 0.1, 1.0)
+print(*calibrate_joint(noisy, rig_sd=0.0).warnings, sep="\n")
+value, uncertainty = np.degrees(calibrate_joint(noisy, rig_sd=0.0, nuisance_sd=prior).rig.nuisance["inclination_zero"])
+print(f"carried: {value:+.4f} deg, standard uncertainty {uncertainty:.4f} deg")
+
+figure, axes = plt.subplots(figsize=(7, 3.4))
+for style, (name, off) in zip(("o-", "s--", "^:"), curves.items(), strict=True):
+    axes.plot(errors, off, style, label=name)
 axes.set(xlabel="error of the inclination zero, deg", ylabel="error of the z offset, mg")
 axes.legend(fontsize=8)
 plt.show()
-
-noisy = run(PLANS["one face"], 0.1, 1.0)
-print(*calibrate_joint(noisy, rig_sd=0.0).warnings, sep="\n")
-found = calibrate_joint(noisy, rig_sd=0.0, nuisance_sd={"inclination_zero": np.radians(0.5)})
-value, uncertainty = np.degrees(found.rig.nuisance["inclination_zero"])
-print(f"carried: {value:+.4f} deg, standard uncertainty {uncertainty:.4f} deg")

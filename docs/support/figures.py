@@ -21,7 +21,6 @@ from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.orthogonal import solve_orthogonal
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.rigmodel import NUISANCE
 from inclinometry.calibration.rotations import axial_conditioning, solve_rotations
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
@@ -178,8 +177,8 @@ def identifiability() -> dict[str, str]:
     for name, plan in PLANS.items():
         blind = blindness(*_model(plan, np.zeros(4)))
         said = "; ".join(s.removeprefix("this plan cannot see ") for s in blind.sentences) or "nothing"
-        rows.append([name, f"{blind.rank} of {blind.size}", said, *(f"{100 * v:.0f} %" for v in share_left(plan))])
-    head = ["plan", "rank", "cannot see", *(name.replace("_", " ") for name in NUISANCE)]
+        rows.append([name, f"{blind.rank}/{blind.size}", said, *(f"{100 * v:.0f} %" for v in share_left(plan))])
+    head = ["plan", "rank", "cannot see", "inclination zero", "toolface zero", "outer axes", "inner axes"]
     cube = share_left(plans.orthogonal())[0]
     return {"blind_table": table(head, rows), "cube_zero_left": f"{100 * cube:.0f} %"}
 

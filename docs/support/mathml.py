@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
@@ -11,10 +12,14 @@ from sphinx.util import logging
 _LOG = logging.getLogger(__name__)
 
 
+# docutils puts a function and its argument side by side
+_FUNCTION = re.compile(r"(<mi[^>]*>(?:sin|cos|tan|cot|log)</mi>)(?!\s*<mo[^>]*>\()")
+
+
 def _mathml(node: nodes.Node, *, block: bool) -> str:
     source = node.astext()
     try:
-        return str(tex2mathml(source, as_block=block))
+        return _FUNCTION.sub(r'\1<mspace width="0.17em"/>', str(tex2mathml(source, as_block=block)))
     except (SyntaxError, ValueError, IndexError) as error:
         _LOG.warning("formula %r cannot be drawn: %s", source, error, location=node)
         return ""
