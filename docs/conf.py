@@ -53,7 +53,8 @@ add_module_names = False
 autodoc_preserve_defaults = True
 # inside a union or a tuple autodoc would print TypeAliasForwardRef('Array')
 TypeAliasForwardRef.__repr__ = lambda self: self.name
-autodoc_type_aliases = {name: name for name in ("Array", "Index", "Mask", "ArrayLike", "NDArray")}
+ALIASES = ("Array", "ArrayLike", "Index", "Mask", "NDArray", "Rows", "Sampler", "Settings", "Solver")
+autodoc_type_aliases = {name: name for name in ALIASES}
 # types in docstrings are written for people ("(..., 3) array_like"): they are no references
 napoleon_use_param = False
 napoleon_use_rtype = False
@@ -65,13 +66,14 @@ python_use_unqualified_type_names = True
 nitpicky = True
 # every reference inside the package must resolve; these names of other packages have no page here to point to
 OUTSIDE = (
-    "Any", "Array", "ArrayLike", "Axes", "Callable", "Collection", "Column", "Figure", "Generator", "Index", "Iterable",
-    "Iterator", "Mapping", "MappingProxyType", "Markup", "Mask", "NDArray", "Path", "SeedSequence", "Sequence", "bool_",
+    "Any", "Axes", "Callable", "Collection", "Column", "Figure", "Generator", "Iterable",
+    "Iterator", "Mapping", "MappingProxyType", "Markup", "Path", "SeedSequence", "Sequence", "bool_",
     "collections.abc.Callable", "collections.abc.Mapping", "collections.abc.Sequence", "date", "dtype", "float64",
     "floating", "int64", "ndarray", "np.bool_", "numpy.dtype", "numpy.float64", "numpy.int64", "numpy.ndarray",
     "_P", "inclinometry.report.figure._R", "inclinometry.core.lsq.State",
 )  # fmt: skip
-nitpick_ignore = [("py:class", name) for name in OUTSIDE]
+nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
+nitpick_ignore_regex = [("py:class", r"numpy\._typing\..*")]
 
 api.write(HERE / "generated")
 drawing.conventions(HERE / "generated" / "conventions.svg")
