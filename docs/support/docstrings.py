@@ -38,7 +38,15 @@ def signature(
     if arguments and name.startswith("inclinometry.simulate."):
         # two rooms have a Rig: what is known of one, and one to simulate
         arguments = re.sub(r"(?<![\w.~])Rig\b", "~inclinometry.simulate.rig.Rig", arguments)
-    return _short(arguments), _short(result)
+    arguments, result = _short(arguments), _short(result)
+    if not name.startswith("inclinometry.attitude.mapping."):
+        # likewise a wiring, and what Python calls a mapping
+        arguments, result = _abstract(arguments), _abstract(result)
+    return arguments, result
+
+
+def _abstract(text: str | None) -> str | None:
+    return None if text is None else re.sub(r"(?<![\w.~])Mapping\b", "~collections.abc.Mapping", text)
 
 
 def _short(text: str | None) -> str | None:
