@@ -20,7 +20,7 @@ Five lines
 >>> import inclinometry as im
 >>> readings = im.read_bench("readings.csv")                                # doctest: +SKIP
 >>> tool = im.calibrate_joint(readings)                                     # doctest: +SKIP
->>> survey = im.survey(im.read_raw_survey("raw.csv"), tool)                 # doctest: +SKIP
+>>> survey = im.survey_raw(im.read_raw_survey("raw.csv"), tool)                 # doctest: +SKIP
 >>> im.write_survey(survey, "survey.csv")                                   # doctest: +SKIP
 """
 
@@ -61,7 +61,7 @@ _CONTENTS = {
     "read_site": "io.site_toml",
     "reduce_survey": "survey.reduce",
     "stations_from_log": "calibration.stillness",
-    "survey": "workflow.survey",
+    "survey_raw": "workflow.survey",
     "verify": "calibration.acceptance",
     "write_bench": "io.bench_csv",
     "write_calibration": "io.tool_json",
@@ -99,7 +99,7 @@ __all__ = [
     "read_site",
     "reduce_survey",
     "stations_from_log",
-    "survey",
+    "survey_raw",
     "verify",
     "write_bench",
     "write_calibration",
@@ -136,14 +136,13 @@ if TYPE_CHECKING:
     from inclinometry.sensors.triad import Triad
     from inclinometry.survey.reduce import Survey, reduce_survey
     from inclinometry.workflow.calibrate import compare
-    from inclinometry.workflow.survey import survey, write_survey
+    from inclinometry.workflow.survey import survey_raw, write_survey
 
 
 def __getattr__(name: str) -> Any:
     if name not in _CONTENTS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = import_module(f"{__name__}.{_CONTENTS[name]}")
-    # `plans` is a module; `survey` the function hides the room of the same name
     value = module if name == "plans" else getattr(module, name)
     globals()[name] = value
     return value

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-import inclinometry
 from inclinometry.cli import main
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -28,8 +27,6 @@ def test_a_page_does_what_it_says(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
     assert blocks
-    # the lines are for a fresh interpreter, where no other test has imported the room that `im.survey` is named like
-    monkeypatch.delattr(inclinometry, "survey", raising=False)
     names: dict[str, object] = {}
     for language, text in blocks:
         if language == "console":

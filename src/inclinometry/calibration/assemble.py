@@ -157,7 +157,7 @@ def rig_warnings(fitted: Fitted) -> list[str]:
     for name, (estimate, sd) in constant_errors(fitted).items():
         if abs(estimate) > 4.0 * sd:
             sentences.append(
-                f"the residuals show a {name.replace('_', ' ')} of the rig of {np.degrees(estimate):+.3f} +- "
+                f"the residuals show an error of the rig, {name.replace('_', ' ')} {np.degrees(estimate):+.3f} +- "
                 f"{np.degrees(sd):.3f} deg that was not fitted: give it a prior, or mend the rig"
             )
     return sentences + axis_warnings(fitted.state)

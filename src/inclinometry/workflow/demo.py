@@ -32,7 +32,7 @@ from inclinometry.workflow import simulate
 from inclinometry.workflow.calibrate import Comparison, compare, true_errors
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
 from inclinometry.workflow.methods import METHODS
-from inclinometry.workflow.survey import survey, write_survey
+from inclinometry.workflow.survey import survey_raw, write_survey
 
 PUBLISHED_XSENS = {
     "bias": (33124.2, 33275.2, 32364.4),
@@ -167,7 +167,7 @@ def _well(demo: Demo) -> None:
     truth, _ = simulate.read_truth(demo.folder / "orthogonal" / "truth.json")
     run = simulate.well(truth, SEED)
     simulate.write_well(run, folder / "raw.csv", folder / "path.csv")
-    found = survey(read_raw_survey(folder / "raw.csv"), read_calibration(demo.folder / "orthogonal" / "tool.json"))
+    found = survey_raw(read_raw_survey(folder / "raw.csv"), read_calibration(demo.folder / "orthogonal" / "tool.json"))
     write_survey(found, folder / "survey.csv")
     off = [found.inclination - run.inclination, (found.azimuth - run.azimuth + np.pi) % (2.0 * np.pi) - np.pi]
     demo.survey, demo.survey_error = found, np.stack(off, axis=1)

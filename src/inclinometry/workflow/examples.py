@@ -15,7 +15,7 @@ from inclinometry.core.digest import digest_bytes
 
 _DATA = "demo_data"
 CAVE_INSTRUMENTS = ("BB", "CF", "FG", "HC")
-XSENS_SAMPLES = 100
+XSENS_SETTLED, XSENS_SAMPLES = 50, 100
 XSENS_GRAVITY = 9.81744
 """Local gravity stated with the Xsens log, m/s^2."""
 
@@ -31,13 +31,13 @@ def xsens_log() -> tuple[Array, Array, str]:
 
 
 def xsens_stations() -> tuple[BenchReadings, StillIntervals]:
-    """The poses of the Xsens log, found by the house's own detector; the first second of each, as in the publication.
+    """The poses of the Xsens log, found by the house's own detector; one second of each once it has settled.
 
-    The poses creep: means over all of a pose differ from its first second by up to two standard uncertainties.
+    The poses creep: means over a whole pose move the parameters by up to two standard uncertainties.
     """
     time, counts, digest = xsens_log()
     _, found = stations_from_log(time, {"accelerometer": counts})
-    first = [counts[start : start + XSENS_SAMPLES] for start, _ in found.pairs()]
+    first = [counts[start + XSENS_SETTLED :][:XSENS_SAMPLES] for start, _ in found.pairs()]
     return BenchReadings(
         {"accelerometer": np.array([samples.mean(axis=0) for samples in first])},
         sd={"accelerometer": np.array([sd_of_mean(samples) for samples in first])},

@@ -7,8 +7,21 @@ from collections.abc import Callable
 import numpy as np
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.design import CRITERIA, optimal_plan
 from inclinometry.calibration.plans import Plan
+from inclinometry.core.errors import InputError
 from inclinometry.workflow.simulate import plan_named
+
+LEAST_INCLINATION = np.radians(1.0)
+"""Azimuth is aimed no nearer to the vertical than this, rad: there it grows without bound whatever the plan."""
+
+
+def aimed_range(inclination_range: tuple[float, float], criterion: str) -> tuple[float, float]:
+    """The range a plan is aimed at: the one asked for, kept off the vertical where the criterion is an azimuth."""
+    low, high = inclination_range
+    if criterion == "inclination":
+        return low, high
+    return max(low, LEAST_INCLINATION), min(high, np.pi - LEAST_INCLINATION)
 
 
 def make_plan(
@@ -32,14 +45,11 @@ def make_plan(
         return plans.rotations(first_inclination, azimuth, 8 if rolls is None else rolls)
     if name != "optimal":
         return plan_named(name)
-    from inclinometry.calibration.design import CRITERIA, optimal_plan
-    from inclinometry.core.errors import InputError
-
     if criterion not in CRITERIA:
         raise InputError(f"criterion {criterion!r} is unknown; allowed: {', '.join(CRITERIA)}")
     return optimal_plan(
         number,
-        inclination_range=inclination_range,
+        inclination_range=aimed_range(inclination_range, criterion),
         criterion=CRITERIA[criterion],
         rig_sd=rig_sd,
         dip=dip,

@@ -15,7 +15,7 @@ from inclinometry.io.tool_json import read_calibration
 from inclinometry.survey.reduce import Survey, reduce_survey
 
 
-def survey(raw: RawSurvey, calibration: Calibration, site: Site | None = None) -> Survey:
+def survey_raw(raw: RawSurvey, calibration: Calibration, site: Site | None = None) -> Survey:
     """Reduce raw stations with a calibrated tool.
 
     Parameters
@@ -42,8 +42,8 @@ def survey(raw: RawSurvey, calibration: Calibration, site: Site | None = None) -
 
 
 def survey_with(raw: RawSurvey, tool: str | Path, site: Site | None = None) -> Survey:
-    """`survey` with a tool.json, whose own digest is recorded too."""
-    found = survey(raw, read_calibration(tool), site)
+    """`survey_raw` with a tool.json, whose own digest is recorded too."""
+    found = survey_raw(raw, read_calibration(tool), site)
     return replace(found, inputs={**found.inputs, "tool": digest_file(tool)})
 
 
