@@ -1,0 +1,430 @@
+"""Aimed plans: the information is the joint fit's, the search does what it says, the stand's limits hold."""
+
+import numpy as np
+import pytest
+
+from inclinometry.attitude.orientation import angles
+from inclinometry.attitude.rotations import dcm
+from inclinometry.calibration import plans
+from inclinometry.calibration._exchange import Problem, best_addition, exchange, fill, search
+from inclinometry.calibration._information import information
+from inclinometry.calibration.capability import capability
+from inclinometry.calibration.design import (
+    AZIMUTH,
+    CRITERIA,
+    INCLINATION,
+    NOISE,
+    TRACE,
+    evaluate_plan,
+    next_position,
+    optimal_plan,
+    plan_value,
+)
+from inclinometry.calibration.joint import fit_once
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.stand import Stand, stand_within
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.sensors.tool import Tool, parameter_vector
+from inclinometry.sensors.triad import Triad
+from inclinometry.simulate.tool import realistic_tool
+
+DEG = np.pi / 180.0
+DIP = 70.0 * DEG
+COARSE = stand_within(candidates=300)
+FIELDS = {"accelerometer": np.array([0.0, 0.0, 1.0]), "magnetometer": np.array([np.cos(DIP), 0.0, np.sin(DIP)])}
+
+
+def settings_of(plan):
+    return np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
+
+
+def skewed_tool():
+    """Counts and 10-degree misalignments: nothing about it is nominal."""
+    random = np.random.default_rng(5)
+    triads = {}
+    for kind, full in (("accelerometer", 16000.0), ("magnetometer", 0.8)):
+        tensor = full * (np.eye(3) + 0.15 * random.normal(size=(3, 3)))
+        triads[kind] = Triad(kind, tensor, 0.03 * full * random.normal(size=3))
+    return Tool("skewed", triads)
+
+
+@pytest.fixture(scope="module")
+def aimed():
+    return optimal_plan(12, stand=COARSE, restarts=2)
+
+
+# --- the information -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tool", [None, skewed_tool()])
+@pytest.mark.parametrize("rig_sd", [0.0, 0.1 * DEG])
+def test_information_is_that_of_the_joint_fit(tool, rig_sd):
+    about = information(rig_sd, NOISE, DIP, tool)
+    settings = settings_of(plans.twelve())
+    factors = about.factors(settings)
+    ours = about.prior() + np.einsum("kmi,kmj->ij", factors, factors)
+    model, state = about.model(settings)
+    fit = model.normal(state).hessian * np.outer(about.scale, about.scale)
+    size = np.sqrt(np.diagonal(fit))
+    # elimination against marginalisation, equal in exact arithmetic; rounding of 12 sums of squares
+    np.testing.assert_allclose(ours / np.outer(size, size), fit / np.outer(size, size), atol=1e-11)
+
+
+def test_promised_covariance_is_what_the_fit_reports(aimed):
+    truth = realistic_tool(3)
+    noise = {"accelerometer": 5e-4, "magnetometer": 4e-4}
+    turns = dcm(aimed.azimuth, aimed.inclination, aimed.toolface)
+    signals = {k: truth.triads[k].signals(turns @ FIELDS[k]) for k in FIELDS}
+    sd = {k: noise[k] * np.linalg.norm(truth.triads[k].tensor[0], axis=1).max() for k in FIELDS}
+    readings = BenchReadings(signals, aimed.azimuth, aimed.inclination, aimed.toolface)
+    found = fit_once(readings, sd, 0.1 * DEG, field_prior={k: (FIELDS[k], 5.0 * DEG) for k in FIELDS})
+    inclination = np.array([10.0, 45.0, 90.0]) * DEG
+    promised = evaluate_plan(aimed, inclination, rig_sd=0.1 * DEG, noise=noise, dip=DIP, tool=truth)
+    kept = Tool("", found.tool.triads, found.tool.covariance)
+    # readings without error: the fit ends at the truth, to its tolerance of 1e-10 standard deviations
+    given = capability(kept, inclination, DIP, azimuths=24, toolfaces=24)
+    np.testing.assert_allclose(promised.worst(), given.worst(), rtol=1e-6)
+
+
+def test_the_specified_table_of_classical_plans():
+    rows = {
+        (plans.twelve, 0.0): (0.168, 0.104, 0.063, 0.054, 0.057),
+        (plans.half, 0.0): (0.169, 0.106, 0.067, 0.057, 0.053),
+        (plans.orthogonal, 0.0): (0.119, 0.075, 0.047, 0.040, 0.037),
+        (plans.twelve, 0.1): (0.198, 0.119, 0.071, 0.064, 0.072),
+        (plans.half, 0.1): (0.441, 0.233, 0.107, 0.088, 0.080),
+        (plans.orthogonal, 0.1): (0.140, 0.085, 0.053, 0.047, 0.048),
+    }
+    for (plan, rig), row in rows.items():
+        found = evaluate_plan(plan(), rig_sd=rig * DEG).worst()[:, 1] / DEG
+        # figures of three digits, found on a coarser grid of toolfaces
+        np.testing.assert_allclose(found, row, atol=0.0011)
+
+
+@pytest.mark.parametrize("tool", [None, skewed_tool()])
+def test_promised_azimuth_against_differences(tool):
+    """Variance of azimuth from the covariance by plain differentiation of a reading, at the attitude that is worst."""
+    about = information(0.0, NOISE, DIP, tool)
+    inclination = 25.0 * DEG
+    table = evaluate_plan(plans.orthogonal(), [inclination], rig_sd=0.0, tool=tool)
+    factors = about.factors(settings_of(plans.orthogonal()))
+    covariance = np.linalg.inv(about.prior() + np.einsum("kmi,kmj->ij", factors, factors))[:24, :24]
+    covariance = covariance * np.outer(about.scale[:24], about.scale[:24])
+    a, t = np.unravel_index(np.argmax(table.variance[0, :, :, 1]), (24, 24))
+    turn = dcm(15.0 * DEG * a, inclination, 15.0 * DEG * t)
+    triads = about.tool.triads
+    signals = {k: triads[k].signals(turn @ FIELDS[k]) for k in FIELDS}
+    start = np.concatenate([parameter_vector(x) for x in triads.values()])
+
+    def azimuth(x):
+        block = {k: b.reshape(3, 4) for k, b in zip(FIELDS, np.split(x, 2), strict=True)}
+        g, b = (np.linalg.solve(block[k][:, :3], signals[k] - block[k][:, 3]) for k in FIELDS)
+        return angles(g, b).azimuth
+
+    step = 1e-6 * about.scale[:24]
+    slope = [wrap_signed(azimuth(start + e) - azimuth(start - e)) / (2.0 * e.sum()) for e in np.diag(step)]
+    variance = np.array(slope) @ covariance @ np.array(slope)
+    # central differences of step 1e-6: error about 1e-9 of the slope
+    np.testing.assert_allclose(variance, table.variance[0, a, t, 1], rtol=1e-6)
+
+
+# --- what an aimed plan does -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("n", "rig", "required"), [(12, 0.0, 0.075), (16, 0.1, 0.078), (24, 0.1, 0.062)])
+def test_aimed_plans_reach_the_specified_figures(n, rig, required):
+    plan = optimal_plan(n, rig_sd=rig * DEG, restarts=3)
+    fine = np.linspace(10.0, 90.0, 17) * DEG
+    assert evaluate_plan(plan, fine, rig_sd=rig * DEG).worst()[:, 1].max() <= required * DEG
+
+
+@pytest.mark.parametrize("low", [1.0, 5.0])
+def test_sixteen_aimed_at_near_vertical_do_what_the_cube_does_with_24(low):
+    where = (low * DEG, 15.0 * DEG)
+    plan = optimal_plan(16, inclination_range=where, restarts=2)
+    assert plan_value(plan, inclination_range=where) <= plan_value(plans.orthogonal(), inclination_range=where)
+
+
+def test_no_plan_beats_the_cube_everywhere():
+    """With trusted dials the cube's information on each triad is isotropic, the best there is on average."""
+    everywhere = np.array([5.0, 20.0, 45.0, 90.0, 135.0, 160.0, 175.0]) * DEG
+    cube = evaluate_plan(plans.orthogonal(), everywhere, rig_sd=0.0).worst()[:, :2]
+    tried = [optimal_plan(24, criterion=c, rig_sd=0.0, stand=COARSE, restarts=1) for c in CRITERIA.values()]
+    tried.append(
+        optimal_plan(24, inclination_range=(5 * DEG, 175 * DEG), rig_sd=0.0, stand=COARSE, restarts=1),
+    )
+    random, positions = np.random.default_rng(1), COARSE.positions()
+    tried += [positions[random.choice(len(positions), 24, replace=False)] for _ in range(5)]
+    for plan in tried:
+        ratio = evaluate_plan(plan, everywhere, rig_sd=0.0).worst()[:, :2] / cube
+        assert ratio.max() > 1.0
+
+
+@pytest.mark.parametrize("criterion", [AZIMUTH, INCLINATION, TRACE])
+def test_each_criterion_is_best_served_by_its_own_plan(criterion):
+    where = (20.0 * DEG, 70.0 * DEG)
+    own = optimal_plan(12, criterion=criterion, inclination_range=where, stand=COARSE, restarts=2)
+    value = plan_value(own, criterion=criterion, inclination_range=where)
+    for plan in (plans.twelve(), plans.half()):
+        assert value < plan_value(plan, criterion=criterion, inclination_range=where)
+    for other in set(CRITERIA.values()) - {criterion}:
+        plan = optimal_plan(12, criterion=other, inclination_range=where, stand=COARSE, restarts=2)
+        # azimuth is the larger part of the trace, so these two end close to each other; searches vary by 2 %
+        assert value < 1.02 * plan_value(plan, criterion=criterion, inclination_range=where)
+
+
+def test_values_agree_with_the_table(aimed):
+    where = (30.0 * DEG, 30.0 * DEG)
+    table = evaluate_plan(aimed, [30.0 * DEG])
+    # 12 steps of azimuth and toolface against 24: the coarse ones are among the fine
+    for criterion, found in ((INCLINATION, table.worst()[0, 0]), (AZIMUTH, table.worst()[0, 1])):
+        value = plan_value(aimed, criterion=criterion, inclination_range=where)
+        assert 0.98 * found < value < found * (1.0 + 1e-9)
+    trace = np.sqrt(table.variance[0, ::2, ::2, :3].sum(axis=-1).max())
+    # the same sum, by another route
+    np.testing.assert_allclose(plan_value(aimed, criterion=TRACE, inclination_range=where), trace, rtol=1e-9)
+
+
+def test_the_unit_of_a_tool_does_not_matter():
+    tool = Tool("", {k: Triad(k, s * np.eye(3), np.zeros(3)) for k, s in zip(FIELDS, (9.8, 5e4), strict=True)})
+    # full field cancels out of every ratio; rounding only
+    np.testing.assert_allclose(plan_value(plans.half(), tool=tool), plan_value(plans.half()), rtol=1e-9)
+
+
+def test_more_noise_and_worse_dials_promise_less(aimed):
+    doubled = {k: 2.0 * v for k, v in NOISE.items()}
+    perfect = plan_value(aimed, rig_sd=0.0)
+    assert plan_value(aimed) > perfect
+    # with trusted dials sd is proportional to noise, but for a prior that hardly matters
+    np.testing.assert_allclose(plan_value(aimed, rig_sd=0.0, noise=doubled), 2.0 * perfect, rtol=1e-3)
+
+
+# --- the search ------------------------------------------------------------------------------------------------------
+
+
+def small_problem(seed=0):
+    random = np.random.default_rng(seed)
+    factors = random.normal(size=(40, 2, 5))
+    gradients = random.normal(size=(30, 1, 5))
+    return Problem(factors, 0.1 * np.eye(5), gradients, np.ones(40, dtype=bool))
+
+
+def objective(problem, chosen, power):
+    covariance = np.linalg.inv(problem.information(chosen))
+    variances = [sum(h @ covariance @ h for h in rows) for rows in problem.gradients]
+    return sum(v**power for v in variances) ** (1.0 / power)
+
+
+def test_best_addition_is_the_one_a_plain_loop_finds():
+    for seed in range(20):
+        problem, taken = small_problem(seed), [3, 4]
+        values = [np.inf if c in taken else objective(problem, [*taken, c], 32) for c in range(40)]
+        assert best_addition(problem, problem.information(taken), taken, 5) == int(np.argmin(values))
+
+
+def test_best_addition_with_many_attitudes_leaves_none_out():
+    """More attitudes than the first few that decide: the bound must not change the answer."""
+    random = np.random.default_rng(8)
+    problem = Problem(
+        random.normal(size=(300, 3, 6)),
+        np.eye(6),
+        random.normal(size=(500, 1, 6)) / 10.0 + np.eye(6)[random.integers(0, 6, 500), None],
+        np.ones(300, dtype=bool),
+    )
+    values = [objective(problem, [c], 32) for c in range(300)]
+    assert best_addition(problem, problem.fixed, [], 5) == int(np.argmin(values))
+
+
+def test_criterion_falls_monotonically_in_exchange():
+    problem = small_problem()
+    found = exchange(problem, list(range(6)), np.random.default_rng(1), 5, 20, lambda: None)
+    assert len(found.history) > 1
+    assert (np.diff(found.history) < 0.0).all()
+    assert len(set(found.chosen)) == 6
+    # no single replacement helps any more
+    here = objective(problem, found.chosen, 32)
+    for place in range(6):
+        rest = found.chosen[:place] + found.chosen[place + 1 :]
+        others = [objective(problem, [*rest, c], 32) for c in range(40) if c not in rest]
+        assert min(others) >= here * (1.0 - 1e-9)
+
+
+def test_more_restarts_are_never_worse():
+    problem = small_problem()
+    worst = [search(problem, 6, 3, restarts, None).worst for restarts in (1, 2, 5)]
+    assert worst[0] >= worst[1] >= worst[2]
+
+
+def test_fill_never_takes_a_candidate_twice_or_one_not_allowed():
+    problem = small_problem()
+    problem.allowed[:35] = False
+    assert sorted(fill(problem, [], 5, 5)) == [35, 36, 37, 38, 39]
+
+
+def test_the_same_seed_gives_the_same_plan(aimed):
+    again = optimal_plan(12, stand=COARSE, restarts=2)
+    assert np.array_equal(settings_of(aimed), settings_of(again))
+
+
+def test_progress_rises_to_one():
+    seen = []
+    optimal_plan(8, stand=COARSE, progress=seen.append)
+    assert np.all(np.diff(seen) >= 0.0)
+    assert seen[-1] == 1.0
+
+
+# --- the plan as an operator meets it --------------------------------------------------------------------------------
+
+
+def test_order_and_roll_sets():
+    plan = optimal_plan(24, stand=COARSE, restarts=1)
+    rows = settings_of(plan)[:, [1, 0, 2]].round(9)
+    assert plan.name == "optimal"
+    assert sorted(map(tuple, rows)) == list(map(tuple, rows))
+    assert len(np.unique(rows, axis=0)) == 24
+    sets = np.array(plan.roll_set)
+    for name in set(sets) - {""}:
+        assert (sets == name).sum() > 1
+        assert len(np.unique(rows[sets == name, :2], axis=0)) == 1
+    places = {tuple(r) for r in rows[sets == "", :2]}
+    assert len(places) == (sets == "").sum()
+
+
+def test_limits_of_the_stand_are_respected():
+    limits = {"azimuth": (-30 * DEG, 60 * DEG), "inclination": (0.0, 95 * DEG), "toolface": (0.0, 300 * DEG)}
+    stand = stand_within(**limits, candidates=400)
+    plan = optimal_plan(12, stand=stand, restarts=1)
+    for name, (low, high) in limits.items():
+        values = getattr(plan, name)
+        assert values.min() >= low - 1e-12
+        assert values.max() <= high + 1e-12
+        assert set(values) <= set(getattr(stand, name))
+
+
+def test_captured_stations_count_and_are_not_asked_for_again():
+    captured = settings_of(plans.twelve())
+    more = optimal_plan(4, start_from=captured, stand=stand_within(), restarts=1)
+    both = np.concatenate([captured, settings_of(more)])
+    assert len(np.unique(wrap_signed(both).round(9), axis=0)) == 16
+    # four aimed stations do more for the aim than the first four of another classical plan
+    other = np.concatenate([captured, settings_of(plans.half())[:4]])
+    assert plan_value(both) < plan_value(other) < plan_value(captured)
+
+
+def test_next_position_is_the_best_of_all():
+    captured = settings_of(plans.half())
+    found = next_position(captured, stand=COARSE)
+    values = [plan_value(np.concatenate([captured, [p]])) for p in COARSE.positions()]
+    assert found.before == plan_value(captured)
+    assert found.value == plan_value(np.concatenate([captured, [found[:3]]]))
+    # it minimises the norm of power 128, within a percent of the worst
+    assert min(values) <= found.value <= 1.005 * min(values)
+
+
+def test_next_positions_alone_make_a_plan_from_nothing():
+    rows = np.zeros((0, 3))
+    values = []
+    for _ in range(14):
+        found = next_position(rows, stand=COARSE)
+        rows = np.concatenate([rows, [found[:3]]])
+        values.append(found.value)
+    finite = np.isfinite(values)
+    # until every parameter is seen nothing can be promised; then each station helps
+    assert not finite[:3].any()
+    assert finite[6:].all()
+    assert (np.diff(np.array(values)[finite]) <= 0.0).all()
+    assert values[-1] < 1.6 * plan_value(optimal_plan(14, stand=COARSE, restarts=1))
+
+
+def test_a_captured_stand_has_no_next_position():
+    stand = Stand(np.zeros(1), np.array([0.5]), np.array([0.0, 1.0]))
+    with pytest.raises(InputError, match="captured"):
+        next_position(stand.positions(), stand=stand)
+
+
+# --- refusals --------------------------------------------------------------------------------------------------------
+
+
+def test_too_few_stations():
+    with pytest.raises(IdentifiabilityError, match="at least 6"):
+        optimal_plan(5, stand=COARSE)
+    with pytest.raises(InputError, match="n is 0"):
+        optimal_plan(0, stand=COARSE)
+
+
+def test_a_stand_that_only_rolls_cannot_calibrate():
+    stand = stand_within(azimuth=(0.0, 0.0), inclination=(0.0, 0.0), candidates=50)
+    with pytest.raises(IdentifiabilityError, match="cannot see"):
+        optimal_plan(12, stand=stand)
+
+
+def test_a_plan_that_only_rolls_promises_nothing():
+    rolls = np.stack([np.zeros(8), np.zeros(8), np.arange(8) * 45 * DEG], axis=1)
+    assert plan_value(rolls) == np.inf
+    with pytest.raises(IdentifiabilityError, match="this plan"):
+        evaluate_plan(rolls)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"inclination_range": (0.0, 0.5)}, "undefined in a vertical tool"),
+        ({"inclination_range": (10.0, 90.0)}, "allowed 0 to"),
+        ({"inclination_range": (1.0, 0.5)}, "must not exceed"),
+        ({"rig_sd": -0.1}, "rig_sd"),
+        ({"dip": 90 * DEG}, "dip"),
+        ({"noise": {"accelerometer": 1e-3}}, "noise of the magnetometer"),
+        ({"noise": {"accelerometer": 1e-3, "magnetometer": 0.0}}, "magnetometer noise"),
+        ({"tool": Tool("", {"accelerometer": Triad("accelerometer", np.eye(3), np.zeros(3))})}, "magnetometer"),
+        ({"restarts": 0}, "restarts"),
+        ({"stand": Stand(np.zeros(1), np.array([0.5, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))}, "9 positions"),
+        ({"start_from": [[0.0, 90.0, 0.0]]}, "settings"),
+        ({"start_from": np.zeros((2, 2, 3))}, "shape"),
+    ],
+)
+def test_arguments_out_of_range(options, words):
+    with pytest.raises(InputError, match=words):
+        optimal_plan(12, **{"stand": COARSE, **options})
+
+
+def test_inclination_alone_may_be_aimed_at_the_vertical():
+    where = (0.0, 10.0 * DEG)
+    plan = optimal_plan(12, criterion=INCLINATION, inclination_range=where, stand=COARSE, restarts=1)
+    value, twelve = (plan_value(p, criterion=INCLINATION, inclination_range=where) for p in (plan, plans.twelve()))
+    assert value < twelve
+
+
+# --- the stand -------------------------------------------------------------------------------------------------------
+
+
+def test_positions_of_a_stand_are_different_orientations():
+    stand = stand_within(candidates=500)
+    turns = dcm(*stand.positions().T).round(9).reshape(-1, 9)
+    assert len(np.unique(turns + 0.0, axis=0)) == len(turns)
+
+
+def test_candidates_come_in_about_the_number_asked_for():
+    for wanted in (100, 300, 1000, 5000):
+        found = len(stand_within(candidates=wanted).positions())
+        assert 0.4 * wanted <= found <= 1.1 * wanted
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"azimuth": (1.0, 0.0)}, "must not exceed"),
+        ({"toolface": (0.0, 360.0)}, "toolface limits"),
+        ({"candidates": 0}, "candidates"),
+    ],
+)
+def test_limits_that_make_no_stand(options, words):
+    with pytest.raises(InputError, match=words):
+        stand_within(**options)
+
+
+def test_settings_that_make_no_stand():
+    with pytest.raises(InputError, match="at least one setting"):
+        Stand(np.zeros(0), np.zeros(1), np.zeros(1))
+    with pytest.raises(InputError, match="inclination"):
+        Stand(np.zeros(1), np.array([90.0]), np.zeros(1))
