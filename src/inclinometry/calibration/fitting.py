@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.variance import estimate_components, least_noise
+from inclinometry.calibration.variance import Components, estimate_components, least_noise, raised_components
 from inclinometry.core.arrays import Array, finite, within
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
@@ -29,7 +29,7 @@ class Fitted:
     covariance: Array
     cost: float
     at: Linear
-    variance_freedom: float = np.inf  # degrees of freedom of the least well known of the estimated variances
+    variance_freedom: Array | None = None  # degrees of freedom of each variance: noise of each kind, rig
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -55,18 +55,28 @@ def fit_with_variances(model: Model, start: State, free_noise: Set[str], free_ri
     smallest = np.concatenate([least_noise(v) for v in model.signals.values()])
     for _ in range(8):
         parts = estimate_components(here.model, here.at, here.state, free_noise, free_rig)
-        spread = [np.full(v.shape[1], parts.noise[k]) for k, v in model.signals.items()]
-        noise_sd = np.maximum(here.model.noise_sd * np.sqrt(np.concatenate(spread)), smallest)
-        rig_sd = here.model.rig_sd * np.sqrt(parts.rig)
+        noise_sd, rig_sd = _scaled(here.model, parts)
         rig_sd = np.where(rig_sd < 1e-9, 0.0, rig_sd)
-        here = fit(here.model.with_weights(noise_sd, rig_sd), here.state)
-        # a variance with relative uncertainty s is as well known as one from 2/s^2 degrees of freedom
-        known = parts.relative_sd[np.isfinite(parts.relative_sd) & (parts.relative_sd < 10.0)]
-        here = replace(here, variance_freedom=float((2.0 / known**2).min(initial=np.inf)))
+        here = fit(here.model.with_weights(np.maximum(noise_sd, smallest), rig_sd), here.state)
         changes = [*parts.noise.values(), parts.rig if rig_sd.any() else 1.0]
         if np.abs(np.log(changes)).max() < 0.02:
             break
     return here
+
+
+def fit_with_caution(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fitted:
+    """The same fit with its estimated variances as large as they may well be, and how well each of them is known."""
+    parts = raised_components(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
+    raised = fit(fitted.model.with_weights(*_scaled(fitted.model, parts)), fitted.state)
+    # a variance with relative uncertainty s is as well known as one from 2/s^2 degrees of freedom
+    known = np.where(parts.relative_sd < 10.0, parts.relative_sd, 0.0)
+    return replace(raised, variance_freedom=2.0 / np.maximum(known, 1e-3) ** 2)
+
+
+def _scaled(model: Model, parts: Components) -> tuple[Array, Array]:
+    """Standard deviations of noise and rig after their variances are multiplied."""
+    factors = np.concatenate([np.full(v.shape[1], parts.noise[k]) for k, v in model.signals.items()])
+    return model.noise_sd * np.sqrt(factors), model.rig_sd * np.sqrt(parts.rig)
 
 
 def rig_guess(given: ArrayLike | None) -> Array:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Set
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.calibration.fitting import Fitted, fit_with_variances
-from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.fitting import Fitted, fit_with_caution, fit_with_variances
+from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.rigmodel import orientation
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InclinometryError
@@ -30,7 +31,7 @@ class Outlier:
 
     row : index of the station in the readings
     probability : chance of so large a misfit in a clean run
-    dial : "azimuth", "inclination", "toolface" when a misread dial explains it, else None
+    dial : the dial whose misreading explains it ("azimuth or toolface" where either does), else None
     error : by how much that dial was off (true minus dialled), rad
     channel : column of the channel that is off when one channel explains it, else None
     """
@@ -61,14 +62,50 @@ def deletion_statistics(fitted: Fitted) -> Array:
     return np.asarray(np.einsum("ki,kij,kj->k", share, unit_inverse, share))
 
 
-def prediction_statistic(fitted: Fitted, full: Model, row: int) -> tuple[float, Array]:
-    """Misfit of one station against a fit made without it: chi-square and the whitened misfit of each channel."""
+class _Prediction(NamedTuple):
+    """One station as the others predict it."""
+
+    model: Model  # of this station alone
+    at: Linear
+    residual: Array  # (M,) model minus reading
+    covariance: Array  # (M, M) of the residual: station and parameters
+
+    @property
+    def statistic(self) -> float:
+        """Misfit, chi-square."""
+        return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
+
+
+def _predict(fitted: Fitted, full: Model, row: int) -> _Prediction:
+    """A station of the full model against a fit made without it."""
     alone = full.take(np.array([row])).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
-    state = State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
-    at = alone.linearise(state)
+    at = alone.linearise(
+        State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
+    )
     covariance = alone.station_covariance(at)[0] + at.jacobian[0] @ fitted.covariance @ at.jacobian[0].T
-    residual = at.residual[0]
-    return float(residual @ np.linalg.solve(covariance, residual)), residual / np.sqrt(np.diagonal(covariance))
+    return _Prediction(alone, at, at.residual[0], covariance)
+
+
+def _chance(fitted: Fitted, full: Model, row: int) -> float:
+    """Chance that a clean station misfits as much, the variances being only as well known as they are.
+
+    The misfit is shared out to noises and rig by what they add to its covariance: each share is held against what
+    its own variance makes likely, so that one hardly known variance does not excuse everything.
+    """
+    from scipy.special import fdtrc
+
+    found = _predict(fitted, full, row)
+    white = np.linalg.solve(found.covariance, found.residual)
+    noise, start = (white * found.model.noise_sd[0]) ** 2, 0
+    shares = []
+    for signals in full.signals.values():
+        shares.append(noise[start : start + signals.shape[1]].sum())
+        start += signals.shape[1]
+    shares.append(np.sum((found.at.by_setting[0].T @ white * found.model.rig_sd) ** 2))
+    # what the parameters' own uncertainty takes up belongs to the same causes
+    parts = np.array(shares) * (found.statistic / np.sum(shares))
+    freedom = np.full(len(parts), 1e6) if fitted.variance_freedom is None else fitted.variance_freedom
+    return float(min(1.0, len(parts) * fdtrc(len(white), freedom, parts / len(white)).min()))
 
 
 def find_outliers(
@@ -83,8 +120,6 @@ def find_outliers(
     free_noise, free_rig : which variances may change in a refit, as for `fit_with_variances`
     most : how many outliers to look for; a sixth of the stations when not given
     """
-    from scipy.special import fdtrc
-
     most = max(1, len(full.settings) // 6) if most is None else most
     kept = np.arange(len(full.settings))
     found: list[Outlier] = []
@@ -100,13 +135,14 @@ def find_outliers(
                 trial = fit_with_variances(full.take(kept[rest]), state, free_noise, free_rig)
             except InclinometryError:
                 continue
-            statistic, _ = prediction_statistic(trial, full, int(kept[place]))
+            statistic = _predict(trial, full, int(kept[place])).statistic
             if best is None or statistic > best[0]:
                 best = (statistic, int(place), trial)
         if best is None:
             break
-        statistic, place, trial = best
-        probability = float(fdtrc(channels, min(trial.variance_freedom, 1e6), statistic / channels))
+        _, place, trial = best
+        cautious = fit_with_caution(trial, free_noise, free_rig)
+        probability = _chance(cautious, full, int(kept[place]))
         if probability * len(kept) > SIGNIFICANCE:
             break
         found.append(_explain(trial, full, int(kept[place]), probability))
@@ -116,20 +152,18 @@ def find_outliers(
 
 def _explain(fitted: Fitted, full: Model, row: int, probability: float) -> Outlier:
     """What single mistake accounts for the station: one dial, one channel, or neither."""
-    statistic, _ = prediction_statistic(fitted, full, row)
-    enough = max(0.05 * statistic, 4.0 * full.noise_sd.shape[1])
+    found = _predict(fitted, full, row)
+    enough = max(0.05 * found.statistic, 4.0 * full.noise_sd.shape[1])
     scans = [_scan_dial(fitted, full, row, dial) for dial in range(3)]
     dial = int(np.argmin([cost for cost, _ in scans]))
     if scans[dial][0] < enough:
-        return Outlier(row, probability, DIALS[dial], scans[dial][1])
-    alone = full.take(np.array([row])).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
-    state = State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
-    at = alone.linearise(state)
-    covariance = alone.station_covariance(at)[0] + at.jacobian[0] @ fitted.covariance @ at.jacobian[0].T
-    for channel in range(len(covariance)):
-        others = np.delete(np.arange(len(covariance)), channel)
-        rest = at.residual[0][others]
-        if rest @ np.linalg.solve(covariance[np.ix_(others, others)], rest) < enough:
+        # upright, azimuth and toolface turn the tool about the same axis: nothing tells which of them was misread
+        alike = [i for i in range(3) if scans[i][0] < scans[dial][0] + 10.0]
+        return Outlier(row, probability, " or ".join(DIALS[i] for i in alike), scans[dial][1])
+    for channel in range(len(found.residual)):
+        others = np.delete(np.arange(len(found.residual)), channel)
+        rest = found.residual[others]
+        if rest @ np.linalg.solve(found.covariance[np.ix_(others, others)], rest) < enough:
             return Outlier(row, probability, channel=channel)
     return Outlier(row, probability)
 

@@ -84,8 +84,29 @@ def estimate_components(model: Model, at: Linear, state: State, free_noise: Set[
     free_noise : kinds whose noise may change
     free_rig : whether the variance of the settings may
     """
-    kinds = list(model.signals)
-    counts = [model.signals[kind].shape[1] for kind in kinds]
+    likelihood, free = _restricted(model, at, state, free_noise, free_rig)
+    factors, information = _maximise(likelihood, np.ones(len(free)), free, _floors(model))
+    return _components(model, factors, _relative_sd(information, factors, free))
+
+
+def raised_components(model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool) -> Components:
+    """Factors that raise estimated variances as far as they may well be: by twice their uncertainty.
+
+    A variance hidden behind another one may be estimated many times too small; raised, it is better seen, and its
+    uncertainty there tells how well it is bounded from above. Arguments as for `estimate_components`.
+    """
+    likelihood, free = _restricted(model, at, state, free_noise, free_rig)
+    ones = np.ones(len(free))
+    relative = _relative_sd(likelihood.evaluate(ones)[2], ones, free)
+    factors = np.where(relative < 10.0, np.exp(np.minimum(2.0 * relative, 3.0)), 1.0)
+    return _components(model, factors, _relative_sd(likelihood.evaluate(factors)[2], factors, free))
+
+
+def _restricted(
+    model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool
+) -> tuple[_Restricted, Mask]:
+    """The restricted likelihood by factors on the model's variances, and which of them may change."""
+    counts = [signals.shape[1] for signals in model.signals.values()]
     diagonal = np.arange(sum(counts))
     parts, start = [], 0
     for count in counts:
@@ -96,10 +117,20 @@ def estimate_components(model: Model, at: Linear, state: State, free_noise: Set[
         start += count
     spread = at.by_setting * model.rig_sd
     parts.append(spread @ spread.swapaxes(1, 2))
-    likelihood = _Restricted(at, state.errors, model.prior_information(state), parts)
-    free = np.array([*(kind in free_noise for kind in kinds), free_rig and bool(model.rig_sd.any())])
-    factors, relative = _maximise(likelihood, np.ones(len(parts)), free, _floors(model))
-    return Components(dict(zip(kinds, factors[:-1].tolist(), strict=True)), float(factors[-1]), relative)
+    free = np.array([*(kind in free_noise for kind in model.signals), free_rig and bool(model.rig_sd.any())])
+    return _Restricted(at, state.errors, model.prior_information(state), parts), free
+
+
+def _components(model: Model, factors: Array, relative_sd: Array) -> Components:
+    return Components(dict(zip(model.signals, factors[:-1].tolist(), strict=True)), float(factors[-1]), relative_sd)
+
+
+def _relative_sd(information: Array, factors: Array, free: Mask) -> Array:
+    """Standard uncertainty of each free factor relative to it; NaN for the others."""
+    spread = np.full(len(factors), np.nan)
+    diagonal = np.diagonal(information) * factors**2
+    spread[free] = 1.0 / np.sqrt(np.maximum(diagonal[free], 1e-12))
+    return spread
 
 
 _FLOOR = 1e-8
@@ -125,7 +156,7 @@ def _floors(model: Model) -> Array:
 
 
 def _maximise(likelihood: _Restricted, factors: Array, free: Mask, floors: Array) -> tuple[Array, Array]:
-    """Fisher scoring with halved steps inside factors >= floors."""
+    """Fisher scoring with halved steps inside factors >= floors; the factors and their information (n, n)."""
     value, gradient, information = likelihood.evaluate(factors)
     for _ in range(60):
         # a factor at its floor with the likelihood falling upwards stays there
@@ -153,7 +184,4 @@ def _maximise(likelihood: _Restricted, factors: Array, free: Mask, floors: Array
         factors, (value, gradient, information) = trial, result
         if done:
             break
-    spread = np.full(len(factors), np.nan)
-    diagonal = np.diagonal(information) * factors**2
-    spread[free] = 1.0 / np.sqrt(np.maximum(diagonal[free], 1e-12))
-    return factors, spread
+    return factors, information
