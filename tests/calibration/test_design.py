@@ -6,7 +6,6 @@ import pytest
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
-from inclinometry.calibration._exchange import Problem, best_addition, exchange, fill, search
 from inclinometry.calibration._information import information
 from inclinometry.calibration.capability import capability
 from inclinometry.calibration.design import (
@@ -203,65 +202,6 @@ def test_more_noise_and_worse_dials_promise_less(aimed):
 # --- the search ------------------------------------------------------------------------------------------------------
 
 
-def small_problem(seed=0):
-    random = np.random.default_rng(seed)
-    factors = random.normal(size=(40, 2, 5))
-    gradients = random.normal(size=(30, 1, 5))
-    return Problem(factors, 0.1 * np.eye(5), gradients, np.ones(40, dtype=bool))
-
-
-def objective(problem, chosen, power):
-    covariance = np.linalg.inv(problem.information(chosen))
-    variances = [sum(h @ covariance @ h for h in rows) for rows in problem.gradients]
-    return sum(v**power for v in variances) ** (1.0 / power)
-
-
-def test_best_addition_is_the_one_a_plain_loop_finds():
-    for seed in range(20):
-        problem, taken = small_problem(seed), [3, 4]
-        values = [np.inf if c in taken else objective(problem, [*taken, c], 32) for c in range(40)]
-        assert best_addition(problem, problem.information(taken), taken, 5) == int(np.argmin(values))
-
-
-def test_best_addition_with_many_attitudes_leaves_none_out():
-    """More attitudes than the first few that decide: the bound must not change the answer."""
-    random = np.random.default_rng(8)
-    problem = Problem(
-        random.normal(size=(300, 3, 6)),
-        np.eye(6),
-        random.normal(size=(500, 1, 6)) / 10.0 + np.eye(6)[random.integers(0, 6, 500), None],
-        np.ones(300, dtype=bool),
-    )
-    values = [objective(problem, [c], 32) for c in range(300)]
-    assert best_addition(problem, problem.fixed, [], 5) == int(np.argmin(values))
-
-
-def test_criterion_falls_monotonically_in_exchange():
-    problem = small_problem()
-    found = exchange(problem, list(range(6)), np.random.default_rng(1), 5, 20, lambda: None)
-    assert len(found.history) > 1
-    assert (np.diff(found.history) < 0.0).all()
-    assert len(set(found.chosen)) == 6
-    # no single replacement helps any more
-    here = objective(problem, found.chosen, 32)
-    for place in range(6):
-        rest = found.chosen[:place] + found.chosen[place + 1 :]
-        others = [objective(problem, [*rest, c], 32) for c in range(40) if c not in rest]
-        assert min(others) >= here * (1.0 - 1e-9)
-
-
-def test_more_restarts_are_never_worse():
-    problem = small_problem()
-    worst = [search(problem, 6, 3, restarts, None).worst for restarts in (1, 2, 5)]
-    assert worst[0] >= worst[1] >= worst[2]
-
-
-def test_fill_never_takes_a_candidate_twice_or_one_not_allowed():
-    problem = small_problem()
-    problem.allowed[:35] = False
-    assert sorted(fill(problem, [], 5, 5)) == [35, 36, 37, 38, 39]
-
-
 def test_the_same_seed_gives_the_same_plan(aimed):
     again = optimal_plan(12, stand=COARSE, restarts=2)
     assert np.array_equal(settings_of(aimed), settings_of(again))
@@ -393,38 +333,3 @@ def test_inclination_alone_may_be_aimed_at_the_vertical():
     plan = optimal_plan(12, criterion=INCLINATION, inclination_range=where, stand=COARSE, restarts=1)
     value, twelve = (plan_value(p, criterion=INCLINATION, inclination_range=where) for p in (plan, plans.twelve()))
     assert value < twelve
-
-
-# --- the stand -------------------------------------------------------------------------------------------------------
-
-
-def test_positions_of_a_stand_are_different_orientations():
-    stand = stand_within(candidates=500)
-    turns = dcm(*stand.positions().T).round(9).reshape(-1, 9)
-    assert len(np.unique(turns + 0.0, axis=0)) == len(turns)
-
-
-def test_candidates_come_in_about_the_number_asked_for():
-    for wanted in (100, 300, 1000, 5000):
-        found = len(stand_within(candidates=wanted).positions())
-        assert 0.4 * wanted <= found <= 1.1 * wanted
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"azimuth": (1.0, 0.0)}, "must not exceed"),
-        ({"toolface": (0.0, 360.0)}, "toolface limits"),
-        ({"candidates": 0}, "candidates"),
-    ],
-)
-def test_limits_that_make_no_stand(options, words):
-    with pytest.raises(InputError, match=words):
-        stand_within(**options)
-
-
-def test_settings_that_make_no_stand():
-    with pytest.raises(InputError, match="at least one setting"):
-        Stand(np.zeros(0), np.zeros(1), np.zeros(1))
-    with pytest.raises(InputError, match="inclination"):
-        Stand(np.zeros(1), np.array([90.0]), np.zeros(1))
