@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run a command; exit status 0 done, 1 a verdict of failure, 2 bad input, 130 interrupted."""
+    # the house's matrices are small: threads only make them slower, many times so on a busy machine
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from cyclopts import CycloptsError
 
     from inclinometry.cli.app import app
