@@ -158,7 +158,7 @@ def _explain(fitted: Fitted, full: Model, row: int, probability: float) -> Outli
     dial = int(np.argmin([cost for cost, _ in scans]))
     if scans[dial][0] < enough:
         # upright, azimuth and toolface turn the tool about the same axis: nothing tells which of them was misread
-        alike = [i for i in range(3) if scans[i][0] < scans[dial][0] + 10.0]
+        alike = [i for i in range(3) if scans[i][0] < scans[dial][0] + 30.0]
         return Outlier(row, probability, " or ".join(DIALS[i] for i in alike), scans[dial][1])
     for channel in range(len(found.residual)):
         others = np.delete(np.arange(len(found.residual)), channel)
