@@ -198,7 +198,12 @@ def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Map
     cured = replace(model, field_prior=prior)
     words = "; ".join(sentences)
     cure = "add stations at a second azimuth, or at inclinations such as 30 and 120"
-    if not blindness(cured, start).complete:
-        raise IdentifiabilityError(f"{words}; {cure}")
+    left = blindness(cured, start)
+    if not left.complete:
+        first = left.sentences[0].removeprefix("this plan cannot see ")
+        raise IdentifiabilityError(
+            f"this plan determines {left.rank} of {left.size} parameters, even on a level stand pointed at north; "
+            f"it cannot see, for one, {first}: roll the tool at two or more inclinations, as the plans twelve and orthogonal do"
+        )
     assumed = f"a stand level and pointed at north within {np.degrees(LEVEL_PRIOR):g} deg was assumed instead"
     return cured, f"{words}: {assumed}; to do without, {cure}"
