@@ -203,7 +203,8 @@ def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Map
         first = left.sentences[0].removeprefix("this plan cannot see ")
         raise IdentifiabilityError(
             f"this plan determines {left.rank} of {left.size} parameters, even on a level stand pointed at north; "
-            f"it cannot see, for one, {first}: roll the tool at two or more inclinations, as the plans twelve and orthogonal do"
+            f"it cannot see, for one, {first}: roll the tool at two or more inclinations, "
+            "as the plans twelve and orthogonal do"
         )
     assumed = f"a stand level and pointed at north within {np.degrees(LEVEL_PRIOR):g} deg was assumed instead"
     return cured, f"{words}: {assumed}; to do without, {cure}"
