@@ -34,6 +34,8 @@ def choose_powers(readings: BenchReadings, model: Model, start: State, degree: i
     The degree is the caller's, or the one with the least Bayesian information criterion among those the soaks allow.
     """
     temperature = readings.temperature
+    if degree is not None and not 0 <= degree <= HIGHEST_DEGREE:
+        raise InputError(f"temperature degree is {degree}; allowed 0 to {HIGHEST_DEGREE}")
     if temperature is None:
         if degree:
             raise InputError(f"temperature degree {degree} asked for, but the readings have no temperature_degC")
