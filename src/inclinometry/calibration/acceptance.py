@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from inclinometry.attitude.orientation import angles, angles_jacobian
-from inclinometry.attitude.rotations import dcm, dcm_derivatives
+from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.rigmodel import NUISANCE, orientation
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
@@ -95,19 +97,21 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
 
     Notes
     -----
-    Expected fields C(A, I, T) a with the directions a recovered by the calibration, so neither a tilted base nor a rig
-    turned from north counts as an error of the tool. Decision rules: JCGM 106:2012, 8.2 (simple) and 8.3 (guarded).
+    Expected fields C(A, I, T) a with the directions a and the constant errors of the rig recovered by the calibration, so
+    neither a tilted base nor a rig turned from north counts as an error of the tool; what is uncertain of them enters with
+    its correlation with the tool. Decision rules: JCGM 106:2012, 8.2 (simple) and 8.3 (guarded).
     """
     _check(readings, calibration)
     dials = np.stack(readings.dials, axis=1)
-    matrix = dcm(*dials.T)
-    expected_g = matrix @ calibration.field_directions["accelerometer"]
-    expected_b = matrix @ calibration.field_directions["magnetometer"]
+    zeros = [calibration.rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE]
+    rig = _Orientation(*orientation(dials, np.array(zeros)))
+    expected_g = rig.matrix @ calibration.field_directions["accelerometer"]
+    expected_b = rig.matrix @ calibration.field_directions["magnetometer"]
     tool = calibration.tool
     seen = {k: tool.triads[k].field(readings.channels[k], readings.temperature) for k in _BOTH}
     measured, wanted = angles(seen["accelerometer"], seen["magnetometer"]), angles(expected_g, expected_b)
     errors = np.stack([wrap_signed(getattr(measured, n) - getattr(wanted, n)) for n in JUDGED], axis=1)
-    variance, k = _variance(readings, calibration, expected_g, expected_b), 2.0
+    variance, k = _variance(readings, calibration, rig, expected_g, expected_b), 2.0
     u = np.sqrt(variance)
     inclination = wanted.inclination
     steep = np.minimum(inclination, np.pi - inclination) < max(
@@ -170,19 +174,36 @@ def _check(readings: BenchReadings, calibration: Calibration) -> None:
         )
 
 
-def _variance(readings: BenchReadings, calibration: Calibration, g: Array, b: Array) -> Array:
+class _Orientation(NamedTuple):
+    """Rig-to-tool matrices (K, 3, 3) and their derivatives, as `rigmodel.orientation` returns them."""
+
+    matrix: Array
+    by_setting: Array
+    by_nuisance: Array
+
+
+def _variance(readings: BenchReadings, calibration: Calibration, rig: _Orientation, g: Array, b: Array) -> Array:
     """Variance (K, 3) of each error: calibration, noise of these readings, random error of the rig's setting."""
-    sensitivity = angle_sensitivity(
-        calibration.tool, {"accelerometer": g, "magnetometer": b}, readings.temperature, "magnetometer"
-    )
-    count = np.ones(len(g)) if readings.count is None else readings.count
-    parts = sensitivity.components(calibration.tool)
-    total = np.diagonal(parts["calibration"], axis1=1, axis2=2)[:, :3].copy()
-    total += np.diagonal(parts["sensor noise"], axis1=1, axis2=2)[:, :3] / count[:, None]
-    moved = dcm_derivatives(*readings.dials)
+    tool, directions = calibration.tool, calibration.field_directions
+    sensitivity = angle_sensitivity(tool, {"accelerometer": g, "magnetometer": b}, readings.temperature)
     jacobian = angles_jacobian(g, b)[:, :3]
-    directions = calibration.field_directions
-    shift = np.concatenate([moved @ directions[k] for k in _BOTH], axis=-1)  # (K, dial, 6)
+    names = list(calibration.parameter_names)
+    design = np.zeros((*jacobian.shape[:2], len(names)))
+    design[..., : len(tool.parameter_names)] = sensitivity.by_parameter[:, :3]
+    for place, kind in enumerate(_BOTH):
+        if f"{kind}.direction.north" in names:
+            first = names.index(f"{kind}.direction.north")
+            tilted = rig.matrix @ tangent_basis(directions[kind])
+            design[..., first : first + 2] -= jacobian[..., 3 * place : 3 * place + 3] @ tilted
+    for index, name in enumerate(NUISANCE):
+        if f"rig.{name}" in names:
+            moved = np.concatenate([rig.by_nuisance[index] @ directions[k] for k in _BOTH], axis=-1)
+            design[..., names.index(f"rig.{name}")] -= (jacobian @ moved[..., None])[..., 0]
+    total = np.sum((design @ calibration.covariance) * design, axis=2)
+    count = np.ones(len(g)) if readings.count is None else readings.count
+    noise = sensitivity.components(tool)["sensor noise"]
+    total += np.diagonal(noise, axis1=1, axis2=2)[:, :3] / count[:, None]
+    shift = np.concatenate([rig.by_setting @ directions[k] for k in _BOTH], axis=-1)  # (K, dial, 6)
     by_dial = np.einsum("kai,kdi->kad", jacobian, shift)
     total += np.sum((by_dial * calibration.rig.sd) ** 2, axis=2)
     return np.asarray(np.where(np.isfinite(total), total, np.pi**2 / 3.0))

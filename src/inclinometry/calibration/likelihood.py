@@ -148,9 +148,11 @@ class Model:
         inverse_sd = 1.0 / self.noise_sd
         weighted = at.jacobian * inverse_sd[..., None]
         residual = at.residual * inverse_sd
-        flat = weighted.reshape(-1, width)
         cost = float(np.sum(residual**2))
-        gradient, hessian = flat.T @ residual.ravel(), flat.T @ flat
+        # station by station: products too small for the linear algebra library to start threads on
+        across = weighted.swapaxes(1, 2)
+        gradient = (across @ residual[..., None])[..., 0].sum(axis=0)
+        hessian = (across @ weighted).sum(axis=0)
         for kind, (direction, precision) in self.field_prior.items():
             basis, off = tangent_basis(state.directions[kind]), state.directions[kind] - direction
             cost += float(off @ precision @ off)
@@ -170,13 +172,13 @@ class Model:
         errors = state.errors[:, loose]
         cost += float(np.sum(errors**2 * prior))
         own = local.swapaxes(1, 2) @ local + np.diag(prior)
-        cross = weighted.swapaxes(1, 2) @ local  # (K, p, l)
+        cross = across @ local  # (K, p, l)
         pull = (local.swapaxes(1, 2) @ residual[..., None])[..., 0] + errors * prior
         solved = np.linalg.solve(own, np.concatenate([cross.swapaxes(1, 2), pull[..., None]], axis=2))
         follow, shift = solved[..., :-1], solved[..., -1]
         state._elimination.append((follow, shift))
-        hessian = hessian - np.tensordot(cross, follow, axes=([0, 2], [0, 1]))
-        gradient = gradient - np.tensordot(cross, shift, axes=([0, 2], [0, 1]))
+        hessian = hessian - (cross @ follow).sum(axis=0)
+        gradient = gradient - (cross @ shift[..., None])[..., 0].sum(axis=0)
         return Normal(cost, gradient, (hessian + hessian.T) / 2.0, float(np.sum(pull * shift)))
 
     def retract(self, state: State, step: Array) -> State:
