@@ -97,9 +97,9 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
 
     Notes
     -----
-    Expected fields C(A, I, T) a with the directions a and the constant errors of the rig recovered by the calibration, so
-    neither a tilted base nor a rig turned from north counts as an error of the tool; what is uncertain of them enters with
-    its correlation with the tool. Decision rules: JCGM 106:2012, 8.2 (simple) and 8.3 (guarded).
+    Expected fields C(A, I, T) a with the directions a and the constant errors of the rig that the calibration recovered,
+    so neither a tilted base nor a rig turned from north counts as an error of the tool; what is uncertain of them counts
+    with its correlation with the tool. Decision rules: JCGM 106:2012, 8.2 (simple) and 8.3 (guarded).
     """
     _check(readings, calibration)
     dials = np.stack(readings.dials, axis=1)
