@@ -14,11 +14,12 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rigmodel import NUISANCE, orientation
 from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
+from inclinometry.core.arrays import Array, within
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.sensitivity import angle_sensitivity
 
 JUDGED = ("inclination", "azimuth", "toolface")
+GUARDS = ("none", "expanded-uncertainty")
 NEAR_VERTICAL = np.radians(1.0)
 """Azimuth and toolface are never judged nearer to the vertical than this, rad."""
 
@@ -42,6 +43,14 @@ class Limits:
     toolface: float | None
     min_inclination_for_azimuth: float = 0.0
     guard: str = "none"
+
+    def __post_init__(self) -> None:
+        for name in JUDGED:
+            if getattr(self, name) is not None:
+                within(getattr(self, name), f"limit of {name}", 1e-9, np.pi, "rad")
+        within(self.min_inclination_for_azimuth, "min_inclination_for_azimuth", 0.0, np.pi / 2, "rad")
+        if self.guard not in GUARDS:
+            raise InputError(f"guard is {self.guard!r}; allowed: {', '.join(GUARDS)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +106,8 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
 
     Notes
     -----
-    Expected fields C(A, I, T) a with the directions a and the constant errors of the rig that the calibration recovered,
-    so neither a tilted base nor a rig turned from north counts as an error of the tool; what is uncertain of them counts
+    Expected fields C(A, I, T) a with the directions a and the constant errors of the rig that the calibration found, so
+    neither a tilted base nor a rig turned from north counts as an error of the tool; what is uncertain of them counts
     with its correlation with the tool. Decision rules: JCGM 106:2012, 8.2 (simple) and 8.3 (guarded).
     """
     _check(readings, calibration)
@@ -166,6 +175,8 @@ def _check(readings: BenchReadings, calibration: Calibration) -> None:
         have, want = readings.channels[kind].shape[1], calibration.tool.triads[kind].count
         if have != want:
             raise InputError(f"the readings have {have} {kind} channels, the calibration {want}: not the same tool")
+        if not calibration.tool.triads[kind].full:
+            raise InputError(f"the {kind} sees only a plane; verification needs three seen components")
     if not set(_BOTH) <= set(calibration.field_directions):
         raise InputError("this calibration does not know the rig's orientation (field method): calibrate on the stand")
     if readings.digest and readings.digest in calibration.inputs.values():

@@ -1,0 +1,273 @@
+"""Verification at independent positions: honest tools pass as often as stated, wrong ones fail."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.acceptance import Limits, verify
+from inclinometry.calibration.direct import calibrate_orthogonal
+from inclinometry.calibration.joint import calibrate_joint, fit_once
+from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.core.errors import InputError
+from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
+from inclinometry.simulate.rig import Misread, Rig
+from inclinometry.simulate.tool import random_tool
+
+BOTH = ("accelerometer", "magnetometer")
+WIDE = Limits("wide", "for this test", np.radians(1.0), np.radians(2.0), np.radians(1.5))
+LEVEL = {"accelerometer": ([0.0, 0.0, 1.0], np.radians(5.0))}
+
+
+def positions(seed, count=8, lowest=0.1):
+    random = np.random.default_rng(seed)
+    return Plan(
+        "independent",
+        random.uniform(0.0, 2 * np.pi, count),
+        random.uniform(lowest, 2.5, count),
+        random.uniform(0.0, 2 * np.pi, count),
+    )
+
+
+@pytest.fixture(scope="module")
+def pair(bench):
+    """A calibration, the tool and the rig it came from, and readings at other positions."""
+    tool, rig = (
+        random_tool(3),
+        Rig(setting_sd=np.radians(0.05), base_tilt=np.radians(3.0), tilt_axis=1.0, north_offset=0.3),
+    )
+    calibration = calibrate_joint(bench(plans.orthogonal(), tool, rig, bits=12)[0], name="SN 7")
+    return calibration, tool, rig, bench(positions(1), tool, rig, bits=12, seed=77)[0]
+
+
+def with_tensor(calibration, kind, change):
+    """The calibration with one triad's tensor multiplied from the right."""
+    triads = dict(calibration.tool.triads)
+    old = triads[kind]
+    triads[kind] = Triad(kind, old.tensor @ change, old.offset, old.unit, old.field_strength)
+    tool = Tool(calibration.tool.name, triads, calibration.tool.covariance, calibration.tool.noise)
+    return dataclasses.replace(calibration, tool=tool)
+
+
+def turned(angle, axis=2):
+    c, s = np.cos(angle), np.sin(angle)
+    matrix = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix[i, i] = matrix[j, j] = c
+    matrix[i, j], matrix[j, i] = s, -s
+    return matrix
+
+
+class TestAgainstTheCertificate:
+    @pytest.mark.parametrize(
+        ("plan", "rig_deg", "prior"),
+        [
+            (plans.twelve(), 0.1, None),
+            (plans.orthogonal(), 0.0, None),
+            (plans.rotations(np.radians(30.0)), 0.1, None),
+            # toolface zero and tilt inseparable: as uncertain as the level of the stand, and correlated
+            (plans.rotations(), 0.0, LEVEL),
+        ],
+        ids=["twelve", "orthogonal", "rotations 30/120", "rotations 45/135"],
+    )
+    def test_errors_are_as_large_as_stated_and_honest_tools_pass(self, bench, sensor_noise, plan, rig_deg, prior):
+        draws, scores, passed = 40, [], 0
+        for seed in range(draws):
+            tool = random_tool(seed)
+            rig = Rig(
+                setting_sd=np.radians(rig_deg), base_tilt=np.radians(2.0), tilt_axis=float(seed), north_offset=0.2
+            )
+            calibration = fit_once(
+                bench(plan, tool, rig, seed=seed, bits=12)[0],
+                sensor_noise(tool, 12),
+                np.radians(rig_deg),
+                field_prior=prior,
+            )
+            found = verify(bench(positions(seed), tool, rig, seed=seed + 1000, bits=12)[0], calibration)
+            scores.append(np.mean((found.errors / found.u) ** 2, axis=0))
+            passed += found.verdict == "pass"
+        # 40 calibrations, each one error common to its eight positions: rms good to 1/sqrt(2 * 40 * 2) = 8 % at worst
+        np.testing.assert_allclose(np.sqrt(np.mean(scores, axis=0)), 1.0, atol=0.25)
+        assert passed >= draws - 3  # 99 % each: four or more fail with 0.1 %
+
+    def test_says_what_it_held_against_what(self, pair):
+        calibration, _, _, readings = pair
+        found = verify(readings, calibration)
+        assert found.verdict == "pass"
+        assert found.limits_name == "certificate"
+        assert found.tool == "SN 7"
+        assert found.inputs == {"readings": readings.digest, "calibration readings": calibration.inputs["readings"]}
+        assert found.reasons == ("every judged angle is within its limit at every position",)
+        assert np.isclose(found.limits, found.coverage_factor * found.u).all()
+        # two-sided 99 % over 24 judged errors: 0.005 / 24 in each tail, 3.53 standard deviations
+        assert found.coverage_factor == pytest.approx(3.53, abs=0.01)
+        assert {d for row in found.decision for d in row} == {"pass"}
+
+    @pytest.mark.parametrize(
+        ("kind", "angle", "axis", "named"),
+        [
+            ("accelerometer", 1.5, 1, "inclination"),
+            ("magnetometer", 2.0, 2, "azimuth"),
+            ("magnetometer", 2.0, 0, "azimuth"),
+        ],
+    )
+    def test_a_wrong_tool_fails(self, pair, kind, angle, axis, named):
+        calibration, _, _, readings = pair
+        found = verify(readings, with_tensor(calibration, kind, turned(np.radians(angle), axis)))
+        assert found.verdict == "fail"
+        assert any(reason.startswith(f"{named}: ") and "worst at station" in reason for reason in found.reasons)
+
+    def test_another_tool_fails(self, bench, pair):
+        calibration, _, rig, _ = pair
+        assert verify(bench(positions(1), random_tool(4), rig, bits=12)[0], calibration).verdict == "fail"
+
+    def test_a_misread_dial_fails_and_is_named(self, bench, pair):
+        calibration, tool, rig, _ = pair
+        wrong = dataclasses.replace(rig, faults=(Misread(4, "azimuth", np.radians(3.0)),))
+        found = verify(bench(positions(1), tool, wrong, bits=12)[0], calibration)
+        assert found.verdict == "fail"
+        # the record says 3 degrees more than what was set, so the tool reads less
+        assert any("azimuth: 1 of 8 positions not accepted; worst at station 5, error -" in r for r in found.reasons)
+
+
+class TestAgainstLimits:
+    def test_errors_are_those_of_the_definition(self, bench):
+        # noise-free, level: measured angles minus dials
+        tool = random_tool(2, bits=None)
+        calibration = calibrate_joint(bench(plans.orthogonal(), tool, Rig(), noise={})[0])
+        settings = positions(3)
+        readings, _ = bench(settings, tool, Rig(), noise={})
+        off = verify(readings, with_tensor(calibration, "magnetometer", turned(np.radians(0.5)).T), WIDE)
+        np.testing.assert_allclose(off.dials[:, 1], settings.inclination)
+        np.testing.assert_allclose(off.true_inclination, np.abs(settings.inclination), atol=1e-9)
+        np.testing.assert_allclose(off.errors[:, [0, 2]], 0.0, atol=1e-9)
+        # the sense is that of the turn; it is largest where the field crosses the tool axis
+        assert 0.1 < np.degrees(np.abs(off.errors[:, 1])).max() < 2.0
+
+    def test_limits_decide_and_none_is_not_judged(self, pair):
+        calibration, _, _, readings = pair
+        assert verify(readings, calibration, WIDE).verdict == "pass"
+        narrow = dataclasses.replace(WIDE, inclination=np.radians(0.001))
+        found = verify(readings, calibration, narrow)
+        assert found.verdict == "fail"
+        assert found.reasons[0].startswith("inclination: ")
+        free = verify(readings, calibration, dataclasses.replace(narrow, inclination=None))
+        assert free.verdict == "pass"
+        assert {row[0] for row in free.decision} == {"not judged"}
+        assert found.limits_name == "wide"
+        assert found.limits_source == "for this test"
+
+    def test_a_limit_below_the_uncertainty_of_the_comparison_is_warned_of(self, pair):
+        calibration, _, _, readings = pair
+        found = verify(readings, calibration, dataclasses.replace(WIDE, inclination=np.radians(0.001)))
+        assert any(
+            w.startswith("inclination: ") and "smaller than the expanded uncertainty" in w for w in found.warnings
+        )
+        assert verify(readings, calibration, WIDE).warnings == ()
+
+    def test_guard_bands_make_the_doubtful_inconclusive(self, pair):
+        calibration, _, _, readings = pair
+        plain = verify(readings, calibration, WIDE)
+        row = int(np.abs(plain.errors[:, 0]).argmax())
+        just = abs(plain.errors[row, 0]) + plain.u[row, 0]  # within the limit by one standard uncertainty
+        limits = dataclasses.replace(WIDE, inclination=just)
+        assert verify(readings, calibration, limits).verdict == "pass"
+        guarded = verify(readings, calibration, dataclasses.replace(limits, guard="expanded-uncertainty"))
+        assert guarded.decision[row][0] == "inconclusive"
+        assert guarded.verdict == "fail"
+        wide = verify(readings, calibration, dataclasses.replace(WIDE, guard="expanded-uncertainty"))
+        assert wide.verdict == "pass"
+
+    def test_near_the_vertical_only_inclination_is_judged(self, bench, pair):
+        calibration, tool, rig, _ = pair
+        level = dataclasses.replace(rig, base_tilt=0.0, setting_sd=0.0)
+        calibration = calibrate_joint(bench(plans.orthogonal(), tool, level, bits=12)[0])
+        upright = Plan("upright", *np.radians([[0, 90, 0, 0], [0, 0, 4, 30], [0, 50, 0, 0]]))
+        readings, _ = bench(upright, tool, level, bits=12)
+        found = verify(readings, calibration, WIDE)
+        assert [list(row) for row in found.decision[:2]] == [["pass", "not judged", "not judged"]] * 2
+        assert found.decision[3][1] == "pass"
+        assert np.isfinite(found.u).all()
+        later = verify(readings, calibration, dataclasses.replace(WIDE, min_inclination_for_azimuth=np.radians(5.0)))
+        assert later.decision[2][1] == "not judged"
+        assert later.decision[3][1] != "not judged"
+
+
+def test_constant_errors_of_the_rig_that_were_fitted_do_not_count_against_the_tool(bench):
+    tool = random_tool(5)
+    rig = Rig(inclination_zero=np.radians(0.5), outer=np.radians(-0.3), setting_sd=np.radians(0.02))
+    readings, _ = bench(plans.two_face(), tool, rig, bits=12)
+    sd = np.radians(1.0)
+    calibration = calibrate_joint(readings, nuisance_sd={"inclination_zero": sd, "outer_nonorthogonality": sd})
+    found = verify(bench(positions(2), tool, rig, bits=12, seed=9)[0], calibration)
+    assert found.verdict == "pass"
+    assert np.degrees(np.abs(found.errors[:, 0])).max() < 0.15
+
+
+def test_a_closed_form_is_verified_too(bench):
+    tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))
+    calibration = calibrate_orthogonal(bench(plans.orthogonal(), tool, rig, bits=12)[0])
+    assert verify(bench(positions(1), tool, rig, bits=12, seed=9)[0], calibration).verdict == "pass"
+
+
+def test_means_of_many_readings_are_less_uncertain(bench, pair):
+    calibration, _, _, readings = pair
+    many = dataclasses.replace(readings, count=np.full(len(readings), 100.0))
+    assert (verify(many, calibration).u < verify(readings, calibration).u).all()
+
+
+def test_temperature_far_from_the_calibration_is_warned_of(bench):
+    tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))
+    calibration = calibrate_joint(bench(plans.orthogonal(), tool, rig, bits=12, temperature=20.0)[0])
+    warm = bench(positions(1), tool, rig, bits=12, seed=9, temperature=60.0)[0]
+    assert any("60.0 degC" in w for w in verify(warm, calibration).warnings)
+    near = bench(positions(1), tool, rig, bits=12, seed=9, temperature=22.0)[0]
+    assert verify(near, calibration).warnings == ()
+
+
+class TestRefusals:
+    def test_the_same_readings(self, bench):
+        readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
+        with pytest.raises(InputError, match="independent positions"):
+            verify(readings, calibrate_joint(readings))
+
+    def test_part_of_the_same_readings(self, bench):
+        readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
+        with pytest.raises(InputError, match="independent positions"):
+            verify(readings.take(range(6)), calibrate_joint(readings))
+
+    def test_another_number_of_sensors(self, bench, pair):
+        other = random_tool(1, sensors={"accelerometer": 3, "magnetometer": 4})
+        with pytest.raises(InputError, match="4 magnetometer channels, the calibration 3"):
+            verify(bench(positions(1), other, Rig())[0], pair[0])
+
+    @pytest.mark.parametrize("kind", BOTH)
+    def test_a_triad_is_missing(self, pair, kind):
+        calibration, _, _, readings = pair
+        one = dataclasses.replace(readings, channels={kind: readings.channels[kind]})
+        with pytest.raises(InputError, match="needs accelerometer and magnetometer"):
+            verify(one, calibration)
+
+    def test_no_angles(self, pair):
+        calibration, _, _, readings = pair
+        with pytest.raises(InputError, match="no rig angles"):
+            verify(BenchReadings(readings.channels), calibration)
+
+    def test_a_calibration_without_a_rig(self, pair):
+        calibration, _, _, readings = pair
+        with pytest.raises(InputError, match="calibrate on the stand"):
+            verify(readings, dataclasses.replace(calibration, field_directions={}))
+
+    def test_a_triad_that_sees_a_plane_only(self, bench):
+        tool = random_tool(1, sensors={"accelerometer": 2, "magnetometer": 3})
+        calibration = calibrate_joint(bench(plans.orthogonal(), tool, Rig(), bits=12)[0])
+        with pytest.raises(InputError, match="accelerometer"):
+            verify(bench(positions(1), tool, Rig(), bits=12)[0], calibration)
+
+    @pytest.mark.parametrize("change", [{"inclination": -0.1}, {"azimuth": np.nan}, {"guard": "always"}])
+    def test_limits_that_make_no_sense(self, change):
+        with pytest.raises(InputError, match=next(iter(change))):
+            dataclasses.replace(WIDE, **change)
