@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TypedDict, Unpack
 
@@ -19,11 +20,15 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rotations import find_direction, solve_rotations
 from inclinometry.calibration.signs import fix_signs
-from inclinometry.calibration.start import DOWN, starting_state
+from inclinometry.calibration.start import DOWN, enough, starting_state
 from inclinometry.calibration.twelve import solve_twelve
 from inclinometry.core.arrays import Array
 
 Solver = Callable[[Array], ClosedForm]
+
+
+NEAR_START = 0.1
+"""Standard deviation of the fields' directions about their start while the variances are looked for, rad."""
 
 
 class Known(TypedDict, total=False):
@@ -136,8 +141,12 @@ def _joint_model(
     rig = rig_guess(rig_sd)
     size = len(readings)
     settings = np.stack(readings.dials, axis=1)
+    enough(readings)
     model = Model(readings.channels, settings, np.ones((size, 1)), np.ones((size, sensors)), rig, np.zeros(4), {})
     start = starting_state(model, dict.fromkeys(readings.channels, DOWN))
     start, warnings = fix_signs(start, readings.reference, {})
+    # a plan may leave a direction free (rotations at 45 and 135): it stays where the start has it
+    near = {kind: (direction, np.eye(3) / NEAR_START**2) for kind, direction in start.directions.items()}
+    model = replace(model, field_prior=near)
     noise, free = noise_guess(readings, noise_sd, model.linearise(start).residual)
     return model.with_weights(noise, rig), start, warnings, free

@@ -18,7 +18,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rigmodel import NUISANCE
 from inclinometry.calibration.signs import fix_signs
-from inclinometry.calibration.start import DOWN, starting_state
+from inclinometry.calibration.start import DOWN, enough, starting_state
 from inclinometry.calibration.temperature import choose_powers
 from inclinometry.core.arrays import Array, finite, within
 from inclinometry.core.constants import KINDS
@@ -97,7 +97,7 @@ def calibrate_joint(
            [   0.,    0., 1000.]])
     """
     azimuth, inclination, toolface = readings.dials
-    _enough(readings)
+    enough(readings)
     rig = rig_guess(rig_sd)
     priors = _field_prior(readings, field_prior)
     model = Model(
@@ -138,17 +138,6 @@ def calibrate_joint(
 def fit_once(readings: BenchReadings, noise_sd: Mapping[str, ArrayLike], rig_sd: ArrayLike, **more: Any) -> Calibration:
     """`calibrate_joint` with known variances and without diagnosis, for Monte-Carlo loops."""
     return calibrate_joint(readings, noise_sd=noise_sd, rig_sd=rig_sd, temperature_degree=0, diagnose=False, **more)
-
-
-def _enough(readings: BenchReadings) -> None:
-    for kind, values in readings.channels.items():
-        stations, sensors = values.shape
-        unknown = 4 * sensors + 2
-        if stations * sensors < unknown:
-            raise IdentifiabilityError(
-                f"{stations} stations give {stations * sensors} readings of the {kind}, fewer than its {unknown} "
-                f"parameters; take at least {-(-unknown // sensors) + 1} stations, 12 or 24 for a good result"
-            )
 
 
 def _nuisance_sd(given: Mapping[str, float] | None) -> Array:

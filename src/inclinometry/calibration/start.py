@@ -6,10 +6,24 @@ import numpy as np
 
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import KINDS
+from inclinometry.core.errors import IdentifiabilityError
 
 DOWN = np.array([0.0, 0.0, 1.0])
+
+
+def enough(readings: BenchReadings) -> None:
+    """Raise IdentifiabilityError when a triad has fewer readings than parameters."""
+    for kind, values in readings.channels.items():
+        stations, sensors = values.shape
+        unknown = 4 * sensors + 2
+        if stations * sensors < unknown:
+            raise IdentifiabilityError(
+                f"{stations} stations give {stations * sensors} readings of the {kind}, fewer than its {unknown} "
+                f"parameters; take at least {-(-unknown // sensors) + 1} stations, 12 or 24 for a good result"
+            )
 
 
 def starting_state(model: Model, hints: dict[str, Array]) -> State:
