@@ -74,6 +74,8 @@ def capability(
     missing = {"accelerometer", "magnetometer"} - {k for k, t in tool.triads.items() if t.full}
     if missing:
         raise InputError(f"the {sorted(missing)[0]} with three seen components is needed for all three angles")
+    if azimuths < 1 or toolfaces < 1:
+        raise InputError(f"azimuths is {azimuths}, toolfaces {toolfaces}; at least 1 of each is needed")
     values = np.atleast_1d(within(inclination, "inclination", 1e-6, np.pi - 1e-6, "rad"))
     turn = 2.0 * np.pi * np.arange(azimuths) / azimuths
     roll = 2.0 * np.pi * np.arange(toolfaces) / toolfaces
