@@ -109,7 +109,7 @@ def test_temperature_is_that_of_the_survey():
     uncertain = Tool("x", tool.triads, 1e-4 * np.eye(size))
     near = capability(uncertain, np.radians([30.0]), DIP, temperature=20.0).worst()
     far = capability(uncertain, np.radians([30.0]), DIP, temperature=120.0).worst()
-    # constants known to 0.01 counts and slopes to 0.01 counts per degC, 100 degC away; the tensor there is a little other
+    # constants known to 0.01 counts, slopes to 0.01 counts per degC, 100 degC away where the tensor is a little other
     np.testing.assert_allclose(far / near, np.hypot(1.0, 100.0), rtol=0.05)
 
 
