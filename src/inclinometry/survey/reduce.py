@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from inclinometry.attitude.orientation import Angles, angles, inclination_toolface
 from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, finite
+from inclinometry.core.arrays import Array, finite, within
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site, azimuth_to
 from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.sensors.tool import Tool
-from inclinometry.survey.flags import magnitudes, reference_of, station_flags, summary
+from inclinometry.survey.flags import magnitudes, reference_of, reversed_field, station_flags, summary
 
 UNKNOWN = np.pi / np.sqrt(3.0)
 """Standard uncertainty of an angle about which nothing is known (uniform over the circle), rad."""
@@ -121,7 +121,8 @@ def reduce_survey(
     Raises
     ------
     InputError
-        Depths that do not increase, channels missing or of another tool, true or grid north without declination.
+        No stations, depths that do not increase, channels missing or of another tool, true or grid north without
+        declination.
 
     Notes
     -----
@@ -137,15 +138,20 @@ def reduce_survey(
     (array([30.]), 'magnetic')
     """
     depth = finite(md, "md", (None,))
+    if not depth.size:
+        raise InputError("no stations: md is empty")
     if (np.diff(depth) <= 0.0).any():
         row = int(np.argmax(np.diff(depth) <= 0.0))
         raise InputError(f"md falls from {depth[row]:g} to {depth[row + 1]:g} m at station {row + 2}; it must increase")
+    if calibration_dip is not None:
+        within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
     seen = _fields(channels, tool, heat, len(depth))
     found, parts = _attitude(seen, tool, heat)
     azimuth, parts, reference, warnings = _north(found.azimuth, parts, site)
     size = magnitudes(seen, tool, heat, len(depth))
     inclination_sd = np.sqrt(np.asarray(sum(p[:, 0] for p in parts.values())))
+    warnings += reversed_field(size.dip, site)
     flags = station_flags(found, inclination_sd, size, tool, heat, reference_of(tool, site, calibration_dip))
     return Survey(
         depth,
@@ -208,12 +214,21 @@ def _north(
     reference = "magnetic" if site is None else site.north_reference
     if site is None or reference == "magnetic":
         return azimuth, variances, "magnetic", []
+    if np.isnan(azimuth).all():  # no second field: nothing to turn
+        return azimuth, variances, reference, []
     turned = wrap_positive(azimuth_to(reference, azimuth, site))
+    warnings = []
     if site.declination_sigma is None:
-        return turned, variances, reference, ["the uncertainty of the declination is not stated and not included"]
-    added = np.zeros((len(azimuth), 4))
-    added[:, 1] = site.declination_sigma**2
-    return turned, {**variances, "declination": added}, reference, []
+        warnings.append("the uncertainty of the declination is not stated and not included")
+    causes = {"declination": site.declination_sigma}
+    if reference == "grid":
+        causes["convergence"] = site.convergence_sigma  # geometry: taken as exact where nothing is stated
+    for name, sigma in causes.items():
+        if sigma is not None:
+            added = np.zeros((len(azimuth), 4))
+            added[:, 1] = sigma**2
+            variances = {**variances, name: added}
+    return turned, variances, reference, warnings
 
 
 def _total(seen: Mapping[str, Array], tool: Tool, kind: str, size: int) -> Array:
