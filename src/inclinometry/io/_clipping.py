@@ -100,7 +100,8 @@ def _predicted_beyond(
         return None
     inverse = np.linalg.pinv(known, rcond=1e-9)
     free = len(known) - np.linalg.matrix_rank(known, tol=1e-9)
-    seen = np.linalg.norm(asked - asked @ inverse @ known, axis=1) < 1e-6
+    # bracketed so that nothing larger than the basis is held, however many stations there are
+    seen = np.linalg.norm(asked - asked @ (inverse @ known), axis=1) < 1e-6
     if free < 3 or seen.sum() < 2:
         return None
     model, span = inverse @ column[fitted], np.ptp(column)
