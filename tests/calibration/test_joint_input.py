@@ -1,0 +1,101 @@
+"""Joint fit: readings and options that cannot be used are one clear error or a named warning."""
+
+import contextlib
+import dataclasses
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.simulate.rig import Rig
+from inclinometry.simulate.tool import random_tool
+
+
+@pytest.fixture(scope="module")
+def readings(bench):
+    """A run of 24 positions with ordinary errors."""
+    return bench(plans.orthogonal(), random_tool(3), Rig(setting_sd=np.radians(0.1)), bits=12, seed=5)[0]
+
+
+def test_too_few_stations_with_numbers(readings):
+    with pytest.raises(IdentifiabilityError, match="4 stations give 12 readings of the accelerometer, fewer than"):
+        calibrate_joint(readings.take(range(4)))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5, 6, 7])
+def test_any_small_number_of_stations_is_an_error_or_a_finite_result(readings, count):
+    found = None
+    with contextlib.suppress(IdentifiabilityError):
+        found = calibrate_joint(readings.take(range(count)))
+    assert found is None or np.isfinite(found.covariance).all()
+
+
+def test_no_angles(readings):
+    bare = BenchReadings(readings.channels)
+    with pytest.raises(InputError, match="no rig angles"):
+        calibrate_joint(bare)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"noise_sd": {"accelerometer": -1.0}}, "noise sd is"),
+        ({"noise_sd": {"accelerometer": 0.0}}, "must be positive"),
+        ({"noise_sd": {"accelerometer": np.nan}}, "nan"),
+        ({"noise_sd": {"accelerometer": [1.0, 2.0]}}, "accelerometer noise sd"),
+        ({"noise_sd": {"accelerator": 1.0}}, "accelerator"),
+        ({"rig_sd": -0.1}, "rig_sd"),
+        ({"rig_sd": 45.0}, "rig_sd"),
+        ({"rig_sd": [0.1, 0.1]}, "rig_sd"),
+        ({"rig_sd": np.nan}, "rig_sd"),
+        ({"nuisance_sd": {"inclination_zro": 0.1}}, "inclination_zro"),
+        ({"nuisance_sd": {"inclination_zero": -0.1}}, "nuisance_sd"),
+        ({"nuisance_sd": {"inclination_zero": 10.0}}, "nuisance_sd"),
+        ({"field_prior": {"magnetometer": ([0, 0, 0], 0.1)}}, "zero vector"),
+        ({"field_prior": {"magnetometer": ([0, 1], 0.1)}}, "shape"),
+        ({"field_prior": {"magnetometer": ([0, 0, 1], 0.0)}}, "field_prior"),
+        ({"field_prior": {"magnetometer": ([0, 0, 1], -0.1)}}, "field_prior"),
+        ({"field_prior": {"magnetometer": ([0, 0, 1], np.nan)}}, "field_prior"),
+        ({"field_prior": {"compass": ([0, 0, 1], 0.1)}}, "compass"),
+        ({"temperature_degree": 1}, "temperature"),
+        ({"temperature_degree": -1}, "temperature"),
+    ],
+)
+def test_options_that_cannot_be_used_are_one_clear_error(readings, options, words):
+    with pytest.raises((InputError, IdentifiabilityError), match=words):
+        calibrate_joint(readings, **options)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"channels": {}}, "channels are"),
+        ({"channels": {"compass": np.zeros((24, 3))}}, "compass"),
+        ({"channels": {"gyro": np.zeros(24)}}, "shape"),
+        ({"channels": {"gyro": np.zeros((24, 3)), "accelerometer": np.zeros((23, 3))}}, "shape"),
+        ({"channels": {"gyro": np.full((24, 3), np.nan)}}, r"gyro\[0, 0\] is nan"),
+        ({"azimuth": None}, "needed together"),
+        ({"azimuth": np.zeros(5)}, "azimuth has shape"),
+        ({"toolface": np.full(24, np.inf)}, "toolface"),
+        ({"inclination": np.full(24, 90.0)}, "looks like degrees"),
+        ({"station": ["a"]}, "station has 1"),
+        ({"temperature": np.full(24, np.nan)}, "temperature"),
+        ({"count": np.zeros(3)}, "count has shape"),
+        ({"count": np.zeros(24)}, "count is 0 at a station"),
+        ({"sd": {"accelerometer": np.zeros((3, 7))}}, "accelerometer sd"),
+        ({"sd": {"accelerometer": np.full((24, 3), -1.0)}}, "accelerometer sd"),
+    ],
+)
+def test_readings_that_do_not_go_together(readings, change, words):
+    with pytest.raises(InputError, match=words):
+        dataclasses.replace(readings, **change)
+
+
+def test_a_dead_channel_is_named(readings):
+    dead = {**readings.channels, "magnetometer": readings.channels["magnetometer"] * [1.0, 0.0, 1.0]}
+    found = calibrate_joint(dataclasses.replace(readings, channels=dead))
+    assert "magnetometer channel 2 reads 0 at every station: is it connected?" in found.warnings
+    assert not found.tool.triads["magnetometer"].full
