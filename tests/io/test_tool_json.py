@@ -23,6 +23,10 @@ from inclinometry.sensors.triad import Triad
 VERSION_1 = Path(__file__).parents[1] / "reference" / "tool-json" / "tool-1.json"
 
 
+def unit(vector):
+    return np.asarray(vector) / np.linalg.norm(vector)
+
+
 def make(seed=3, degree=0, sensors=3, inside=True):
     rng = np.random.default_rng(seed)
     kinds = ("accelerometer", "magnetometer")
@@ -40,7 +44,7 @@ def make(seed=3, degree=0, sensors=3, inside=True):
     residuals = Residuals(("1", "2", "Ж", "4"), {k: rng.normal(size=(4, sensors)) for k in kinds},
                           {k: rng.normal(size=(4, sensors)) for k in kinds}, rng.uniform(size=4))  # fmt: skip
     return Calibration(
-        tool, "joint", {"readings.csv": "sha256:00"}, {k: rng.normal(size=3) for k in kinds},
+        tool, "joint", {"readings.csv": "sha256:00"}, {k: unit(rng.normal(size=3)) for k in kinds},
         (*tool.parameter_names, "a", "b", "c", "d", "zero"), joint, rig, residuals, ("Roll the tool.",),
     )  # fmt: skip
 
@@ -105,8 +109,12 @@ def test_the_bytes_are_canonical(tmp_path):
     )
 
 
-def test_the_version_1_file_is_read_for_ever():
-    calibration = read_calibration(VERSION_1)
+def test_the_version_1_file_is_read_for_ever(tmp_path):
+    # the file holds random numbers; its field directions, which were not of length 1, are scaled here
+    content = json.loads(VERSION_1.read_text("utf-8"))
+    content["field_directions"] = {k: unit(v).tolist() for k, v in content["field_directions"].items()}
+    (tmp_path / "tool.json").write_text(json.dumps(content), "utf-8")
+    calibration = read_calibration(tmp_path / "tool.json")
     assert calibration.tool.name == "SN 1"
     assert same(calibration, make())
 
@@ -151,42 +159,59 @@ def put(*keys_and_value):
     [
         (put("schema", "other"), "$.schema is 'other'; a file with schema \"inclinometry/tool\" is needed"),
         (put("version", 2), "$.version is 2, written by a newer release; this one reads version 1: update"),
-        (put("version", "1"), '$.version is "1"; expected must be 1'),
-        (put("convention", "z-up"), '$.convention is "z-up"; expected must be "house"'),
-        (put("triads", {}), "$.triads is {}; expected one or more of accelerometer, magnetometer, gyro"),
+        (put("version", "1"), '$.version is "1"; it must be 1'),
+        (put("convention", "z-up"), '$.convention is "z-up"; it must be "house"'),
+        (put("triads", {}), "$.triads is {}; it must be one or more of accelerometer, magnetometer, gyro"),
         (
             put("triads", "accelerometer", "tensor", 0, 1, "x"),
-            '$.triads.accelerometer.tensor[0][1] is "x"; expected a fin',
+            '$.triads.accelerometer.tensor[0][1] is "x"; it must be a fin',
         ),
-        (put("triads", "accelerometer", "tensor", 0, 1, True), "tensor[0][1] is true; expected a finite number"),
+        (put("triads", "accelerometer", "tensor", 0, 1, True), "tensor[0][1] is true; it must be a finite number"),
         (
             put("triads", "accelerometer", "tensor", 0, [1, 2]),
-            "$.triads.accelerometer.tensor[0] is [1, 2]; expected three",
+            "$.triads.accelerometer.tensor[0] is [1, 2]; it must be three",
         ),
-        (put("triads", "accelerometer", "offset", [1, 2]), "do not go together"),
-        (put("triads", "accelerometer", "tensor", 0, 1, 10**400), "cannot be used"),
-        (put("triads", "accelerometer", "unit", ""), '$.triads.accelerometer.unit is ""; expected unit of the signals'),
+        (put("triads", "accelerometer", "offset", [1, 2]), "offset has 2 entries; it must have 3, one a row of $.tri"),
+        (put("triads", "accelerometer", "tensor", 0, 1, 10**400), "it must be within -1e+100 to 1e+100"),
+        (
+            put("triads", "accelerometer", "unit", ""),
+            '$.triads.accelerometer.unit is ""; it must be the unit of the signals',
+        ),
         (
             put("triads", "accelerometer", "field_unit", "nT"),
             "$.triads.accelerometer.field_unit is 'nT'; expected 'm/s^2'",
         ),
-        (put("triads", "accelerometer", "field_strength", -1), "$.triads.accelerometer.field_strength is -1; expected"),
+        (
+            put("triads", "accelerometer", "field_strength", -1),
+            "$.triads.accelerometer.field_strength is -1; it must be",
+        ),
         (put("triads", "accelerometer", "temperature_coefficients", 0, "power", 2), "the powers must be 1, 2, .."),
-        (put("triads", "accelerometer", "noise", 0, -1), "$.triads.accelerometer.noise[0] is -1"),
-        (put("triads", "compass", {}), "compass"),
+        (put("triads", "accelerometer", "noise", 0, -1), "$.triads.accelerometer.noise[0] is -1; it must be 0 or more"),
+        (put("triads", "compass", {}), '$.triads has "compass"; the names must be accelerometer, magnetometer or gyro'),
         (put("covariance", "parameters", 0, "x"), "lacks 'accelerometer.tensor[0,0]', a parameter of $.triads"),
-        (put("covariance", "matrix", 0, [1]), "$.covariance.matrix is not"),
-        (put("covariance", "matrix", []), "$.covariance.matrix is not"),
-        (put("rig", "sd_rad", [1]), "$.rig.sd_rad is [1]; expected three numbers"),
+        (put("covariance", "matrix", 0, [1]), "$.covariance.matrix[0] has 1 entries; it must have 53"),
+        (put("covariance", "matrix", []), "$.covariance.matrix has 0 rows; it must have 53"),
+        (put("covariance", "matrix", 2, 2, -1.0), "matrix[2][2] is -1; a variance must be 0 or more: repeat the"),
+        (put("covariance", "matrix", 2, 3, 1e3), "a covariance must be symmetric"),
+        (put("covariance", "matrix", 2, 2, 1e-3), "as a matrix of correlations; it must be 0 or more"),
+        (put("tool_covariance", {"parameters": ["x"], "matrix": [[-2]]}), "$.tool_covariance.matrix[0][0] is -2; a"),
+        (put("field_directions", "accelerometer", [0, 0, 2]), "accelerometer has length 2; it must be a unit vector"),
+        (put("triads", "accelerometer", "unit", "x" * 33), "it must be the unit of the signals in 1 to 32 characters"),
+        (put("triads", "accelerometer", "noise", [1, 2]), "noise has 2 entries; it must have 3"),
+        (put("triads", "accelerometer", "field_strength", 0), "field_strength is 0; it must be null, or the strength"),
+        (put("rig", "sd_rad", [1]), "$.rig.sd_rad is [1]; it must be three numbers"),
         (put("temperature_range_degC", [1]), "$.temperature_range_degC"),
-        (put("warnings", [1]), "$.warnings[0] is 1"),
-        (lambda c: c.pop("rig"), "$: 'rig' is a required property"),
-        (put("surplus", 1), "'surplus' was unexpected"),
-        (put("residuals", "values", "gyro", [[1], [1, 2]]), "its arrays do not go together"),
+        (put("warnings", [1]), "$.warnings[0] is 1; it must be a text"),
+        (lambda c: c.pop("rig"), '$ has no "rig"; add it'),
+        (put("surplus", 1), '$ has "surplus", which is not known; allowed: schema, version'),
+        (put("residuals", "values", "gyro", [[1], [1, 2]]), "$.residuals.values.gyro[1] has 2 entries; it must have 1"),
     ],
 )
 def test_errors_name_the_json_path(tmp_path, change, wanted):
-    assert wanted in edited(tmp_path, change)
+    text = edited(tmp_path, change)
+    assert wanted in text
+    assert "\n" not in text
+    assert len(text) < len(str(tmp_path)) + 300
 
 
 @pytest.mark.parametrize(
@@ -241,6 +266,22 @@ def test_truth(tmp_path):
 @pytest.mark.parametrize("name", ["tool-1", "truth-1"])
 def test_the_shipped_schemas_are_valid(name):
     jsonschema.Draft202012Validator.check_schema(_json.schema(name))
+
+
+def test_the_schemas_stand_alone(tmp_path):
+    write_truth(make(degree=1).tool, {"seed": 1}, tmp_path / "truth.json")
+    write_calibration(make(degree=1), tmp_path / "tool.json")
+    for name in ("tool", "truth"):
+        content = json.loads((tmp_path / f"{name}.json").read_text("utf-8"))
+        jsonschema.validate(content, _json.schema(f"{name}-1"))
+        content["triads"]["accelerometer"]["unit"] = 1
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(content, _json.schema(f"{name}-1"))
+
+
+def test_what_the_schemas_share_is_the_same():
+    tool, truth = _json.schema("tool-1")["$defs"], _json.schema("truth-1")["$defs"]
+    assert {name: tool[name] for name in truth} == truth
 
 
 JSON = st.recursive(

@@ -128,24 +128,49 @@ def schema(name: str) -> Json:
 @cache
 def _validator(name: str) -> Draft202012Validator:
     from jsonschema import Draft202012Validator
-    from referencing import Registry, Resource
 
-    common = schema("tool-1")
-    registry: Registry[Any] = Registry().with_resource(common["$id"], Resource.from_contents(common))
-    return Draft202012Validator(schema(name), registry=registry)
+    return Draft202012Validator(schema(name))
 
 
 def validate(content: Json, name: str, path: str | Path) -> None:
-    """Check against a shipped schema; FileError with the JSON path, the value found and what is expected there."""
+    """Check against a shipped schema; FileError with the JSON path, the value found and what it must be."""
     from jsonschema.exceptions import best_match
 
     error = best_match(_validator(name).iter_errors(content))
     if error is None:
         return
     where = "$" + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
-    if error.validator == "required" or error.validator == "additionalProperties":
-        raise FileError(f"{where}: {error.message}", path=path)
-    found = json.dumps(error.instance)
-    found = found if len(found) <= 60 else found[:57] + "..."
-    wanted = error.schema.get("description") if isinstance(error.schema, dict) else None
-    raise FileError(f"{where} is {found}; expected {wanted or error.message}", path=path)
+    if "propertyNames" in error.absolute_schema_path:
+        raise FileError(
+            f"{where} has {shown(error.instance)}; the names must be {error.schema['description']}", path=path
+        )
+    if error.validator == "required":
+        lost = next(key for key in error.validator_value if key not in error.instance)
+        raise FileError(f"{where} has no {shown(lost)}; add it", path=path)
+    if error.validator == "additionalProperties":
+        allowed = list(error.schema["properties"])
+        surplus = next(key for key in error.instance if key not in allowed)
+        raise FileError(f"{where} has {shown(surplus)}, which is not known; allowed: {', '.join(allowed)}", path=path)
+    wanted = str(error.schema.get("description", error.message)).removeprefix("must be ")
+    if error.validator == "uniqueItems":
+        twice = next(v for i, v in enumerate(error.instance) if v in error.instance[:i])
+        raise FileError(f"{where} has {shown(twice)} twice; it must be {wanted}", path=path)
+    raise FileError(f"{where} is {shown(error.instance)}; it must be {wanted}", path=path)
+
+
+def shown(value: Any) -> str:
+    """A JSON value on one short line; long lists and objects by their size.
+
+    Examples
+    --------
+    >>> shown([1, 2]), shown(list(range(100))), shown("x" * 90)[-5:]
+    ('[1, 2]', 'a list of 100 entries', 'x..."')
+    """
+    text = json.dumps(value)
+    if len(text) <= 60:
+        return text
+    if isinstance(value, str):
+        return f'{text[:56]}..."'
+    if isinstance(value, dict | list):
+        return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)} entries"
+    return f"{text[:57]}..."

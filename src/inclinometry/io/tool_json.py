@@ -12,6 +12,7 @@ from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.core.arrays import Array, frozen
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io import _json
+from inclinometry.io._record import check_arrays, check_directions, covariance
 from inclinometry.io.atomic import write_bytes
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
@@ -144,9 +145,9 @@ def read_calibration(path: str | Path) -> Calibration:
             _tool(content, path),
             content["method"],
             content["inputs"],
-            {kind: _array(v) for kind, v in content["field_directions"].items()},
+            check_directions(content["field_directions"], path),
             tuple(content["covariance"]["parameters"]),
-            _covariance(content["covariance"], path, "$.covariance"),
+            covariance(content["covariance"], path, "$.covariance"),
             Rig(
                 _array(rig["sd_rad"]),
                 None if rig["errors_rad"] is None else _array(rig["errors_rad"]),
@@ -190,6 +191,7 @@ def _load(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
         problem = f"$.version is {version}, written by a newer release; this one reads version {VERSION}"
         raise FileError(f"{problem}: update inclinometry", path=path)
     _json.validate(content, f"{_SCHEMAS[kind]}-{VERSION}", path)
+    check_arrays(content, path)
     return content
 
 
@@ -202,7 +204,7 @@ def _tool(content: dict[str, Any], path: str | Path) -> Tool:
     key = "tool_covariance" if "tool_covariance" in content else "covariance"
     if key not in content:
         return tool
-    matrix = _covariance(content[key], path, f"$.{key}")
+    matrix = covariance(content[key], path, f"$.{key}")
     inside = _block(content[key]["parameters"], matrix, tool.parameter_names)
     if inside is None:
         lost = next(name for name in tool.parameter_names if name not in content[key]["parameters"])
@@ -227,13 +229,6 @@ def _triad(kind: str, entry: dict[str, Any], path: str | Path) -> Triad:
         None if strength is None else float(strength),
         float(entry.get("reference_temperature_degC", 20.0)),
     )
-
-
-def _covariance(entry: dict[str, Any], path: str | Path, where: str) -> Array:
-    size = len(entry["parameters"])
-    if len(entry["matrix"]) != size or any(len(row) != size for row in entry["matrix"]):
-        raise FileError(f"{where}.matrix is not {size} x {size}, one row and column a parameter", path=path)
-    return _array(entry["matrix"]).reshape(size, size)
 
 
 def _array(value: Any) -> Array:
