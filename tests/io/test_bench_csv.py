@@ -13,6 +13,8 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io.bench_csv import read_bench, write_bench
+from inclinometry.io.log_csv import read_log
+from inclinometry.io.survey_csv import read_raw_survey
 from inclinometry.io.table import read_table
 
 HEADER = "station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_z"
@@ -348,7 +350,34 @@ def test_unknown_columns_are_noted(tmp_path):
 
 
 def test_numbers_too_large_to_use(tmp_path):
-    assert "cannot be used" in error(tmp_path, rows=["1,0,0,0,1e308,1,1", "1,0,0,0,-1e308,1,1"])
+    rows = ["1,0,0,0,1,2,3", "2,0,90,0,-1.5e15,1,1"]
+    text = error(tmp_path, rows=rows)
+    assert text.endswith("line 3: column 'accel_x' is -1.5e+15; allowed -1e+15 to 1e+15: correct it or remove the row")
+    assert len(read(tmp_path, rows=["1,0,0,0,1,2,3", "2,0,90,0,-1e15,1,1"])) == 2
+    for name, reader in (("md_m", read_raw_survey), ("time_s", read_log)):
+        (tmp_path / "a.csv").write_text(f"{name},accel_x,accel_y,accel_z\n1,1,1,1\n2,1,1,1e16\n")
+        with pytest.raises(FileError, match=r"line 3: column 'accel_z' is 1e\+16; allowed"):
+            reader(tmp_path / "a.csv")
+    with pytest.raises(InputError, match=r"accelerometer\[0, 1\] is 1e\+16"):
+        BenchReadings({"accelerometer": [[1.0, 1e16]]})
+    with pytest.raises(InputError, match=r"accelerometer sd reaches 1e\+16; allowed"):
+        BenchReadings({"accelerometer": [[1.0, 2.0]]}, sd={"accelerometer": [[1.0, 1e16]]})
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("accel_x_bananas", "unit 'bananas' is not known: use counts, V, mV, g, mg, m_s2, nT, uT, rad_s, deg_s, deg_h"),
+        ("accel_x_bananas_sd", "unit 'bananas' is not known"),
+        ("accel_x_M_S2", "did you mean accel_x_m_s2?"),
+        ("mag_1_nt_sd", "did you mean mag_1_nT_sd?"),
+    ],
+)
+def test_units_that_are_not_known(tmp_path, name, wanted):
+    assert wanted in error(tmp_path, HEADER + "," + name, [f"{row},1" for row in ROWS])
+    (tmp_path / "log.csv").write_text(f"time_s,accel_x,accel_y,{name}\n0,1,2,3\n")
+    with pytest.raises(FileError, match="is not known"):
+        read_log(tmp_path / "log.csv")
 
 
 def test_a_million_lines(tmp_path):

@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.calibration.summary import readings_text
-from inclinometry.core.arrays import Array, Index, finite, frozen
+from inclinometry.core.arrays import Array, Index, finite, frozen, within
 from inclinometry.core.constants import KINDS
 from inclinometry.core.digest import digest_bytes
 from inclinometry.core.errors import InputError
+
+LARGEST = 1e15
+"""No reading may be larger: from here on squares and sums of readings lose the digits a calibration needs."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,7 +51,8 @@ class BenchReadings:
     Raises
     ------
     InputError
-        Shapes that do not go together, values that are not finite, unknown kinds, angles that look like degrees.
+        Shapes that do not go together, values that are not finite or beyond 1e15, unknown kinds, angles that look
+        like degrees.
     """
 
     channels: Mapping[str, Array]
@@ -68,7 +72,8 @@ class BenchReadings:
     def __post_init__(self) -> None:
         if not self.channels or set(self.channels) - set(KINDS):
             raise InputError(f"channels are {sorted(self.channels)}; allowed: one or more of {', '.join(KINDS)}")
-        channels = {k: frozen(finite(self.channels[k], k, (None, None))) for k in KINDS if k in self.channels}
+        given = {k: finite(self.channels[k], k, (None, None)) for k in KINDS if k in self.channels}
+        channels = {k: frozen(within(values, k, -LARGEST, LARGEST)) for k, values in given.items()}
         size = len(next(iter(channels.values())))
         for kind, values in channels.items():
             if values.ndim != 2 or len(values) != size:
@@ -146,6 +151,8 @@ class BenchReadings:
 def _spread(value: ArrayLike, kind: str, shape: tuple[int, ...]) -> Array:
     """Standard deviations (K, m), none of them negative."""
     sd = finite(value, f"{kind} sd")
+    if sd.max(initial=0.0) > LARGEST:
+        raise InputError(f"{kind} sd reaches {sd.max():g}; allowed 0 to {LARGEST:g}")
     if sd.shape not in ((), shape[1:], shape) or (sd < 0.0).any():
         raise InputError(
             f"{kind} sd has shape {sd.shape} and least value {sd.min(initial=0.0):g}; expected {shape}, >= 0"

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from inclinometry.calibration.readings import LARGEST
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import KINDS
 from inclinometry.io.columns import KIND_PREFIX, Channel, channel
@@ -42,7 +43,7 @@ def read_signals(table: Table) -> Signals:
             continue
         signals.units[kind] = ordered[0].unit
         signals.names[kind] = tuple(c.name for c in ordered)
-        signals.values[kind] = np.stack([table.number(c.name) for c in ordered], axis=1)
+        signals.values[kind] = np.stack([_readings(table, c.name) for c in ordered], axis=1)
         if len(ordered) == 2 and ordered[0].axis == "x":
             notes.append(
                 f"{kind}: two channels ({', '.join(signals.names[kind])}), no {KIND_PREFIX[kind]}_z in the file"
@@ -79,8 +80,19 @@ def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]
     return [by_axis[axis] for axis in wanted]
 
 
+def _readings(table: Table, name: str) -> Array:
+    values = table.number(name)
+    if len(values) and max(values.max(), -values.min()) > LARGEST:
+        row = int(np.argmax(np.abs(values) > LARGEST))
+        problem = (
+            f"column {name!r} is {values[row]:g}; allowed -{LARGEST:g} to {LARGEST:g}: correct it or remove the row"
+        )
+        raise table.error(problem, row)
+    return values
+
+
 def _deviations(table: Table, names: Sequence[str]) -> Array:
-    sd = np.stack([table.number(f"{name}_sd") for name in names], axis=1)
+    sd = np.stack([_readings(table, f"{name}_sd") for name in names], axis=1)
     if (sd < 0.0).any():
         row, column = np.argwhere(sd < 0.0)[0].tolist()
         raise table.error(f"{names[column]}_sd is {sd[row, column]:g}; a standard deviation is not negative", row)

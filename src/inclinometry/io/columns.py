@@ -34,6 +34,9 @@ _NUMBERS = KNOWN - set(TEXT)
 _CHANNEL = re.compile(
     rf"(?P<kind>{'|'.join(PREFIXES)})_(?P<axis>[xyz]|[1-9]\d{{0,2}})(_(?P<unit>{'|'.join(UNIT_LABELS)}))?(?P<sd>_sd)?"
 )
+_WITH_UNIT = re.compile(
+    rf"(?P<start>({'|'.join(PREFIXES)})_([xyz]|[1-9]\d{{0,2}}))_(?P<unit>(?!sd$).+?)(?P<sd>_sd)?", re.IGNORECASE
+)
 _SUFFIX = re.compile(
     r"_(deg|rad|degC|degF|K|m|ft|km|mm|cm|s|ms|us|min|h|g|mg|m_s2|counts|V|mV|nT|uT|mT|T|G|gauss|rad_s|deg_s|deg_h)$",
     re.IGNORECASE,
@@ -116,6 +119,28 @@ def advice(name: str, known: Iterable[str]) -> str | None:
         )
     near = closest(name, names, 0.9)
     return f"did you mean {near}?" if near else None
+
+
+def channel_advice(name: str) -> str | None:
+    """What to write instead of a name that begins as a channel's and ends in no unit known here; else None.
+
+    Examples
+    --------
+    >>> channel_advice("Accel_x")
+    'did you mean accel_x?'
+    >>> channel_advice("accel_x_bananas")
+    "unit 'bananas' is not known: use counts, V, mV, g, mg, m_s2, nT, uT, rad_s, deg_s, deg_h or no unit (counts)"
+    >>> channel_advice("mag_declination")
+    """
+    if channel(name.lower()):
+        return f"did you mean {name.lower()}?"
+    found = _WITH_UNIT.fullmatch(name)
+    if found is None:
+        return None
+    exact = {unit.lower(): unit for unit in UNIT_LABELS}.get(found["unit"].lower())
+    if exact:
+        return f"did you mean {found['start'].lower()}_{exact}{found['sd'] or ''}?"
+    return f"unit {found['unit']!r} is not known: use {', '.join(UNIT_LABELS)} or no unit (counts)"
 
 
 def closest(name: str, names: Sequence[str], cutoff: float = 0.6) -> str | None:

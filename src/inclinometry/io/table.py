@@ -16,7 +16,7 @@ from inclinometry.core.arrays import Array
 from inclinometry.core.errors import FileError
 from inclinometry.io._cells import NumberReader
 from inclinometry.io._lines import Block, LineReader, Progress
-from inclinometry.io.columns import KNOWN, advice, channel, closest, is_number
+from inclinometry.io.columns import KNOWN, advice, channel, channel_advice, closest, is_number
 
 Column: TypeAlias = Array | tuple[str, ...]
 _DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab"}
@@ -79,9 +79,9 @@ class Table:
             hint = advice(name, known)
             if hint:
                 raise self.error(f"column {name!r} is not known; {hint}")
-            for prefix in ("accel_", "mag_", "gyro_"):
-                if name.lower().startswith(prefix) and channel(name.lower()):
-                    raise self.error(f"column {name!r} is not known; did you mean {name.lower()}?")
+            hint = channel_advice(name)
+            if hint:
+                raise self.error(f"column {name!r} is not known; {hint}")
         return found
 
     def error(self, problem: str, row: int | None = None) -> FileError:

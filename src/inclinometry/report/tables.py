@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.report.digits import known, rounded, significant, with_uncertainty
+from inclinometry.report.digits import with_uncertainty
 from inclinometry.sensors.classical import classical_view
 from inclinometry.sensors.tool import Tool, parameter_names, parameter_vector, triad_from_vector
 from inclinometry.sensors.triad import Triad
@@ -24,16 +24,6 @@ class Row(NamedTuple):
     value: float
     uncertainty: float
     unit: str
-
-    @property
-    def value_text(self) -> str:
-        """The value with the digits its uncertainty leaves."""
-        return rounded(self.value, self.uncertainty)
-
-    @property
-    def uncertainty_text(self) -> str:
-        """Two significant digits of the uncertainty, or nothing."""
-        return significant(self.uncertainty) if known(self.uncertainty) else ""
 
     @property
     def text(self) -> str:
