@@ -4,42 +4,76 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run a command; exit status 0 done, 1 a verdict of failure, 2 bad input, 130 interrupted."""
+    """Run a command; exit status 0 done, 1 a verdict of failure, 2 bad input, 3 our own error, 130 interrupted.
+
+    With INCLINOMETRY_TRACEBACK=1 in the environment errors nobody foresaw are raised and Python's warnings shown.
+    """
     # the house's matrices are small: threads only make them slower, many times so on a busy machine
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    try:
+        with warnings.catch_warnings():
+            if not _traceback():
+                # what a user must know is said in words; a line of source helps nobody at the bench
+                warnings.simplefilter("ignore")
+            status = _run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        _say("interrupted; nothing half-written")
+        status = 130
+    except BrokenPipeError:
+        # the reader of a pipe has gone: not an error of ours, and nothing more can be said on that stream
+        sys.stderr.close()
+        status = 0
+    except Exception as error:
+        if _traceback():
+            raise
+        status = _explain(error)
+    sys.exit(status)
+
+
+def _run(arguments: list[str]) -> int:
+    """The command's exit status; what a user can mend is said in one line."""
     from cyclopts import CycloptsError
 
     from inclinometry.cli.app import app
     from inclinometry.core.errors import InclinometryError
 
     try:
-        status = app(
-            sys.argv[1:] if arguments is None else arguments,
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
+        status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
-        _fail(_one_line(str(error)) + " (see --help)")
+        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
+        return 2
     except InclinometryError as error:
-        _fail(_one_line(str(error)))
-    except KeyboardInterrupt:
-        print("interrupted; nothing was written", file=sys.stderr)  # noqa: T201
-        sys.exit(130)
-    except BrokenPipeError:
-        # the reader of a pipe has gone: not an error of ours, and nothing more can be said on that stream
-        sys.stderr.close()
-        sys.exit(0)
-    sys.exit(status if isinstance(status, int) else 0)
+        _say(f"inclinometry: {_one_line(str(error))}")
+        return 2
+    return status if isinstance(status, int) else 0
+
+
+def _explain(error: Exception) -> int:
+    """One line and an exit status for an error nobody raised on purpose."""
+    what = _one_line(str(error)) or "no more is known"
+    if isinstance(error, MemoryError):
+        _say(f"inclinometry: this does not fit into memory ({what}); use less data at a time")
+        return 2
+    # by name: numpy may not have been imported, or be what failed to import
+    if isinstance(error, OverflowError) or "LinAlgError" in [kind.__name__ for kind in type(error).__mro__]:
+        _say(f"inclinometry: this input defeats the arithmetic ({what}); look for values of absurd size in it")
+        return 2
+    name = type(error).__name__
+    _say(f"inclinometry: internal error: {name}: {what} (set INCLINOMETRY_TRACEBACK=1 to see where)")
+    return 3
+
+
+def _traceback() -> bool:
+    return os.environ.get("INCLINOMETRY_TRACEBACK") == "1"
 
 
 def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _fail(message: str) -> None:
-    print(f"inclinometry: {message}", file=sys.stderr)  # noqa: T201
-    sys.exit(2)
+def _say(message: str) -> None:
+    print(message, file=sys.stderr)  # noqa: T201

@@ -1,150 +1,26 @@
-"""Commands of the bench: plan, readings, calibrate, compare."""
+"""Commands of the bench: calibrate, compare."""
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.summary import rounded
-from inclinometry.cli import output
+from inclinometry.cli import options, output
+from inclinometry.cli.options import Flag, Json, Output
 from inclinometry.core.arrays import Array
 from inclinometry.core.digest import digest_file
+from inclinometry.core.errors import InputError
 from inclinometry.io.atomic import write_text
-from inclinometry.io.bench_csv import write_bench
-from inclinometry.io.plan_csv import write_plan
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.tool_json import read_tool, write_calibration
 from inclinometry.workflow.calibrate import INCLINATIONS, Comparison, Options, expected_uncertainty, readings_at
 from inclinometry.workflow.calibrate import calibrate as calibrate_readings
 from inclinometry.workflow.calibrate import compare as compare_methods
-
-Output = Annotated[Path, Parameter(name=["--output", "-o"])]
-Json = Annotated[bool, Parameter(name="--json", negative="")]
-Flag = Annotated[bool, Parameter(negative="")]
-
-
-def plan(
-    name: str,
-    /,
-    *,
-    output_: Output,
-    number: Annotated[int, Parameter(name=["--number", "-n"])] = 24,
-    inclination_range_deg: tuple[float, float] = (10.0, 90.0),
-    criterion: str = "azimuth",
-    rig_sd_deg: float = 0.1,
-    dip_deg: float = 70.0,
-    first_inclination_deg: float = 45.0,
-    azimuth_deg: float = 0.0,
-    rolls: int | None = None,
-    seed: int = 1,
-    json: Json = False,
-) -> None:
-    """Write the rig settings of a calibration plan.
-
-    Parameters
-    ----------
-    name
-        twelve, orthogonal, half, two-face, rotations or optimal.
-    output_
-        CSV with station, azimuth_deg, inclination_deg, toolface_deg.
-    number
-        Stations of an optimal plan.
-    inclination_range_deg
-        Where the tool will work; an optimal plan is aimed at it.
-    criterion
-        What an optimal plan minimises over that range: azimuth, inclination or trace.
-    rig_sd_deg
-        Random error of a setting of the rig an optimal plan is for.
-    dip_deg
-        Magnetic dip at the bench an optimal plan is for.
-    first_inclination_deg
-        First of the two inclinations of rotations; the second is 90 degrees more.
-    azimuth_deg
-        Azimuth of rotations.
-    rolls
-        Equal rolls a turn, of twelve (3) and rotations (8).
-    seed
-        Of the search for an optimal plan.
-    json
-        Print a JSON summary.
-    """
-    from inclinometry.workflow.plan import make_plan
-
-    with output.working("searching the plan") as progress:
-        found = make_plan(
-            name,
-            number=number,
-            inclination_range=tuple(np.radians(inclination_range_deg)),
-            criterion=criterion,
-            rig_sd=np.radians(rig_sd_deg),
-            dip=np.radians(dip_deg),
-            first_inclination=np.radians(first_inclination_deg),
-            azimuth=np.radians(azimuth_deg),
-            rolls=rolls,
-            seed=seed,
-            progress=progress,
-        )
-    write_plan(found, output_)
-    if json:
-        output.print_json({"plan": found.name, "stations": len(found), "output": output_})
-    else:
-        output.console.print(f"{found.name}: {len(found)} stations written to {output_}")
-
-
-def readings(
-    log: Path,
-    /,
-    *,
-    output_: Output,
-    plan: Path | None = None,
-    window_s: float = 0.5,
-    shortest_s: float = 1.0,
-    json: Json = False,
-) -> None:
-    """Find the still stations of a continuous log and write one reading for each.
-
-    Parameters
-    ----------
-    log
-        CSV with time_s and the channels.
-    output_
-        Bench readings CSV: means, standard deviation of one sample, count.
-    plan
-        Positions visited, in order; adds the rig angles.
-    window_s
-        Time over which stillness is judged.
-    shortest_s
-        Shortest rest that counts.
-    json
-        Print a JSON summary.
-    """
-    from inclinometry.io.plan_csv import read_plan
-    from inclinometry.workflow.stations import readings_of_log
-
-    with output.reading(log) as progress:
-        found, intervals = readings_of_log(
-            log,
-            plan=None if plan is None else read_plan(plan),
-            window=window_s,
-            shortest=shortest_s,
-            progress=progress,
-        )
-    write_bench(found, output_)
-    if json:
-        output.print_json({"stations": len(found), "output": output_, "notes": found.notes})
-        return
-    output.console.print(f"{len(found)} still stations written to {output_}")
-    for sentence in intervals.report():
-        output.console.print(f"  {sentence}", markup=False)
-
-
-def radians(degrees: float | None) -> float | None:
-    """Degrees of an option in rad; None stays None."""
-    return None if degrees is None else float(np.radians(degrees))
 
 
 def calibrate(
@@ -162,6 +38,7 @@ def calibrate(
     nonorthogonality_sd_deg: float | None = None,
     temperature_degree: int | None = None,
     robust: Flag = False,
+    specific_force: Flag = False,
     created: str | None = None,
     json: Json = False,
 ) -> None:
@@ -194,25 +71,31 @@ def calibrate(
         Degree of the polynomial in temperature; chosen by information criterion when not given.
     robust
         Leave out stations that disagree with the others.
+    specific_force
+        For field and norm: the accelerometer's channels count upwards (at rest they read -g, along the axis that
+        points up they are positive). The other methods learn this from the rig.
     created
-        Date for the record; nothing is taken from the clock.
+        Date for the record, YYYY-MM-DD or ISO 8601 with the time; nothing is taken from the clock.
     json
         Print a JSON summary.
     """
-    with output.reading(readings) as progress:
-        data = readings_at(readings, None if site is None else read_site(site), progress)
-    options = Options(
-        radians(rig_sd_deg),
-        radians(level_sd_deg),
-        radians(inclination_zero_sd_deg),
-        radians(nonorthogonality_sd_deg),
+    output.claim({"--output": output_, "--report": report}, {"the readings": readings, "--site": site})
+    _check_date(created)
+    wishes = Options(
+        options.sd(rig_sd_deg, "--rig-sd-deg"),
+        options.sd(level_sd_deg, "--level-sd-deg"),
+        options.sd(inclination_zero_sd_deg, "--inclination-zero-sd-deg"),
+        options.sd(nonorthogonality_sd_deg, "--nonorthogonality-sd-deg"),
         temperature_degree,
         robust,
+        specific_force,
         tool,
     )
+    with output.reading(readings) as progress:
+        data = readings_at(readings, None if site is None else read_site(site), progress)
     page = None
     with output.busy(f"calibrating, method {method}"):
-        found = calibrate_readings(data, method, options)
+        found = calibrate_readings(data, method, wishes)
         if report is not None:
             from inclinometry.report.calibration import calibration_report
 
@@ -225,7 +108,17 @@ def calibrate(
         output.print_json(_summary(found) | {"output": output_, "digest": digest_file(output_)})
         return
     show_calibration(found)
-    output.console.print(f"written to {output_}" + (f", report to {report}" if report else ""))
+    output.say(f"written to {output_}" + (f", report to {report}" if report else ""))
+
+
+def _check_date(created: str | None) -> None:
+    """A date of the record is one a machine can read."""
+    if created is None:
+        return
+    try:
+        datetime.fromisoformat(created)
+    except ValueError:
+        raise InputError(f"--created is {created!r}; give a date as YYYY-MM-DD or as ISO 8601 with the time") from None
 
 
 def _summary(found: Calibration) -> dict[str, Any]:
@@ -266,9 +159,8 @@ def show_calibration(found: Calibration) -> None:
         header = ["inclination deg", "u(inclination)", "u(azimuth)", "u(toolface)"]
         output.table("expected standard uncertainty from this calibration, worst case, deg", header, rows)
     sd = np.degrees(found.rig.sd)
-    output.console.print(
-        f"method {found.method}, {len(found.residuals.station)} stations, rig settings good to {sd.max():.3f} deg"
-    )
+    stations = output.counted(len(found.residuals.station), "station")
+    output.say(f"method {found.method}, {stations}, rig settings good to {sd.max():.3f} deg")
 
 
 def compare(
@@ -298,11 +190,12 @@ def compare(
     json
         Print JSON.
     """
+    rig_sd, level_sd = options.sd(rig_sd_deg, "--rig-sd-deg"), options.sd(level_sd_deg, "--level-sd-deg")
     with output.reading(readings) as progress:
         data = readings_at(readings, None if site is None else read_site(site), progress)
     known = None if truth is None else read_tool(truth)
     with output.busy("running every method"):
-        found = compare_methods(data, truth=known, rig_sd=radians(rig_sd_deg), level_sd=radians(level_sd_deg))
+        found = compare_methods(data, truth=known, rig_sd=rig_sd, level_sd=level_sd)
     if json:
         output.print_json(_comparison(found))
     else:
@@ -367,7 +260,7 @@ def show_comparison(found: Comparison, title: str = "") -> None:
     title = title or f"standard uncertainty from the calibration alone, worst case, deg, at inclinations {at}"
     output.table(title, header, rows)
     for sentence in reasons:
-        output.console.print(sentence, markup=False)
+        output.say(sentence)
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
             output.warnings(attempt.calibration.warnings)

@@ -9,8 +9,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import output
-from inclinometry.cli.bench import Json, show_comparison
+from inclinometry.cli.bench import show_comparison
+from inclinometry.cli.options import Json
 from inclinometry.cli.survey import show_survey, show_verification
+from inclinometry.core.errors import FileError
 from inclinometry.workflow.demo import PUBLISHED_XSENS, Demo, steps
 
 Folder = Annotated[Path, Parameter(name=["--output", "-o"])]
@@ -27,7 +29,11 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
         Print JSON.
     """
     found = Demo(output_)
-    output_.mkdir(parents=True, exist_ok=True)
+    try:
+        output_.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(f"no folder can be made here ({reason}); choose another", path=output_) from None
     for title, step in steps():
         with output.step(title):
             step(found)
@@ -36,23 +42,23 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
         return
     _show_real(found)
     for name, comparison in found.comparisons.items():
-        output.console.print()
+        output.say()
         show_comparison(
             comparison, f"plan {name}: standard uncertainty and true rms error, deg, at inclinations 5, 30, 60, 90"
         )
-    output.console.print()
+    output.say()
     if found.verification is not None:
         show_verification(found.verification)
-    output.console.print()
+    output.say()
     if found.survey is not None and found.survey_error is not None:
         show_survey(found.survey, 8)
         inclined = found.survey.inclination > np.radians(5.0)
         rms = np.degrees(np.sqrt(np.mean(found.survey_error[inclined] ** 2, axis=0)))
-        output.console.print(
+        output.say(
             "rms error against the true well beyond 5 deg of inclination, deg: "
             f"inclination {rms[0]:.3f}, azimuth {rms[1]:.3f}"
         )
-    output.console.print(f"\nOpen {output_ / 'index.html'} for the reports.")
+    output.say(f"\nOpen {output_ / 'index.html'} for the reports.")
 
 
 def _show_real(found: Demo) -> None:
@@ -71,12 +77,12 @@ def _show_real(found: Demo) -> None:
             for name in ours
             for i in range(3)
         ]
-        output.console.print()
+        output.say()
         title = f"Xsens MTi, real log: {found.xsens_poses} poses found, rms of the norm {found.xsens.rms:.5f} m/s2"
         output.table(title, ["parameter", "found", "u", "imu_tk"], rows)
     if found.cave is not None:
         spread, scatter = np.degrees([found.cave.axis_spread, found.cave.dip_scatter])
-        output.console.print(
+        output.say(
             "\nSAP6 cave instrument HC, shots 1-16, no rig: over the roll set it has not seen the tool axis spreads by "
             f"{spread:.3f} deg and the dip by {scatter:.3f} deg"
         )

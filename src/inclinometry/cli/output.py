@@ -3,21 +3,101 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
+
+from inclinometry.core.errors import FileError
 
 _WIDEST = 110  # columns the widest table needs; a narrower terminal wraps lines rather than cells
 
-console = Console(highlight=False, soft_wrap=True, width=max(shutil.get_terminal_size().columns, _WIDEST))
+# no markup: names of files, tools and stations are printed as they are, brackets and colons included
+console = Console(
+    highlight=False,
+    markup=False,
+    emoji=False,
+    soft_wrap=True,
+    width=max(shutil.get_terminal_size().columns, _WIDEST),
+)
 """Standard output for people."""
+
+
+def say(text: str = "") -> None:
+    """A line on standard output, as it stands."""
+    console.print(text)
+
+
+def counted(number: int, what: str) -> str:
+    """A number with its noun.
+
+    Examples
+    --------
+    >>> counted(1, "station"), counted(12, "station")
+    ('1 station', '12 stations')
+    """
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
+    """Refuse, before anything is computed, outputs that cannot be written or would overwrite an input or each other.
+
+    Raises
+    ------
+    FileError
+        A folder, a folder that is missing or may not be written, a file that is also an input or another output.
+    """
+    taken = [(name, path) for name, path in inputs.items() if path is not None and _exists(path)]
+    for name, path in outputs.items():
+        if path is None:
+            continue
+        if _is_writable_stream(path):
+            continue
+        for other, there in taken:
+            if _same(path, there):
+                raise FileError(f"{name} is the same file as {other}; give it another name", path=path)
+        taken.append((name, path))
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def _is_writable_stream(path: Path) -> bool:
+    """True for a device or pipe, which may be named twice; FileError where no file can be written."""
+    try:
+        target = path.resolve()
+        if target.is_dir():
+            raise FileError("this is a folder; give the name of a file", path=path)
+        if not target.parent.is_dir():
+            raise FileError(f"folder {str(target.parent)!r} does not exist; create it first", path=path)
+        stream = target.exists() and not target.is_file()
+    except (OSError, ValueError, RuntimeError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"cannot be written ({error}); choose another name", path=path) from None
+    if not stream and not os.access(target.parent, os.W_OK):
+        raise FileError("cannot be written (its folder is read-only); choose another folder", path=path)
+    return stream
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two names lead to one file, links and capitals considered as the system does."""
+    if one.exists() and other.exists():
+        return one.samefile(other)
+    return os.path.normcase(one.resolve()) == os.path.normcase(other.resolve())
 
 
 def print_json(content: Any) -> None:
@@ -52,10 +132,10 @@ def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], capt
 
 def warnings(sentences: Sequence[str]) -> None:
     """Warnings, one a line, on standard error so that they never mix with data."""
-    errors = Console(stderr=True, highlight=False, soft_wrap=True)
+    errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
     for sentence in sentences:
-        errors.print("[yellow]warning:[/yellow] ", end="")
-        errors.print(sentence, markup=False)
+        errors.print("warning: ", style="yellow", end="")
+        errors.print(sentence)
 
 
 @contextmanager
@@ -71,7 +151,7 @@ def reading(path: str | Path) -> Iterator[Callable[[int], None] | None]:
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(f"reading {Path(path).name}", total=size)
+        task = bar.add_task(escape(f"reading {Path(path).name}"), total=size)
         yield lambda done: bar.update(task, completed=done)
 
 
@@ -93,7 +173,7 @@ def working(what: str) -> Iterator[Callable[[float], None] | None]:
 def busy(title: str) -> Iterator[None]:
     """A sign of life on a terminal while something is computed or written."""
     errors = Console(stderr=True)
-    with errors.status(title) if errors.is_terminal else nullcontext():
+    with errors.status(Text(title)) if errors.is_terminal else nullcontext():
         yield
 
 
@@ -102,4 +182,4 @@ def step(title: str) -> Iterator[None]:
     """Say on standard error what is being done, and that it is done."""
     with busy(title):
         yield
-    Console(stderr=True, highlight=False).print(f"  done: {title}", markup=False)
+    Console(stderr=True, highlight=False).print(f"  done: {title}", markup=False, emoji=False)

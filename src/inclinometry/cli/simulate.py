@@ -8,12 +8,13 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.cli import output
-from inclinometry.cli.bench import Json, Output
+from inclinometry.cli import options, output
+from inclinometry.cli.options import Json, Output
 from inclinometry.io.bench_csv import write_bench
 from inclinometry.io.tool_json import write_truth
 from inclinometry.simulate.rig import Rig
 from inclinometry.workflow import simulate as use
+from inclinometry.workflow.plan import plan_file
 
 
 def bench(
@@ -80,17 +81,18 @@ def bench(
     json
         Print a JSON summary.
     """
+    output.claim({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
     places = use.plan_named(plan)
     heat = None
     if temperature:
         places = use.repeated(places, len(temperature))
         heat = np.repeat(np.array(temperature), len(places) // len(temperature))
     rig = Rig(
-        dip=np.radians(dip_deg),
-        base_tilt=np.radians(base_tilt_deg),
-        north_offset=np.radians(north_offset_deg),
-        setting_sd=np.radians(rig_sd_deg),
-        inclination_zero=np.radians(inclination_zero_deg),
+        dip=options.angle(dip_deg, "--dip-deg", -90.0, 90.0),
+        base_tilt=options.angle(base_tilt_deg, "--base-tilt-deg", -180.0, 180.0),
+        north_offset=options.angle(north_offset_deg, "--north-offset-deg"),
+        setting_sd=options.angle(rig_sd_deg, "--rig-sd-deg", 0.0, options.LARGEST_SD),
+        inclination_zero=options.angle(inclination_zero_deg, "--inclination-zero-deg", -180.0, 180.0),
         faults=[use.misread(text, len(places)) for text in misread or ()],
     )
     found = use.bench(
@@ -112,7 +114,7 @@ def bench(
     if json:
         output.print_json({"stations": len(found.readings), "output": output_, "truth": truth})
     else:
-        output.console.print(f"{len(found.readings)} stations written to {output_}")
+        output.say(f"{output.counted(len(found.readings), 'station')} written to {output_}")
 
 
 def well(
@@ -159,22 +161,23 @@ def well(
     json
         Print a JSON summary.
     """
+    output.claim({"--output": output_, "--path": path}, {"--truth": truth})
     found = use.well(
         use.read_truth(truth)[0],
         seed,
         kickoff=kickoff_m,
-        inclination=np.radians(inclination_deg),
-        azimuth=np.radians(azimuth_deg),
+        inclination=options.angle(inclination_deg, "--inclination-deg", 0.0, 180.0),
+        azimuth=options.angle(azimuth_deg, "--azimuth-deg"),
         hold=hold_m,
         spacing=spacing_m,
-        dip=np.radians(dip_deg),
+        dip=options.angle(dip_deg, "--dip-deg", -90.0, 90.0),
         noise=noise,
     )
     use.write_well(found, output_, path)
     if json:
         output.print_json({"stations": len(found.md), "output": output_, "path": path})
     else:
-        output.console.print(f"{len(found.md)} stations written to {output_}")
+        output.say(f"{output.counted(len(found.md), 'station')} written to {output_}")
 
 
 def log(
@@ -209,6 +212,7 @@ def log(
     json
         Print a JSON summary.
     """
+    output.claim({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan)})
     places = use.plan_named(plan)
     found, tool = use.log(places, seed, dwell=dwell_s, move=move_s, rate=rate_hz)
     use.write_log(found, output_)
@@ -217,4 +221,4 @@ def log(
     if json:
         output.print_json({"samples": len(found.time), "rests": len(places), "output": output_})
     else:
-        output.console.print(f"{len(found.time)} samples, {len(places)} rests, written to {output_}")
+        output.say(f"{len(found.time)} samples, {output.counted(len(places), 'rest')}, written to {output_}")

@@ -9,7 +9,7 @@ import numpy as np
 from inclinometry.calibration.acceptance import JUDGED, Verification
 from inclinometry.calibration.summary import rounded
 from inclinometry.cli import output
-from inclinometry.cli.bench import Json, Output
+from inclinometry.cli.options import Json, Output
 from inclinometry.io.atomic import write_text
 from inclinometry.io.bench_csv import read_bench
 from inclinometry.io.limits_toml import read_limits
@@ -46,6 +46,10 @@ def verify(
     """
     from inclinometry.calibration.acceptance import verify as verify_readings
 
+    output.claim(
+        {"--report": report},
+        {"the readings": readings, "--calibration": calibration, "--limits": None if limits is None else Path(limits)},
+    )
     with output.reading(readings) as progress:
         data = read_bench(readings, progress=progress)
     found = verify_readings(data, read_calibration(calibration), None if limits is None else read_limits(limits))
@@ -106,7 +110,7 @@ def show_verification(found: Verification) -> None:
         found.limits_source,
     )
     for sentence in found.reasons:
-        output.console.print(sentence, markup=False)
+        output.say(sentence)
 
 
 def survey(
@@ -136,11 +140,15 @@ def survey(
     json
         Print a JSON summary.
     """
+    output.claim(
+        {"--output": output_, "--report": report},
+        {"the raw channels": raw, "--calibration": calibration, "--site": site},
+    )
     place = None if site is None else read_site(site)
     with output.reading(raw) as progress:
         data = read_raw_survey(raw, progress=progress)
     page = None
-    with output.busy(f"reducing and writing {len(data)} stations"):
+    with output.busy(f"reducing and writing {output.counted(len(data), 'station')}"):
         found = survey_with(data, calibration, place)
         if report is not None:
             from inclinometry.report.survey import survey_report
@@ -162,9 +170,8 @@ def survey(
         )
     else:
         show_survey(found)
-        output.console.print(
-            f"{len(found)} stations written to {output_}" + (f", report to {report}" if report else "")
-        )
+        written = f"{output.counted(len(found), 'station')} written to {output_}"
+        output.say(written + (f", report to {report}" if report else ""))
 
 
 def show_survey(found: Survey, most: int = 12) -> None:

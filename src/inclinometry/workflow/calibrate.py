@@ -24,7 +24,10 @@ from inclinometry.workflow.methods import Attempt, attempt_all, method
 
 @dataclass(frozen=True)
 class Options:
-    """What a user may say of a run; only the joint fit can use all of it. Angles in rad."""
+    """What a user may say of a run; each method uses some of it. Angles in rad.
+
+    specific_force : the accelerometer reads -g at rest; for the methods without a rig, which cannot tell
+    """
 
     rig_sd: float | None = None
     level_sd: float | None = None
@@ -32,6 +35,7 @@ class Options:
     nonorthogonality_sd: float | None = None
     temperature_degree: int | None = None
     robust: bool = False
+    specific_force: bool = False
     name: str = "unnamed"
 
 
@@ -40,12 +44,7 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
     run = method(method_name)
     given = {f.name: getattr(options, f.name) for f in fields_of(Options) if getattr(options, f.name) != f.default}
     given.pop("name", None)
-    takes = {"joint": set(given), "field": set(), "norm": set()}.get(method_name, {"rig_sd"})
-    for option in given:
-        if option not in takes:
-            raise InputError(
-                f"method {method_name} has no use for --{option.replace('_', '-')}; leave it out, or use joint"
-            )
+    _refuse_useless(method_name, given)
     if method_name != "joint":
         return run(readings, **given, name=options.name)
     nuisance = {
@@ -62,6 +61,19 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
         robust=options.robust,
         name=options.name,
     )
+
+
+def _refuse_useless(method_name: str, given: Mapping[str, object]) -> None:
+    rigless = method_name in ("field", "norm")
+    for option in given:
+        if option == "specific_force":
+            useful, remedy = rigless, "leave it out: the rig tells the sign of the accelerometer"
+        else:
+            useful = method_name == "joint" or (option == "rig_sd" and not rigless)
+            remedy = "leave it out, or use joint"
+        if not useful:
+            flag = option.replace("_", "-") + ("-deg" if option.endswith("_sd") else "")
+            raise InputError(f"method {method_name} has no use for --{flag}; {remedy}")
 
 
 INCLINATIONS = np.radians([5.0, 30.0, 60.0, 90.0])

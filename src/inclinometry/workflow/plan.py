@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -10,10 +11,24 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.design import CRITERIA, optimal_plan
 from inclinometry.calibration.plans import Plan
 from inclinometry.core.errors import InputError
-from inclinometry.workflow.simulate import plan_named
+from inclinometry.workflow.simulate import PLANS, plan_named
 
 LEAST_INCLINATION = np.radians(1.0)
 """Azimuth is aimed no nearer to the vertical than this, rad: there it grows without bound whatever the plan."""
+
+_USES = {
+    "twelve": {"rolls"},
+    "rotations": {"first_inclination", "azimuth", "rolls"},
+    "optimal": {"number", "inclination_range", "criterion", "rig_sd", "dip", "seed"},
+}
+"""What each plan can be told; the others are fixed."""
+
+_ADVICE = {
+    "rotations": (
+        "two turns at one azimuth cannot tell the zero of the toolface dial from a tilt of the rig across the plane of "
+        "the turns: trust the level of the stand (--level-sd-deg when calibrating), or add turns at a second azimuth",
+    )
+}
 
 
 def aimed_range(inclination_range: tuple[float, float], criterion: str) -> tuple[float, float]:
@@ -24,35 +39,98 @@ def aimed_range(inclination_range: tuple[float, float], criterion: str) -> tuple
     return max(low, LEAST_INCLINATION), min(high, np.pi - LEAST_INCLINATION)
 
 
+def advice(name: str) -> tuple[str, ...]:
+    """What a person should know before using a plan.
+
+    Examples
+    --------
+    >>> advice("twelve")
+    ()
+    """
+    return _ADVICE.get(name, ())
+
+
+def plan_file(name: str) -> Path | None:
+    """The file a plan is read from; None for a plan known by name."""
+    return None if name in PLANS or name == "optimal" else Path(name)
+
+
 def make_plan(
     name: str,
     *,
-    number: int = 24,
-    inclination_range: tuple[float, float] = (np.radians(10.0), np.radians(90.0)),
-    criterion: str = "azimuth",
-    rig_sd: float = np.radians(0.1),
-    dip: float = np.radians(70.0),
-    first_inclination: float = np.pi / 4.0,
-    azimuth: float = 0.0,
+    number: int | None = None,
+    inclination_range: tuple[float, float] | None = None,
+    criterion: str | None = None,
+    rig_sd: float | None = None,
+    dip: float | None = None,
+    first_inclination: float | None = None,
+    azimuth: float | None = None,
     rolls: int | None = None,
-    seed: int = 1,
+    seed: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Plan:
-    """A plan by name; angles in rad. The options that a plan does not know are for the others."""
+    """A plan by name; angles in rad.
+
+    Raises
+    ------
+    InputError
+        An unknown name or criterion; an option that the plan has no use for.
+    """
+    given = {
+        "number": number,
+        "inclination_range": inclination_range,
+        "criterion": criterion,
+        "rig_sd": rig_sd,
+        "dip": dip,
+        "first_inclination": first_inclination,
+        "azimuth": azimuth,
+        "rolls": rolls,
+        "seed": seed,
+    }
+    _refuse_useless(name, [option for option, value in given.items() if value is not None])
     if name == "twelve":
         return plans.twelve(rolls=3 if rolls is None else rolls)
     if name == "rotations":
-        return plans.rotations(first_inclination, azimuth, 8 if rolls is None else rolls)
+        return plans.rotations(
+            np.pi / 4.0 if first_inclination is None else first_inclination,
+            0.0 if azimuth is None else azimuth,
+            8 if rolls is None else rolls,
+        )
     if name != "optimal":
         return plan_named(name)
-    if criterion not in CRITERIA:
-        raise InputError(f"criterion {criterion!r} is unknown; allowed: {', '.join(CRITERIA)}")
+    return _optimal(number, inclination_range, criterion, rig_sd, dip, seed, progress)
+
+
+def _refuse_useless(name: str, given: list[str]) -> None:
+    in_degrees = ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
+    for option in given:
+        if option in _USES.get(name, ()):
+            continue
+        flag = option.replace("_", "-") + ("-deg" if option in in_degrees else "")
+        users = ", ".join(plan for plan, uses in _USES.items() if option in uses)
+        raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")
+
+
+def _optimal(
+    number: int | None,
+    inclination_range: tuple[float, float] | None,
+    criterion: str | None,
+    rig_sd: float | None,
+    dip: float | None,
+    seed: int | None,
+    progress: Callable[[float], None] | None,
+) -> Plan:
+    """The optimal plan; what was not said has the values of a usual stand and tool."""
+    aim = "azimuth" if criterion is None else criterion
+    if aim not in CRITERIA:
+        raise InputError(f"criterion {aim!r} is unknown; allowed: {', '.join(CRITERIA)}")
+    work = (np.radians(10.0), np.radians(90.0)) if inclination_range is None else inclination_range
     return optimal_plan(
-        number,
-        inclination_range=aimed_range(inclination_range, criterion),
-        criterion=CRITERIA[criterion],
-        rig_sd=rig_sd,
-        dip=dip,
-        seed=seed,
+        24 if number is None else number,
+        inclination_range=aimed_range(work, aim),
+        criterion=CRITERIA[aim],
+        rig_sd=np.radians(0.1) if rig_sd is None else rig_sd,
+        dip=np.radians(70.0) if dip is None else dip,
+        seed=1 if seed is None else seed,
         progress=progress,
     )

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.stillness import StillIntervals, stations_from_log
@@ -35,8 +37,11 @@ def readings_of_log(
     Raises
     ------
     InputError
-        No rest, or another number of rests than the plan has positions.
+        No rest, or another number of rests than the plan has positions; times that are not positive.
     """
+    for option, seconds in (("--window-s", window), ("--shortest-s", shortest)):
+        if not 0.0 < seconds < np.inf:
+            raise InputError(f"{option} is {seconds:g} s; it must be more than 0 s")
     log = read_log(path, progress=progress)
     readings, found = stations_from_log(
         log.time, log.channels, temperature=log.temperature, units=log.units, window=window, shortest=shortest

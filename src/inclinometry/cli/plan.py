@@ -1,0 +1,133 @@
+"""Commands before a calibration: plan the positions, find the still stations of a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from inclinometry.cli import options, output
+from inclinometry.cli.options import Json, Output
+from inclinometry.io.bench_csv import write_bench
+from inclinometry.io.plan_csv import write_plan
+
+Range = Annotated[tuple[float, float] | None, Parameter(negative="")]
+
+
+def plan(
+    name: str,
+    /,
+    *,
+    output_: Output,
+    number: Annotated[int | None, Parameter(name=["--number", "-n"])] = None,
+    inclination_range_deg: Range = None,
+    criterion: str | None = None,
+    rig_sd_deg: float | None = None,
+    dip_deg: float | None = None,
+    first_inclination_deg: float | None = None,
+    azimuth_deg: float | None = None,
+    rolls: int | None = None,
+    seed: int | None = None,
+    json: Json = False,
+) -> None:
+    """Write the rig settings of a calibration plan.
+
+    Parameters
+    ----------
+    name
+        twelve, orthogonal, half, two-face, rotations or optimal.
+    output_
+        CSV with station, azimuth_deg, inclination_deg, toolface_deg.
+    number
+        Stations of an optimal plan (24).
+    inclination_range_deg
+        Where the tool will work (10 90); an optimal plan is aimed at it.
+    criterion
+        What an optimal plan minimises over that range: azimuth (when not given), inclination or trace.
+    rig_sd_deg
+        Random error of a setting of the rig an optimal plan is for (0.1).
+    dip_deg
+        Magnetic dip at the bench an optimal plan is for (70).
+    first_inclination_deg
+        First of the two inclinations of rotations (45); the second is 90 degrees more.
+    azimuth_deg
+        Azimuth of rotations (0).
+    rolls
+        Equal rolls a turn, of twelve (3) and rotations (8).
+    seed
+        Of the search for an optimal plan (1).
+    json
+        Print a JSON summary.
+    """
+    from inclinometry.workflow.plan import advice, make_plan, plan_file
+
+    output.claim({"--output": output_}, {"plan": plan_file(name)})
+    with output.working("searching the plan") as progress:
+        found = make_plan(
+            name,
+            number=number,
+            inclination_range=options.inclination_range(inclination_range_deg, "--inclination-range-deg"),
+            criterion=criterion,
+            rig_sd=options.sd(rig_sd_deg, "--rig-sd-deg"),
+            dip=options.angle_or_none(dip_deg, "--dip-deg", -90.0, 90.0),
+            first_inclination=options.angle_or_none(first_inclination_deg, "--first-inclination-deg", 0.0, 180.0),
+            azimuth=options.angle_or_none(azimuth_deg, "--azimuth-deg"),
+            rolls=rolls,
+            seed=seed,
+            progress=progress,
+        )
+    write_plan(found, output_)
+    output.warnings(advice(name))
+    if json:
+        output.print_json({"plan": found.name, "stations": len(found), "output": output_, "warnings": advice(name)})
+    else:
+        output.say(f"{found.name}: {output.counted(len(found), 'station')} written to {output_}")
+
+
+def readings(
+    log: Path,
+    /,
+    *,
+    output_: Output,
+    plan: Path | None = None,
+    window_s: float = 0.5,
+    shortest_s: float = 1.0,
+    json: Json = False,
+) -> None:
+    """Find the still stations of a continuous log and write one reading for each.
+
+    Parameters
+    ----------
+    log
+        CSV with time_s and the channels.
+    output_
+        Bench readings CSV: means, standard deviation of one sample, count.
+    plan
+        Positions visited, in order; adds the rig angles.
+    window_s
+        Time over which stillness is judged.
+    shortest_s
+        Shortest rest that counts.
+    json
+        Print a JSON summary.
+    """
+    from inclinometry.io.plan_csv import read_plan
+    from inclinometry.workflow.stations import readings_of_log
+
+    output.claim({"--output": output_}, {"the log": log, "--plan": plan})
+    with output.reading(log) as progress:
+        found, intervals = readings_of_log(
+            log,
+            plan=None if plan is None else read_plan(plan),
+            window=window_s,
+            shortest=shortest_s,
+            progress=progress,
+        )
+    write_bench(found, output_)
+    if json:
+        output.print_json({"stations": len(found), "output": output_, "notes": found.notes})
+        return
+    output.say(f"{output.counted(len(found), 'still station')} written to {output_}")
+    for sentence in intervals.report():
+        output.say(f"  {sentence}")
