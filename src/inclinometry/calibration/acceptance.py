@@ -11,7 +11,7 @@ import numpy as np
 from inclinometry.attitude.orientation import angles, angles_jacobian
 from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.calibration.rigmodel import NUISANCE, orientation
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array, within
@@ -20,6 +20,7 @@ from inclinometry.sensors.sensitivity import angle_sensitivity
 
 JUDGED = ("inclination", "azimuth", "toolface")
 GUARDS = ("none", "expanded-uncertainty")
+FEW_POSITIONS = 6
 NEAR_VERTICAL = np.radians(1.0)
 """Azimuth and toolface are never judged nearer to the vertical than this, rad."""
 
@@ -179,6 +180,7 @@ def _check(readings: BenchReadings, calibration: Calibration) -> None:
             raise InputError(f"the {kind} sees only a plane; verification needs three seen components")
     if not set(_BOTH) <= set(calibration.field_directions):
         raise InputError("this calibration does not know the rig's orientation (field method): calibrate on the stand")
+    same_units(readings.units, calibration)
     if readings.digest and readings.digest in calibration.inputs.values():
         raise InputError(
             "these are the readings the tool was calibrated with; verification needs independent positions"
@@ -263,6 +265,10 @@ def _too_narrow(expanded: Array, bounds: Array, limits: Limits | None) -> list[s
 
 def _warnings(readings: BenchReadings, calibration: Calibration) -> list[str]:
     sentences = list(readings.notes)
+    if len(readings) < FEW_POSITIONS:
+        sentences.append(
+            f"{len(readings)} positions verify little; take at least {FEW_POSITIONS}, spread over the range of use"
+        )
     span, heat = calibration.tool.temperature_range, readings.temperature
     if span and heat is not None and (heat.min() < span[0] - 5.0 or heat.max() > span[1] + 5.0):
         sentences.append(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from inclinometry.calibration import assemble
 from inclinometry.calibration.classical import solve_classical
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance
-from inclinometry.calibration.fitting import Fitted, fit_with_variances, noise_guess, rig_guess
+from inclinometry.calibration.fitting import Fitted, expected_variances, fit_with_variances, noise_guess, rig_guess
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.orthogonal import solve_orthogonal
 from inclinometry.calibration.readings import BenchReadings
@@ -97,6 +97,15 @@ def calibrate_classical(readings: BenchReadings, **known: Unpack[Known]) -> Cali
     return _closed(readings, "classical", solver, **known)
 
 
+_ASSUMED = {
+    "rotations": "method rotations takes the rig for level and pointed as stated: its uncertainties leave a tilt of "
+    "the base out, and 1 deg of tilt moves inclination by about 0.5 and toolface by 1 deg",
+    "classical": "method classical takes conversion factors from a nameplate and the rig for level: its uncertainties "
+    "leave these errors out, which are often ten times as large; it is here for comparison only",
+}
+"""What a method assumes beyond what its uncertainties contain."""
+
+
 def _solve(method: Callable[..., ClosedForm], readings: BenchReadings, signals: Array) -> ClosedForm:
     return method(signals, *readings.dials)
 
@@ -111,13 +120,14 @@ def _closed(
     solver: Callable[[str, Array], Solver],
     noise_sd: Mapping[str, ArrayLike] | None = None,
     rig_sd: ArrayLike | None = None,
-    name: str = "",
+    name: str = "unnamed",
 ) -> Calibration:
     """Solve every triad, find the variances with the joint model, propagate them."""
     model, start, warnings, free_noise = _joint_model(readings, noise_sd, rig_sd)
     solvers = {kind: solver(kind, start.directions[kind]) for kind in readings.channels}
     forms = {kind: solvers[kind](values) for kind, values in readings.channels.items()}
-    weights = fit_with_variances(model, start, free_noise, rig_sd is None).model
+    best = fit_with_variances(model, start, free_noise, rig_sd is None)
+    weights = expected_variances(best, free_noise, rig_sd is None)
     spread = reading_covariance(list(forms.values()), *readings.dials, weights.rig_sd, weights.noise_sd)
     joint = covariance(list(solvers.values()), list(readings.channels.values()), spread)
     state = State(
@@ -131,7 +141,8 @@ def _closed(
     whole = np.zeros((len(joint) + 2 * len(forms),) * 2)
     whole[: len(joint), : len(joint)] = joint
     fitted = Fitted(weights, state, whole, float("nan"), weights.linearise(state))
-    return assemble.closed_calibration(readings, fitted, method, name, [*readings.notes, *warnings])
+    assumed = [_ASSUMED[method]] if method in _ASSUMED else []
+    return assemble.closed_calibration(readings, fitted, method, name, [*readings.notes, *warnings, *assumed])
 
 
 def _joint_model(

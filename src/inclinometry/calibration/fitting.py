@@ -10,7 +10,13 @@ from numpy.typing import ArrayLike
 
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.variance import Components, estimate_components, least_noise, raised_components
+from inclinometry.calibration.variance import (
+    Components,
+    average_over_variances,
+    estimate_components,
+    least_noise,
+    raised_components,
+)
 from inclinometry.core.arrays import Array, finite, within
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
@@ -71,6 +77,21 @@ def fit_with_caution(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fi
     # a variance with relative uncertainty s is as well known as one from 2/s^2 degrees of freedom
     known = np.where(parts.relative_sd < 10.0, parts.relative_sd, 0.0)
     return replace(raised, variance_freedom=2.0 / np.maximum(known, 1e-3) ** 2)
+
+
+def with_averaged_covariance(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fitted:
+    """The same fit, its covariance averaged over what is not known of the estimated variances."""
+    average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
+    return fitted if average is None else replace(fitted, covariance=average.covariance)
+
+
+def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Model:
+    """The fitted model with the means of its variances, which are larger than their likeliest values."""
+    average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
+    if average is None:
+        return fitted.model
+    kinds = dict(zip(fitted.model.signals, average.factors[:-1].tolist(), strict=True))
+    return fitted.model.with_weights(*_scaled(fitted.model, Components(kinds, average.factors[-1], average.factors)))
 
 
 def _scaled(model: Model, parts: Components) -> tuple[Array, Array]:

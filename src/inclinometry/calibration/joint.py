@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.calibration import assemble
-from inclinometry.calibration.fitting import fit_with_variances, noise_guess, rig_guess
+from inclinometry.calibration.fitting import fit_with_variances, noise_guess, rig_guess, with_averaged_covariance
 from inclinometry.calibration.identifiability import blindness
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.outliers import Outlier, find_outliers
@@ -38,7 +38,7 @@ def calibrate_joint(
     temperature_degree: int | None = None,
     robust: bool = False,
     diagnose: bool = True,
-    name: str = "",
+    name: str = "unnamed",
 ) -> Calibration:
     """Identify all triads of a tool from one bench run by maximum likelihood.
 
@@ -123,7 +123,7 @@ def calibrate_joint(
     warnings += assemble.dead_channels(readings)
     fitted = fit_with_variances(model, start, free_noise, rig_sd is None)
     outliers: list[Outlier] = []
-    kept = np.arange(len(readings))
+    without, kept = fitted, np.arange(len(readings))
     if diagnose:
         outliers, without = find_outliers(model, fitted, free_noise, rig_sd is None)
         if robust and outliers:
@@ -131,7 +131,9 @@ def calibrate_joint(
     used = readings.take(kept)
     warnings += assemble.outlier_warnings(readings, outliers, robust)
     if diagnose:
-        warnings += assemble.rig_warnings(fitted)
+        # a misread dial would look like an error of the whole rig
+        warnings += assemble.rig_warnings(without if outliers else fitted)
+    fitted = with_averaged_covariance(fitted, free_noise, rig_sd is None)
     return assemble.calibration(readings, used, fitted, name, reference, [*readings.notes, *warnings])
 
 

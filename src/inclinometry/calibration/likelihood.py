@@ -144,7 +144,7 @@ class Model:
     def normal(self, state: State) -> Normal:
         """Normal equations with the rig errors eliminated."""
         at = self.linearise(state)
-        _, tangent, extra, width = self.columns()
+        _, tangent, extra, _ = self.columns()
         inverse_sd = 1.0 / self.noise_sd
         weighted = at.jacobian * inverse_sd[..., None]
         residual = at.residual * inverse_sd

@@ -9,6 +9,7 @@ import numpy as np
 
 from inclinometry.calibration.summary import calibration_text
 from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
 
 
@@ -75,3 +76,23 @@ class Calibration:
 
     def __repr__(self) -> str:
         return calibration_text(self)
+
+
+def same_units(units: Mapping[str, str], calibration: Calibration) -> None:
+    """Refuse signals stated in another unit than the calibration's; nothing is converted behind anybody's back.
+
+    A unit that is not stated ("counts") is taken for the calibration's own.
+
+    Raises
+    ------
+    InputError
+        Two stated units that differ.
+    """
+    for kind, triad in calibration.tool.triads.items():
+        have = units.get(kind, UNSTATED)
+        if UNSTATED not in (have, triad.unit) and have != triad.unit:
+            raise InputError(f"the {kind} is in {have}, the calibration in {triad.unit}: convert one of them")
+
+
+UNSTATED = "counts"
+"""The unit of signals whose column names state none."""

@@ -9,13 +9,38 @@ from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import KINDS
-from inclinometry.core.errors import IdentifiabilityError
+from inclinometry.core.errors import IdentifiabilityError, InputError
 
 DOWN = np.array([0.0, 0.0, 1.0])
 
 
+MOST_STATIONS = 20_000
+"""Stations a fit takes, for the memory and the patience of a laptop."""
+
+_ABSURD = 1e4
+"""Times the usual spread of its channel beyond which a reading is refused: no attitude can give it."""
+
+
+def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
+    """Raise InputError for a reading that no attitude can give; left in, it would wreck the fit or its arithmetic."""
+    middle = np.median(values, axis=0)
+    usual = np.median(np.abs(values - middle), axis=0)
+    far = np.abs(values - middle) > _ABSURD * np.where(usual > 0.0, usual, np.inf)
+    if far.any():
+        row, sensor = (int(i) for i in np.argwhere(far)[0])
+        raise InputError(
+            f"station {readings.station[row]}: {kind} {sensor + 1} reads {values[row, sensor]:.6g}, the others lie around "
+            f"{middle[sensor]:.6g}, give or take {usual[sensor]:.3g}; correct or remove the reading"
+        )
+
+
 def enough(readings: BenchReadings) -> None:
-    """Raise IdentifiabilityError when a triad has fewer readings than parameters."""
+    """Raise IdentifiabilityError for fewer readings than parameters, InputError for more than can be handled."""
+    if len(readings) > MOST_STATIONS:
+        raise InputError(
+            f"{len(readings)} stations; a fit takes up to {MOST_STATIONS}: average readings taken at the same settings "
+            "(give them one station name), or find the still stations of a log first"
+        )
     for kind, values in readings.channels.items():
         stations, sensors = values.shape
         unknown = 4 * sensors + 2
@@ -24,6 +49,7 @@ def enough(readings: BenchReadings) -> None:
                 f"{stations} stations give {stations * sensors} readings of the {kind}, fewer than its {unknown} "
                 f"parameters; take at least {-(-unknown // sensors) + 1} stations, 12 or 24 for a good result"
             )
+        _plausible(kind, values, readings)
 
 
 def starting_state(model: Model, hints: dict[str, Array]) -> State:

@@ -10,6 +10,10 @@ The rule for saturation. A channel's extreme value is named when at least three 
    own standard deviations and 2 % of half the span, at two or more of these stations; or
 3. there are no angles, five stations or more read it, and no other value of the channel occurs more than twice.
 
+Where the rig's angles are known, a weaker sentence names an extreme read at three stations or more when the other
+stations predict more in the field direction that fits all channels (rule 2 with this basis; kinds other than the
+accelerometer), or when stations at one gravity direction scatter so much that exact agreement is improbable.
+
 Equal extremes alone say nothing: a plan that returns to one attitude reads the same number again with a 12-bit
 converter, and a pure roll repeats the axial reading at every station.
 """
@@ -23,6 +27,7 @@ from numpy.typing import NDArray
 
 from inclinometry.attitude.rotations import dcm
 from inclinometry.core.arrays import Array
+from inclinometry.io._equal import field_basis, improbably_equal
 
 Settings = tuple[Array, Array, Array]
 
@@ -48,7 +53,7 @@ def saturation_notes(
     """
     notes: list[str] = []
     basis: Array | None = None
-    for column, name in zip(values.T, names, strict=True):
+    for index, (column, name) in enumerate(zip(values.T, names, strict=True)):
         for extreme, sign in ((float(column.max()), 1.0), (float(column.min()), -1.0)):
             at = column == extreme
             count = len(np.unique(station[at])) if at.sum() >= 3 else 0
@@ -64,9 +69,20 @@ def saturation_notes(
                 clipped = _predicted_beyond(column, at, ~at, basis, sign) is True or (
                     _is_rail(column, extreme, sign) and _predicted_beyond(column, at, inner, basis, sign) is not False
                 )
+            read = f"{name} reads exactly {extreme:.12g} in {count} stations"
             if clipped:
-                notes.append(f"{name} reads exactly {extreme:.12g} in {count} stations: saturated?")
+                notes.append(f"{read}: saturated?")
+            elif basis is not None and _suspicious(values, index, at, basis, sign):
+                notes.append(f"{read}: saturation cannot be excluded")
     return notes
+
+
+def _suspicious(values: Array, index: int, at: NDArray[np.bool_], basis: Array, sign: float) -> bool:
+    if basis.shape[1] == 4:
+        return improbably_equal(values, index, at, basis)
+    if len(np.unique(basis[at].round(6), axis=0)) < 3:
+        return False
+    return _predicted_beyond(values[:, index], at, ~at, field_basis(values, basis[:, :9]), sign) is True
 
 
 def _is_rail(column: Array, extreme: float, sign: float) -> bool:

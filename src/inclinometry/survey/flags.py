@@ -68,6 +68,19 @@ def _field_covariance(tool: Tool, kind: str, field: Array, heat: Array | None) -
     return np.asarray(inverse @ signal @ np.swapaxes(inverse, -1, -2))
 
 
+def reversed_field(dip: Array, site: Site | None) -> list[str]:
+    """A warning when the dips (n,) measured have the opposite sign of the site's: azimuths are then half a turn off."""
+    if site is None or site.dip is None or abs(site.dip) < np.radians(10.0) or not np.isfinite(dip).any():
+        return []
+    middle = float(np.nanmedian(dip))
+    if middle * site.dip > 0.0 or abs(middle) < np.radians(10.0):
+        return []
+    return [
+        f"the dip comes out at {np.degrees(middle):+.1f} deg where the site has {np.degrees(site.dip):+.1f}: the sign of "
+        "the magnetometer is reversed, azimuths are off by up to 180 deg; calibrate again with the stand's dip stated"
+    ]
+
+
 TOLERANCE = 3.0
 """Standard uncertainties by which a magnitude may differ from its reference before it is flagged."""
 

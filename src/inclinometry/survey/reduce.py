@@ -22,6 +22,9 @@ UNKNOWN = np.pi / np.sqrt(3.0)
 
 
 _SHOWN = ("inclination", "azimuth", "toolface")
+DEAD = 1e-6
+"""Share of the field at the stand below which a triad counts as dead."""
+
 BLOCK = 20_000
 """Stations whose sensitivities are held in memory at once."""
 
@@ -188,6 +191,10 @@ def _fields(channels: Mapping[str, ArrayLike], tool: Tool, heat: Array | None, s
         if not triad.full:
             raise InputError(f"the {kind} sees only a plane; three seen components are needed")
         fields[kind] = triad.field(signals, heat)
+        dead = np.linalg.norm(fields[kind], axis=1) < DEAD
+        if dead.any():
+            row = int(np.argmax(dead))
+            raise InputError(f"station {row + 1}: the {kind} sees no field at all; remove the row if it is a drop-out")
     return fields
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.core.digest import digest_file
 from inclinometry.earth.site import Site
 from inclinometry.io.survey_csv import RawSurvey, write_survey_csv
@@ -30,7 +30,8 @@ def survey_raw(raw: RawSurvey, calibration: Calibration, site: Site | None = Non
     dip = None
     if {"accelerometer", "magnetometer"} <= set(directions):
         dip = float(np.arcsin(np.clip(directions["accelerometer"] @ directions["magnetometer"], -1.0, 1.0)))
-    return reduce_survey(
+    same_units(raw.units, calibration)
+    found = reduce_survey(
         raw.md,
         raw.channels,
         calibration.tool,
@@ -39,6 +40,8 @@ def survey_raw(raw: RawSurvey, calibration: Calibration, site: Site | None = Non
         calibration_dip=dip,
         inputs={"raw": raw.digest, **{f"calibration {name}": digest for name, digest in calibration.inputs.items()}},
     )
+    inherited = [f"calibration: {sentence}" for sentence in calibration.warnings]
+    return replace(found, warnings=(*raw.notes, *inherited, *found.warnings))
 
 
 def survey_with(raw: RawSurvey, tool: str | Path, site: Site | None = None) -> Survey:
