@@ -3,8 +3,9 @@
 The rule for saturation. A channel's extreme value is named when at least three stations read exactly this value AND
 
 1. it is the rail of a two's complement or unsigned converter: all readings are whole numbers, and the value is
-   2^n - 1 (n >= 9; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where all readings are positive, and the
-   fit of rule 2 to the stations at neither extreme, if it is good to 0.2 % of the span, does not expect this value; or
+   2^n - 1 (n >= 9; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where no channel of the
+   kind is ever negative, and the fit of rule 2 to the stations at neither extreme, if good to 0.2 % of the span, does not
+   expect this value; or
 2. the rig was set there to attitudes at which the other stations predict more: a linear fit of the channel on the
    gravity direction (accelerometer) or on all nine direction cosines (other kinds) overshoots the value by five of its
    own standard deviations and 2 % of half the span, at two or more of these stations; or
@@ -53,6 +54,7 @@ def saturation_notes(
     """
     notes: list[str] = []
     basis: Array | None = None
+    unsigned = bool(values.min() >= 0.0)  # of all channels: one alone may well lie on one side of zero
     for index, (column, name) in enumerate(zip(values.T, names, strict=True)):
         for extreme, sign in ((float(column.max()), 1.0), (float(column.min()), -1.0)):
             at = column == extreme
@@ -63,13 +65,14 @@ def saturation_notes(
                 basis = _basis(kind, settings)
             if basis is None:
                 lonely = count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
-                clipped = lonely or _is_rail(column, extreme, sign)
+                clipped = lonely or _is_rail(column, extreme, sign, unsigned)
             else:
                 inner = (column > column.min()) & (column < column.max())
                 clipped = _predicted_beyond(column, at, ~at, basis, sign) is True or (
-                    _is_rail(column, extreme, sign) and _predicted_beyond(column, at, inner, basis, sign) is not False
+                    _is_rail(column, extreme, sign, unsigned)
+                    and _predicted_beyond(column, at, inner, basis, sign) is not False
                 )
-            read = f"{name} reads exactly {extreme:.12g} in {count} stations"
+            read = f"{name} reads exactly {extreme + 0.0:.12g} in {count} stations"
             if clipped:
                 notes.append(f"{read}: saturated?")
             elif basis is not None and _suspicious(values, index, at, basis, sign):
@@ -85,14 +88,14 @@ def _suspicious(values: Array, index: int, at: NDArray[np.bool_], basis: Array, 
     return _predicted_beyond(values[:, index], at, ~at, field_basis(values, basis[:, :9]), sign) is True
 
 
-def _is_rail(column: Array, extreme: float, sign: float) -> bool:
+def _is_rail(column: Array, extreme: float, sign: float, unsigned: bool) -> bool:
     if np.abs(column).max() >= 2.0**53 or (column != np.round(column)).any():
         return False
     if sign > 0.0:
         size = extreme + 1.0
         return size >= 512.0 and np.log2(size) % 1.0 == 0.0 and bool(column.min() >= -size)
     if extreme == 0.0:
-        return bool(column.max() >= 511.0)
+        return unsigned and bool(column.max() >= 511.0)
     return extreme <= -512.0 and np.log2(-extreme) % 1.0 == 0.0 and bool(column.max() <= -extreme - 1.0)
 
 
