@@ -4,8 +4,8 @@ The rule for saturation. A channel's extreme value is named when at least three 
 
 1. it is the rail of a two's complement or unsigned converter: all readings are whole numbers, and the value is
    2^n - 1 (n >= 9; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where no channel of the
-   kind is ever negative, and the fit of rule 2 to the stations at neither extreme, if good to 0.2 % of the span, does not
-   expect this value; or
+   kind is ever negative, and the fit of rule 2 to the stations at neither extreme, if good to 0.2 % of the span, does
+   not expect this value; or
 2. the rig was set there to attitudes at which the other stations predict more: a linear fit of the channel on the
    gravity direction (accelerometer) or on all nine direction cosines (other kinds) overshoots the value by five of its
    own standard deviations and 2 % of half the span, at two or more of these stations; or
@@ -31,6 +31,7 @@ from inclinometry.core.arrays import Array
 from inclinometry.io._equal import field_basis, improbably_equal
 
 Settings = tuple[Array, Array, Array]
+MOST = 20_000  # stations; the weaker sentence is for calibrations, which are not larger
 
 
 def constant_channel(values: Array, names: Sequence[str], settings: Settings | None) -> tuple[str, bool] | None:
@@ -75,7 +76,7 @@ def saturation_notes(
             read = f"{name} reads exactly {extreme + 0.0:.12g} in {count} stations"
             if clipped:
                 notes.append(f"{read}: saturated?")
-            elif basis is not None and _suspicious(values, index, at, basis, sign):
+            elif basis is not None and len(values) <= MOST and _suspicious(values, index, at, basis, sign):
                 notes.append(f"{read}: saturation cannot be excluded")
     return notes
 
