@@ -27,6 +27,8 @@ class Ran(NamedTuple):
 def run(tmp_path, monkeypatch, capsys) -> Callable[..., Ran]:
     """run("calibrate", "readings.csv", ...) in an empty folder."""
     monkeypatch.chdir(tmp_path)
+    # warnings and errors nobody foresaw fail a test instead of becoming a polite line
+    monkeypatch.setenv("INCLINOMETRY_TRACEBACK", "1")
 
     def command(*arguments: object) -> Ran:
         capsys.readouterr()
