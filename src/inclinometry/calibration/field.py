@@ -184,7 +184,7 @@ def _begin(
             best = fit.cost, _leading(fit.estimate, flip), flip
     if best is None:
         raise IdentifiabilityError(f"no start leads to a fit ({trouble}); check the axes and that the dip was constant")
-    _note_sign(best[2], best[1].dip, reference, specific_force, notes, both=both)
+    _note_sign(best[2], best[1].dip, reference, specific_force, notes, both=both, kinds=shots.kinds)
     return best[1], best[2]
 
 
@@ -215,9 +215,21 @@ def _reads_force(given: bool | None, reference: Mapping[str, float], sine: float
 
 
 def _note_sign(
-    flip: bool, dip: float, reference: Mapping[str, float], given: bool | None, notes: list[str], *, both: bool
+    flip: bool,
+    dip: float,
+    reference: Mapping[str, float],
+    given: bool | None,
+    notes: list[str],
+    *,
+    both: bool,
+    kinds: Sequence[str],
 ) -> None:
     """Say how the sign was decided where it could be doubted."""
+    if given is None and not (both and "dip" in reference) and "accelerometer" in kinds:
+        notes.append(
+            "the accelerometer is taken to read gravity, positive downwards, as nothing says otherwise: if it reads "
+            "+1 g upwards (specific force) say so, or inclinations come out as 180 deg minus themselves"
+        )
     if not both or "dip" not in reference:
         return
     if given is None and flip:

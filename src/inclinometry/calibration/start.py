@@ -17,20 +17,21 @@ DOWN = np.array([0.0, 0.0, 1.0])
 MOST_STATIONS = 20_000
 """Stations a fit takes, for the memory and the patience of a laptop."""
 
-_ABSURD = 1e4
+_ABSURD = 1e3
 """Times the usual spread of its channel beyond which a reading is refused: no attitude can give it."""
 
 
 def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
     """Raise InputError for a reading that no attitude can give; left in, it would wreck the fit or its arithmetic."""
     middle = np.median(values, axis=0)
-    usual = np.median(np.abs(values - middle), axis=0)
+    # the upper tenth, since in a cube two thirds of a channel's readings may be all but equal
+    usual = np.quantile(np.abs(values - middle), 0.9, axis=0, method="lower")
     far = np.abs(values - middle) > _ABSURD * np.where(usual > 0.0, usual, np.inf)
     if far.any():
         row, sensor = (int(i) for i in np.argwhere(far)[0])
         raise InputError(
-            f"station {readings.station[row]}: {kind} {sensor + 1} reads {values[row, sensor]:.6g}, the others lie around "
-            f"{middle[sensor]:.6g}, give or take {usual[sensor]:.3g}; correct or remove the reading"
+            f"station {readings.station[row]}: {kind} {sensor + 1} reads {values[row, sensor]:.6g}, the others lie "
+            f"around {middle[sensor]:.6g}, give or take {usual[sensor]:.3g}; correct or remove the reading"
         )
 
 

@@ -76,8 +76,8 @@ def reversed_field(dip: Array, site: Site | None) -> list[str]:
     if middle * site.dip > 0.0 or abs(middle) < np.radians(10.0):
         return []
     return [
-        f"the dip comes out at {np.degrees(middle):+.1f} deg where the site has {np.degrees(site.dip):+.1f}: the sign of "
-        "the magnetometer is reversed, azimuths are off by up to 180 deg; calibrate again with the stand's dip stated"
+        f"the dip comes out at {np.degrees(middle):+.1f} deg, the site has {np.degrees(site.dip):+.1f}: the "
+        "magnetometer's sign is reversed, azimuths are off by up to 180 deg; calibrate again, the stand's dip stated"
     ]
 
 
