@@ -32,8 +32,8 @@ def test_normalised_error_of_a_short_run_with_estimated_variances():
             [parameter_vector(found.triads[k]) - parameter_vector(truth.triads[k]) for k in truth.triads]
         )
         squares.append(off @ np.linalg.solve(found.covariance, off))
-    # 24 parameters; the tails are those of Student's t, so the mean lies a little above 24. With the estimated variances
-    # taken for known it is 35, and a third of the runs exceed their 95 % region (36.4)
+    # 24 parameters; the tails are those of Student's t, so the mean lies a little above 24. With the estimated
+    # variances taken for known it is 35, and a third of the runs exceed their 95 % region (36.4)
     assert 21.0 < np.mean(squares) < 30.0
     assert np.mean(np.array(squares) > 36.4) < 0.25
 
