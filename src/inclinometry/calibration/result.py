@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from inclinometry.attitude.orientation import dip_angle
 from inclinometry.calibration.summary import calibration_text
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
@@ -68,6 +69,13 @@ class Calibration:
     rig: Rig
     residuals: Residuals
     warnings: Sequence[str] = ()
+
+    @property
+    def dip(self) -> float | None:
+        """Dip at the stand as the calibration found it, rad; None where it does not know both fields."""
+        if not {"accelerometer", "magnetometer"} <= set(self.field_directions):
+            return None
+        return float(dip_angle(self.field_directions["accelerometer"], self.field_directions["magnetometer"]))
 
     @property
     def uncertainty(self) -> dict[str, float]:

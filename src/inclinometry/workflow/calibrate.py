@@ -94,10 +94,7 @@ def _site_fields(site: Site) -> Mapping[str, float]:
 
 def dip_of(calibration: Calibration, default: float = np.radians(70.0)) -> float:
     """Dip at the stand as the calibration found it, rad."""
-    directions = calibration.field_directions
-    if not {"accelerometer", "magnetometer"} <= set(directions):
-        return default
-    return float(np.arcsin(np.clip(directions["accelerometer"] @ directions["magnetometer"], -1.0, 1.0)))
+    return default if calibration.dip is None else calibration.dip
 
 
 def expected_uncertainty(calibration: Calibration, inclination: Array = INCLINATIONS) -> Array | None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.core.digest import digest_file
 from inclinometry.earth.site import Site
@@ -26,10 +24,6 @@ def survey_raw(raw: RawSurvey, calibration: Calibration, site: Site | None = Non
     site : Site, optional
         North reference and reference fields.
     """
-    directions = calibration.field_directions
-    dip = None
-    if {"accelerometer", "magnetometer"} <= set(directions):
-        dip = float(np.arcsin(np.clip(directions["accelerometer"] @ directions["magnetometer"], -1.0, 1.0)))
     same_units(raw.units, calibration)
     found = reduce_survey(
         raw.md,
@@ -37,7 +31,7 @@ def survey_raw(raw: RawSurvey, calibration: Calibration, site: Site | None = Non
         calibration.tool,
         temperature=raw.temperature,
         site=site,
-        calibration_dip=dip,
+        calibration_dip=calibration.dip,
         inputs={"raw": raw.digest, **{f"calibration {name}": digest for name, digest in calibration.inputs.items()}},
     )
     inherited = [f"calibration: {sentence}" for sentence in calibration.warnings]
