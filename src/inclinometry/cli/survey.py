@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -120,6 +121,7 @@ def survey(
     calibration: Path,
     output_: Output,
     site: Path | None = None,
+    azimuth_from: Literal["magnetometer", "gyro"] | None = None,
     report: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -134,7 +136,9 @@ def survey(
     output_
         Survey CSV.
     site
-        site.toml: north_reference, declination_deg, convergence_deg, g, b_nT, dip_deg and their sigmas.
+        site.toml: north_reference, declination_deg, convergence_deg, g, b_nT, dip_deg and their sigmas; latitude_deg.
+    azimuth_from
+        Triad that gives the azimuth: the magnetometer where there is one, else the gyro (true north).
     report
         Write an HTML report.
     json
@@ -149,7 +153,7 @@ def survey(
         data = read_raw_survey(raw, progress=progress)
     page = None
     with output.busy(f"reducing and writing {output.counted(len(data), 'station')}"):
-        found = survey_with(data, calibration, place)
+        found = survey_with(data, calibration, place, second=azimuth_from)
         if report is not None:
             from inclinometry.report.survey import survey_report
 

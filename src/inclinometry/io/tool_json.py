@@ -108,6 +108,8 @@ def _triads_content(tool: Tool) -> dict[str, Any]:
             entry["temperature_coefficients"] = [
                 {"power": p, "tensor": triad.tensor[p], "offset": triad.offset[p]} for p in powers
             ]
+        if triad.g_sensitivity is not None:
+            entry["g_sensitivity"] = triad.g_sensitivity
         triads[kind] = entry
     return triads
 
@@ -220,7 +222,7 @@ def _triad(kind: str, entry: dict[str, Any], path: str | Path) -> Triad:
     if entry.get("field_unit", FIELD_UNITS[kind]) != FIELD_UNITS[kind]:
         where = f"$.triads.{kind}.field_unit"
         raise FileError(f"{where} is {entry['field_unit']!r}; expected {FIELD_UNITS[kind]!r}", path=path)
-    strength = entry.get("field_strength")
+    strength, sensitivity = entry.get("field_strength"), entry.get("g_sensitivity")
     return Triad(
         kind,
         _array([entry["tensor"], *(term["tensor"] for term in higher)]),
@@ -228,6 +230,7 @@ def _triad(kind: str, entry: dict[str, Any], path: str | Path) -> Triad:
         entry["unit"],
         None if strength is None else float(strength),
         float(entry.get("reference_temperature_degC", 20.0)),
+        None if sensitivity is None else _array(sensitivity),
     )
 
 

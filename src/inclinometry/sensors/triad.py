@@ -30,11 +30,15 @@ class Triad:
         Strength of the field at the calibration, m/s^2, nT or rad/s; without it only directions are known.
     reference_temperature : float
         degC.
+    g_sensitivity : (m, 3) array_like, optional
+        Of a gyro: `unit` per g of gravity along each tool axis (gravity points down), on top of U. It is taken off by
+        `without_gravity` only; it is no part of `parameter_names` nor of a tool's covariance.
 
     Raises
     ------
     InputError
-        Wrong shapes, values not finite, unknown kind, m < 2, or axes that all lie along one line.
+        Wrong shapes, values not finite, unknown kind, m < 2, axes that all lie along one line, or a g-sensitivity of
+        anything but a gyro.
 
     Notes
     -----
@@ -55,6 +59,7 @@ class Triad:
     unit: str = "counts"
     field_strength: float | None = None
     reference_temperature: float = 20.0
+    g_sensitivity: Array | None = None
     _inverse: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -72,9 +77,19 @@ class Triad:
             raise InputError(f"{self.kind}: all sensitive axes lie along one line; no direction can be found")
         if self.field_strength is not None and not self.field_strength > 0.0:
             raise InputError(f"{self.kind}: field strength is {self.field_strength}; it must be positive")
+        if self.g_sensitivity is not None:
+            object.__setattr__(self, "g_sensitivity", self._checked_sensitivity(tensor.shape[1]))
         object.__setattr__(self, "tensor", frozen(tensor))
         object.__setattr__(self, "offset", frozen(offset))
         object.__setattr__(self, "_inverse", frozen(np.linalg.pinv(tensor[0])))
+
+    def _checked_sensitivity(self, count: int) -> Array:
+        if self.kind != "gyro":
+            raise InputError(f"{self.kind}: g_sensitivity is given; only gyros have one, leave it out")
+        sensitivity = finite(self.g_sensitivity, "g_sensitivity", (count, 3))  # type: ignore[arg-type]
+        if sensitivity.ndim != 2:
+            raise InputError(f"g_sensitivity has shape {sensitivity.shape}; expected ({count}, 3)")
+        return frozen(sensitivity)
 
     @property
     def count(self) -> int:
@@ -126,3 +141,29 @@ class Triad:
         if self.degree == 0:
             return self._inverse
         return np.asarray(np.linalg.pinv(np.tensordot(self.basis(temperature), self.tensor, axes=1)))
+
+    def without_gravity(self, signals: ArrayLike, gravity_direction: ArrayLike) -> Array:
+        """Signals (..., m) freed from what gravity adds to a gyro: U - G g.
+
+        Parameters
+        ----------
+        signals : (..., m) array_like
+            In `unit`.
+        gravity_direction : (..., 3) array_like
+            Gravity in tool axes in units of g: its direction, down, for a tool at rest.
+
+        Returns
+        -------
+        (..., m) ndarray
+            The signals as they are where no g-sensitivity is known.
+
+        Examples
+        --------
+        >>> gyro = Triad("gyro", np.eye(3), np.zeros(3), "deg/h", g_sensitivity=0.5 * np.eye(3))
+        >>> gyro.without_gravity([10.0, 0.0, 0.5], [0.0, 0.0, 1.0])
+        array([10.,  0.,  0.])
+        """
+        u = finite(signals, f"{self.kind} signals", (self.count,))
+        if self.g_sensitivity is None:
+            return u
+        return np.asarray(u - finite(gravity_direction, "gravity_direction", (3,)) @ self.g_sensitivity.T)

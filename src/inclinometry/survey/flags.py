@@ -1,4 +1,4 @@
-"""What is remarkable at a station: strengths and dip against their references, the vertical, the temperature."""
+"""What is remarkable at a station: strengths, dip and latitude against their references, the vertical, temperature."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from inclinometry.attitude.orientation import Angles, dip_angle, dip_jacobian
 from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.constants import EARTH_RATE
 from inclinometry.earth.site import Site
 from inclinometry.sensors.tool import Tool
 
@@ -18,22 +19,26 @@ FLAGS = {
     "g": "gravity differs from its reference by more than its tolerance",
     "b": "the magnetic field differs from its reference by more than its tolerance",
     "dip": "the dip differs from its reference by more than its tolerance",
+    "rate": "the rotation measured is not the Earth's rate: the tool moved, or the gyro's bias or scale has changed",
+    "latitude": "the latitude that gravity and the Earth rate give differs from the site's by more than its tolerance",
     "no-azimuth": "no second field to take the azimuth from",
 }
 """What a flag means and what to do about it."""
 
 
 class Magnitudes(NamedTuple):
-    """Relative strengths and dip with the standard uncertainties of one reading, all (n,)."""
+    """Relative strengths, dip and latitude with the standard uncertainties of one reading, all (n,)."""
 
     strength: dict[str, Array]
     strength_sd: dict[str, Array]
     dip: Array
     dip_sd: Array
+    latitude: Array  # minus the dip of the Earth rate
+    latitude_sd: Array
 
 
 def magnitudes(seen: Mapping[str, Array], tool: Tool, heat: Array | None, size: int) -> Magnitudes:
-    """Strengths relative to the stand and dip, with uncertainty from calibration and noise."""
+    """Strengths relative to the stand, dip and latitude, with uncertainty from calibration and noise."""
     strength, spread, blocks = {}, {}, {}
     for kind, field in seen.items():
         covariance = _field_covariance(tool, kind, field, heat)
@@ -41,16 +46,23 @@ def magnitudes(seen: Mapping[str, Array], tool: Tool, heat: Array | None, size: 
         unit = field / strength[kind][:, None]
         spread[kind] = np.sqrt(np.einsum("ni,nij,nj->n", unit, covariance, unit))
         blocks[kind] = covariance
-    if "magnetometer" not in seen:
-        return Magnitudes(strength, spread, np.full(size, np.nan), np.full(size, np.nan))
-    g, b = seen["accelerometer"], seen["magnetometer"]
+    dip, dip_sd = _dip(seen, blocks, "magnetometer", size)
+    below, latitude_sd = _dip(seen, blocks, "gyro", size)
+    return Magnitudes(strength, spread, dip, dip_sd, -below, latitude_sd)
+
+
+def _dip(seen: Mapping[str, Array], blocks: Mapping[str, Array], second: str, size: int) -> tuple[Array, Array]:
+    """Dip (n,) of the second field and its standard uncertainty; NaN where it is not seen."""
+    if second not in seen:
+        return np.full(size, np.nan), np.full(size, np.nan)
+    g, b = seen["accelerometer"], seen[second]
     jacobian = dip_jacobian(g, b)
     # the triads' parameters are correlated through the rig; for a tolerance their own parts suffice
     variance = sum(
         np.einsum("ni,nij,nj->n", jacobian[:, 3 * p : 3 * p + 3], blocks[k], jacobian[:, 3 * p : 3 * p + 3])
-        for p, k in enumerate(("accelerometer", "magnetometer"))
+        for p, k in enumerate(("accelerometer", second))
     )
-    return Magnitudes(strength, spread, dip_angle(g, b), np.sqrt(variance))
+    return dip_angle(g, b), np.sqrt(variance)
 
 
 def _field_covariance(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
@@ -81,6 +93,26 @@ def reversed_field(dip: Array, site: Site | None) -> list[str]:
     ]
 
 
+def reversed_rate(latitude: Array, site: Site | None) -> list[str]:
+    """A warning when the latitudes (n,) measured have the opposite sign of the site's: one of three signs is wrong."""
+    if (
+        site is None
+        or site.latitude is None
+        or abs(site.latitude) < np.radians(10.0)
+        or not np.isfinite(latitude).any()
+    ):
+        return []
+    middle = float(np.nanmedian(latitude))
+    if middle * site.latitude > 0.0 or abs(middle) < np.radians(10.0):
+        return []
+    return [
+        f"gravity and the Earth rate give a latitude of {np.degrees(middle):+.1f} deg, the site has "
+        f"{np.degrees(site.latitude):+.1f}: the sign of the site's latitude, of the gyro (azimuths are then half a "
+        "turn off) or of the accelerometer (specific force taken for gravity; inclinations are then counted from the "
+        "wrong end) is reversed. The readings cannot tell which; check the three"
+    ]
+
+
 TOLERANCE = 3.0
 """Standard uncertainties by which a magnitude may differ from its reference before it is flagged."""
 
@@ -95,7 +127,7 @@ def station_flags(
     if heat is not None and tool.temperature_range is not None:
         low, high = tool.temperature_range
         rows["temperature"] = (heat < low - HEAT_MARGIN) | (heat > high + HEAT_MARGIN)
-    for name, kind in (("g", "accelerometer"), ("b", "magnetometer")):
+    for name, kind in (("g", "accelerometer"), ("b", "magnetometer"), ("rate", "gyro")):
         if kind in size.strength and reference.strength.get(kind) is not None:
             wanted, sigma = reference.strength[kind]
             off = np.abs(size.strength[kind] - wanted)
@@ -103,6 +135,9 @@ def station_flags(
     if reference.dip is not None:
         wanted, sigma = reference.dip
         rows["dip"] = np.abs(size.dip - wanted) > TOLERANCE * np.hypot(size.dip_sd, sigma)
+    if reference.latitude is not None:
+        wanted, sigma = reference.latitude
+        rows["latitude"] = np.abs(size.latitude - wanted) > TOLERANCE * np.hypot(size.latitude_sd, sigma)
     rows["no-azimuth"] = np.isnan(found.azimuth)
     return [[name for name, hit in rows.items() if hit[k]] for k in range(len(tilt))]
 
@@ -112,15 +147,18 @@ HEAT_MARGIN = 5.0
 
 
 class Reference(NamedTuple):
-    """Expected strengths (relative to the stand) and dip (rad), each with its standard uncertainty."""
+    """Expected strengths (relative to the stand), dip and latitude (rad), each with its standard uncertainty."""
 
     strength: dict[str, tuple[float, float]]
     dip: tuple[float, float] | None
+    latitude: tuple[float, float] | None = None
 
 
 # Standard uncertainties taken where a reference is stated without one: gravity from a map; a global magnetic model with
 # crustal anomalies (ISCWSA MWD error model: 130 nT, 0.2 deg at one standard deviation)
 _SIGMA_G, _SIGMA_B, _SIGMA_DIP = 0.002, 130.0, np.radians(0.2)
+# a plumb line leaves the normal of the ellipsoid by some ten, in mountains by up to sixty seconds of arc
+_SIGMA_LATITUDE = np.radians(20.0 / 3600.0)
 
 
 def reference_of(tool: Tool, site: Site | None, calibration_dip: float | None) -> Reference:
@@ -132,13 +170,18 @@ def reference_of(tool: Tool, site: Site | None, calibration_dip: float | None) -
         if value is not None and own is not None:
             stated = getattr(site, f"{name}_sigma")
             strength[kind] = (value / own, (sigma if stated is None else stated) / own)
+    if "gyro" in tool.triads:
+        # a calibration at rest knows the Earth rate as 1, whether it says so or not
+        strength["gyro"] = (EARTH_RATE / (tool.triads["gyro"].field_strength or EARTH_RATE), 0.0)
+    latitude = None if site is None or site.latitude is None else (site.latitude, _SIGMA_LATITUDE)
     if site is None:
         # gravity varies by half a per cent over the Earth; the magnetic field by more than any tolerance would bear
         strength["accelerometer"] = (1.0, 0.002)
     if site is not None and site.dip is not None:
-        return Reference(strength, (site.dip, _SIGMA_DIP if site.dip_sigma is None else site.dip_sigma))
+        dip = (site.dip, _SIGMA_DIP if site.dip_sigma is None else site.dip_sigma)
+        return Reference(strength, dip, latitude)
     # without a site a dip ten degrees off the stand's is no place's but a wiring fault's
-    return Reference(strength, None if calibration_dip is None else (calibration_dip, np.radians(3.0)))
+    return Reference(strength, None if calibration_dip is None else (calibration_dip, np.radians(3.0)), latitude)
 
 
 def summary(flags: Sequence[Sequence[str]]) -> list[str]:

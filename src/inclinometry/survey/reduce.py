@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 from inclinometry.attitude.orientation import Angles, angles, inclination_toolface
 from inclinometry.core.angles import wrap_positive
 from inclinometry.core.arrays import Array, finite, within
+from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
-from inclinometry.earth.site import Site, azimuth_to
+from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.sensors.tool import Tool
-from inclinometry.survey.flags import magnitudes, reference_of, reversed_field, station_flags, summary
+from inclinometry.survey.flags import magnitudes, reference_of, reversed_field, reversed_rate, station_flags, summary
 
 UNKNOWN = np.pi / np.sqrt(3.0)
 """Standard uncertainty of an angle about which nothing is known (uniform over the circle), rad."""
@@ -34,7 +35,9 @@ class Survey:
     """Stations of a survey; angles in rad.
 
     azimuth_reference : "magnetic", "true" or "grid": the north that azimuth counts from
+    magnetic_toolface (n,) : toolface from the north of the second field: magnetic north, true north for a gyro
     g_total (n,) m/s^2, b_total (n,) nT : NaN where the calibration does not know the field strength at its stand
+    rate_total (n,) rad/s, latitude (n,) : the Earth rate a gyro saw and the latitude it gives; NaN without one
     components : name -> (n, 4) variances, rad^2, of inclination, azimuth, toolface, magnetic toolface
     flags : per station, the names of what is remarkable; see `inclinometry.survey.flags.FLAGS`
     """
@@ -53,6 +56,8 @@ class Survey:
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+    rate_total: Array = field(default_factory=lambda: np.zeros(0))
+    latitude: Array = field(default_factory=lambda: np.zeros(0))
 
     def __repr__(self) -> str:
         steps = sorted(set(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int).tolist()))
@@ -99,6 +104,7 @@ def reduce_survey(
     site: Site | None = None,
     calibration_dip: float | None = None,
     inputs: Mapping[str, str] | None = None,
+    second: str | None = None,
 ) -> Survey:
     """Inclination, azimuth, toolface and their uncertainties from raw channels.
 
@@ -112,14 +118,18 @@ def reduce_survey(
     temperature : (n,) array_like, optional
         degC; needed when the tool's parameters depend on it.
     site : Site, optional
-        Declination and convergence for a true or grid azimuth; references of g, b and dip for the flags.
+        Declination and convergence for a true or grid azimuth; references of g, b, dip and latitude for the flags.
     calibration_dip : float, optional
         Dip at the stand, rad. A dip far from it is flagged when the site states none of its own.
     inputs : mapping of name to digest, optional
+    second : {"magnetometer", "gyro"}, optional
+        The triad that gives the azimuth; the magnetometer where there is one, else the gyro.
 
     Returns
     -------
     Survey
+        With a gyro the Earth rate is the second field and the azimuth is true, or grid where the site asks for grid;
+        it is never turned to magnetic north.
 
     Raises
     ------
@@ -130,6 +140,8 @@ def reduce_survey(
     Notes
     -----
     Uncertainties: J C J' with the joint covariance of the calibration and the noise of one reading, kept apart by name.
+    A gyro's g-sensitivity is taken off with the direction of gravity just measured; its own uncertainty is not in the
+    tool's covariance and not included.
 
     Examples
     --------
@@ -149,12 +161,13 @@ def reduce_survey(
     if calibration_dip is not None:
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
-    seen = _fields(channels, tool, heat, len(depth))
-    found, parts = _attitude(seen, tool, heat)
-    azimuth, parts, reference, warnings = _north(found.azimuth, parts, site)
+    second = _second(channels, second)
+    seen, left_out = _fields(channels, tool, heat, len(depth), second)
+    found, parts = _attitude(seen, tool, heat, second)
+    azimuth, parts, reference, warnings = _north(found.azimuth, parts, site, "true" if second == "gyro" else "magnetic")
     size = magnitudes(seen, tool, heat, len(depth))
     inclination_sd = np.sqrt(np.asarray(sum(p[:, 0] for p in parts.values())))
-    warnings += reversed_field(size.dip, site)
+    warnings += [*left_out, *reversed_field(size.dip, site), *reversed_rate(size.latitude, site)]
     flags = station_flags(found, inclination_sd, size, tool, heat, reference_of(tool, site, calibration_dip))
     return Survey(
         depth,
@@ -171,17 +184,33 @@ def reduce_survey(
         tool.name,
         dict(inputs or {}),
         (*warnings, *summary(flags)),
+        _total(seen, tool, "gyro", len(depth)),
+        size.latitude,
     )
 
 
-def _fields(channels: Mapping[str, ArrayLike], tool: Tool, heat: Array | None, size: int) -> dict[str, Array]:
-    """Fields in tool axes for every triad the readings and the tool share."""
+def _second(channels: Mapping[str, ArrayLike], wanted: str | None) -> str | None:
+    """The triad that gives the azimuth; None where there is only an accelerometer."""
+    if wanted is None:
+        return next((kind for kind in ("magnetometer", "gyro") if kind in channels), None)
+    if wanted not in ("magnetometer", "gyro"):
+        raise InputError(f"second is {wanted!r}; allowed: magnetometer, gyro")
+    if wanted not in channels:
+        raise InputError(f"the azimuth is to come from the {wanted}, but the readings have none: add its columns")
+    return wanted
+
+
+def _fields(
+    channels: Mapping[str, ArrayLike], tool: Tool, heat: Array | None, size: int, second: str | None
+) -> tuple[dict[str, Array], list[str]]:
+    """Fields in tool axes for every triad the readings and the tool share; what was left out, in words."""
     if "accelerometer" not in channels or "accelerometer" not in tool.triads:
         raise InputError("no accelerometer in the readings or in the calibration; a survey needs gravity")
     for kind in channels:
         if kind not in tool.triads:
             raise InputError(f"the readings have a {kind}, the calibration has none: calibrate it or drop its columns")
-    fields = {}
+    fields: dict[str, Array] = {}
+    left_out = []
     for kind, triad in tool.triads.items():
         if kind not in channels:
             continue
@@ -189,45 +218,58 @@ def _fields(channels: Mapping[str, ArrayLike], tool: Tool, heat: Array | None, s
         if signals.shape[1] != triad.count:
             raise InputError(f"{signals.shape[1]} {kind} channels, the calibration has {triad.count}: another tool?")
         if not triad.full:
-            raise InputError(f"the {kind} sees only a plane; three seen components are needed")
+            if kind == "gyro" and second != "gyro":
+                left_out.append("the gyro sees only a plane and was not used; the azimuth is the magnetometer's")
+                continue
+            remedy = "; `inclinometry gyro north` needs but two" if kind == "gyro" else ""
+            raise InputError(f"the {kind} sees only a plane; three seen components are needed{remedy}")
+        if triad.g_sensitivity is not None:
+            g = fields["accelerometer"]
+            signals = triad.without_gravity(signals, g / np.linalg.norm(g, axis=1, keepdims=True))
         fields[kind] = triad.field(signals, heat)
         dead = np.linalg.norm(fields[kind], axis=1) < DEAD
         if dead.any():
             row = int(np.argmax(dead))
             raise InputError(f"station {row + 1}: the {kind} sees no field at all; remove the row if it is a drop-out")
-    return fields
+    return fields, left_out
 
 
-def _attitude(seen: Mapping[str, Array], tool: Tool, heat: Array | None) -> tuple[Angles, dict[str, Array]]:
+def _attitude(
+    seen: Mapping[str, Array], tool: Tool, heat: Array | None, second: str | None
+) -> tuple[Angles, dict[str, Array]]:
     """Angles and the variances (n, 4) of each by cause; NaN azimuth where there is no second field."""
     pieces: list[dict[str, Array]] = []
     for start in range(0, len(seen["accelerometer"]), BLOCK):
         here = slice(start, start + BLOCK)
         block = {kind: field[here] for kind, field in seen.items()}
-        parts = angle_sensitivity(tool, block, None if heat is None else heat[here]).components(tool)
+        warmth = None if heat is None else heat[here]
+        parts = angle_sensitivity(tool, block, warmth, second or "magnetometer").components(tool)
         pieces.append({name: np.diagonal(part, axis1=1, axis2=2) for name, part in parts.items()})
     variances = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-    if "magnetometer" in seen:
-        return angles(seen["accelerometer"], seen["magnetometer"]), variances
+    if second is not None:
+        return angles(seen["accelerometer"], seen[second]), variances
     inclination, toolface = inclination_toolface(seen["accelerometer"])
     nothing = np.full(len(inclination), np.nan)
     return Angles(inclination, nothing, toolface, nothing), variances
 
 
 def _north(
-    azimuth: Array, variances: dict[str, Array], site: Site | None
+    azimuth: Array, variances: dict[str, Array], site: Site | None, source: str
 ) -> tuple[Array, dict[str, Array], str, list[str]]:
     """Azimuth from the north the site asks for, and what that adds to its uncertainty."""
     reference = "magnetic" if site is None else site.north_reference
-    if site is None or reference == "magnetic":
-        return azimuth, variances, "magnetic", []
+    if source == "true" and reference == "magnetic":
+        reference = "true"  # a gyro's azimuth is never turned to a north that wanders
+    if site is None or reference == source:
+        return azimuth, variances, reference, []
     if np.isnan(azimuth).all():  # no second field: nothing to turn
         return azimuth, variances, reference, []
-    turned = wrap_positive(azimuth_to(reference, azimuth, site))
-    warnings = []
-    if site.declination_sigma is None:
-        warnings.append("the uncertainty of the declination is not stated and not included")
-    causes = {"declination": site.declination_sigma}
+    turned = wrap_positive(convert_azimuth(azimuth, source, reference, site))
+    warnings, causes = [], {}
+    if source == "magnetic":
+        causes["declination"] = site.declination_sigma
+        if site.declination_sigma is None:
+            warnings.append("the uncertainty of the declination is not stated and not included")
     if reference == "grid":
         causes["convergence"] = site.convergence_sigma  # geometry: taken as exact where nothing is stated
     for name, sigma in causes.items():
@@ -241,4 +283,6 @@ def _north(
 def _total(seen: Mapping[str, Array], tool: Tool, kind: str, size: int) -> Array:
     """Field strength (n,) in SI, NaN where the strength at the calibration stand is unknown."""
     strength = tool.triads[kind].field_strength if kind in seen else None
+    if kind == "gyro" and kind in seen:
+        strength = strength or EARTH_RATE  # there is but one Earth rate to calibrate in
     return np.full(size, np.nan) if strength is None else strength * np.linalg.norm(seen[kind], axis=1)

@@ -13,7 +13,9 @@ from inclinometry.io.tool_json import read_calibration
 from inclinometry.survey.reduce import Survey, reduce_survey
 
 
-def survey_raw(raw: RawSurvey, calibration: Calibration, site: Site | None = None) -> Survey:
+def survey_raw(
+    raw: RawSurvey, calibration: Calibration, site: Site | None = None, *, second: str | None = None
+) -> Survey:
     """Reduce raw stations with a calibrated tool.
 
     Parameters
@@ -23,6 +25,8 @@ def survey_raw(raw: RawSurvey, calibration: Calibration, site: Site | None = Non
     calibration : Calibration
     site : Site, optional
         North reference and reference fields.
+    second : {"magnetometer", "gyro"}, optional
+        The triad that gives the azimuth; the magnetometer where there is one, else the gyro.
     """
     same_units(raw.units, calibration)
     found = reduce_survey(
@@ -33,14 +37,15 @@ def survey_raw(raw: RawSurvey, calibration: Calibration, site: Site | None = Non
         site=site,
         calibration_dip=calibration.dip,
         inputs={"raw": raw.digest, **{f"calibration {name}": digest for name, digest in calibration.inputs.items()}},
+        second=second,
     )
     inherited = [f"calibration: {sentence}" for sentence in calibration.warnings]
     return replace(found, warnings=(*raw.notes, *inherited, *found.warnings))
 
 
-def survey_with(raw: RawSurvey, tool: str | Path, site: Site | None = None) -> Survey:
+def survey_with(raw: RawSurvey, tool: str | Path, site: Site | None = None, *, second: str | None = None) -> Survey:
     """`survey_raw` with a tool.json, whose own digest is recorded too."""
-    found = survey_raw(raw, read_calibration(tool), site)
+    found = survey_raw(raw, read_calibration(tool), site, second=second)
     return replace(found, inputs={**found.inputs, "tool": digest_file(tool)})
 
 
