@@ -1,0 +1,119 @@
+"""Command that calibrates gyros on a rate table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.calibration.rate_table import RateCalibration
+from inclinometry.calibration.summary import rounded
+from inclinometry.cli import output
+from inclinometry.cli.options import Flag, Json, Output
+from inclinometry.core.constants import EARTH_RATE
+from inclinometry.io.rate_csv import read_rate_steps
+from inclinometry.io.site_toml import read_site
+from inclinometry.io.tool_json import write_calibration
+from inclinometry.workflow.rate_table import RateTable, calibrate_on_table
+
+
+def table(
+    steps: Path,
+    /,
+    *,
+    site: Path,
+    output_: Output,
+    calibration: Path | None = None,
+    temperature_degree: int = 0,
+    g_sensitivity: Flag = False,
+    tool: str = "unnamed",
+    created: str | None = None,
+    json: Json = False,
+) -> None:
+    """Calibrate gyros on a rate table that turns about the vertical.
+
+    Parameters
+    ----------
+    steps
+        CSV with station, inclination_deg, toolface_deg (of the tool as mounted), rate_deg_s (clockwise from above), the
+        gyros' means over whole turns, azimuth_deg where the table is at rest, temperature_degC.
+    site
+        site.toml with latitude_deg.
+    output_
+        tool.json
+    calibration
+        tool.json whose gyro triad is replaced or added; without it the tool has nothing but gyros.
+    temperature_degree
+        Of the polynomial by which scale and offset follow temperature.
+    g_sensitivity
+        Fit what gravity adds to the gyros' signals.
+    tool
+        Serial number, where no calibration gives one.
+    created
+        Date for the record; nothing is taken from the clock.
+    json
+        Print JSON.
+    """
+    output.claim({"--output": output_}, {"the steps": steps, "--calibration": calibration, "--site": site})
+    place = read_site(site)
+    with output.reading(steps) as progress:
+        data = read_rate_steps(steps, progress=progress)
+    found = calibrate_on_table(
+        data,
+        place,
+        calibration=calibration,
+        temperature_degree=temperature_degree,
+        g_sensitive=g_sensitivity,
+        name=tool,
+    )
+    write_calibration(found.calibration, output_, created=created)
+    output.warnings([*data.notes, *found.rates.notes])
+    if json:
+        output.print_json(_summary(found, output_))
+    else:
+        show_rates(found.rates)
+        output.say(f"{output.counted(len(data), 'step')} used, tool {found.calibration.tool.name} written to {output_}")
+
+
+def _summary(found: RateTable, path: Path) -> dict[str, object]:
+    rates = found.rates
+    return {
+        "tool": found.calibration.tool.name,
+        "unit": rates.triad.unit,
+        "noise": rates.sd,
+        "chi_square": rates.chi_square,
+        "degrees_of_freedom": rates.dof,
+        "g_sensitivity": rates.g_sensitivity,
+        "g_sensitivity_by_chance": rates.chance,
+        "uncertainty": rates.uncertainty,
+        "warnings": found.calibration.warnings,
+        "output": path,
+    }
+
+
+def show_rates(found: RateCalibration) -> None:
+    """Scale, offset, noise and g-sensitivity of each gyro on the terminal."""
+    sd, rows = found.uncertainty, []
+    per_degree = np.radians(1.0) / EARTH_RATE
+    for gyro in range(found.triad.count):
+        tensor, names = found.triad.tensor[0, gyro], [f"gyro.tensor[{gyro},{a}]" for a in range(3)]
+        scale = float(np.linalg.norm(tensor))
+        own = [found.parameter_names.index(n) for n in names]
+        axis = tensor / scale
+        u = float(np.sqrt(axis @ found.covariance[np.ix_(own, own)] @ axis))
+        row = [
+            f"{gyro + 1}",
+            rounded(scale * per_degree, u * per_degree),
+            rounded(float(found.triad.offset[0, gyro]), sd[f"gyro.offset[{gyro}]"]),
+            f"{found.sd[gyro]:.3g}",
+        ]
+        if found.g_sensitivity is not None:
+            row += [
+                rounded(float(v), sd[f"gyro.g_sensitivity[{gyro},{a}]"])
+                for a, v in enumerate(found.g_sensitivity[gyro])
+            ]
+        rows.append(row)
+    unit = found.triad.unit
+    header = ["gyro", f"scale {unit} per deg/s", f"offset {unit}", f"noise {unit}"]
+    header += [f"{axis} {unit}/g" for axis in "xyz"] if found.g_sensitivity is not None else []
+    output.table("gyros, with standard uncertainty", header, rows)
