@@ -1,0 +1,390 @@
+"""North by gyro: attitude and scale factor of stations, from averaged gravity and Earth rate in tool axes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.core.angles import wrap_positive
+from inclinometry.core.arrays import Array, Mask, within
+from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.errors import InputError
+from inclinometry.gyro.joint import RIVAL, JointBatch, earth_in_tool, earth_slopes, posterior_sd, solve_joint
+from inclinometry.gyro.result import UNKNOWN, North
+from inclinometry.gyro.tilt import Tilt, settle_vertical, tilt, upward
+
+HOLES = ("down", "up")
+MISFIT = 16.0
+"""Cost of one degree of freedom beyond which rates do not fit the Earth's."""
+
+NEAR_VERTICAL = 5.0
+"""Standard uncertainties of inclination within which a tool counts as vertical."""
+
+
+def estimate_north(
+    gravity: ArrayLike,
+    rate: ArrayLike,
+    latitude: float,
+    *,
+    gravity_covariance: ArrayLike,
+    rate_covariance: ArrayLike,
+    scale: ArrayLike = 1.0,
+    scale_sd: ArrayLike = 0.003,
+    g: float | None = None,
+    hole: str | None = None,
+    latitude_sd: float = 0.0,
+) -> North:
+    """Azimuth and scale factor together, the most probable pair.
+
+    Parameters
+    ----------
+    gravity : (n, 2) or (n, 3) array_like
+        In tool axes, m/s^2; z NaN where it is not measured.
+    rate : (n, 2) or (n, 3) array_like
+        Readings of the gyros in tool axes freed from bias, rad/s (true rate = scale x reading); z NaN where not
+        measured.
+    latitude : float
+        rad, north positive.
+    gravity_covariance, rate_covariance : (n, k, k) array_like
+        Of gravity and rate, in their units.
+    scale, scale_sd : (n,) or scalar
+        What is known of the scale factor beforehand: from the calibration, the station before, or both; infinite:
+        nothing.
+    g : float, optional
+        Gravity, m/s^2; needed where gravity has no z.
+    hole : {"down", "up"}, optional
+        Whether the tool points below or above the horizon, for tools that cannot tell (no z). Without it a gyro along
+        the tool decides; failing that down is taken and flagged.
+    latitude_sd : float
+        rad.
+
+    Returns
+    -------
+    North
+
+    Raises
+    ------
+    InputError
+        Shapes, values or covariances that do not fit; cross-axis gravity beyond g; an unknown `hole`.
+
+    Notes
+    -----
+    See `solve_joint`. Uncertainty by J C J' from the gyros, the accelerometers, the prior on scale and the latitude,
+    kept apart; where the posterior is not Gaussian, or has two peaks, its own spread is added as "shape".
+
+    Examples
+    --------
+    >>> rate = 7.292115e-5 * 0.99 * np.array([[0.75**0.5 * 0.5**0.5, -0.5**0.5]])
+    >>> down = 9.8 * np.array([[-np.sin(np.pi / 3), 0.0, 0.5]])
+    >>> found = estimate_north(down, rate, np.pi / 4, gravity_covariance=[1e-8 * np.eye(3)],
+    ...                        rate_covariance=[1e-15 * np.eye(2)], scale_sd=0.02)
+    >>> float(np.degrees(found.azimuth[0]).round(2)), float(found.scale[0].round(3))
+    (90.0, 1.01)
+    """
+    problem = _problem(gravity, rate, latitude, gravity_covariance, rate_covariance, scale, scale_sd, g, hole)
+    return _north(problem, problem.scale_sd, latitude_sd, "joint")
+
+
+def estimate_north_fixed(
+    gravity: ArrayLike,
+    rate: ArrayLike,
+    latitude: float,
+    *,
+    gravity_covariance: ArrayLike,
+    rate_covariance: ArrayLike,
+    scale: ArrayLike = 1.0,
+    scale_sd: ArrayLike = 0.0,
+    g: float | None = None,
+    hole: str | None = None,
+    latitude_sd: float = 0.0,
+) -> North:
+    """Azimuth with the scale factor taken as given; parameters as `estimate_north`.
+
+    The scale is not corrected by the rates; its uncertainty is carried into the azimuth's. Least squares uses both
+    cross-axis rates, so it is never worse than the arctangent of the closed form.
+
+    Examples
+    --------
+    >>> rate = 7.292115e-5 * np.array([[0.75**0.5 * 0.5**0.5, -0.5**0.5]])
+    >>> down = 9.8 * np.array([[-np.sin(np.pi / 3), 0.0, 0.5]])
+    >>> found = estimate_north_fixed(down, rate, np.pi / 4, gravity_covariance=[1e-8 * np.eye(3)],
+    ...                              rate_covariance=[1e-15 * np.eye(2)])
+    >>> float(np.degrees(found.azimuth[0]).round(2))
+    90.0
+    """
+    problem = _problem(gravity, rate, latitude, gravity_covariance, rate_covariance, scale, scale_sd, g, hole)
+    return _north(problem, np.zeros_like(problem.scale_sd), latitude_sd, "fixed")
+
+
+class _Problem(NamedTuple):
+    """Checked input: rates (n, 3) in units of the Earth rate, z NaN where not measured."""
+
+    tilt: Tilt
+    gravity_covariance: Array
+    rate: Array
+    rate_covariance: Array
+    latitude: float
+    scale: Array
+    scale_sd: Array
+    assumed: Mask
+    open: Mask  # the gyro along the tool is to decide between down and up
+
+
+def _problem(
+    gravity: ArrayLike,
+    rate: ArrayLike,
+    latitude: float,
+    gravity_covariance: ArrayLike,
+    rate_covariance: ArrayLike,
+    scale: ArrayLike,
+    scale_sd: ArrayLike,
+    g: float | None,
+    hole: str | None,
+) -> _Problem:
+    if hole is not None and hole not in HOLES:
+        raise InputError(f"hole is {hole!r}; allowed: {', '.join(HOLES)} or None")
+    found = tilt(gravity, g)
+    size = len(found.inclination)
+    rates = _wide(rate, size, "rate") / EARTH_RATE
+    if hole == "up":
+        found = upward(found, found.unseen)
+    z = np.isfinite(rates[:, 2])
+    undecided = found.unseen & (hole is None)
+    lat = float(within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad"))
+    if abs(lat) > np.radians(89.9):
+        raise InputError(f"latitude is {np.degrees(lat):.3f} degrees; at the pole there is no north to find")
+    return _Problem(
+        found,
+        _wide_covariance(gravity_covariance, size, "gravity_covariance"),
+        rates,
+        _wide_covariance(rate_covariance, size, "rate_covariance") / EARTH_RATE**2,
+        lat,
+        np.broadcast_to(np.asarray(scale, dtype=np.float64), (size,)),
+        np.broadcast_to(np.asarray(scale_sd, dtype=np.float64), (size,)),
+        undecided & ~z,
+        undecided & z,
+    )
+
+
+def _wide(value: ArrayLike, size: int, name: str) -> Array:
+    """Vectors (n, 3), NaN where there is no z."""
+    given = np.asarray(value, dtype=np.float64)
+    if given.ndim != 2 or given.shape[0] != size or given.shape[1] not in (2, 3):
+        raise InputError(f"{name} has shape {given.shape}; expected ({size}, 2) or ({size}, 3)")
+    out = np.full((size, 3), np.nan)
+    out[:, : given.shape[1]] = given
+    return out
+
+
+def _wide_covariance(value: ArrayLike, size: int, name: str) -> Array:
+    """Covariances (n, 3, 3), NaN where there is no z."""
+    given = np.asarray(value, dtype=np.float64)
+    if given.ndim == 2:
+        given = np.broadcast_to(given, (size, *given.shape))
+    if given.ndim != 3 or given.shape[0] != size or given.shape[1:] not in ((2, 2), (3, 3)):
+        raise InputError(f"{name} has shape {given.shape}; expected ({size}, 2, 2) or ({size}, 3, 3)")
+    out = np.full((size, 3, 3), np.nan)
+    axes = given.shape[1]
+    out[:, :axes, :axes] = given
+    if not np.isfinite(out[:, :2, :2]).all():
+        raise InputError(f"{name} is not finite; every variance of x and y must be known")
+    return out
+
+
+def to_high_side(rate: Array, covariance: Array, toolface: Array) -> tuple[Array, Array]:
+    """Rates (n, 3) and covariance turned by the toolface to the high side; an unseen z stays NaN."""
+    c, s = np.cos(toolface), np.sin(toolface)
+    turn = np.zeros((len(toolface), 2, 2))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
+    out, cov = rate.copy(), covariance.copy()
+    out[:, :2] = np.einsum("nij,nj->ni", turn, rate[:, :2])
+    cov[:, :2, :2] = turn @ covariance[:, :2, :2] @ np.swapaxes(turn, 1, 2)
+    cov[:, 2, :2] = np.einsum("nij,nj->ni", turn, covariance[:, 2, :2])
+    cov[:, :2, 2] = cov[:, 2, :2]
+    return out, cov
+
+
+def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) -> North:
+    found = problem.tilt
+    high, covariance = to_high_side(problem.rate, problem.rate_covariance, found.toolface)
+    latitude = np.full(len(high), problem.latitude)
+
+    def solve(inclination: Array) -> JointBatch:
+        return solve_joint(high, covariance, inclination, latitude, scale=problem.scale, scale_sd=prior_sd)
+
+    best = solve(found.inclination)
+    if problem.open.any():
+        other = solve(np.pi - found.inclination)
+        rather = problem.open & (other.cost < best.cost)
+        close = problem.open & (np.abs(other.cost - best.cost) < RIVAL)
+        found = upward(found, rather)
+        best = JointBatch(*(np.where(rather, b, a) for a, b in zip(best, other, strict=True)))
+        best = best._replace(ambiguous=best.ambiguous | close)
+    response = _responses(best, found, high, covariance, latitude, problem.scale)
+    components = _components(problem, prior_sd, best, found, response, latitude_sd)
+    lost = _too_level(problem.tilt, problem.gravity_covariance)
+    odd = np.flatnonzero(best.weak | best.ambiguous)
+    if odd.size:
+        spread = posterior_sd(
+            high[odd], covariance[odd], found.inclination[odd], latitude[odd],
+            1.0 / problem.scale[odd], prior_sd[odd] / problem.scale[odd] ** 2, best.azimuth[odd],
+        )  # fmt: skip
+        shape = np.zeros((len(high), 4))
+        shape[odd, 1] = shape[odd, 3] = np.maximum(spread**2 - np.minimum(best.var_azimuth[odd], UNKNOWN**2), 0.0)
+        components["shape"] = shape
+    quadrant = lost & np.isnan(problem.rate[:, 2])
+    if quadrant.any():  # azimuth and 180 deg - azimuth look alike
+        components["quadrant"] = _azimuth_only(np.where(quadrant, UNKNOWN**2, 0.0))
+    return _result(problem, best, found, components, response, method, lost)
+
+
+def _too_level(found: Tilt, covariance: Array) -> Mask:
+    """Stations without z so near 90 deg that their inclination, by arcsine, is lost."""
+    ct, st = np.cos(found.toolface), np.sin(found.toolface)
+    across = np.stack([-ct, st], axis=1)
+    spread = np.sqrt(np.einsum("ni,nij,nj->n", across, covariance[:, :2, :2], across))
+    # 1 - sin(inclination) against the error of the sine
+    gap = 2.0 * np.sin(0.5 * (np.pi / 2 - found.inclination)) ** 2 * found.strength
+    return np.asarray(found.unseen & (gap <= NEAR_VERTICAL * spread))
+
+
+class _Response(NamedTuple):
+    """Derivatives (n, 2, ...) of azimuth and k."""
+
+    by_rate: Array  # (n, 2, 3)
+    by_tilt: Array  # (n, 2, 2) by inclination and toolface
+    by_prior: Array  # (n, 2) by k0
+    by_latitude: Array  # (n, 2)
+
+
+def _responses(
+    best: JointBatch, found: Tilt, high: Array, covariance: Array, latitude: Array, scale: Array
+) -> _Response:
+    """Gauss-Newton response of the solution: P [k E_psi, E]' W, P the inverse information."""
+    seen = np.isfinite(high[:, 2])
+    weight = np.zeros_like(covariance)
+    weight[~seen, :2, :2] = np.linalg.inv(covariance[~seen, :2, :2])
+    weight[seen] = np.linalg.inv(covariance[seen])
+    rate = np.where(np.isfinite(high), high, 0.0)
+    model = earth_in_tool(best.azimuth, found.inclination, latitude)
+    slopes = earth_slopes(best.azimuth, found.inclination, latitude)
+    k = best.k[:, None]
+    design = np.stack([k * slopes[..., 0], model], axis=1)  # (n, 2, 3)
+    var = np.minimum(best.var_azimuth, 1e6)  # where azimuth is not seen at all its response is of no use
+    inverse = np.stack(
+        [np.stack([var, best.cov_azimuth_k], axis=1), np.stack([best.cov_azimuth_k, best.var_k], axis=1)], axis=1
+    )
+    inverse = np.where(np.isfinite(inverse), inverse, 0.0)
+    by_rate = inverse @ design @ weight
+    spin = np.stack([-rate[:, 1], rate[:, 0], np.zeros(len(rate))], axis=1)
+    by_tilt = np.stack(
+        [
+            np.einsum("nij,nj->ni", by_rate, -k * slopes[..., 1]),
+            np.einsum("nij,nj->ni", by_rate, spin),
+        ],
+        axis=2,
+    )
+    by_latitude = np.einsum("nij,nj->ni", by_rate, -k * slopes[..., 2])
+    fixed = best.var_k == 0.0
+    by_prior = np.where(fixed[:, None], np.einsum("nij,nj->ni", by_rate, -model), np.nan)
+    by_prior[fixed, 1] = 1.0
+    return _Response(by_rate, by_tilt, by_prior, by_latitude)
+
+
+def _components(
+    problem: _Problem, prior_sd: Array, best: JointBatch, found: Tilt, response: _Response, latitude_sd: float
+) -> dict[str, Array]:
+    """Variances (n, 4) of inclination, azimuth, toolface and gyro toolface by cause."""
+    size = len(best.azimuth)
+    seen = np.isfinite(problem.rate[:, 2])
+    _, cov_rate = to_high_side(problem.rate, problem.rate_covariance, found.toolface)
+    cov_rate = np.where(np.isfinite(cov_rate), cov_rate, 0.0)
+    cov_rate[~seen, 2, :] = cov_rate[~seen, :, 2] = 0.0
+    by_rate = response.by_rate[:, 0]
+    gyro = np.einsum("ni,nij,nj->n", by_rate, cov_rate, by_rate)
+    row = np.zeros((size, 4, 3))
+    row[:, 0], row[:, 2] = found.by_gravity[:, 0], found.by_gravity[:, 1]
+    turned = response.by_tilt[:, 0]
+    row[:, 1] = turned[:, :1] * found.by_gravity[:, 0] + turned[:, 1:] * found.by_gravity[:, 1]
+    row[:, 3] = turned[:, :1] * found.by_gravity[:, 0] + (turned[:, 1:] + 1.0) * found.by_gravity[:, 1]
+    cov_gravity = np.where(np.isfinite(problem.gravity_covariance), problem.gravity_covariance, 0.0)
+    parts = {
+        "gyro": _azimuth_only(gyro),
+        "accelerometer": np.einsum("nij,njk,nik->ni", row, cov_gravity, row),
+        "scale": _azimuth_only(_scale_part(problem, prior_sd, best, response)),
+    }
+    if latitude_sd > 0.0:
+        parts["latitude"] = _azimuth_only((response.by_latitude[:, 0] * latitude_sd) ** 2)
+    return parts
+
+
+def _azimuth_only(variance: Array) -> Array:
+    """Variances (n, 4) of a cause that moves azimuth, and with it the gyro toolface."""
+    out = np.zeros((len(variance), 4))
+    out[:, 1] = out[:, 3] = variance
+    return out
+
+
+def _scale_part(problem: _Problem, prior_sd: Array, best: JointBatch, response: _Response) -> Array:
+    """Variance of azimuth from what is not known of the scale beforehand."""
+    sd_k = problem.scale_sd / problem.scale**2
+    fixed = prior_sd == 0.0
+    own = (response.by_prior[:, 0] * sd_k) ** 2
+    flat = np.isinf(sd_k)
+    safe = np.where(flat | fixed | (sd_k == 0.0), 1.0, sd_k)
+    joint = np.where(flat, 0.0, (best.cov_azimuth_k / safe) ** 2)
+    return np.where(fixed, np.where(np.isfinite(own), own, 0.0), joint)
+
+
+def _result(
+    problem: _Problem,
+    best: JointBatch,
+    found: Tilt,
+    components: dict[str, Array],
+    response: _Response,
+    method: str,
+    lost: Mask,
+) -> North:
+    azimuth, toolface = settle_vertical(found.inclination, best.azimuth, found.toolface)
+    lat, inc = problem.latitude, found.inclination
+    condition = np.cos(lat) * np.cos(inc) + np.sin(lat) * np.sin(inc) * np.cos(best.azimuth)
+    scale = 1.0 / np.maximum(best.k, 1e-6)
+    cov_gravity = np.where(np.isfinite(problem.gravity_covariance), problem.gravity_covariance, 0.0)
+    by_gravity = np.einsum("ni,nij->nj", response.by_tilt[:, 1], found.by_gravity)
+    # the accelerometers reach the scale too
+    var_k = best.var_k + np.einsum("ni,nij,nj->n", by_gravity, cov_gravity, by_gravity)
+    if method == "fixed":
+        var_k = (problem.scale_sd / problem.scale**2) ** 2
+    spread = np.sqrt(np.sum([part[:, 0] for part in components.values()], axis=0))
+    dof = np.where(np.isfinite(problem.rate[:, 2]), 3.0, 2.0) - (1.0 if method == "fixed" else 2.0)
+    dof = dof + (np.isfinite(problem.scale_sd) if method == "joint" else 0.0)
+    sd_k = problem.scale_sd / problem.scale**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        surprise = np.abs(best.k - 1.0 / problem.scale) > 4.0 * sd_k
+    masks = {
+        "vertical": np.minimum(inc, np.pi - inc) <= NEAR_VERTICAL * spread,
+        "down-assumed": problem.assumed,
+        "horizontal": lost,
+        "ambiguous": best.ambiguous,
+        "weak": best.weak,
+        "scale": surprise & (method == "joint"),
+        "misfit": best.cost > MISFIT * np.maximum(dof, 1.0),
+    }
+    flags = tuple(tuple(name for name, mask in masks.items() if mask[n]) for n in range(len(inc)))
+    return North(
+        inc,
+        azimuth,
+        toolface,
+        wrap_positive(azimuth + toolface),
+        scale,
+        np.sqrt(var_k) * scale**2,
+        condition,
+        tuple("+" if value > 0.0 else "-" for value in condition),
+        components,
+        best.cost,
+        dof,
+        flags,
+        method,
+    )
