@@ -19,8 +19,8 @@ WITHIN_NOISE: Final = 3.0
 """Standard uncertainties within which a quantity cannot be told from nought."""
 ANGLE_FLOOR: Final = 1e-7
 """Sine or cosine of the inclination taken as nought, rad: the arcsine of two axes does not resolve less near 90 deg."""
-ROUNDING: Final = 64.0 * float(np.finfo(np.float64).eps)
-"""Relative size of a discriminant that rounding alone produces."""
+ROUNDING: Final = 1e-9
+"""Relative size of a discriminant below which rounding of the readings moves azimuth by more than 1e-9 deg."""
 PARALLEL_FLOOR: Final = 1e-12
 """Reading, in units of the Earth rate, below which rounding alone decides its direction."""
 FAILURES: Final = frozenset({"up-hole", "horizontal", "parallel", "complex", "double-root"})
@@ -99,13 +99,13 @@ def sensitivity(s: Array, psi: Array, th: Array, lat: float) -> tuple[Array, Arr
     # in the vertical azimuth and toolface change without bound and their sum does not: a hair from it both are numbers
     th = np.maximum(th, STEEPEST)
     x, y, z = expected_rates(psi, th, lat)
-    a, b = x / s, y / s
     x_psi, y_psi = y * np.cos(th), -np.cos(lat) * np.cos(psi)
     nought = np.zeros_like(s)
-    first = np.stack([-s, nought, -z, s * b], -1)
-    second = np.stack([nought, -s, nought, -s * a], -1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        per = 1.0 / (b * x_psi - a * y_psi)[..., None]  # cos a K / s
+        a, b = x / s, y / s
+        first = np.stack([-s, nought, -z, s * b], -1)
+        second = np.stack([nought, -s, nought, -s * a], -1)
+        per = 1.0 / (b * x_psi - a * y_psi)[..., None]  # s / (cos a K)
         by_scale = (x_psi[..., None] * second - y_psi[..., None] * first) * per
         return by_scale, (a[..., None] * second - b[..., None] * first) * per
 

@@ -99,6 +99,7 @@ def scale_roots(a: ArrayLike, b: ArrayLike, inclination: ArrayLike, latitude: Ar
     roots : (..., 2) ndarray
         With + and with - before the square root. NaN where the discriminant is negative or nothing is measured.
     discriminant : (...) ndarray
+        What stands under the root; (cos a K / s)^2 for readings without error.
 
     Raises
     ------
