@@ -308,3 +308,43 @@ def test_any_bytes_give_a_file_error(tmp_path_factory, data):
     path.write_bytes(data)
     with pytest.raises(FileError):
         read_tool(path)
+
+
+def with_gyro(sensitivity):
+    calibration = make()
+    gyro = Triad("gyro", np.eye(3), np.zeros(3), "deg/h", g_sensitivity=sensitivity)
+    tool = Tool("SN 1", {**calibration.tool.triads, "gyro": gyro})
+    return replace(calibration, tool=tool, parameter_names=tool.parameter_names, covariance=tool.covariance)
+
+
+def test_the_g_sensitivity_of_a_gyro_comes_back(tmp_path):
+    path, calibration = tmp_path / "tool.json", with_gyro(np.random.default_rng(1).normal(size=(3, 3)) / 7.0)
+    write_calibration(calibration, path)
+    assert same(read_calibration(path), calibration)
+    content = json.loads(path.read_text())
+    jsonschema.validate(content, _json.schema("tool-1"))
+    write_truth(calibration.tool, {}, tmp_path / "truth.json")
+    assert same(read_tool(tmp_path / "truth.json").triads, calibration.tool.triads)
+    # and is no key where there is none, so that older files and readers know nothing of it
+    write_calibration(with_gyro(None), path)
+    assert "g_sensitivity" not in path.read_text()
+    assert read_calibration(path).tool.triads["gyro"].g_sensitivity is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "words"),
+    [
+        ("gyro", [[1, 2, 3], [1, 2, 3]], "g_sensitivity has shape"),
+        ("gyro", [[1, 2], [1, 2], [1, 2]], "three numbers"),
+        ("gyro", "much", "m rows of three numbers"),
+        ("magnetometer", [[1, 2, 3]] * 3, "only gyros have one"),
+    ],
+)
+def test_a_g_sensitivity_that_cannot_be(tmp_path, kind, value, words):
+    path = tmp_path / "tool.json"
+    write_calibration(with_gyro(np.eye(3)), path)
+    content = json.loads(path.read_text())
+    content["triads"][kind]["g_sensitivity"] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(FileError, match=words):
+        read_calibration(path)

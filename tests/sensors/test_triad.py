@@ -94,3 +94,39 @@ def test_what_is_not_a_triad(kind, tensor, offset, strength, words):
 def test_signals_of_another_number_of_sensors():
     with pytest.raises(InputError, match="gyro signals has shape"):
         Triad("gyro", np.eye(3), np.zeros(3)).field([1.0, 2.0])
+
+
+class TestGravity:
+    SENSITIVITY = np.arange(12.0).reshape(4, 3)
+    GYRO = Triad("gyro", np.ones((4, 3)) + np.eye(4)[:, :3], np.zeros(4), g_sensitivity=SENSITIVITY)
+
+    def test_it_is_taken_off_along_the_three_axes(self):
+        down = np.eye(3)
+        np.testing.assert_array_equal(self.GYRO.without_gravity(np.zeros((3, 4)), down), -self.SENSITIVITY.T)
+        # twice the gravity, twice the effect; many stations at once
+        many = self.GYRO.without_gravity(np.ones((5, 3, 4)), 2.0 * down)
+        np.testing.assert_array_equal(many[4], 1.0 - 2.0 * self.SENSITIVITY.T)
+
+    def test_signals_and_field_know_nothing_of_it(self):
+        plain = Triad("gyro", self.GYRO.tensor, self.GYRO.offset)
+        np.testing.assert_array_equal(plain.signals([1.0, 2.0, 3.0]), self.GYRO.signals([1.0, 2.0, 3.0]))
+        np.testing.assert_array_equal(plain.without_gravity(np.ones(4), [0.0, 0.0, 1.0]), np.ones(4))
+
+    def test_it_cannot_be_changed(self):
+        with pytest.raises(ValueError, match="read-only"):
+            self.GYRO.g_sensitivity[0, 0] = 1.0
+
+    @pytest.mark.parametrize(
+        ("kind", "value", "words"),
+        [
+            ("accelerometer", np.eye(3), "only gyros"),
+            ("magnetometer", np.eye(3), "only gyros"),
+            ("gyro", np.eye(2), "g_sensitivity has shape"),
+            ("gyro", np.ones((2, 3)), "g_sensitivity has shape"),
+            ("gyro", np.ones((2, 3, 3)), "g_sensitivity has shape"),
+            ("gyro", np.full((3, 3), np.inf), "must be finite"),
+        ],
+    )
+    def test_refusals(self, kind, value, words):
+        with pytest.raises(InputError, match=words):
+            Triad(kind, np.eye(3), np.zeros(3), g_sensitivity=value)

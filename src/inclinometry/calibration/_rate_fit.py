@@ -86,7 +86,9 @@ def _unseen(vectors: Array) -> str | None:
     if np.abs(away).max() > 0.98 or values[1] <= BLIND * largest:
         # two axes or all three unseen: any of them is a true answer; name the one that changes least
         return "xyz"[int(np.argmin(np.abs(centred).max(axis=0)))]
-    return "the direction ({:.2f}, {:.2f}, {:.2f}) of the tool".format(*(away * np.sign(away[np.abs(away).argmax()])))
+    return "the direction ({:.2f}, {:.2f}, {:.2f}) of the tool".format(
+        *(np.round(away, 2) * np.sign(away[np.abs(away).argmax()]) + 0.0)
+    )
 
 
 class Fit(NamedTuple):

@@ -83,6 +83,11 @@ def calibrate_joint(
     Model and elimination: `inclinometry.calibration.likelihood`. The sign of each tensor follows from one fact no
     reading tells: gravity points down, the magnetic field lies on the side its dip says.
 
+    A gyro triad sees the Earth rate like any other field: its direction is free, so the stand's latitude is not needed
+    but found (minus the dip). Its sign is that the rig's azimuth 0 points within a quarter turn of north; where it does
+    not, give a `field_prior`, or every azimuth is half a turn off and the latitude found has the wrong sign. A
+    g-sensitivity shows as a wrong latitude: see `inclinometry.calibration.rate_table.g_sensitivity_at_stand`.
+
     Examples
     --------
     >>> from inclinometry.calibration import plans
