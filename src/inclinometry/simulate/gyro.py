@@ -374,7 +374,7 @@ def simulate_north_seeking(
     within(interval, "interval", 1e-9, np.inf)
     streams, shape = Streams(seed, "north-seeking"), (int(runs), len(angle))
     azimuth: Array = streams["azimuth"].uniform(0.0, 2.0 * np.pi, shape[0])
-    time: Array = (np.arange(len(angle)) + 0.5) * interval
+    time = np.asarray((np.arange(len(angle)) + 0.5) * interval, dtype=np.float64)
     size = float(horizontal_rate(latitude)) * float(np.sinc(sweep / (2.0 * np.pi))) / scale
     seen = size * np.cos(azimuth[:, None] + angle)
     noise = white_rate(streams["white"], shape, arw, interval) + flicker_rate(streams["flicker"], shape, flicker)
