@@ -1,0 +1,172 @@
+"""Misfit of rates and gravity over latitude, azimuth and scale eliminated at each station; no checks in here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from inclinometry.core.arrays import Array, Mask
+
+_AZIMUTHS = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+_GRID = np.radians(np.arange(-90.0, 90.1, 2.0))
+_MOST = 500  # stations that the coarse search over latitude looks at
+_SAME = 9.0  # misfits closer than three standard deviations squared: either latitude may be the true one
+
+
+class Projections(NamedTuple):
+    """Products of the reading and of three unit vectors under the weight of the reading, each (n,).
+
+    y: reading over the Earth rate; d: down; p, q: two horizontal directions. Where the azimuth counts from does not
+    matter because it is eliminated: nothing here has a pole.
+    """
+
+    yy: Array
+    yp: Array
+    yq: Array
+    yd: Array
+    pp: Array
+    pq: Array
+    qq: Array
+    pd: Array
+    qd: Array
+    dd: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Weighted squared residuals of a run as a function of latitude.
+
+    prior : 1/variance (n,) of the relative scale of each station; infinite where it is known.
+    freedom : degrees of freedom at the best latitude.
+    """
+
+    products: Projections
+    prior: Array
+    freedom: int
+
+    def at(self, latitude: float) -> tuple[Array, Array]:
+        """Misfit (n,) at the best azimuths and those azimuths (n,), rad from p to q."""
+        azimuth = np.zeros(len(self.prior))
+        lowest = np.full(len(self.prior), np.inf)
+        for trial in _AZIMUTHS:
+            cost = self.cost(latitude, np.full(len(self.prior), trial))[0]
+            azimuth, lowest = np.where(cost < lowest, trial, azimuth), np.minimum(cost, lowest)
+        for step in np.radians([2.5, 0.5, 0.05, 0.005]):
+            before = self.cost(latitude, azimuth - step)[0]
+            after = self.cost(latitude, azimuth + step)[0]
+            bend = before - 2.0 * lowest + after
+            move = np.where(bend > 0.0, 0.5 * (before - after) / np.where(bend > 0.0, bend, 1.0), 0.0)
+            trial = azimuth + step * np.clip(move, -1.0, 1.0)
+            cost = self.cost(latitude, trial)[0]
+            azimuth, lowest = np.where(cost < lowest, trial, azimuth), np.minimum(cost, lowest)
+        return lowest, azimuth
+
+    def total(self, latitude: float) -> float:
+        """Misfit of the run."""
+        return float(self.at(latitude)[0].sum())
+
+    def cost(self, latitude: float, azimuth: Array) -> tuple[Array, Array]:
+        """Misfit (n,) and the relative scale (n,) that is best with it."""
+        a, c, s = self.products, np.cos(latitude), np.sin(latitude)
+        u, v = c * np.cos(azimuth), c * np.sin(azimuth)
+        ym = u * a.yp + v * a.yq - s * a.yd
+        mm = u * u * a.pp + v * v * a.qq + s * s * a.dd + 2.0 * (u * v * a.pq - s * (u * a.pd + v * a.qd))
+        known = np.isinf(self.prior)
+        prior = np.where(known, 1.0, self.prior)
+        k = np.where(known, 1.0, (ym + prior) / (mm + prior))
+        return a.yy - 2.0 * k * ym + k * k * mm + np.where(known, 0.0, prior) * (k - 1.0) ** 2, k
+
+    def best(self, stated: float) -> tuple[float, float]:
+        """Latitude of least misfit and that misfit; of several that fit as well the one nearest to `stated`."""
+        from scipy.optimize import minimize_scalar
+
+        coarse = self.some(_MOST)
+        scan = np.array([coarse.total(float(x)) for x in _GRID])
+        padded = np.concatenate([[np.inf], scan, [np.inf]])
+        valleys = np.flatnonzero((scan <= padded[:-2]) & (scan <= padded[2:]))
+        found = []
+        for place in valleys[np.argsort(scan[valleys])][:4]:
+            low, high = _GRID[max(place - 1, 0)], _GRID[min(place + 1, len(_GRID) - 1)]
+            fit = minimize_scalar(self.total, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
+            found.append((float(fit.x), float(fit.fun)))
+        least = min(cost for _, cost in found)
+        allowed = _SAME * max(1.0, least / max(self.freedom, 1))
+        return min((x for x in found if x[1] <= least + allowed), key=lambda x: abs(x[0] - stated))
+
+    def some(self, most: int) -> Misfit:
+        """The same with at most so many stations, spread over the run."""
+        size = len(self.prior)
+        if size <= most:
+            return self
+        rows = np.linspace(0, size - 1, most).astype(int)
+        return Misfit(Projections(*(x[rows] for x in self.products)), self.prior[rows], self.freedom)
+
+    def sd(self, latitude: float, common: Array) -> float:
+        """Standard uncertainty of the best latitude, rad.
+
+        From the Fisher information with azimuth and scale eliminated, plus the shift by `common` (n,), the relative
+        standard uncertainty of the scale, as if it were the same error at every station: a tool's scale factor is.
+        """
+        azimuth = self.at(latitude)[1]
+        k = self.cost(latitude, azimuth)[1]
+        c, s = np.cos(latitude), np.sin(latitude)
+        u, v = np.cos(azimuth), np.sin(azimuth)
+        zero = np.zeros_like(u)
+        by_latitude = k * np.stack([-s * u, -s * v, zero - c])
+        by_azimuth = k * np.stack([-c * v, c * u, zero])
+        by_scale = np.stack([c * u, c * v, zero - s])
+        turn = self._dot(by_azimuth, by_azimuth)
+        turn = np.where(turn > 0.0, turn, np.inf)
+
+        def seen(one: Array, other: Array) -> Array:
+            return np.asarray(self._dot(one, other) - self._dot(one, by_azimuth) * self._dot(other, by_azimuth) / turn)
+
+        mixed, scale = seen(by_latitude, by_scale), seen(by_scale, by_scale)
+        known = np.isinf(self.prior)
+        prior = np.where(known, 1.0, self.prior)
+        share = np.where(known, 0.0, 1.0 / np.maximum(scale + prior, np.finfo(float).tiny))
+        information = float((seen(by_latitude, by_latitude) - mixed**2 * share).sum())
+        if not information > 0.0:
+            return float("inf")
+        pull = np.where(known, mixed, mixed * prior * share)
+        return float(np.hypot(information**-0.5, (pull * common).sum() / information))
+
+    def _dot(self, one: Array, other: Array) -> Array:
+        """Product (n,) under the weights of two vectors given by their parts (3, n) along p, q, d."""
+        a = self.products
+        rows = ((a.pp, a.pq, a.pd), (a.pq, a.qq, a.qd), (a.pd, a.qd, a.dd))
+        return np.asarray(sum(one[i] * rows[i][j] * other[j] for i in range(3) for j in range(3)))
+
+
+def horizontals(down: Array) -> tuple[Array, Array]:
+    """Two unit vectors (n, 3) that make a right-handed triad with each `down` (n, 3)."""
+    helper = np.eye(3)[np.argmin(np.abs(down), axis=1)]
+    p = helper - np.sum(helper * down, axis=1)[:, None] * down
+    p /= np.linalg.norm(p, axis=1)[:, None]
+    return p, np.cross(down, p)
+
+
+def misfit(rate: Array, down: Array, weight: Array, seen: Mask, prior: Array) -> Misfit:
+    """The misfit of rates (n, 3) over the Earth rate; their weight (n, 3, 3) is nought where z is not `seen` (n,)."""
+    p, q = horizontals(down)
+    y = np.where(np.isnan(rate), 0.0, rate)
+
+    def dot(a: Array, b: Array) -> Array:
+        return np.asarray(np.einsum("ni,nij,nj->n", a, weight, b))
+
+    pairs = ((y, y), (y, p), (y, q), (y, down), (p, p), (p, q), (q, q), (p, down), (q, down), (down, down))
+    # one azimuth a station is unknown, and one latitude; the scale's prior counts as an observation
+    freedom = int((1 + seen.astype(int)).sum()) - 1
+    return Misfit(Projections(*(dot(a, b) for a, b in pairs)), prior, freedom)
+
+
+def weights(covariance: Array, seen: Mask) -> Array:
+    """Inverse (n, 3, 3) of each covariance; over x and y only, z nought, where z is not `seen`."""
+    full = np.where(np.isnan(covariance), 0.0, covariance).copy()
+    full[~seen, 2, :] = full[~seen, :, 2] = 0.0
+    full[~seen, 2, 2] = 1.0
+    inverse = np.asarray(np.linalg.inv(full))
+    inverse[~seen, 2, :] = inverse[~seen, :, 2] = 0.0
+    return inverse

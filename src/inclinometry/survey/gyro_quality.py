@@ -1,0 +1,340 @@
+"""Checks of gyro stations against the Earth's rotation: horizontal rate, latitude and its sign, units."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.core.arrays import Array, Mask, finite, within
+from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.errors import InputError
+from inclinometry.survey._latitude import Misfit, misfit, weights
+from inclinometry.survey.checks import Check
+from inclinometry.uncertainty.coverage import coverage_factor
+
+FALSE_ALARM: Final = 0.0027
+"""Probability that a faultless run fails a check; three standard deviations for a single station."""
+
+SIGN: Final = 25.0
+"""By how much the misfit must favour the opposite latitude to be called the wrong sign (five sigma squared)."""
+
+_TELLING = 9.0  # and by how much the stated one, to say that the stations tell the sign at all
+_VAGUE = np.radians(10.0)  # a latitude known no better than this checks nothing
+_BLIND = 1.0 / 3.0  # of the horizontal rate: with a larger uncertainty no reasonable reading could fail
+
+MISREAD: Final = (
+    ("rad/s given as deg/h", np.degrees(3600.0)),
+    ("deg/s given as deg/h", 3600.0),
+    ("rad/h given as deg/h", np.degrees(1.0)),
+    ("deg/h given as rad/s", np.radians(1.0 / 3600.0)),
+    ("deg/h given as deg/s", 1.0 / 3600.0),
+    ("deg/s given as rad/s", np.radians(1.0)),
+)
+"""Mistakes of unit and the factor by which the rates must be multiplied to undo each."""
+
+PLAUSIBLE: Final = (0.02, 1.3)
+"""Median cross-axis rate of a run over the Earth rate, after the bias was averaged out."""
+
+SAME_SIGN: Final = (
+    "the latitude given with the wrong sign",
+    "accelerometers that report specific force (minus gravity) given as gravity",
+    "gyros of reversed sign (counter-clockwise counted positive)",
+)
+"""Mistakes that no reading of gravity and rate can tell apart; any one, or all three at once."""
+
+
+class _Readings(NamedTuple):
+    down: Array  # (n, 3) unit vectors
+    down_covariance: Array  # (n, 3, 3)
+    rate: Array  # (n, 3) true rate if the scale is right, over the Earth rate; z NaN where not seen
+    covariance: Array  # (n, 3, 3)
+    seen: Mask  # (n,) z of the rate
+    scale_sd: Array  # (n,) relative
+
+
+def rate_unit_suspect(rates_rad_s: ArrayLike) -> str | None:
+    """What is wrong with rates whose size cannot be the Earth's, or None.
+
+    Parameters
+    ----------
+    rates_rad_s : (n, 2 or 3) array_like
+        Rates of the stations, bias averaged out, rad/s; only x and y are looked at.
+
+    Returns
+    -------
+    str or None
+        A sentence naming every mistake of unit that would explain the size.
+
+    Raises
+    ------
+    InputError
+        No stations, x or y not finite.
+
+    Examples
+    --------
+    >>> rate_unit_suspect([[4e-5, 3e-5], [2e-5, 5e-5]])
+    >>> rate_unit_suspect([[2e-10, 1e-10]])
+    'the median cross-axis rate is 3.1e-06 of the Earth rate (plausible 0.02 to 1.3): were rad/s given as deg/h?'
+    """
+    rates = np.asarray(rates_rad_s, dtype=np.float64)
+    if rates.ndim != 2 or rates.shape[1] not in (2, 3) or not len(rates):
+        raise InputError(f"rates have shape {rates.shape}; expected (n, 2) or (n, 3) with at least one station")
+    cross = finite(rates[:, :2], "rates", (2,))
+    size = float(np.median(np.hypot(cross[:, 0], cross[:, 1]))) / EARTH_RATE
+    low, high = PLAUSIBLE
+    if low <= size <= high:
+        return None
+    found = f"the median cross-axis rate is {size:.2g} of the Earth rate (plausible {low:g} to {high:g})"
+    if size == 0.0:
+        return f"{found}: the gyros report nothing; check their wiring and columns"
+    causes = [name for name, factor in MISREAD if low <= size * factor <= high]
+    causes = [f"were {' or '.join(causes)}?"] if causes else []
+    if size > high:
+        causes.append("was the bias not removed (one index position only), or did the tool move?")
+    elif size > low / 10.0:
+        causes.append("or is the tool nearly parallel to the Earth's axis?")
+    return f"{found}: {' '.join(causes)}" if causes else f"{found}: no usual mistake of unit explains it; check them"
+
+
+def rate_checks(
+    gravity: ArrayLike,
+    rate: ArrayLike,
+    latitude: float,
+    *,
+    gravity_covariance: ArrayLike,
+    rate_covariance: ArrayLike,
+    scale: ArrayLike = 1.0,
+    scale_sd: ArrayLike = 0.0,
+    g: float | None = None,
+) -> list[Check]:
+    """Whether the rates of a run are the Earth's at this latitude.
+
+    Parameters
+    ----------
+    gravity : (n, 3) array_like
+        Gravity (the field, pointing down) in tool axes, in the unit of `g`. z may be NaN: the tool is then taken as
+        pointing down and `g` is needed.
+    rate : (n, 3) array_like
+        Rates read in tool axes at index 0, bias averaged out, rad/s; z may be NaN.
+    latitude : float
+        Stated, rad, north positive.
+    gravity_covariance, rate_covariance : (n, 3, 3) array_like
+        Of gravity and of the readings of rate; rows and columns of z are not looked at where z is NaN.
+    scale, scale_sd : (n,) array_like or float
+        True rate = scale x reading, and its standard uncertainty.
+    g : float, optional
+        Gravity's strength, m/s^2 or whatever unit gravity is in.
+
+    Returns
+    -------
+    list of Check
+        "horizontal Earth rate" (rad/s: difference of the worst station), "latitude" (rad) and "latitude sign" (root of
+        the misfit that the opposite latitude would save: above 5 it fails; unit "sigma").
+
+    Raises
+    ------
+    InputError
+        Shapes, values that are not finite, latitude beyond the poles, a covariance that is not positive.
+
+    Notes
+    -----
+    Horizontal rate: |w - (w.d) d| against w_e cos(latitude), station by station. Without a gyro along the tool w_z is
+    first taken from w.d = -w_e sin(latitude), which loses all meaning near horizontal; it then says "not judged".
+
+    Latitude: min over latitude of sum over stations of min over (azimuth, k) of the squared, weighted residuals, k the
+    relative scale with its prior. Readings w and gravity d fit latitude a as well as -w and d, or w and -d, fit -a:
+    with e any horizontal direction, w = cos(a) e - sin(a) d, so all three changes of sign are one and the same, and
+    the check of the sign names them all.
+
+    Limits: standard uncertainties times the factor that a faultless run of this length exceeds once in 370 runs. The
+    uncertainty of latitude is widened where the residuals are larger than the covariances say.
+
+    Examples
+    --------
+    >>> from inclinometry.attitude.orientation import fields
+    >>> from inclinometry.core.constants import EARTH_RATE
+    >>> a = np.linspace(0.0, 5.0, 12)
+    >>> d, w = fields(a, a / 6.0, 2.0 * a, -np.radians(60.0))
+    >>> small = np.broadcast_to(np.eye(3), (12, 3, 3))
+    >>> found = rate_checks(9.8 * d, EARTH_RATE * w, np.radians(60.0),
+    ...     gravity_covariance=1e-6 * small, rate_covariance=1e-16 * small)
+    >>> [(check.name, check.verdict) for check in found]
+    [('horizontal Earth rate', 'pass'), ('latitude', 'pass'), ('latitude sign', 'pass')]
+    """
+    stated = float(within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad"))
+    read = _readings(gravity, rate, gravity_covariance, rate_covariance, scale, scale_sd, g)
+    run = _run(read, stated)
+    best, least = run.best(stated)
+    # residuals beyond what the covariances say widen everything; smaller ones prove nothing
+    birge = max(1.0, least / run.freedom) if run.freedom > 0 else 1.0
+    sd = run.sd(best, read.scale_sd) * np.sqrt(birge)
+    sign = _sign_check(run, stated, birge)
+    return [_horizontal_check(read, stated), _latitude_check(run, stated, best, sd, sign), sign]
+
+
+def _readings(
+    gravity: ArrayLike,
+    rate: ArrayLike,
+    gravity_covariance: ArrayLike,
+    rate_covariance: ArrayLike,
+    scale: ArrayLike,
+    scale_sd: ArrayLike,
+    g: float | None,
+) -> _Readings:
+    """Everything checked and in units of gravity and of the Earth rate."""
+    raw, field = (_cross_finite(v, n) for v, n in ((rate, "rate"), (gravity, "gravity")))
+    size = len(raw)
+    if not size or len(field) != size:
+        raise InputError(f"{len(field)} stations of gravity and {size} of rate; give both for at least one station")
+    factor, spread = (np.broadcast_to(finite(v, n), (size,)) for v, n in ((scale, "scale"), (scale_sd, "scale_sd")))
+    if (factor <= 0.0).any() or (spread < 0.0).any():
+        raise InputError("a scale is not positive, or its standard uncertainty is negative; true rate = scale x rate")
+    seen = np.isfinite(raw[:, 2])
+    down, tilt = _down(field, _covariance(gravity_covariance, "gravity_covariance", np.isfinite(field[:, 2])), g)
+    noise = _covariance(rate_covariance, "rate_covariance", seen)
+    ratio = factor / EARTH_RATE
+    return _Readings(down, tilt, ratio[:, None] * raw, ratio[:, None, None] ** 2 * noise, seen, spread / factor)
+
+
+def _cross_finite(value: ArrayLike, name: str) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InputError(f"{name} has shape {array.shape}; expected (n, 3), z NaN where no channel sees it")
+    finite(np.where(np.isnan(array) & (np.arange(3) == 2), 0.0, array), name)
+    return array
+
+
+def _covariance(value: ArrayLike, name: str, seen: Mask) -> Array:
+    """A covariance (n, 3, 3), z nought where it is not seen."""
+    array = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (len(seen), 3, 3)))
+    array[~seen, 2, :] = array[~seen, :, 2] = 0.0
+    finite(array, name)
+    if (np.linalg.eigvalsh(array[:, :2, :2])[:, 0] <= 0.0).any() or (array[seen, 2, 2] <= 0.0).any():
+        raise InputError(f"{name} has a variance that is not positive; state the noise of every channel")
+    return array
+
+
+def _down(gravity: Array, covariance: Array, g: float | None) -> tuple[Array, Array]:
+    """Direction of gravity (n, 3) and its covariance (n, 3, 3); z from `g`, down, where it is not measured."""
+    missing = np.isnan(gravity[:, 2])
+    if missing.any() and (g is None or not g > 0.0):
+        raise InputError("gravity along the tool is not measured and g is not given; give g of the site")
+    level = np.hypot(gravity[:, 0], gravity[:, 1])
+    z = np.where(missing, np.sqrt(np.maximum((g or 0.0) ** 2 - level**2, 0.0)), gravity[:, 2])
+    full = np.stack([gravity[:, 0], gravity[:, 1], z], axis=1)
+    length = np.linalg.norm(full, axis=1)
+    if (length == 0.0).any():
+        raise InputError(f"gravity is nought at station {int(np.argmax(length == 0.0)) + 1}; remove that reading")
+    down = full / length[:, None]
+    jacobian = np.eye(3) - down[:, :, None] * down[:, None, :]
+    # z = sqrt(g^2 - x^2 - y^2); at inclination 90 its slope is infinite and it is held back at a tenth of a degree
+    slope = -down[:, :2] / np.maximum(down[:, 2], 2e-3)[:, None]
+    jacobian[missing] = np.eye(3)
+    jacobian[missing, 2, :2] = slope[missing]
+    jacobian /= length[:, None, None]
+    return down, np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
+
+
+def _run(read: _Readings, stated: float) -> Misfit:
+    """The misfit over latitude, the uncertainty of gravity taken into the weights."""
+    sharp = np.where(read.scale_sd > 0.0, read.scale_sd, 1.0)
+    prior = np.where(read.scale_sd > 0.0, 1.0 / sharp**2, np.inf)
+    # an error of gravity turns what the Earth rate should be by its own angle, taken as alike in all directions
+    tilt = 0.5 * np.trace(read.down_covariance, axis1=1, axis2=2)
+    spread = read.covariance + tilt[:, None, None] * np.eye(3)
+    return misfit(read.rate, read.down, weights(spread, read.seen), read.seen, prior)
+
+
+def _horizontal_check(read: _Readings, stated: float) -> Check:
+    """Horizontal part of the rate of each station against that of the latitude."""
+    found, sd = _horizontal(read, stated)
+    wanted = np.cos(stated)
+    judged = sd <= _BLIND * wanted
+    name = "horizontal Earth rate"
+    if not judged.any():
+        reason = "the horizontal rate of no station is known well enough (near a pole, or near horizontal with no gyro"
+        return Check(name, "not judged", np.nan, np.nan, (), f"{reason} along the tool)", _ELSEWHERE, "rad/s")
+    factor = float(coverage_factor(1.0 - FALSE_ALARM / judged.sum()))
+    share = np.where(judged, np.abs(found - wanted) / (factor * sd), -1.0)
+    row, bad = int(np.argmax(share)), np.flatnonzero(share > 1.0)
+    hourly = np.degrees(3600.0 * EARTH_RATE)
+    reason = (
+        f"{len(bad)} of {int(judged.sum())} stations off; worst is station {row + 1}: {hourly * found[row]:.4f} deg/h "
+        f"against {hourly * wanted:.4f}, allowed +-{hourly * factor * sd[row]:.4f}"
+    )
+    if not judged.all():
+        reason += f"; {int((~judged).sum())} stations not judged, their horizontal rate is hardly seen"
+    action = "" if not len(bad) else _LONE if len(bad) <= 0.2 * judged.sum() else _MANY
+    value, limit = EARTH_RATE * abs(found[row] - wanted), EARTH_RATE * factor * sd[row]
+    verdict = "fail" if len(bad) else "pass"
+    return Check(name, verdict, float(value), float(limit), tuple(bad.tolist()), reason, action, "rad/s")
+
+
+_ELSEWHERE = "check at stations of lower inclination, or with a gyro along the tool"
+_LONE = "leave the stations out or repeat them at rest: the tool moved, or one index position was disturbed"
+_MANY = "check the scale factor, its temperature, the unit of the rates and the latitude; then repeat the run"
+
+
+def _horizontal(read: _Readings, stated: float) -> tuple[Array, Array]:
+    """Horizontal rate (n,) over the Earth rate and its standard uncertainty."""
+    d, sine = read.down, np.sin(stated)
+    cross = np.sum(read.rate[:, :2] * d[:, :2], axis=1)
+    # without a gyro along the tool its rate follows from w.d = -sin(latitude); 1/d_z grows towards horizontal
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shared = np.where(read.seen, read.rate[:, 2], -(sine + cross) / np.where(d[:, 2] == 0.0, np.nan, d[:, 2]))
+        w = np.stack([read.rate[:, 0], read.rate[:, 1], shared], axis=1)
+        along = np.sum(w * d, axis=1)
+        level = w - along[:, None] * d
+        size = np.linalg.norm(level, axis=1)
+        north = level / np.where(size > 0.0, size, 1.0)[:, None]
+        lever = np.where(read.seen, 0.0, north[:, 2] / d[:, 2])
+        by_rate = np.stack([north[:, 0] - lever * d[:, 0], north[:, 1] - lever * d[:, 1], north[:, 2]], axis=1)
+        by_rate[~read.seen, 2] = 0.0
+        tilt = np.where(read.seen, along, shared / d[:, 2])
+        by_down = -tilt[:, None] * north
+        by_scale = np.where(read.seen, size, by_rate[:, 0] * w[:, 0] + by_rate[:, 1] * w[:, 1])
+        variance = (
+            np.einsum("ni,nij,nj->n", by_rate, read.covariance, by_rate)
+            + np.einsum("ni,nij,nj->n", by_down, read.down_covariance, by_down)
+            + (by_scale * read.scale_sd) ** 2
+        )
+    hidden = ~np.isfinite(variance)
+    return np.where(hidden, 0.0, size), np.where(hidden, np.inf, np.sqrt(np.where(hidden, 0.0, variance)))
+
+
+def _latitude_check(run: Misfit, stated: float, best: float, sd: float, sign: Check) -> Check:
+    """The latitude that fits the run best against the stated one."""
+    name, rows = "latitude", tuple(range(len(run.prior)))
+    if run.freedom <= 0 or not sd <= _VAGUE:
+        reason = "the stations hardly determine a latitude (too few, or all near vertical with no gyro along the tool)"
+        return Check(name, "not judged", best - stated, np.nan, rows, reason, "use stations of other inclinations")
+    limit = float(coverage_factor(1.0 - FALSE_ALARM)) * sd
+    off, said = best - stated, np.degrees(stated)
+    reason = f"the rates fit latitude {np.degrees(best):+.3f} deg, u {np.degrees(sd):.3f}; stated {said:+.3f}"
+    if abs(off) <= limit:
+        return Check(name, "pass", off, limit, rows, reason)
+    action = "check the latitude of the site, then the scale factor and the bias of the gyros"
+    return Check(name, "fail", off, limit, rows, reason, sign.action if sign.verdict == "fail" else action)
+
+
+def _sign_check(run: Misfit, stated: float, birge: float) -> Check:
+    """Whether the opposite latitude explains the run far better."""
+    gain = (run.total(stated) - run.total(-stated)) / birge
+    value, rows = float(np.sign(gain) * np.sqrt(abs(gain))), tuple(range(len(run.prior)))
+    limit, name, said = float(np.sqrt(SIGN)), "latitude sign", np.degrees(stated)
+    if gain > SIGN:
+        reason = f"the rates fit latitude {-said:+.3f} deg far better than {said:+.3f} (by {value:.0f} sigma)"
+        mistakes = "; ".join(f"{letter}) {text}" for letter, text in zip("abc", SAME_SIGN, strict=True))
+        reason += f": one of these mistakes, or all three, which the readings cannot tell apart: {mistakes}"
+        action = "check the latitude, then the accelerometers' sign (upright, z reads + as gravity), then the gyros'"
+        return Check(name, "fail", value, limit, rows, reason, action, "sigma")
+    if gain < -_TELLING:
+        reason = f"the rates fit latitude {said:+.3f} deg better than {-said:+.3f} (by {-value:.0f} sigma)"
+        return Check(name, "pass", value, limit, rows, reason, unit="sigma")
+    reason = f"latitudes {said:+.3f} and {-said:+.3f} deg fit the rates alike (equator, or vertical with no gyro along"
+    return Check(name, "not judged", value, limit, rows, f"{reason} the tool)", _TILTED, "sigma")
+
+
+_TILTED = "use stations away from the vertical, or a gyro along the tool"
