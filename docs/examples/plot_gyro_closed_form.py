@@ -46,9 +46,8 @@ for panel, (name, north) in zip(axes, found.items(), strict=True):
         np.degrees(azimuth), np.degrees(inclination), u, levels, norm="log", extend="max", cmap="viridis"
     )
     panel.set(title=name, xlabel="azimuth, deg", xticks=np.arange(0, 361, 90))
-    print(
-        f"{name}: median {np.nanmedian(u):.2f} deg; over 1 deg or refused in {100 * np.mean(~(u < 1.0)):.0f} % of the map"
-    )
+    poor = 100.0 * np.mean(~(u < 1.0))
+    print(f"{name}: median {np.nanmedian(u):.2f} deg; over 1 deg or refused in {poor:.0f} % of the map")
 k = scale_condition(azimuth, inclination, latitude)
 axes[0].contour(np.degrees(azimuth), np.degrees(inclination), k, [0.0], colors="red")
 axes[0].annotate("K = 0", (180, 22), color="red", ha="center", backgroundcolor="white")
