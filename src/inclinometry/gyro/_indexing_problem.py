@@ -20,7 +20,8 @@ MANY = 8
 
 _APART = 10.83  # chi-square with one degree of freedom at 1e-3: how much better a spike must explain than the next row
 _BATCH = 2_000_000  # elements of a design held at once
-_ROUNDS = 5  # of reweighting; the channels' shares settle to a few per cent in two
+_ROUNDS = 6  # of reweighting at most
+_SETTLED = 3e-3  # relative change of the noise that no longer matters: 1e5 degrees of freedom know it no better
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +97,10 @@ def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) ->
     for _ in range(_ROUNDS):
         square, redundancy = _station_squares(batches, sd, clean)
         _check_redundancy(redundancy, names)
-        sd = np.maximum(np.sqrt(_typical(square, redundancy)), floor)
+        before, sd = sd, np.maximum(np.sqrt(_typical(square, redundancy)), floor)
         dof = float(redundancy.sum())
+        if np.all(np.abs(sd - before) < _SETTLED * sd):
+            break
     return Noise(sd, dof, inside=len(square) < MANY)
 
 
