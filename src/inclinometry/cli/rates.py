@@ -10,6 +10,7 @@ from inclinometry.calibration.rate_table import RateCalibration
 from inclinometry.calibration.summary import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json, Output
+from inclinometry.core.arrays import Array
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.io.rate_csv import read_rate_steps
 from inclinometry.io.site_toml import read_site
@@ -101,19 +102,24 @@ def show_rates(found: RateCalibration) -> None:
         own = [found.parameter_names.index(n) for n in names]
         axis = tensor / scale
         u = float(np.sqrt(axis @ found.covariance[np.ix_(own, own)] @ axis))
-        row = [
-            f"{gyro + 1}",
-            rounded(scale * per_degree, u * per_degree),
-            rounded(float(found.triad.offset[0, gyro]), sd[f"gyro.offset[{gyro}]"]),
-            f"{found.sd[gyro]:.3g}",
-        ]
-        if found.g_sensitivity is not None:
-            row += [
-                rounded(float(v), sd[f"gyro.g_sensitivity[{gyro},{a}]"])
-                for a, v in enumerate(found.g_sensitivity[gyro])
+        rows.append(
+            [
+                f"{gyro + 1}",
+                rounded(scale * per_degree, u * per_degree),
+                rounded(float(found.triad.offset[0, gyro]), sd[f"gyro.offset[{gyro}]"]),
+                f"{found.sd[gyro]:.3g}",
             ]
-        rows.append(row)
+        )
     unit = found.triad.unit
-    header = ["gyro", f"scale {unit} per deg/s", f"offset {unit}", f"noise {unit}"]
-    header += [f"{axis} {unit}/g" for axis in "xyz"] if found.g_sensitivity is not None else []
+    header = ["gyro", f"scale, {unit} per deg/s", f"offset, {unit}", f"noise, {unit}"]
     output.table("gyros, with standard uncertainty", header, rows)
+    if found.g_sensitivity is not None:
+        _show_sensitivity(found.g_sensitivity, sd, unit)
+
+
+def _show_sensitivity(sensitivity: Array, sd: dict[str, float], unit: str) -> None:
+    cells = []
+    for gyro, row in enumerate(sensitivity.tolist()):
+        spread = [sd[f"gyro.g_sensitivity[{gyro},{axis}]"] for axis in range(3)]
+        cells.append([f"{gyro + 1}", *(rounded(v, u) for v, u in zip(row, spread, strict=True))])
+    output.table(f"g-sensitivity, {unit} per g", ["gyro", "along x", "along y", "along z"], cells)

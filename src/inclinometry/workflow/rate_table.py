@@ -170,7 +170,7 @@ def _check_scale(triad: Triad, before: Triad | None) -> None:
     """InputError where the scale found differs from the unit's, or from the earlier calibration's, by 180 / pi."""
     scale = _scale(triad)
     if triad.unit in PER_RADIAN:
-        ratio, than = scale / (PER_RADIAN[triad.unit] * EARTH_RATE), f"signals in {triad.unit} allow"
+        ratio, than = scale / (PER_RADIAN[triad.unit] * EARTH_RATE), f"that of signals in {triad.unit}"
     elif before is not None and (before.unit == triad.unit or UNSTATED in (before.unit, triad.unit)):
         ratio, than = scale / _scale(before), "that of the calibration"
     else:
