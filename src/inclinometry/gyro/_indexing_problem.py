@@ -90,9 +90,9 @@ def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) ->
     The residuals of a channel are set against its redundancy (readings less the unknowns they pay for); over many
     stations their median, so that spikes not yet found do not count.
     """
-    largest = np.max([np.abs(b.values).max(axis=(0, 1)) for b in batches], axis=0)
-    floor = np.maximum(1e-13 * largest, np.finfo(np.float64).tiny)  # rounding: readings without any noise
-    sd = np.maximum(1e-3 * np.full_like(largest, largest.max()), floor)
+    largest = max(float(np.abs(batch.values).max()) for batch in batches)
+    floor = max(1e-13 * largest, 1e-100)  # rounding, for readings without any noise
+    sd = np.full(len(names), max(1e-3 * largest, floor))
     dof = 0.0
     for _ in range(_ROUNDS):
         square, redundancy = _station_squares(batches, sd, clean)
