@@ -61,6 +61,26 @@ def read_signals(table: Table) -> Signals:
     return signals._replace(notes=tuple(notes))
 
 
+def read_lettered(table: Table, kind: str) -> Signals | None:
+    """Channels x, or x and y, or x, y and z of one kind; None where there is none with a letter."""
+    found = [c for c in map(channel, table.header) if c is not None and c.kind == kind and not c.sd]
+    if not any(c.axis in "xyz" for c in found):
+        return None
+    ordered = [next((c for c in found if c.axis == axis), None) for axis in "xyz"]
+    present = [c for c in ordered if c is not None]
+    prefix = KIND_PREFIX[kind]
+    if len(present) < len(found) or len({c.unit for c in found}) > 1:
+        names = ", ".join(c.name for c in found)
+        raise table.error(f"{kind} columns {names} contradict each other; give each channel once, all in one unit")
+    if ordered[: len(present)] != present:
+        names = ", ".join(c.name for c in present)
+        raise table.error(f"{kind}: only {names}; give {prefix}_x, or {prefix}_x and {prefix}_y, or all three")
+    names_of = tuple(c.name for c in present)
+    values = {kind: np.stack([_readings(table, name) for name in names_of], axis=1)}
+    sd = {kind: _deviations(table, names_of)} if f"{names_of[0]}_sd" in table else {}
+    return Signals(values, sd, {kind: present[0].unit}, {kind: names_of}, ())
+
+
 def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]:
     """The channels of a kind in the order x, y, z or 1..m, after checking that the set is complete."""
     if not found:

@@ -23,13 +23,14 @@ BENCH = ("station", *ANGLES, "temperature_degC", "count", "roll_set", *REFERENCE
 RAW_SURVEY = ("md_m", "md_ft", "temperature_degC")
 LOG = ("time_s", "temperature_degC")
 PLAN = ("station", *ANGLES, "roll_set")
+GYRO_RUN = ("station", "md_m", "md_ft", "index_deg", "temperature_degC", "time_s")
 SURVEY = (
     "md_m", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "magnetic_toolface_deg", "g_total",
     "b_total_nT", "dip_deg", "u_inclination_deg", "u_azimuth_deg", "u_toolface_deg", "flags",
 )  # fmt: skip
 """The contract of the survey file, in its order; g_total is in m/s^2."""
 
-KNOWN = frozenset({*BENCH, *RAW_SURVEY, *LOG, *PLAN, *SURVEY})
+KNOWN = frozenset({*BENCH, *RAW_SURVEY, *LOG, *PLAN, *GYRO_RUN, *SURVEY})
 _NUMBERS = KNOWN - set(TEXT)
 _CHANNEL = re.compile(
     rf"(?P<kind>{'|'.join(PREFIXES)})_(?P<axis>[xyz]|[1-9]\d{{0,2}})(_(?P<unit>{'|'.join(UNIT_LABELS)}))?(?P<sd>_sd)?"

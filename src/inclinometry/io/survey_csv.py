@@ -133,13 +133,20 @@ def write_survey_csv(path: str | Path, columns: Mapping[str, ArrayLike | Sequenc
     InputError
         An unknown name, a column of another length, infinity.
     """
+    names, cells = survey_cells(columns)
+    _write.write_columns(names, cells, path)
+
+
+def survey_cells(
+    columns: Mapping[str, ArrayLike | Sequence[str] | str],
+) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Names and cells of the columns of a survey file; parameters and errors as `write_survey_csv`."""
     unknown = sorted(set(columns) - set(_QUANTITIES))
     if unknown or "md" not in columns:
         problem = f"unknown survey columns {unknown}" if unknown else "no column 'md'"
         raise InputError(f"{problem}; allowed: {', '.join(_QUANTITIES)}")
     size = int(np.size(np.asarray(columns["md"], dtype=np.float64)))
-    cells = [_cells(name, column, columns.get(name), size) for name, column in _QUANTITIES.items()]
-    _write.write_columns(SURVEY, cells, path)
+    return SURVEY, [_cells(name, column, columns.get(name), size) for name, column in _QUANTITIES.items()]
 
 
 def _cells(name: str, column: str, value: ArrayLike | Sequence[str] | str | None, size: int) -> list[str]:

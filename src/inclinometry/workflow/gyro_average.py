@@ -1,0 +1,263 @@
+"""From a file of gyro readings to gravity and rate of each station, in tool axes and SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.rotations import rotation_z
+from inclinometry.calibration.result import Calibration, same_units
+from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.gyro.indexing import average_index
+from inclinometry.gyro.result import IndexAverage
+from inclinometry.io.gyro_csv import GyroReadings
+from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
+
+TO_SI: Final = {
+    "counts": 1.0,
+    "m/s^2": 1.0,
+    "g": STANDARD_GRAVITY,
+    "mg": 1e-3 * STANDARD_GRAVITY,
+    "rad/s": 1.0,
+    "deg/s": np.radians(1.0),
+    "deg/h": np.radians(1.0) / 3600.0,
+}
+"""Units an uncalibrated run may be in; accelerometers without a unit are in m/s^2."""
+
+HEAVIEST = 12.0
+"""m/s^2: more than this across a tool that hangs still is not gravity."""
+
+
+@dataclass(frozen=True, eq=False)
+class Averages:
+    """Gravity (m/s^2) and rate (rad/s) of n stations, and the part of their covariances that all readings share.
+
+    gravity, rate : as `average_index` returns them, in SI.
+    gravity_calibration, rate_calibration : (n, 3, 3) from the calibration; for the rate without its scale.
+    scale_calibration : (n,) relative standard uncertainty of the scale by the calibration.
+    """
+
+    gravity: IndexAverage
+    rate: IndexAverage
+    gravity_calibration: Array
+    rate_calibration: Array
+    scale_calibration: Array
+
+
+def average_run(
+    readings: GyroReadings,
+    calibration: Calibration | None,
+    *,
+    scheme: str,
+    gyro_sd: float | None = None,
+    accelerometer_sd: float | None = None,
+    z_bias_sd: float | None = None,
+    sweep: float = 0.0,
+    g: float | None = None,
+) -> Averages:
+    """Average each station of a run over its index positions.
+
+    Parameters
+    ----------
+    readings : GyroReadings
+    calibration : Calibration, optional
+        Without it the channels are already m/s^2 of gravity and rates along x, y, z.
+    scheme : str
+        A key of `inclinometry.gyro.indexing.SCHEMES`.
+    gyro_sd, accelerometer_sd : float, optional
+        Standard deviation of one reading, rad/s and m/s^2; from the file, the calibration, or the scatter when absent.
+    z_bias_sd : float, optional
+        Standard uncertainty of the bias of a gyro along the tool, which turning cannot remove, rad/s; as large as the
+        biases found across when absent.
+    sweep : float
+        As `average_index`.
+    g : float, optional
+        Gravity, m/s^2, for a calibration that does not know its own.
+
+    Raises
+    ------
+    FileError
+        Units that do not go together, positions that do not make the scheme.
+    """
+    if calibration is not None:
+        same_units({kind: readings.units[kind] for kind in readings.channels}, calibration)
+    try:
+        gravity = _average(readings, calibration, "accelerometer", scheme, accelerometer_sd, None, sweep, g)
+        rate = _average(readings, calibration, "gyro", scheme, gyro_sd, z_bias_sd, sweep, g)
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(_with_labels(str(error), readings), path=readings.path) from None
+    if calibration is None:
+        nought = np.zeros((len(readings), 3, 3))
+        return Averages(gravity, rate, nought, nought, np.zeros(len(readings)))
+    heat = None if readings.temperature is None else readings.mean(readings.temperature)
+    own = _calibrated(calibration.tool, "accelerometer", gravity.field, heat)
+    turned = _calibrated(calibration.tool, "gyro", rate.field, heat)
+    unit = np.nan_to_num(rate.field / np.linalg.norm(np.nan_to_num(rate.field), axis=1, keepdims=True))
+    across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
+    along = np.einsum("ni,nij,nj->n", unit, turned, unit) / np.sum(np.nan_to_num(rate.field) ** 2, axis=1)
+    return Averages(gravity, rate, own, across @ turned @ across, np.sqrt(along))
+
+
+def _with_labels(problem: str, readings: GyroReadings) -> str:
+    """Stations are numbered inside; the file calls them otherwise."""
+    words = problem.split()
+    for place, word in enumerate(words[:-1]):
+        number = words[place + 1].rstrip(":,;")
+        if word == "station" and number.isdigit() and int(number) < len(readings.labels):
+            words[place + 1] = words[place + 1].replace(number, repr(readings.labels[int(number)]))
+    return " ".join(words)
+
+
+def _average(
+    readings: GyroReadings,
+    calibration: Calibration | None,
+    kind: str,
+    scheme: str,
+    stated_sd: float | None,
+    z_bias_sd: float | None,
+    sweep: float,
+    g: float | None,
+) -> IndexAverage:
+    if calibration is None:
+        return _plain(readings, kind, scheme, stated_sd, z_bias_sd, sweep)
+    tool = calibration.tool
+    if kind not in tool.triads:
+        raise InputError(f"the calibration has no {kind}; calibrate it, or leave out --calibration")
+    triad = tool.triads[kind]
+    signals = readings.channels[kind]
+    if signals.shape[1] != triad.count:
+        raise InputError(f"{signals.shape[1]} {kind} channels, the calibration has {triad.count}: another tool?")
+    strength = triad.field_strength or (EARTH_RATE if kind == "gyro" else g)
+    if strength is None:
+        raise InputError("the calibration does not know its gravity; give the site a latitude or g")
+    heat = None if readings.temperature is None else readings.mean(readings.temperature)
+    powers = np.broadcast_to(triad.basis(heat), (len(readings), triad.degree + 1))
+    tensor, offset = np.tensordot(powers, triad.tensor, axes=1), powers @ triad.offset
+    signals = _without_gravity(readings, triad, calibration, signals, g)
+    sd = readings.sd.get(kind, tool.noise[kind] if tool.noise[kind].any() else None)
+    if stated_sd is not None:
+        sd = np.full(triad.count, stated_sd / strength) * np.linalg.norm(triad.tensor[0], axis=1)
+    bias = None if z_bias_sd is None else z_bias_sd / strength * np.linalg.norm(triad.tensor[0], axis=1)
+    return _two_passes(readings, signals, scheme, sd, sweep, tensor, offset, bias, kind, strength)
+
+
+def _plain(
+    readings: GyroReadings, kind: str, scheme: str, stated_sd: float | None, z_bias_sd: float | None, sweep: float
+) -> IndexAverage:
+    """Channels that are already fields along the axes they are named after."""
+    letters, unit = readings.letters.get(kind), readings.units[kind]
+    if not letters:
+        raise InputError(f"{kind} channels are numbered; which way they look only a calibration says: --calibration")
+    allowed = ("deg/h", "deg/s", "rad/s") if kind == "gyro" else ("counts", "m/s^2", "g", "mg")
+    if unit not in allowed:
+        raise InputError(
+            f"{kind} channels are in {unit}; without a calibration give {', '.join(allowed[-3:])} in the columns' names"
+        )
+    signals = readings.channels[kind] * TO_SI[unit]
+    if kind == "accelerometer" and np.abs(signals).max() > HEAVIEST:
+        raise InputError(
+            f"an accelerometer reads {np.abs(signals).max():.4g} m/s^2; give its unit in the column's name"
+        )
+    sd = readings.sd[kind] * TO_SI[unit] if kind in readings.sd else None
+    sd = np.full(len(letters), stated_sd) if stated_sd is not None else sd
+    bias = None if z_bias_sd is None else np.full(len(letters), z_bias_sd)
+    tensor = np.eye(3)[: len(letters)]
+    return _two_passes(readings, signals, scheme, sd, sweep, tensor, None, bias, kind, 1.0)
+
+
+def _two_passes(
+    readings: GyroReadings,
+    signals: Array,
+    scheme: str,
+    sd: Array | None,
+    sweep: float,
+    tensor: Array,
+    offset: Array | None,
+    bias: Array | None,
+    kind: str,
+    strength: float,
+) -> IndexAverage:
+    """Average; channels along the tool get the bias uncertainty stated, or that found in those across it."""
+    mean = tensor if tensor.ndim == 2 else tensor.mean(axis=0)
+    along = np.abs(mean[:, 2]) > np.hypot(mean[:, 0], mean[:, 1])
+    known = np.full(len(mean), np.inf)
+    notes: tuple[str, ...] = ()
+
+    def average(channels: Mask, prior: Array) -> IndexAverage:
+        return average_index(
+            readings.station,
+            readings.index,
+            signals[:, channels],
+            scheme=scheme,
+            time=readings.time,
+            noise=None if sd is None else sd[..., channels],
+            tensor=tensor[..., channels, :],
+            offset=None if offset is None else offset[..., channels],
+            offset_sd=prior[channels],
+            sweep=sweep,
+        )
+
+    everything = np.ones(len(mean), dtype=bool)
+    if along.any() and bias is None:
+        first = average(~along, known)
+        off = first.bias if offset is None else first.bias - offset[..., ~along]
+        size = float(np.sqrt(np.mean(off**2)))
+        known[along] = size
+        if kind == "gyro":
+            degrees = np.degrees(size * strength / np.linalg.norm(mean, axis=1).max()) * 3600.0
+            notes = (
+                f"the bias of the gyro along the tool cannot be turned away; taken as {degrees:.2g} deg/h (standard "
+                "uncertainty), as large as those across: state it with --z-bias-sd-deg-h",
+            )
+    elif bias is not None:
+        known[along] = bias[along]
+    found = average(everything, known)
+    return IndexAverage(
+        found.field * strength,
+        found.covariance * strength**2,
+        found.bias,
+        found.drift,
+        found.chi_square,
+        found.dof,
+        found.noise,
+        found.flags,
+        found.left_out,
+        (*(f"{kind}: {note}" for note in found.notes), *notes),
+    )
+
+
+def _without_gravity(
+    readings: GyroReadings, triad: Triad, calibration: Calibration, signals: Array, g: float | None
+) -> Array:
+    """Signals of g-sensitive gyros freed from gravity, which turns with the index like the rate does."""
+    if triad.g_sensitivity is None:
+        return signals
+    down = _average(readings, calibration, "accelerometer", "n", None, None, 0.0, g).field
+    if not np.isfinite(down).all():
+        raise InputError("the gyros are g-sensitive; gravity along the tool is needed: add the accelerometer's z")
+    down = down / np.linalg.norm(down, axis=1, keepdims=True)
+    turned = np.einsum("kij,kj->ki", rotation_z(readings.index), down[readings.station])
+    return triad.without_gravity(signals, turned)
+
+
+def _calibrated(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
+    """Covariance (n, 3, 3) of a field from its triad's tensor; offsets are turned away by the index."""
+    triad = tool.triads[kind]
+    seen = np.nan_to_num(field)
+    strength = np.linalg.norm(seen, axis=1, keepdims=True)
+    regressor = np.concatenate([seen / (triad.field_strength or strength.mean()), np.zeros((len(seen), 1))], axis=1)
+    powers = np.broadcast_to(triad.basis(heat), (len(seen), triad.degree + 1))
+    design = (powers[:, :, None] * regressor[:, None, :]).reshape(len(seen), -1)
+    size, count = triad.degree + 1, triad.count
+    own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(size, count, 4, size, count, 4)
+    ordered = own.transpose(1, 0, 2, 4, 3, 5).reshape(count, size * 4, count, size * 4)
+    inverse = np.broadcast_to(triad.inverse(heat), (len(seen), 3, count))
+    signal = np.einsum("np,apbq,nq->nab", design, ordered, design, optimize=True)
+    return np.asarray(inverse @ signal @ np.swapaxes(inverse, -1, -2)) * (triad.field_strength or strength.mean()) ** 2
