@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -42,7 +43,10 @@ SAME_SIGN: Final = (
     "accelerometers that report specific force (minus gravity) given as gravity",
     "gyros of reversed sign (counter-clockwise counted positive)",
 )
-"""Mistakes that no reading of gravity and rate can tell apart; any one, or all three at once."""
+"""Mistakes that no reading of gravity and rate can tell apart; any one, or all three at once.
+
+Without an accelerometer along the tool but with a gyro there the second is no longer like the others and is told apart.
+"""
 
 
 class _Readings(NamedTuple):
@@ -51,6 +55,7 @@ class _Readings(NamedTuple):
     rate: Array  # (n, 3) true rate if the scale is right, over the Earth rate; z NaN where not seen
     covariance: Array  # (n, 3, 3)
     seen: Mask  # (n,) z of the rate
+    assumed: Mask  # (n,) z of gravity taken from g
     scale_sd: Array  # (n,) relative
 
 
@@ -146,7 +151,8 @@ def rate_checks(
     Latitude: min over latitude of sum over stations of min over (azimuth, k) of the squared, weighted residuals, k the
     relative scale with its prior. Readings w and gravity d fit latitude a as well as -w and d, or w and -d, fit -a:
     with e any horizontal direction, w = cos(a) e - sin(a) d, so all three changes of sign are one and the same, and
-    the check of the sign names them all.
+    the check of the sign names them all. Where z of gravity comes from `g` its sign does not follow x and y; with a
+    gyro along the tool reversed accelerometers then fit neither latitude and are named by themselves.
 
     Limits: standard uncertainties times the factor that a faultless run of this length exceeds once in 370 runs. The
     uncertainty of latitude is widened where the residuals are larger than the covariances say.
@@ -165,12 +171,12 @@ def rate_checks(
     """
     stated = float(within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad"))
     read = _readings(gravity, rate, gravity_covariance, rate_covariance, scale, scale_sd, g)
-    run = _run(read, stated)
+    run = _run(read)
     best, least = run.best(stated)
     # residuals beyond what the covariances say widen everything; smaller ones prove nothing
     birge = max(1.0, least / run.freedom) if run.freedom > 0 else 1.0
     sd = run.sd(best, read.scale_sd) * np.sqrt(birge)
-    sign = _sign_check(run, stated, birge)
+    sign = _sign_check(read, run, stated, birge)
     return [_horizontal_check(read, stated), _latitude_check(run, stated, best, sd, sign), sign]
 
 
@@ -192,10 +198,12 @@ def _readings(
     if (factor <= 0.0).any() or (spread < 0.0).any():
         raise InputError("a scale is not positive, or its standard uncertainty is negative; true rate = scale x rate")
     seen = np.isfinite(raw[:, 2])
-    down, tilt = _down(field, _covariance(gravity_covariance, "gravity_covariance", np.isfinite(field[:, 2])), g)
+    assumed = np.isnan(field[:, 2])
+    down, tilt = _down(field, _covariance(gravity_covariance, "gravity_covariance", ~assumed), g)
     noise = _covariance(rate_covariance, "rate_covariance", seen)
     ratio = factor / EARTH_RATE
-    return _Readings(down, tilt, ratio[:, None] * raw, ratio[:, None, None] ** 2 * noise, seen, spread / factor)
+    noise = ratio[:, None, None] ** 2 * noise
+    return _Readings(down, tilt, ratio[:, None] * raw, noise, seen, assumed, spread / factor)
 
 
 def _cross_finite(value: ArrayLike, name: str) -> Array:
@@ -237,7 +245,7 @@ def _down(gravity: Array, covariance: Array, g: float | None) -> tuple[Array, Ar
     return down, np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
 
-def _run(read: _Readings, stated: float) -> Misfit:
+def _run(read: _Readings) -> Misfit:
     """The misfit over latitude, the uncertainty of gravity taken into the weights."""
     sharp = np.where(read.scale_sd > 0.0, read.scale_sd, 1.0)
     prior = np.where(read.scale_sd > 0.0, 1.0 / sharp**2, np.inf)
@@ -319,17 +327,23 @@ def _latitude_check(run: Misfit, stated: float, best: float, sd: float, sign: Ch
     return Check(name, "fail", off, limit, rows, reason, sign.action if sign.verdict == "fail" else action)
 
 
-def _sign_check(run: Misfit, stated: float, birge: float) -> Check:
+def _sign_check(read: _Readings, run: Misfit, stated: float, birge: float) -> Check:
     """Whether the opposite latitude explains the run far better."""
-    gain = (run.total(stated) - run.total(-stated)) / birge
+    here = run.total(stated)
+    gain = (here - run.total(-stated)) / birge
+    mistakes: tuple[str, ...] = SAME_SIGN
+    if (mixed := read.assumed & read.seen).any():
+        mistakes = (SAME_SIGN[0], SAME_SIGN[2])
+        # z of gravity keeps its assumed sign where x and y lose theirs: a half turn about the tool, which the gyro
+        # along the tool contradicts
+        turned = read._replace(down=np.where(mixed[:, None], read.down * [-1.0, -1.0, 1.0], read.down))
+        other = (here - _run(turned).total(stated)) / birge
+        if other > max(gain, SIGN):
+            gain, mistakes = other, SAME_SIGN[1:2]
     value, rows = float(np.sign(gain) * np.sqrt(abs(gain))), tuple(range(len(run.prior)))
     limit, name, said = float(np.sqrt(SIGN)), "latitude sign", np.degrees(stated)
     if gain > SIGN:
-        reason = f"the rates fit latitude {-said:+.3f} deg far better than {said:+.3f} (by {value:.0f} sigma)"
-        mistakes = "; ".join(f"{letter}) {text}" for letter, text in zip("abc", SAME_SIGN, strict=True))
-        reason += f": one of these mistakes, or all three, which the readings cannot tell apart: {mistakes}"
-        action = "check the latitude, then the accelerometers' sign (upright, z reads + as gravity), then the gyros'"
-        return Check(name, "fail", value, limit, rows, reason, action, "sigma")
+        return Check(name, "fail", value, limit, rows, _mistakes(mistakes, said, value), _SIGNS, "sigma")
     if gain < -_TELLING:
         reason = f"the rates fit latitude {said:+.3f} deg better than {-said:+.3f} (by {-value:.0f} sigma)"
         return Check(name, "pass", value, limit, rows, reason, unit="sigma")
@@ -337,4 +351,15 @@ def _sign_check(run: Misfit, stated: float, birge: float) -> Check:
     return Check(name, "not judged", value, limit, rows, f"{reason} the tool)", _TILTED, "sigma")
 
 
+def _mistakes(mistakes: Sequence[str], stated_deg: float, sigmas: float) -> str:
+    """The sentence that names every change of sign that explains the readings equally well."""
+    if len(mistakes) == 1:
+        return f"the rates fit far better (by {sigmas:.0f} sigma) with {mistakes[0]}"
+    listed = "; ".join(f"({number}) {text}" for number, text in enumerate(mistakes, 1))
+    which = "any one of these mistakes" + (" or all three" if len(mistakes) == 3 else "")
+    better = f"the rates fit latitude {-stated_deg:+.3f} deg far better than {stated_deg:+.3f} (by {sigmas:.0f} sigma)"
+    return f"{better}: {which}, which the readings cannot tell apart: {listed}"
+
+
+_SIGNS = "check the latitude, then the accelerometers' sign (upright, z reads + as gravity), then the gyros'"
 _TILTED = "use stations away from the vertical, or a gyro along the tool"

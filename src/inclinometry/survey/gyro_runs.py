@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from inclinometry.core.angles import wrap_positive, wrap_signed
-from inclinometry.core.arrays import Array, Mask, finite, within
+from inclinometry.core.arrays import Array, Index, Mask, finite, within
 from inclinometry.core.errors import InputError
 from inclinometry.survey.checks import ROUNDING, Check, worst
 
@@ -63,12 +63,12 @@ class RepeatLimits:
 
 
 class Statistics(NamedTuple):
-    """Of out-run minus in-run, rad: mean, standard deviation, rms and largest size, over `count` stations.
+    """Of out-run minus in-run, rad: mean, standard deviation, rms and largest size, over so many `stations`.
 
     systematic : the mean is more than three of its standard deviations from nought.
     """
 
-    count: int
+    stations: int
     mean: float
     sd: float
     rms: float
@@ -88,7 +88,7 @@ class Comparison:
     """
 
     md: Array
-    rows: Array
+    rows: Index
     inclination: Array
     azimuth: Array
     interpolated: Mask
@@ -100,8 +100,9 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """On the whole: "pass", "not judged" or "fail"."""
-        return worst(self.checks)
+        """On the whole: "pass", "fail", or "not judged" where no azimuth could be compared."""
+        found = worst(self.checks)
+        return "not judged" if found == "pass" and worst(self.checks[2:]) == "not judged" else found
 
 
 def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> Comparison:
@@ -149,30 +150,31 @@ def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> C
     azimuth = np.asarray(wrap_signed(at.azimuth[rows] - in_run.azimuth[rows]))
     tilt = np.minimum(in_run.inclination[rows], np.pi - in_run.inclination[rows])
     steep = tilt < limits.steep - ROUNDING
-    allowed = np.where(steep, limits.azimuth_steep, limits.azimuth)
-    bad_inclination = np.abs(inclination) > limits.inclination + ROUNDING
-    bad_azimuth = np.abs(azimuth) > allowed + ROUNDING
+    checks, bad = _judged(rows, inclination, azimuth, steep, limits)
     enough = len(rows) >= limits.stations
-    bad = bad_inclination | bad_azimuth
-    statistics = {"inclination": _statistics(inclination), "azimuth": _statistics(azimuth)}
-    known = np.isfinite(azimuth)
-    edge = f"{np.degrees(limits.steep):g} deg"
-    checks = [
-        _count_check(len(rows), limits),
-        _check("inclination", inclination, bad_inclination, np.ones_like(known), limits.inclination, rows, enough),
-        _check(
-            f"azimuth, inclination from {edge} up", azimuth, bad_azimuth, known & ~steep, limits.azimuth, rows, enough
-        ),
-        _check(
-            f"azimuth, inclination below {edge}", azimuth, bad_azimuth, known & steep, limits.azimuth_steep, rows, enough
-        ),
-    ]
     verdicts = tuple(("fail" if b else "pass") if enough else "not judged" for b in bad)
-    notes = _notes(in_run, rows, at.between[rows], known, statistics)
-    return Comparison(
-        in_run.md[rows], rows.astype(float), inclination, azimuth, at.between[rows], verdicts, statistics, checks,
-        limits, notes,
-    )  # fmt: skip
+    statistics = {"inclination": _statistics(inclination), "azimuth": _statistics(azimuth)}
+    between = at.between[rows]
+    notes = _notes(in_run, rows, between, np.isfinite(azimuth), statistics)
+    md = np.asarray(in_run.md)[rows]
+    return Comparison(md, rows, inclination, azimuth, between, verdicts, statistics, checks, limits, notes)
+
+
+def _judged(
+    rows: Index, inclination: Array, azimuth: Array, steep: Mask, limits: RepeatLimits
+) -> tuple[list[Check], Mask]:
+    """The checks, and which stations are beyond a limit."""
+    bad_inclination = np.abs(inclination) > limits.inclination + ROUNDING
+    bad_azimuth = np.abs(azimuth) > np.where(steep, limits.azimuth_steep, limits.azimuth) + ROUNDING
+    known, edge, enough = np.isfinite(azimuth), f"{np.degrees(limits.steep):g} deg", len(rows) >= limits.stations
+    every, above, below = np.ones(len(rows), dtype=bool), known & ~steep, known & steep
+    parts: tuple[tuple[str, Array, Mask, Mask, float], ...] = (
+        ("inclination", inclination, bad_inclination, every, limits.inclination),
+        (f"azimuth, inclination from {edge} up", azimuth, bad_azimuth, above, limits.azimuth),
+        (f"azimuth, inclination below {edge}", azimuth, bad_azimuth, below, limits.azimuth_steep),
+    )
+    checks = [_check(*part, rows, enough) for part in parts]
+    return [_count_check(len(rows), limits), *checks], bad_inclination | bad_azimuth
 
 
 class _At(NamedTuple):
@@ -199,9 +201,10 @@ def _checked(run: Stations, name: str) -> None:
 def _interpolated(md: Array, run: Stations, interval: float) -> _At:
     """The out-run at other depths; not covered outside its range and over gaps longer than `interval`."""
     if not len(run.md):
-        nothing = np.full(len(md), np.nan)
-        return _At(nothing, nothing, np.zeros(len(md), bool), np.zeros(len(md), bool))
-    after = np.clip(np.searchsorted(run.md, md), 1, max(len(run.md) - 1, 1)) if len(run.md) > 1 else np.zeros(len(md), int)
+        nothing, none = np.full(len(md), np.nan), np.zeros(len(md), dtype=bool)
+        return _At(nothing, nothing, none, none)
+    last = len(run.md) - 1
+    after = np.clip(np.searchsorted(run.md, md), min(1, last), last)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(run.md[before] - md) <= np.abs(run.md[after] - md), before, after)
     same = np.abs(run.md[nearest] - md) <= SAME_DEPTH
@@ -229,9 +232,8 @@ def _statistics(difference: Array) -> Statistics:
         return Statistics(0, np.nan, np.nan, np.nan, np.nan, False)
     mean, rms = float(known.mean()), float(np.sqrt(np.mean(known**2)))
     sd = float(known.std(ddof=1)) if count > 1 else float("nan")
-    return Statistics(
-        count, mean, sd, rms, float(np.abs(known).max()), count > 1 and abs(mean) > 3.0 * sd / np.sqrt(count) + ROUNDING
-    )
+    systematic = bool(count > 1 and abs(mean) > 3.0 * sd / np.sqrt(count) + ROUNDING)
+    return Statistics(count, mean, sd, rms, float(np.abs(known).max()), systematic)
 
 
 def _count_check(count: int, limits: RepeatLimits) -> Check:
@@ -243,9 +245,7 @@ def _count_check(count: int, limits: RepeatLimits) -> Check:
     return Check(name, "fail", count, limits.stations, (), reason, action, "stations")
 
 
-def _check(
-    name: str, difference: Array, bad: Mask, judged: Mask, limit: float, rows: Array, enough: bool
-) -> Check:
+def _check(name: str, difference: Array, bad: Mask, judged: Mask, limit: float, rows: Index, enough: bool) -> Check:
     """One angle at the stations it is judged at."""
     if not judged.any() or not enough:
         reason = "too few stations to judge" if judged.any() else "no such station whose angle both runs know"
@@ -270,7 +270,7 @@ def _check(
 
 
 def _notes(
-    in_run: Stations, rows: Array, between: Mask, known: Mask, statistics: dict[str, Statistics]
+    in_run: Stations, rows: Index, between: Mask, known: Mask, statistics: dict[str, Statistics]
 ) -> tuple[str, ...]:
     """What a reader of the verdict must know."""
     notes = []

@@ -1,0 +1,95 @@
+"""Command that judges the quality of a gyro survey."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json
+from inclinometry.io.repeat_toml import GYRO_REPEAT
+from inclinometry.io.site_toml import read_site
+from inclinometry.survey.checks import Check, worst
+from inclinometry.survey.gyro_runs import Comparison
+from inclinometry.workflow.gyro_quality import check_json, compare_run_files, comparison_json, run_checks
+
+
+def quality(
+    in_run: Path,
+    out_run: Path | None = None,
+    /,
+    *,
+    site: Path | None = None,
+    limits: str = GYRO_REPEAT,
+    json: Json = False,
+) -> int:
+    """Judge a gyro survey: in-run against out-run, and the flags of a run; exit status 0 pass, 1 fail, 2 bad input.
+
+    Parameters
+    ----------
+    in_run
+        Survey CSV of the in-run.
+    out_run
+        Survey CSV of the out-run; without it only the flags of the in-run are judged.
+    site
+        site.toml: both runs are brought to its north_reference.
+    limits
+        gyro-repeat or a TOML file of limits.
+    json
+        Print JSON.
+    """
+    place = None if site is None else read_site(site)
+    checks, notes = _runs(in_run, out_run)
+    found = None if out_run is None else compare_run_files(in_run, out_run, place, limits)
+    if found is not None:
+        checks, notes = [*found.checks, *checks], [*found.notes, *notes]
+    verdict = worst(checks)
+    if found is not None and verdict == "pass":
+        verdict = found.verdict
+    output.warnings(notes)
+    if json:
+        compared = None if found is None else comparison_json(found)
+        output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "comparison": compared})
+    else:
+        show_checks(f"{verdict.upper()}: {in_run.name}" + (f" and {out_run.name}" if out_run else ""), checks)
+        if found is not None:
+            show_comparison(found)
+    return 0 if verdict == "pass" else 1
+
+
+def _runs(in_run: Path, out_run: Path | None) -> tuple[list[Check], list[str]]:
+    """Checks and notes on each run by itself; which run is said where there are two."""
+    from dataclasses import replace
+
+    if out_run is None:
+        return run_checks(in_run)
+    checks, notes = [], []
+    for name, path in (("in-run", in_run), ("out-run", out_run)):
+        own, said = run_checks(path)
+        checks += [replace(check, name=f"{name}: {check.name}") for check in own]
+        notes += [f"{name}: {sentence}" for sentence in said]
+    return checks, notes
+
+
+def show_checks(title: str, checks: Sequence[Check]) -> None:
+    """Every check with its verdict; reason and action of those that did not pass."""
+    rows = []
+    for shown in map(check_json, checks):
+        value, limit = shown["value"], shown["limit"]
+        rows.append([str(shown["name"]), f"{value:.4g}", f"{limit:.4g}", str(shown["unit"]), str(shown["verdict"])])
+    output.table(title, ["check", "value", "limit", "unit", "verdict"], rows)
+    for check in checks:
+        if check.verdict != "pass":
+            output.say(f"{check.name}: {check.reason}" + (f"; {check.action}" if check.action else ""))
+
+
+def show_comparison(found: Comparison) -> None:
+    """Mean difference, standard deviation and rms of the two runs on the terminal."""
+    rows = []
+    for name, part in found.statistics.items():
+        figures = np.degrees([part.mean, part.sd, part.rms, part.largest])
+        rows.append([name, str(part.stations), *(f"{figure:.4f}" for figure in figures)])
+    header = ["out-run minus in-run, deg", "stations", "mean", "sd", "rms", "largest"]
+    output.table("differences", header, rows, found.limits.source)

@@ -1,0 +1,148 @@
+"""From the files of an in-run and an out-run to a verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import FileError
+from inclinometry.earth.site import Site, convert_azimuth
+from inclinometry.gyro.result import FLAGS as GYRO_FLAGS
+from inclinometry.io.repeat_toml import GYRO_REPEAT, read_repeat_limits
+from inclinometry.io.survey_csv import read_survey_csv
+from inclinometry.survey.checks import Check
+from inclinometry.survey.flags import FLAGS
+from inclinometry.survey.gyro_runs import Comparison, Run, compare_runs
+
+MEANING = {**FLAGS, **GYRO_FLAGS}
+
+SUSPECT = {
+    "misfit": "check the latitude, the scale factor and the bias; repeat the stations",
+    "noisy": "repeat the stations at rest",
+    "scale": "check the temperature and the scale factor of the calibration",
+    "g": "check the accelerometers' calibration and that the tool was at rest",
+}
+"""Flags of a run alone that fail it, and what to do; other flags are only said."""
+
+VERTICAL = "vertical"
+"""Flag of stations whose azimuth is hardly defined; it is not compared."""
+
+
+def read_run(path: str | Path, site: Site | None = None) -> Run:
+    """Stations of a survey file, azimuth from the north the site asks for (as in the file without one).
+
+    Azimuth is NaN where it is missing or the station is flagged vertical.
+
+    Raises
+    ------
+    FileError
+        As `read_survey_csv`; no stations, a cell of inclination that is empty, more than one north in the file.
+    """
+    found = read_survey_csv(path)
+    columns = {name: values for name, values in found.items() if not isinstance(values, tuple)}
+    texts = {name: values for name, values in found.items() if isinstance(values, tuple)}
+    inclination, azimuth = columns["inclination"], columns["azimuth"]
+    if np.isnan(inclination).any() or not ((inclination >= 0.0) & (inclination <= np.pi)).all():
+        row = int(np.argmax(~((inclination >= 0.0) & (inclination <= np.pi))))
+        raise FileError(f"inclination of station {row + 1} is missing or not within 0 to 180 degrees", path=path)
+    norths = sorted({text for text in texts["azimuth_reference"] if text})
+    if len(norths) != 1:
+        raise FileError(
+            f"azimuth_reference holds {norths or 'nothing'}; one north for all stations is needed", path=path
+        )
+    steep = np.array([VERTICAL in row.split("|") for row in texts["flags"]], dtype=bool)
+    run = Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), norths[0])
+    return run if site is None else _turned(run, site)
+
+
+def _turned(run: Run, site: Site) -> Run:
+    known = np.isfinite(run.azimuth)
+    azimuth: Array = np.full(len(run.md), np.nan)
+    azimuth[known] = convert_azimuth(run.azimuth[known], run.azimuth_reference, site.north_reference, site)
+    return replace(run, azimuth=azimuth, azimuth_reference=site.north_reference)
+
+
+def compare_run_files(
+    in_run: str | Path, out_run: str | Path, site: Site | None = None, limits: str | Path = GYRO_REPEAT
+) -> Comparison:
+    """Compare the survey files of an in-run and an out-run.
+
+    Parameters
+    ----------
+    in_run, out_run : str or Path
+        Survey CSV files; the columns of `gyro north` beyond the survey's are not looked at.
+    site : Site, optional
+        Brings the azimuths of both to its `north_reference`; without it both files must name the same north.
+    limits : str or Path
+        Name of the shipped limits or a TOML file.
+    """
+    return compare_runs(read_run(in_run, site), read_run(out_run, site), read_repeat_limits(limits))
+
+
+def run_checks(path: str | Path) -> tuple[list[Check], list[str]]:
+    """What the flags in one survey file say of it: checks, and sentences on flags that fail nothing.
+
+    The rates themselves are not in the file; `gyro north` checks them when it makes it.
+    """
+    rows = read_survey_csv(path)["flags"]
+    flags = [set(str(row).split("|")) - {""} for row in rows]
+    checks = []
+    for name, action in SUSPECT.items():
+        bad = tuple(row for row, names in enumerate(flags) if name in names)
+        reason = f"{len(bad)} of {len(flags)} stations flagged {name}: {MEANING[name]}"
+        verdict = ("fail", action) if bad else ("pass", "")
+        checks.append(Check(f"flag {name}", verdict[0], len(bad), 0.0, bad, reason, verdict[1], "stations"))
+    others = sorted(set().union(*flags) - set(SUSPECT)) if flags else []
+    counts = {name: sum(name in names for names in flags) for name in others}
+    return checks, [
+        f"{count} of {len(flags)} stations flagged {name}: {MEANING.get(name, 'not a flag of this version')}"
+        for name, count in counts.items()
+    ]
+
+
+def check_json(check: Check) -> dict[str, object]:
+    """A check as plain data, angles in degrees and rates in degrees per hour, stations counted from 1."""
+    factor, unit = {
+        "rad": (np.degrees(1.0), "deg"),
+        "rad/s": (np.degrees(3600.0), "deg/h"),
+    }.get(check.unit, (1.0, check.unit))
+    return {
+        "name": check.name,
+        "verdict": check.verdict,
+        "value": check.value * factor,
+        "limit": check.limit * factor,
+        "unit": unit,
+        "stations": [row + 1 for row in check.stations],
+        "reason": check.reason,
+        "action": check.action,
+    }
+
+
+def comparison_json(found: Comparison) -> dict[str, object]:
+    """A comparison as plain data in degrees and metres."""
+    statistics = {
+        name: {
+            "stations": s.stations,
+            **{f"{key}_deg": float(np.degrees(getattr(s, key))) for key in ("mean", "sd", "rms", "largest")},
+            "systematic": bool(s.systematic),
+        }
+        for name, s in found.statistics.items()
+    }
+    rows = zip(
+        found.md.tolist(), np.degrees(found.inclination).tolist(), np.degrees(found.azimuth).tolist(),
+        found.interpolated.tolist(), found.verdicts, strict=True,
+    )  # fmt: skip
+    return {
+        "verdict": found.verdict,
+        "limits": {"name": found.limits.name, "source": found.limits.source},
+        "checks": [check_json(check) for check in found.checks],
+        "statistics": statistics,
+        "notes": list(found.notes),
+        "stations": [
+            {"md_m": md, "inclination_deg": i, "azimuth_deg": a, "interpolated": b, "verdict": v}
+            for md, i, a, b, v in rows
+        ],
+    }

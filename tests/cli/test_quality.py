@@ -1,0 +1,54 @@
+"""The verdict on gyro runs at the terminal: text, JSON, exit status."""
+
+import json
+
+import numpy as np
+import pytest
+
+from inclinometry.cli.quality import quality
+from inclinometry.core.errors import InputError
+from inclinometry.io.survey_csv import write_survey_csv
+
+
+def write(path, azimuth=100.0, flags="", count=12, north="true"):
+    columns = {"md": 30.0 * np.arange(count), "inclination": np.full(count, 0.5)}
+    azimuth = np.radians(np.full(count, azimuth))
+    write_survey_csv(path, {**columns, "azimuth": azimuth, "azimuth_reference": north, "flags": [flags] * count})
+    return path
+
+
+@pytest.mark.parametrize(("azimuth", "count", "status"), [(100.9, 12, 0), (101.1, 12, 1), (100.0, 9, 1)])
+def test_status_follows_the_verdict(tmp_path, capsys, azimuth, count, status):
+    files = write(tmp_path / "in.csv", count=count), write(tmp_path / "out.csv", azimuth, count=count)
+    assert quality(*files) == status
+    shown = capsys.readouterr().out
+    assert ("PASS" if status == 0 else "FAIL") in shown
+    assert quality(*files, json=True) == status
+    content = json.loads(capsys.readouterr().out)
+    assert content["verdict"] == ("pass" if status == 0 else "fail")
+    assert len(content["comparison"]["stations"]) == count
+
+
+def test_one_run_is_judged_by_its_flags(tmp_path, capsys):
+    assert quality(write(tmp_path / "in.csv", flags="temperature")) == 0
+    assert "temperature" in capsys.readouterr().err
+    assert quality(write(tmp_path / "in.csv", flags="misfit")) == 1
+    assert "latitude" in capsys.readouterr().out
+    # a run that disagrees with the Earth fails however well it repeats
+    assert quality(tmp_path / "in.csv", write(tmp_path / "out.csv")) == 1
+
+
+def test_a_vertical_hole_is_not_judged_and_does_not_pass(tmp_path, capsys):
+    files = write(tmp_path / "in.csv", flags="vertical"), write(tmp_path / "out.csv")
+    assert quality(*files, json=True) == 1
+    assert json.loads(capsys.readouterr().out)["verdict"] == "not judged"
+
+
+def test_site_and_bad_input(tmp_path, capsys):
+    files = write(tmp_path / "in.csv"), write(tmp_path / "out.csv", 98.0, north="grid")
+    with pytest.raises(InputError, match="norths"):
+        quality(*files)
+    (tmp_path / "site.toml").write_text('north_reference = "grid"\nconvergence_deg = 2.0\n')
+    assert quality(*files, site=tmp_path / "site.toml") == 0
+    with pytest.raises(InputError, match="no such file"):
+        quality(tmp_path / "nothing.csv")

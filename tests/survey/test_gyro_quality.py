@@ -1,0 +1,225 @@
+"""Gyro stations against the Earth's rotation: what must pass, what must fail, what cannot be told."""
+
+import numpy as np
+import pytest
+
+from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.errors import InputError
+from inclinometry.survey.gyro_quality import MISREAD, SAME_SIGN, rate_checks, rate_unit_suspect
+
+G = 9.81
+SIGMA = np.radians(0.015) / 3600.0
+TILT = 1e-4 * G
+
+
+def stations(latitude_deg, count=30, seed=1, noise=1.0, inclination=(5.0, 70.0)):
+    """Gravity and rate in tool axes, station by station, with nothing of the house."""
+    random = np.random.default_rng(seed)
+    gravity, rate = np.empty((count, 3)), np.empty((count, 3))
+    a = np.radians(latitude_deg)
+    earth = EARTH_RATE * np.array([np.cos(a), 0.0, -np.sin(a)])
+    for row in range(count):
+        i = np.radians(random.uniform(*inclination))
+        p, t = random.uniform(0.0, 2.0 * np.pi, 2)
+        rz = lambda x: np.array([[np.cos(x), np.sin(x), 0], [-np.sin(x), np.cos(x), 0], [0, 0, 1]])  # noqa: E731
+        ry = np.array([[np.cos(i), 0, -np.sin(i)], [0, 1, 0], [np.sin(i), 0, np.cos(i)]])
+        turn = rz(t) @ ry @ rz(p)
+        gravity[row] = turn @ [0.0, 0.0, G] + noise * random.normal(0.0, TILT, 3)
+        rate[row] = turn @ earth + noise * random.normal(0.0, SIGMA, 3)
+    return gravity, rate
+
+
+def without_z(field):
+    return field * [1.0, 1.0, np.nan]
+
+
+def judge(gravity, rate, latitude_deg, **more):
+    eye = np.broadcast_to(np.eye(3), (len(rate), 3, 3))
+    noise = {"gravity_covariance": TILT**2 * eye, "rate_covariance": SIGMA**2 * eye, "g": G}
+    return {c.name: c for c in rate_checks(gravity, rate, np.radians(latitude_deg), **{**noise, **more})}
+
+
+def verdicts(checks):
+    return tuple(checks[name].verdict for name in ("horizontal Earth rate", "latitude", "latitude sign"))
+
+
+def shapes(gravity, rate):
+    return (
+        (gravity, rate),
+        (gravity, without_z(rate)),
+        (without_z(gravity), rate),
+        (without_z(gravity), without_z(rate)),
+    )
+
+
+@pytest.mark.parametrize("latitude", [-75.0, -30.0, 20.0, 60.0])
+def test_the_right_latitude_passes_with_two_and_three_axes(latitude):
+    for gravity, rate in shapes(*stations(latitude)):
+        found = judge(gravity, rate, latitude)
+        assert verdicts(found) == ("pass", "pass", "pass"), found
+        assert found["latitude"].action == ""
+
+
+def test_a_wrong_latitude_fails_and_the_one_found_is_right():
+    gravity, rate = stations(50.0)
+    for w in (rate, without_z(rate)):
+        found = judge(gravity, w, 52.0)
+        assert found["latitude"].verdict == "fail"
+        # value is best minus stated; its uncertainty is a third of the limit, 4 of them is once in 16000
+        assert abs(found["latitude"].value - np.radians(-2.0)) < 4.0 / 3.0 * found["latitude"].limit
+        assert found["latitude sign"].verdict == "pass"
+
+
+@pytest.mark.parametrize("three_axis", [True, False])
+def test_the_uncertainty_of_latitude_is_honest(three_axis):
+    pulls = []
+    for seed in range(60):
+        gravity, rate = stations(45.0, 15, seed)
+        check = judge(gravity, rate if three_axis else without_z(rate), 45.0)["latitude"]
+        pulls.append(3.0 * check.value / check.limit)
+    # chi-square of 60 degrees of freedom over 60: 0.51 to 1.64 within 3.3 sigma; residual inflation makes it smaller
+    assert 0.4 < np.mean(np.square(pulls)) < 1.64
+
+
+def test_a_common_scale_error_is_covered_by_its_uncertainty():
+    pulls = []
+    for seed in range(40):
+        gravity, rate = stations(45.0, 30, seed)
+        k = 1.0 + np.random.default_rng(seed + 1000).normal(0.0, 0.01)
+        check = judge(gravity, without_z(k * rate), 45.0, scale_sd=0.01)["latitude"]
+        pulls.append(3.0 * check.value / check.limit)
+    # chi-square band of 40 runs at 3.3 sigma: at most 1.8; the joint treatment may overstate
+    assert 0.05 < np.mean(np.square(pulls)) < 1.8
+
+
+LATITUDE, GRAVITY, GYRO = (-1, 1, 1), (1, -1, 1), (1, 1, -1)
+
+
+@pytest.mark.parametrize(("z_gravity", "z_rate"), [(True, True), (True, False), (False, False)])
+def test_changes_of_sign_cannot_be_told_apart_and_are_all_named(z_gravity, z_rate):
+    gravity, rate = stations(40.0)
+
+    def sign(s, d, w):
+        g, r = d * gravity, w * rate
+        return judge(g if z_gravity else without_z(g), r if z_rate else without_z(r), 40.0 * s)["latitude sign"]
+
+    found = [sign(*which) for which in (LATITUDE, GRAVITY, GYRO, (-1, -1, -1))]
+    for check in found:
+        assert check.verdict == "fail"
+        assert all(text in check.reason for text in SAME_SIGN)
+    # the same misfit up to the search over azimuth (steps to 1e-4 of a station's standard deviation)
+    np.testing.assert_allclose([check.value for check in found], found[0].value, rtol=1e-4)
+    # two of them cancel
+    for two in ((-1, -1, 1), (-1, 1, -1), (1, -1, -1)):
+        assert sign(*two).verdict == "pass"
+
+
+def test_with_z_of_the_gyro_alone_reversed_accelerometers_are_told_apart():
+    gravity, rate = stations(40.0)
+    for s, d, w in (LATITUDE, GYRO, GRAVITY):
+        check = judge(without_z(d * gravity), w * rate, 40.0 * s)["latitude sign"]
+        assert check.verdict == "fail"
+        assert (SAME_SIGN[1] in check.reason) is (d < 0)
+        assert (SAME_SIGN[0] in check.reason and SAME_SIGN[2] in check.reason) is (d > 0)
+
+
+def test_a_vertical_tool_without_a_gyro_along_it_cannot_tell_the_sign():
+    gravity, rate = stations(50.0, inclination=(0.0, 0.01))
+    assert judge(gravity, without_z(rate), -50.0)["latitude sign"].verdict == "not judged"
+    assert judge(gravity, rate, -50.0)["latitude sign"].verdict == "fail"
+    assert judge(gravity, without_z(rate), 50.0)["latitude"].verdict == "pass"
+
+
+def test_the_equator_has_no_sign():
+    assert judge(*stations(0.0), 0.0)["latitude sign"].verdict == "not judged"
+
+
+def test_a_single_station_of_two_axes_determines_no_latitude():
+    gravity, rate = stations(50.0, 1)
+    assert judge(gravity, without_z(rate), 50.0)["latitude"].verdict == "not judged"
+    assert judge(gravity, rate, 50.0)["latitude"].verdict == "pass"
+
+
+def test_horizontal_runs_without_a_gyro_along_the_tool_are_not_judged():
+    gravity, rate = stations(50.0, inclination=(89.99, 90.01))
+    assert judge(gravity, without_z(rate), 50.0)["horizontal Earth rate"].verdict == "not judged"
+    assert judge(gravity, rate, 50.0)["horizontal Earth rate"].verdict == "pass"
+
+
+@pytest.mark.parametrize("latitude", [90.0, -90.0])
+def test_at_a_pole_nothing_is_not_finite_by_accident(latitude):
+    for gravity, rate in shapes(*stations(latitude)):
+        found = judge(gravity, rate, latitude)
+        assert found["horizontal Earth rate"].verdict == "not judged"
+        assert found["latitude"].verdict == "pass"
+
+
+def test_a_disturbed_station_is_named_and_a_wrong_scale_blamed_on_all():
+    gravity, rate = stations(45.0)
+    rate[7] *= 1.05
+    check = judge(gravity, rate, 45.0)["horizontal Earth rate"]
+    assert (check.verdict, check.stations) == ("fail", (7,))
+    assert "repeat" in check.action
+    check = judge(gravity, 1.05 * rate, 45.0)["horizontal Earth rate"]
+    assert len(check.stations) > 20
+    assert "scale" in check.action
+    # a scale that is stated undoes it
+    assert judge(*stations(45.0)[:1], 1.05 * stations(45.0)[1], 45.0, scale=1 / 1.05)["latitude"].verdict == "pass"
+
+
+@pytest.mark.parametrize("three_axis", [True, False])
+def test_the_uncertainty_of_the_horizontal_rate_is_honest(three_axis):
+    from inclinometry.survey import gyro_quality
+
+    gravity, rate = stations(45.0, 2000, inclination=(5.0, 50.0))
+    scale = 1.0 + np.random.default_rng(9).normal(0.0, 0.002, (2000, 1))
+    eye = np.broadcast_to(np.eye(3), (2000, 3, 3))
+    shown = scale * rate if three_axis else without_z(scale * rate)
+    read = gyro_quality._readings(gravity, shown, TILT**2 * eye, SIGMA**2 * eye, 1.0, 0.002, G)
+    found, sd = gyro_quality._horizontal(read, np.radians(45.0))
+    pull = np.mean(np.square((found - np.cos(np.radians(45.0))) / sd))
+    # chi-square of 2000: standard deviation sqrt(2/2000) = 0.032
+    assert abs(pull - 1.0) < 0.12
+
+
+def test_a_faultless_run_of_many_stations_passes():
+    assert verdicts(judge(*stations(45.0, 1500), 45.0)) == ("pass", "pass", "pass")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"latitude_deg": 91.0}, "latitude"),
+        ({"scale": 0.0}, "scale"),
+        ({"scale_sd": -0.1}, "scale"),
+        ({"rate_covariance": np.zeros((30, 3, 3))}, "rate_covariance"),
+        ({"gravity_covariance": np.full((30, 3, 3), np.nan)}, "gravity_covariance"),
+        ({"g": None, "gravity": without_z(stations(1.0)[0])}, "g of the site"),
+        ({"gravity": stations(1.0, 29)[0]}, "29 stations"),
+        ({"rate": stations(1.0)[1] * [np.nan, 1, 1]}, "rate"),
+    ],
+)
+def test_bad_input_is_refused(change, message):
+    gravity, rate = stations(1.0)
+    with pytest.raises(InputError, match=message):
+        judge(**{"gravity": gravity, "rate": rate, "latitude_deg": 1.0, **change})
+
+
+@pytest.mark.parametrize("three", [2, 3])
+def test_mistakes_of_unit_are_named(three):
+    rate = stations(45.0)[1][:, :three]
+    assert rate_unit_suspect(rate) is None
+    for name, factor in MISREAD:
+        assert name in rate_unit_suspect(rate / factor), name
+    assert "bias" in rate_unit_suspect(rate + 1e-3)
+    assert "parallel" in rate_unit_suspect(0.01 * rate)
+    assert "nothing" in rate_unit_suspect(0.0 * rate)
+
+
+def test_the_plausible_range_includes_its_ends():
+    for edge, inside, outside in ((0.02, 1.0001, 0.9999), (1.3, 0.9999, 1.0001)):
+        assert rate_unit_suspect([[edge * inside * EARTH_RATE, 0.0]]) is None
+        assert rate_unit_suspect([[edge * outside * EARTH_RATE, 0.0]])
+    for bad in ([], [1.0, 2.0], [[np.nan, 1.0]]):
+        with pytest.raises(InputError):
+            rate_unit_suspect(bad)
