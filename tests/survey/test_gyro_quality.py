@@ -114,8 +114,9 @@ def test_changes_of_sign_cannot_be_told_apart_and_are_all_named(z_gravity, z_rat
         assert sign(*two).verdict == "pass"
 
 
-def test_with_z_of_the_gyro_alone_reversed_accelerometers_are_told_apart():
-    gravity, rate = stations(40.0)
+@pytest.mark.parametrize("count", [3, 30])
+def test_with_z_of_the_gyro_alone_reversed_accelerometers_are_told_apart(count):
+    gravity, rate = stations(40.0, count)
     for s, d, w in (LATITUDE, GYRO, GRAVITY):
         check = judge(without_z(d * gravity), w * rate, 40.0 * s)["latitude sign"]
         assert check.verdict == "fail"

@@ -337,7 +337,8 @@ def _sign_check(read: _Readings, run: Misfit, stated: float, birge: float) -> Ch
         # z of gravity keeps its assumed sign where x and y lose theirs: a half turn about the tool, which the gyro
         # along the tool contradicts
         turned = read._replace(down=np.where(mixed[:, None], read.down * [-1.0, -1.0, 1.0], read.down))
-        other = (here - _run(turned).total(stated)) / birge
+        there = _run(turned).total(stated)
+        other = (here - there) / max(1.0, there / max(run.freedom, 1))
         if other > max(gain, SIGN):
             gain, mistakes = other, SAME_SIGN[1:2]
     value, rows = float(np.sign(gain) * np.sqrt(abs(gain))), tuple(range(len(run.prior)))
