@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Json, Output
@@ -15,8 +13,6 @@ from inclinometry.gyro.planning import AZIMUTHS, GyroSetup, StandstillPlan, stan
 from inclinometry.io.allan_json import allan_content, coefficients_of, units_of, write_allan
 from inclinometry.io.atomic import write_text
 from inclinometry.sensors.noise_record import NoiseRecord
-
-Number = Annotated[float, Parameter(negative="")]
 
 
 def allan(log: Path, /, *, output_: Output, report: Path | None = None, json: Json = False) -> None:
@@ -70,18 +66,18 @@ def show_noise(found: NoiseRecord) -> None:
 
 def plan_gyro(
     *,
-    latitude_deg: Number,
-    inclination_deg: Number,
-    arw_deg_sqrt_h: Number,
-    azimuth_deg: Number,
-    bias_instability_deg_h: Number = 0.0,
-    scale_sd_percent: Number = 0.3,
-    at_azimuth_deg: Number | None = None,
+    latitude_deg: float,
+    inclination_deg: float,
+    arw_deg_sqrt_h: float,
+    azimuth_deg: float,
+    bias_instability_deg_h: float = 0.0,
+    scale_sd_percent: float = 0.3,
+    at_azimuth_deg: float | None = None,
     gyros: int = 2,
     axes: int = 2,
-    axial_bias_sd_deg_h: Number = 0.0,
-    level_sd_deg: Number = 0.0,
-    move_s: Number = 0.0,
+    axial_bias_sd_deg_h: float = 0.0,
+    level_sd_deg: float = 0.0,
+    move_s: float = 0.0,
     json: Json = False,
 ) -> None:
     """How long a gyro inclinometer has to stand still for a wanted uncertainty of azimuth.
@@ -137,10 +133,15 @@ def plan_gyro(
     if json:
         output.print_json(_plan_content(found))
         return
-    shown = f"standing still for azimuth to {azimuth_deg:g} deg (standard uncertainty)"
+    show_plan(found)
+
+
+def show_plan(found: StandstillPlan) -> None:
+    """Best, median and worst azimuth, or the one given, on the terminal."""
+    title = f"standing still for azimuth to {np.degrees(found.wanted):.4g} deg (standard uncertainty)"
     header = ["azimuth of the hole", "deg", "stand still s", "with moves s", "floor deg"]
-    output.table(shown, header, [_plan_row(found, name, row) for name, row in _cases(found).items()],
-                 "floor: what is left after any time")  # fmt: skip
+    rows = [_plan_row(found, name, row) for name, row in _cases(found).items()]
+    output.table(title, header, rows, "floor: what is left after any time")
 
 
 def _cases(found: StandstillPlan) -> dict[str, int]:
