@@ -22,6 +22,12 @@ simulate = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
+gyro = App(
+    name="gyro",
+    help="North and scale factor from the Earth's rotation.",
+    help_format="plaintext",
+    suppress_keyboard_interrupt=False,
+)
 
 _HERE = "inclinometry.cli"
 
@@ -34,6 +40,7 @@ def _add(to: App, where: str, name: str, summary: str, example: str) -> None:
 
 
 app.command(simulate)
+app.command(gyro)
 _add(app, "plan:plan", "plan", "Write the rig settings of a calibration plan.", "plan twelve -o plan.csv")
 _add(
     app,
@@ -85,4 +92,53 @@ _add(
     "log",
     "Simulate a continuous log: rests at the positions of a plan.",
     "simulate log --plan twelve -o log.csv",
+)
+_add(
+    simulate,
+    "simulate_gyro:gyro",
+    "gyro",
+    "Simulate a gyro run: readings at the index positions of each station.",
+    "simulate gyro --seed 1 -o raw.csv --site site.toml --truth truth.json",
+)
+_add(
+    app,
+    "noise:allan",
+    "allan",
+    "Allan deviation of a log at rest: angle random walk, bias instability, rate random walk.",
+    "allan log.csv -o allan.json --report allan.html",
+)
+_add(
+    gyro,
+    "gyro:north",
+    "north",
+    "Find north at the stations of a gyro run.",
+    "gyro north raw.csv --site site.toml -o stations.csv --report gyro.html",
+)
+_add(
+    gyro,
+    "gyro:scale",
+    "scale",
+    "Follow the scale factor over the temperatures of a run.",
+    "gyro scale raw.csv --site site.toml -o scale.json",
+)
+_add(
+    gyro,
+    "noise:plan_gyro",
+    "plan",
+    "How long to stand still for a wanted azimuth uncertainty.",
+    "gyro plan --latitude-deg 60 --inclination-deg 30 --arw-deg-sqrt-h 0.005 --azimuth-deg 0.2",
+)
+_add(
+    gyro,
+    "quality:quality",
+    "quality",
+    "Judge a gyro survey, in-run against out-run: exit status 0 pass, 1 fail, 2 bad input.",
+    "gyro quality in.csv out.csv --site site.toml",
+)
+_add(
+    gyro,
+    "rates:table",
+    "table",
+    "Calibrate gyros from the steps of a rate table.",
+    "gyro table steps.csv --site site.toml -o tool.json",
 )

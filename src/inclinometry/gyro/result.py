@@ -14,7 +14,7 @@ UNKNOWN = np.pi / np.sqrt(3.0)
 
 FLAGS = {
     "vertical": "azimuth and toolface are hardly defined; use the gyro toolface (azimuth + toolface)",
-    "down-assumed": "neither accelerometer nor gyro along the tool tells down from up; taken as pointing down",
+    "down-assumed": "no accelerometer or gyro along the tool tells down from up; down is taken: state the hole's direction",
     "ambiguous": "another azimuth fits the rates nearly as well; a gyro along the tool or a better known scale decides",
     "weak": "the rates hardly depend on azimuth here (near horizontal east-west); u covers the whole likely range",
     "scale": "the scale factor is further from what was expected than its uncertainty allows",

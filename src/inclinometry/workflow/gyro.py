@@ -259,7 +259,7 @@ def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) ->
 
 def _solve(method: str, stations: _Stations, known: _Known) -> North:
     if method == "patent":
-        return solve_patent(
+        found = solve_patent(
             stations.gravity,
             stations.rate,
             stations.latitude,
@@ -268,6 +268,7 @@ def _solve(method: str, stations: _Stations, known: _Known) -> North:
             g=stations.g,
             history=1.0,
         )
+        return found if stations.hole is None else _declared(found, stations.hole)
     estimate = estimate_north_fixed if method == "fixed" else estimate_north
     return estimate(
         stations.gravity,
@@ -280,6 +281,20 @@ def _solve(method: str, stations: _Stations, known: _Known) -> North:
         g=stations.g,
         hole=stations.hole,
     )
+
+
+def _declared(found: North, hole: str) -> North:
+    """The closed form where the direction of the hole is stated: nothing is assumed, and up-holes are outside it."""
+    if hole == "down":
+        return replace(found, flags=[[name for name in row if name != "down-assumed"] for row in found.flags])
+    blank = np.array([("down-assumed" in row) for row in found.flags])
+    flags = [["up-hole" if name == "down-assumed" else name for name in row] for row in found.flags]
+    lost = {
+        n: np.where(blank, np.nan, getattr(found, n)) for n in ("azimuth", "gyro_toolface", "scale", "u_scale", "k")
+    }
+    inclination = np.where(blank, np.pi - found.inclination, found.inclination)
+    root = ["" if gone else own for gone, own in zip(blank, found.root, strict=True)]
+    return replace(found, flags=flags, inclination=inclination, root=root, **lost)
 
 
 def _flags(

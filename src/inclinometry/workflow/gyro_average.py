@@ -160,16 +160,15 @@ def _plain(
         raise InputError(
             f"{kind} channels are in {unit}; without a calibration give {', '.join(allowed[-3:])} in the columns' names"
         )
-    signals = readings.channels[kind] * TO_SI[unit]
-    if kind == "accelerometer" and np.abs(signals).max() > HEAVIEST:
-        raise InputError(
-            f"an accelerometer reads {np.abs(signals).max():.4g} m/s^2; give its unit in the column's name"
-        )
-    sd = readings.sd[kind] * TO_SI[unit] if kind in readings.sd else None
-    sd = np.full(len(letters), stated_sd) if stated_sd is not None else sd
-    bias = None if z_bias_sd is None else np.full(len(letters), z_bias_sd)
+    signals, factor = readings.channels[kind], TO_SI[unit]
+    if kind == "accelerometer" and np.abs(signals).max() * factor > HEAVIEST:
+        largest = f"{np.abs(signals).max() * factor:.4g} m/s^2"
+        raise InputError(f"an accelerometer reads {largest}; give its unit in the column's name")
+    sd = readings.sd.get(kind)
+    sd = np.full(len(letters), stated_sd / factor) if stated_sd is not None else sd
+    bias = None if z_bias_sd is None else np.full(len(letters), z_bias_sd / factor)
     tensor = np.eye(3)[: len(letters)]
-    return _two_passes(readings, signals, scheme, sd, sweep, tensor, None, bias, kind, 1.0)
+    return _two_passes(readings, signals, scheme, sd, sweep, tensor, None, bias, kind, factor)
 
 
 def _two_passes(
