@@ -11,7 +11,7 @@ import numpy as np
 
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.gyro.closed_form import solve_patent
@@ -33,7 +33,7 @@ from inclinometry.survey.flags import HEAT_MARGIN
 from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.gyro_quality import rate_checks, rate_unit_suspect
 from inclinometry.survey.reduce import Survey
-from inclinometry.workflow.gyro_average import Averages, average_run
+from inclinometry.workflow.gyro_average import LIGHTEST, Averages, average_run, gravity_suspect
 
 METHODS: Final = ("joint", "patent", "fixed")
 PRIORS: Final = ("calibration", "previous", "both", "run")
@@ -42,6 +42,9 @@ stations before and the calibration's temperature curve; or all other stations o
 
 LEARNING_WALK: Final = 5e-4
 """Wandering of the scale per root of a degC for the prior "previous"."""
+
+VAGUE: Final = 0.01
+"""Standard uncertainty of a scale factor while units are still in doubt."""
 
 
 @dataclass(frozen=True)
@@ -168,9 +171,11 @@ def north_run(
         sweep=chosen.sweep,
         g=site.gravity,
     )
-    if suspect := rate_unit_suspect(averages.rate.field):
+    if suspect := rate_unit_suspect(averages.rate.field) or gravity_suspect(averages.gravity.field, site.gravity):
         raise FileError(suspect, path=readings.path)
     stations = _stations(averages, site.latitude, site.gravity, chosen.hole)
+    if suspect := _gravity_in_g(stations):
+        raise FileError(suspect, path=readings.path)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
     known = _expected(stations, averages, heat, chosen)
     checks = rate_checks(
@@ -283,18 +288,43 @@ def _solve(method: str, stations: _Stations, known: _Known) -> North:
     )
 
 
+def _gravity_in_g(stations: _Stations) -> str | None:
+    """A sentence where cross-axis accelerometers fit the rates far better when their numbers are taken as g."""
+    level = np.hypot(stations.gravity[:, 0], stations.gravity[:, 1])
+    if np.isfinite(stations.gravity[:, 2]).any() or level.max() > 1.0 + LIGHTEST:
+        return None
+    larger = replace(
+        stations,
+        gravity=stations.gravity * STANDARD_GRAVITY,
+        gravity_covariance=stations.gravity_covariance * STANDARD_GRAVITY**2,
+    )
+    vague = _Known(np.ones(len(level)), np.full(len(level), VAGUE), None, ())
+    try:
+        given, other = (float(np.sum(_solve("joint", s, vague).chi_square)) for s in (stations, larger))
+    except InputError:
+        return None
+    if given < 10.0 * len(level) or other > 0.2 * given:
+        return None
+    return "the accelerometers fit the rates only if their numbers are in g, not m/s^2: name the columns accel_x_g"
+
+
 def _declared(found: North, hole: str) -> North:
     """The closed form where the direction of the hole is stated: nothing is assumed, and up-holes are outside it."""
     if hole == "down":
         return replace(found, flags=[[name for name in row if name != "down-assumed"] for row in found.flags])
     blank = np.array([("down-assumed" in row) for row in found.flags])
     flags = [["up-hole" if name == "down-assumed" else name for name in row] for row in found.flags]
-    lost = {
-        n: np.where(blank, np.nan, getattr(found, n)) for n in ("azimuth", "gyro_toolface", "scale", "u_scale", "k")
-    }
-    inclination = np.where(blank, np.pi - found.inclination, found.inclination)
-    root = ["" if gone else own for gone, own in zip(blank, found.root, strict=True)]
-    return replace(found, flags=flags, inclination=inclination, root=root, **lost)
+    return replace(
+        found,
+        flags=flags,
+        inclination=np.where(blank, np.pi - found.inclination, found.inclination),
+        azimuth=np.where(blank, np.nan, found.azimuth),
+        gyro_toolface=np.where(blank, np.nan, found.gyro_toolface),
+        scale=np.where(blank, np.nan, found.scale),
+        u_scale=np.where(blank, np.nan, found.u_scale),
+        k=np.where(blank, np.nan, found.k),
+        root=["" if gone else own for gone, own in zip(blank, found.root, strict=True)],
+    )
 
 
 def _flags(

@@ -32,6 +32,12 @@ TO_SI: Final = {
 HEAVIEST = 12.0
 """m/s^2: more than this across a tool that hangs still is not gravity."""
 
+LIGHTEST = 0.05
+"""Share by which measured gravity may differ from the site's."""
+
+BACKWARDS = 0.25
+"""Sum of squared residuals with the index reversed over that as given, below which the index is counted backwards."""
+
 
 @dataclass(frozen=True, eq=False)
 class Averages:
@@ -103,6 +109,18 @@ def average_run(
     across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
     along = np.einsum("ni,nij,nj->n", unit, turned, unit) / np.sum(np.nan_to_num(rate.field) ** 2, axis=1)
     return Averages(gravity, rate, own, across @ turned @ across, np.sqrt(along))
+
+
+def gravity_suspect(gravity: Array, g: float) -> str | None:
+    """What is wrong with gravity (n, 3), m/s^2, whose length is not g; None where z is not measured or all is well."""
+    length = np.linalg.norm(gravity, axis=1)
+    if not np.isfinite(length).all():
+        return None
+    middle = float(np.median(length))
+    if abs(middle / g - 1.0) <= LIGHTEST:
+        return None
+    unit = " (are the numbers in g? then name the columns accel_x_g)" if abs(middle - 1.0) <= LIGHTEST else ""
+    return f"gravity comes out at {middle:.5g} m/s^2, the site has {g:.5g}{unit}: check unit and calibration"
 
 
 def _with_labels(problem: str, readings: GyroReadings) -> str:
@@ -203,6 +221,7 @@ def _two_passes(
             sweep=sweep,
         )
 
+    _check_direction(readings, signals, scheme, sweep, tensor, offset, kind)
     everything = np.ones(len(mean), dtype=bool)
     if along.any() and bias is None:
         first = average(~along, known)
@@ -228,8 +247,51 @@ def _two_passes(
         found.noise,
         found.flags,
         found.left_out,
-        (*(f"{kind}: {note}" for note in found.notes), *notes),
+        (*_notes(readings, found, kind), *notes),
     )
+
+
+def _notes(readings: GyroReadings, found: IndexAverage, kind: str) -> list[str]:
+    """The average's notes, with stations and lines as the file has them."""
+    left = [
+        f"{kind}: the reading in line {readings.lines[row]} (station {readings.labels[station]!r}, index "
+        f"{np.degrees(readings.index[row]):g} deg) disagrees with the others and was left out"
+        for station, row in found.left_out
+    ]
+    return [f"{kind}: {note}" for note in found.notes if not note.startswith("Station ")] + left
+
+
+def _check_direction(
+    readings: GyroReadings,
+    signals: Array,
+    scheme: str,
+    sweep: float,
+    tensor: Array,
+    offset: Array | None,
+    kind: str,
+) -> None:
+    """Refuse readings of several sensors that follow the index only when it is counted the other way."""
+    if scheme == "two" or signals.shape[1] < 2:
+        return
+    left = []
+    for sign in (1.0, -1.0):
+        found = average_index(
+            readings.station,
+            sign * readings.index,
+            signals,
+            scheme="n",
+            noise=np.ones(signals.shape[1]),
+            tensor=tensor,
+            offset=offset,
+            sweep=sweep,
+            drift=False,
+        )
+        left.append(float(np.sum(found.chi_square)))
+    if left[1] < BACKWARDS * left[0]:
+        raise InputError(
+            f"the {kind} channels follow the index only if it is counted the other way: are x and y swapped, or is the "
+            "index counter-clockwise looking down hole?"
+        )
 
 
 def _without_gravity(
