@@ -177,11 +177,31 @@ def test_temperature_campaign_is_seen_and_extrapolation_flagged(run, bench):
 def test_demo_runs_and_leaves_its_pages(run):
     done = run("demo", "--output", "out", "--json")
     assert done.status == 0, done.err
-    assert {p.name for p in Path("out").glob("*")} >= {"index.html", "comparison.png", "xsens", "cave", "twelve"}
+    assert {p.name for p in Path("out").glob("*")} >= {
+        "index.html",
+        "comparison.png",
+        "xsens",
+        "cave",
+        "twelve",
+        "gyro",
+    }
     found = done.json
     assert found["xsens"]["poses"] == 38
     assert found["cave"]["axis_spread_deg"] < 0.27
     assert found["verification"] == "pass"
+    assert {p.name for p in Path("out/gyro").glob("*")} == {"hot_run.png", "gyro.html", "scale.html"}
+    assert "gyro/gyro.html" in Path("out/index.html").read_text(encoding="utf-8")
+    rms = found["hot_run"]["rms_deg"]
+    assert rms["joint, scale followed"] < 0.5 * min(rms["uncompensated"], rms["patent, closed form"])
+
+
+def test_demo_shows_the_hot_run_side_by_side(run):
+    done = run("demo", "--output", "out")
+    assert done.status == 0, done.err
+    rows = done.out[done.out.index("hot gyro run") :]
+    assert [
+        name for name in ("uncompensated", "patent, closed form", "joint, scale followed") if name not in rows
+    ] == []
 
 
 def test_help_is_there_for_every_command_and_has_an_example(run):

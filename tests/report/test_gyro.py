@@ -165,7 +165,7 @@ def test_scale_report_marks_stations_nothing_was_learnt_from(run):
     deaf = replace(run.track, learnt=np.arange(len(run.track)) > 3, notes=("nothing was learnt from 4 stations",))
     words = check(scale_report(deaf)).text
     assert "Nothing learnt from 4 of 40 stations" in words
-    assert "station nothing was learnt from" in words
+    assert "nothing learnt" in words
 
 
 def test_the_curve_of_a_wandering_scale_is_the_runs_own():

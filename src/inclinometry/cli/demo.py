@@ -13,13 +13,14 @@ from inclinometry.cli.bench import show_comparison
 from inclinometry.cli.options import Json
 from inclinometry.cli.survey import show_survey, show_verification
 from inclinometry.core.errors import FileError
-from inclinometry.workflow.demo import PUBLISHED_XSENS, Demo, steps
+from inclinometry.workflow.demo import HOT_RUNS, HOT_SEED, PUBLISHED_XSENS, Demo, steps
+from inclinometry.workflow.hot_run import rms_degrees
 
 Folder = Annotated[Path, Parameter(name=["--output", "-o"])]
 
 
 def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
-    """Calibrate two real instruments, run simulated benches through every method, survey a simulated well.
+    """Calibrate two real instruments, run simulated benches and a hot gyro run through every method, survey a well.
 
     Parameters
     ----------
@@ -58,6 +59,7 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
             "rms error against the true well beyond 5 deg of inclination, deg: "
             f"inclination {rms[0]:.3f}, azimuth {rms[1]:.3f}"
         )
+    _show_hot_run(found)
     output.say(f"\nOpen {output_ / 'index.html'} for the reports.")
 
 
@@ -88,6 +90,22 @@ def _show_real(found: Demo) -> None:
         )
 
 
+def _show_hot_run(found: Demo) -> None:
+    if found.hot_run is None:
+        return
+    here, many = rms_degrees([found.hot_run]), found.hot_runs_rms
+    lost = {name: int(np.isnan(error).sum()) for name, error in found.hot_run.errors.items()}
+    rows = [[name, f"{here[name]:.3f}", str(lost[name]), f"{many[name]:.3f}"] for name in here]
+    output.say()
+    output.table(
+        "hot gyro run, 20 to 140 degC, noise 0.015 deg/h: rms azimuth error where there is one, deg",
+        ["method", "this run", "no azimuth at", f"{HOT_RUNS} runs"],
+        rows,
+        f"this run: {len(found.hot_run.run.scale)} stations, seed {HOT_SEED}, pictured in "
+        f"{found.folder / 'gyro' / 'hot_run.png'}",
+    )
+
+
 def summary(found: Demo) -> dict[str, object]:
     """The figures of the demo for machines."""
     content: dict[str, object] = {"folder": found.folder, "pages": [path for _, path in found.pages]}
@@ -107,6 +125,8 @@ def summary(found: Demo) -> dict[str, object]:
     }
     if found.verification is not None:
         content["verification"] = found.verification.verdict
+    if found.hot_run is not None:
+        content["hot_run"] = {"rms_deg": rms_degrees([found.hot_run]), f"rms_deg_{HOT_RUNS}_runs": found.hot_runs_rms}
     if found.survey_error is not None:
         content["survey_rms_deg"] = np.degrees(np.sqrt(np.mean(found.survey_error**2, axis=0)))
     return content

@@ -62,7 +62,7 @@ def scale_figure(track: ScaleTrack) -> Figure:
     used, size = track.learnt, 4.5 if len(track) <= 80 else 2.5
     for rows, colour, marker, label in (
         (used, SERIES[1], "o", "station"),
-        (~used, BAD, "X", "station nothing was learnt from"),
+        (~used, BAD, "X", "nothing learnt"),
     ):
         if rows.any():
             look: dict[str, Any] = {
@@ -160,7 +160,7 @@ def _reach(values: Mapping[str, Array], band: Array) -> float:
     """Half the height of the axis, deg: most of the points, not the few a failing closed form throws far away."""
     sizes = [np.abs(value[np.isfinite(value)]) for value in values.values()]
     tall = [float(np.quantile(size, 0.9)) for size in sizes if len(size)]
-    reach = 1.6 * max([*tall, float(np.median(np.minimum(band, 90.0))) if len(band) else 0.0], default=0.0)
+    reach = 2.0 * max([*tall, float(np.median(np.minimum(band, 90.0))) if len(band) else 0.0], default=0.0)
     return float(np.clip(reach, 1e-6, 180.0))
 
 

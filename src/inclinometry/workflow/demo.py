@@ -1,4 +1,4 @@
-"""The whole way once: real instruments calibrated, simulated benches through every method, a well surveyed."""
+"""The whole way once: real instruments calibrated, simulated benches and a hot gyro run through every method."""
 
 from __future__ import annotations
 
@@ -18,19 +18,24 @@ from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
+from inclinometry.earth.site import Site
 from inclinometry.io.atomic import write_text
 from inclinometry.io.bench_csv import read_bench, write_bench
 from inclinometry.io.survey_csv import read_raw_survey
 from inclinometry.io.tool_json import read_calibration, write_calibration, write_truth
 from inclinometry.report.calibration import calibration_report
+from inclinometry.report.gyro import gyro_report, scale_report
 from inclinometry.report.survey import survey_report
 from inclinometry.report.verification import verification_report
 from inclinometry.sensors.tool import Tool
+from inclinometry.simulate.gyro import hot_run
 from inclinometry.simulate.rig import Rig
+from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.workflow import simulate
 from inclinometry.workflow.calibrate import Comparison, compare, true_errors
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
+from inclinometry.workflow.hot_run import JOINT, HotRunMethods, many_hot_runs, reduce_hot_run, rms_degrees
 from inclinometry.workflow.methods import METHODS
 from inclinometry.workflow.survey import survey_raw, write_survey
 
@@ -44,6 +49,10 @@ PUBLISHED_XSENS = {
 BENCHES = {"twelve": plans.twelve, "orthogonal": plans.orthogonal, "rotations": plans.rotations}
 RIG = Rig(dip=np.radians(70.0), setting_sd=np.radians(0.1), base_tilt=np.radians(0.2))
 SEED = 1
+HOT_SEED = 8
+"""A run in which the scale drifts by 1 % and K passes nought, so that every method shows its weakness."""
+HOT_RUNS = 150
+HOT_SPACING = 30.0  # m
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +76,8 @@ class Demo:
     verification: Verification | None = None
     survey: Survey | None = None
     survey_error: Array | None = None  # (n, 2) inclination, azimuth, rad
+    hot_run: HotRunMethods | None = None  # the run that is pictured
+    hot_runs_rms: dict[str, float] = field(default_factory=dict)  # method -> deg, over HOT_RUNS runs
     pages: list[tuple[str, Path]] = field(default_factory=list)
 
     def page(self, title: str, name: str, text: str) -> None:
@@ -85,6 +96,7 @@ def steps() -> Iterator[tuple[str, Callable[[Demo], None]]]:
         yield f"simulated bench, plan {name}, every method", partial(_bench, name=name)
     yield "verifying the tool at independent positions", _verify
     yield "surveying a simulated well with it", _well
+    yield "a hot gyro run, 20 to 140 degC", _hot_run
     yield "drawing the methods side by side", _picture
 
 
@@ -172,6 +184,30 @@ def _well(demo: Demo) -> None:
     off = [found.inclination - run.inclination, (found.azimuth - run.azimuth + np.pi) % (2.0 * np.pi) - np.pi]
     demo.survey, demo.survey_error = found, np.stack(off, axis=1)
     demo.page("simulated well: survey", "well/survey.html", survey_report(found))
+
+
+def _hot_run(demo: Demo) -> None:
+    from inclinometry.report.figure import save_png
+    from inclinometry.report.gyro_figures import hot_run_figure
+
+    folder = demo.folder / "gyro"
+    folder.mkdir(parents=True, exist_ok=True)
+    found = reduce_hot_run(hot_run(HOT_SEED))
+    run, joint = found.run, found.stations[JOINT]
+    band = {JOINT: joint.u("azimuth")}
+    figure = hot_run_figure(run.temperature, run.inclination, found.errors, band, run.scale, found.track)
+    save_png(figure, folder / "hot_run.png")
+    depth = HOT_SPACING * np.arange(1.0, len(joint) + 1.0)
+    site = Site(latitude=run.latitude)
+    survey = gyro_survey(depth, joint, site=site, tool="a simulated gyro and exact accelerometers")
+    others = {name: other for name, other in found.stations.items() if name != JOINT}
+    page = gyro_report(
+        survey, joint, md=depth, temperature=run.temperature, track=found.track, others=others, site=site
+    )
+    demo.page("simulated hot gyro run: survey by the Earth's rotation", "gyro/gyro.html", page)
+    text = scale_report(found.track, md=depth, tool="a simulated gyro")
+    demo.page("simulated hot gyro run: scale factor over temperature", "gyro/scale.html", text)
+    demo.hot_run, demo.hot_runs_rms = found, rms_degrees(many_hot_runs(HOT_RUNS))
 
 
 def _picture(demo: Demo) -> None:
