@@ -59,7 +59,7 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
             "rms error against the true well beyond 5 deg of inclination, deg: "
             f"inclination {rms[0]:.3f}, azimuth {rms[1]:.3f}"
         )
-    _show_hot_run(found)
+    show_hot_run(found)
     output.say(f"\nOpen {output_ / 'index.html'} for the reports.")
 
 
@@ -90,7 +90,8 @@ def _show_real(found: Demo) -> None:
         )
 
 
-def _show_hot_run(found: Demo) -> None:
+def show_hot_run(found: Demo) -> None:
+    """Azimuth errors of the methods side by side."""
     if found.hot_run is None:
         return
     here, many = rms_degrees([found.hot_run]), found.hot_runs_rms
@@ -104,6 +105,8 @@ def _show_hot_run(found: Demo) -> None:
         f"this run: {len(found.hot_run.run.scale)} stations, seed {HOT_SEED}, pictured in "
         f"{found.folder / 'gyro' / 'hot_run.png'}",
     )
+    # ten blocks of 150 runs gave 0.18 to 3.1 for the patent, 0.093 to 0.105 for the joint estimate
+    output.say("the patent's rms over many runs hangs on the few stations near K = 0 that it does not refuse")
 
 
 def summary(found: Demo) -> dict[str, object]:
