@@ -95,7 +95,7 @@ def solve(matrix: Array, values: Array, weight: Array, columns: Columns) -> Solv
         dof=used.sum(axis=(1, 2)) + np.count_nonzero(columns.prior) - float(width),
         determined=determined,
         redundancy=used.sum(axis=1) - np.einsum("skmm->sm", leverage),
-        statistic=_deletion(left, leverage, used.any(axis=2)),
+        statistic=_deletion(left, leverage, np.asarray(used.any(axis=2))),
     )
 
 

@@ -63,7 +63,7 @@ class Noise:
 
         if self.dof is None:
             return chi_square_tail(drop, freedom)
-        rest, others = self.dof, np.ones_like(drop)
+        rest, others = np.full_like(drop, self.dof), np.ones_like(drop)
         if self.inside:
             # the noise as the other readings know it: studentised externally
             rest = np.maximum(self.dof - freedom, 0.0)

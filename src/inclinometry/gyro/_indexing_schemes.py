@@ -120,7 +120,7 @@ def _check_visits(scheme: Scheme, label: int, index: Array, tolerance: float) ->
 
 def _visits(index: Array, tolerance: float) -> Array:
     """Positions with repeats in place struck out."""
-    return index[np.concatenate([[True], np.abs(wrap_signed(np.diff(index))) > tolerance])]
+    return np.asarray(index[np.concatenate([[True], np.abs(wrap_signed(np.diff(index))) > tolerance])])
 
 
 def _different(index: Array, tolerance: float) -> Index:

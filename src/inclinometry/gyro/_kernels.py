@@ -35,7 +35,7 @@ def _best_k(p: float, q: float, k0: float, w: float) -> float:
     """k that fits best at one azimuth: p = E.h, q = E.E; exactly k0 where that is known (w infinite)."""
     if w == math.inf:
         return k0
-    k = (p + k0 * w) / (q + w) if q + w > 0.0 else k0
+    k: float = (p + k0 * w) / (q + w) if q + w > 0.0 else k0
     return k if k > 0.0 else 0.0
 
 
@@ -47,7 +47,7 @@ def _cost(h: Array, e: Array, c: float, s: float, k0: float, w: float) -> float:
     z = e[0, 2] + e[1, 2] * c + e[2, 2] * s
     k = _best_k(x * h[0] + y * h[1] + z * h[2], x * x + y * y + z * z, k0, w)
     rx, ry, rz = h[0] - k * x, h[1] - k * y, h[2] - k * z
-    miss = rx * rx + ry * ry + rz * rz
+    miss: float = rx * rx + ry * ry + rz * rz
     if w != math.inf:
         miss += w * (k - k0) * (k - k0)
     return miss
@@ -180,6 +180,9 @@ def north(
                 best, best_cost = psi, cost
             elif not same and cost < second_cost:
                 second, second_cost = psi, cost
+        if best_cost == math.inf:  # no valley at all, e.g. nothing measured: wherever the cost is least
+            best = 2.0 * math.pi * np.argmin(lay) / GRID
+            best_cost = lay.min()
         _fisher(h, e, best, prior, w, found)
         known = w == math.inf
         own = max(found[3], LEAST)

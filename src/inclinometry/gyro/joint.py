@@ -8,14 +8,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.core.angles import wrap_positive, wrap_signed
-from inclinometry.core.arrays import Array, Mask, finite, within
-from inclinometry.core.errors import InputError
+from inclinometry.core.arrays import Array, Mask
+from inclinometry.gyro._input import covariances, per_station, vectors
+from inclinometry.gyro.formulas import expected_rates
 
 RIVAL = 25.0
 """Cost by which the second-best azimuth must be worse: five standard uncertainties."""
 
 BENT = (2.5, 6.5)
-"""Cost two standard uncertainties away, 4 if Gaussian; outside this range the posterior itself gives the uncertainty."""
+"""Cost two standard uncertainties away, 4 if Gaussian; outside this range the posterior gives the uncertainty."""
+
+LARGEST = 1e6
+"""Earth rates; more is no reading of a gyro at rest."""
+
+SCALES = (0.2, 5.0)
+"""Scale factors taken for possible."""
+
+VAGUEST = 1e3
+"""Standard uncertainty of the scale factor beyond which nothing at all is known of it."""
 
 CIRCLE = 1440
 """Azimuths over which a posterior that is not Gaussian is integrated."""
@@ -61,7 +71,7 @@ def solve_joint(
         Readings turned to the high side: a = wx cos T - wy sin T, b = wx sin T + wy cos T, and wz, in units of the
         Earth rate; wz may be NaN where it is not measured.
     covariance : (n, 2, 2) or (n, 3, 3) array_like
-        Of the rates.
+        Of the rates; one matrix serves all stations.
     inclination, latitude : (n,) array_like
         rad, 0..pi and -pi/2..pi/2; a scalar serves all stations.
     scale, scale_sd : (n,) array_like
@@ -89,17 +99,20 @@ def solve_joint(
     >>> np.degrees(found.azimuth).round(9), (1 / found.k).round(9)
     (array([90.]), array([1.01010101]))
     """
-    h, cov, size = _rates(rates, covariance)
-    inc = np.broadcast_to(within(inclination, "inclination", 0.0, np.pi, "rad"), (size,))
-    lat = np.broadcast_to(within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad"), (size,))
-    k0, sd = _prior(scale, scale_sd, size)
+    h = vectors(rates, "rates", LARGEST)
+    seen = np.isfinite(h[:, 2])
+    wide = covariances(covariance, "covariance", seen, positive=True)
+    inc = per_station(inclination, len(h), "inclination", 0.0, np.pi, "rad")
+    lat = per_station(latitude, len(h), "latitude", -np.pi / 2, np.pi / 2, "rad")
+    k0, sd = prior_of_k(scale, scale_sd, len(h))
     with np.errstate(divide="ignore"):
         weight = 1.0 / (sd * sd)
+    cov = np.where(np.isfinite(wide), wide, np.eye(3))[:, [0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2]]
     from inclinometry.gyro import _kernels  # here and not above: it brings in numba
 
-    out = np.empty((size, _kernels.COLUMNS))
+    out = np.empty((len(h), _kernels.COLUMNS))
     inc, lat, k0, weight = (np.ascontiguousarray(v) for v in (inc, lat, k0, weight))
-    _kernels.north(h, cov, inc, lat, k0, weight, out)
+    _kernels.north(h, np.ascontiguousarray(cov), inc, lat, k0, weight, out)
     low, high = out[:, 8] - out[:, 5], out[:, 9] - out[:, 5]
     weak = (out[:, 2] >= _kernels.FLAT**2) | (np.minimum(low, high) < BENT[0]) | (np.maximum(low, high) > BENT[1])
     return JointBatch(
@@ -116,42 +129,11 @@ def solve_joint(
     )
 
 
-def _rates(rates: ArrayLike, covariance: ArrayLike) -> tuple[Array, Array, int]:
-    """Rates (n, 3) with NaN for an unseen z, and the six elements (n, 6) of their covariance."""
-    given = np.asarray(rates, dtype=np.float64)
-    if given.ndim != 2 or given.shape[1] not in (2, 3):
-        raise InputError(f"rates have shape {given.shape}; expected (n, 2) or (n, 3)")
-    finite(given[:, :2], "rates")
-    if np.isinf(given).any():
-        raise InputError("rates hold an infinite value; every value must be finite, or NaN for a z not measured")
-    size, axes = given.shape
-    wide = np.asarray(covariance, dtype=np.float64)
-    if wide.shape != (size, axes, axes):
-        raise InputError(f"covariance has shape {wide.shape}; expected {(size, axes, axes)} to go with the rates")
-    h = np.full((size, 3), np.nan)
-    h[:, :axes] = given
-    cov = np.zeros((size, 6))
-    cov[:, 5] = 1.0
-    cov[:, :3] = wide[:, [0, 1, 1], [0, 0, 1]]
-    seen = np.isfinite(h[:, 2])
-    if axes == 3:
-        cov[seen, 3:] = wide[seen][:, [2, 2, 2], [0, 1, 2]]
-    good = (cov[:, 0] > 0.0) & (cov[:, 0] * cov[:, 2] - cov[:, 1] ** 2 > 0.0)
-    if seen.any():
-        good[seen] &= np.linalg.det(wide[seen]) > 0.0
-    if not good.all():
-        row = int(np.argmin(good))
-        raise InputError(f"covariance[{row}] is {wide[row].tolist()}; it must be positive: give the gyro's noise")
-    return h, cov, size
-
-
-def _prior(scale: ArrayLike, scale_sd: ArrayLike, size: int) -> tuple[Array, Array]:
+def prior_of_k(scale: ArrayLike, scale_sd: ArrayLike, size: int) -> tuple[Array, Array]:
     """Mean and standard deviation (n,) of k = 1/scale."""
-    known = np.broadcast_to(within(scale, "scale", 0.2, 5.0), (size,))
-    sd = np.broadcast_to(np.asarray(scale_sd, dtype=np.float64), (size,))
-    if not (sd >= 0.0).all():
-        raise InputError(f"scale_sd is {sd[~(sd >= 0.0)][0]:g}; allowed: 0 (exactly known) or more")
-    return 1.0 / known, sd / known**2
+    known = per_station(scale, size, "scale", *SCALES)
+    sd = per_station(scale_sd, size, "scale_sd", 0.0, np.inf)
+    return 1.0 / known, np.where(sd > VAGUEST, np.inf, sd) / known**2
 
 
 def posterior_sd(
@@ -188,12 +170,7 @@ def earth_in_tool(azimuth: ArrayLike, inclination: ArrayLike, latitude: ArrayLik
     >>> earth_in_tool(0.0, 0.0, 0.0)
     array([1., 0., 0.])
     """
-    psi, inc, lat = np.asarray(azimuth), np.asarray(inclination), np.asarray(latitude)
-    north, down = np.cos(lat), -np.sin(lat)
-    x = north * np.cos(psi) * np.cos(inc) - down * np.sin(inc)
-    y = -north * np.sin(psi) + 0.0 * inc
-    z = north * np.cos(psi) * np.sin(inc) + down * np.cos(inc)
-    return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+    return np.stack(np.broadcast_arrays(*expected_rates(azimuth, inclination, latitude)), axis=-1)
 
 
 def earth_slopes(azimuth: Array, inclination: Array, latitude: Array) -> Array:

@@ -8,10 +8,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, Mask, within
+from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
-from inclinometry.gyro.joint import RIVAL, JointBatch, earth_in_tool, earth_slopes, posterior_sd, solve_joint
+from inclinometry.gyro._input import covariances, one_value, per_station, vectors
+from inclinometry.gyro.formulas import scale_condition
+from inclinometry.gyro.joint import (
+    LARGEST,
+    RIVAL,
+    SCALES,
+    JointBatch,
+    earth_in_tool,
+    earth_slopes,
+    posterior_sd,
+    solve_joint,
+)
 from inclinometry.gyro.result import UNKNOWN, North
 from inclinometry.gyro.tilt import Tilt, settle_vertical, tilt, upward
 
@@ -115,6 +126,8 @@ def estimate_north_fixed(
     90.0
     """
     problem = _problem(gravity, rate, latitude, gravity_covariance, rate_covariance, scale, scale_sd, g, hole)
+    if np.isinf(problem.scale_sd).any():
+        raise InputError("scale_sd is infinite; a scale factor that is taken as given must be known: 0 or more")
     return _north(problem, np.zeros_like(problem.scale_sd), latitude_sd, "fixed")
 
 
@@ -147,50 +160,27 @@ def _problem(
         raise InputError(f"hole is {hole!r}; allowed: {', '.join(HOLES)} or None")
     found = tilt(gravity, g)
     size = len(found.inclination)
-    rates = _wide(rate, size, "rate") / EARTH_RATE
+    rates = vectors(rate, "rate", LARGEST * EARTH_RATE, size)
+    z = np.isfinite(rates[:, 2])
+    pull = covariances(gravity_covariance, "gravity_covariance", ~found.unseen, positive=False)
+    spin = covariances(rate_covariance, "rate_covariance", z, positive=True)
     if hole == "up":
         found = upward(found, found.unseen)
-    z = np.isfinite(rates[:, 2])
     undecided = found.unseen & (hole is None)
-    lat = float(within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad"))
+    lat = one_value(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
     if abs(lat) > np.radians(89.9):
         raise InputError(f"latitude is {np.degrees(lat):.3f} degrees; at the pole there is no north to find")
     return _Problem(
         found,
-        _wide_covariance(gravity_covariance, size, "gravity_covariance"),
-        rates,
-        _wide_covariance(rate_covariance, size, "rate_covariance") / EARTH_RATE**2,
+        pull,
+        rates / EARTH_RATE,
+        spin / EARTH_RATE**2,
         lat,
-        np.broadcast_to(np.asarray(scale, dtype=np.float64), (size,)),
-        np.broadcast_to(np.asarray(scale_sd, dtype=np.float64), (size,)),
+        per_station(scale, size, "scale", *SCALES),
+        per_station(scale_sd, size, "scale_sd", 0.0, np.inf),
         undecided & ~z,
         undecided & z,
     )
-
-
-def _wide(value: ArrayLike, size: int, name: str) -> Array:
-    """Vectors (n, 3), NaN where there is no z."""
-    given = np.asarray(value, dtype=np.float64)
-    if given.ndim != 2 or given.shape[0] != size or given.shape[1] not in (2, 3):
-        raise InputError(f"{name} has shape {given.shape}; expected ({size}, 2) or ({size}, 3)")
-    out = np.full((size, 3), np.nan)
-    out[:, : given.shape[1]] = given
-    return out
-
-
-def _wide_covariance(value: ArrayLike, size: int, name: str) -> Array:
-    """Covariances (n, 3, 3), NaN where there is no z."""
-    given = np.asarray(value, dtype=np.float64)
-    if given.ndim == 2:
-        given = np.broadcast_to(given, (size, *given.shape))
-    if given.ndim != 3 or given.shape[0] != size or given.shape[1:] not in ((2, 2), (3, 3)):
-        raise InputError(f"{name} has shape {given.shape}; expected ({size}, 2, 2) or ({size}, 3, 3)")
-    out = np.full((size, 3, 3), np.nan)
-    axes = given.shape[1]
-    out[:, :axes, :axes] = given
-    if not np.isfinite(out[:, :2, :2]).all():
-        raise InputError(f"{name} is not finite; every variance of x and y must be known")
-    return out
 
 
 def to_high_side(rate: Array, covariance: Array, toolface: Array) -> tuple[Array, Array]:
@@ -207,6 +197,7 @@ def to_high_side(rate: Array, covariance: Array, toolface: Array) -> tuple[Array
 
 
 def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) -> North:
+    one_value(latitude_sd, "latitude_sd", 0.0, np.pi / 2, "rad")
     found = problem.tilt
     high, covariance = to_high_side(problem.rate, problem.rate_covariance, found.toolface)
     latitude = np.full(len(high), problem.latitude)
@@ -348,8 +339,8 @@ def _result(
     lost: Mask,
 ) -> North:
     azimuth, toolface = settle_vertical(found.inclination, best.azimuth, found.toolface)
-    lat, inc = problem.latitude, found.inclination
-    condition = np.cos(lat) * np.cos(inc) + np.sin(lat) * np.sin(inc) * np.cos(best.azimuth)
+    inc = found.inclination
+    condition = scale_condition(best.azimuth, inc, problem.latitude)
     scale = 1.0 / np.maximum(best.k, 1e-6)
     cov_gravity = np.where(np.isfinite(problem.gravity_covariance), problem.gravity_covariance, 0.0)
     by_gravity = np.einsum("ni,nij->nj", response.by_tilt[:, 1], found.by_gravity)

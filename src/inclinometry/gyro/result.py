@@ -14,7 +14,7 @@ UNKNOWN = np.pi / np.sqrt(3.0)
 
 FLAGS = {
     "vertical": "azimuth and toolface are hardly defined; use the gyro toolface (azimuth + toolface)",
-    "down-assumed": "no accelerometer or gyro along the tool tells down from up; down is taken: state the hole's direction",
+    "down-assumed": "nothing along the tool tells down from up; down is taken: state the direction of the hole",
     "ambiguous": "another azimuth fits the rates nearly as well; a gyro along the tool or a better known scale decides",
     "weak": "the rates hardly depend on azimuth here (near horizontal east-west); u covers the whole likely range",
     "scale": "the scale factor is further from what was expected than its uncertainty allows",

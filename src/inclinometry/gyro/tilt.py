@@ -9,11 +9,15 @@ from numpy.typing import ArrayLike
 
 from inclinometry.attitude.orientation import inclination_toolface
 from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, Mask, finite
+from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.errors import InputError
+from inclinometry.gyro._input import vectors
 
 STEEPEST = 1e-9
 """Sine of the inclination, and cosine for a tool without z, below which derivatives are taken there instead."""
+
+HEAVIEST = 1e9
+"""Any unit of gravity gives less."""
 
 EXCESS = 0.05
 """Share by which cross-axis gravity may exceed gravity before it is refused."""
@@ -60,14 +64,7 @@ def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
     >>> np.degrees(found.inclination).round(9), found.unseen
     (array([30.]), array([ True]))
     """
-    given = np.asarray(gravity, dtype=np.float64)
-    if given.ndim != 2 or given.shape[1] not in (2, 3):
-        raise InputError(f"gravity has shape {given.shape}; expected (n, 2) or (n, 3)")
-    finite(given[:, :2], "gravity")
-    field = np.full((len(given), 3), np.nan)
-    field[:, : given.shape[1]] = given
-    if np.isinf(field).any():
-        raise InputError("gravity holds an infinite value; every value must be finite, or NaN for a z not measured")
+    field = vectors(gravity, "gravity", HEAVIEST)
     unseen = np.isnan(field[:, 2])
     if unseen.any() and g is None:
         raise InputError("no accelerometer along the tool and no g: give gravity, m/s^2, or the latitude of the site")

@@ -8,12 +8,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, Mask, finite, frozen
+from inclinometry.core.arrays import Array, Mask, finite, frozen, within
 from inclinometry.core.errors import InputError
-from inclinometry.gyro.joint import JointBatch, solve_joint
+from inclinometry.gyro._input import covariances, one_value, per_station, vectors
+from inclinometry.gyro.joint import LARGEST, JointBatch, solve_joint
 
 SPAN = 100.0
 """degC by which temperature is divided, so that coefficients are of one size."""
+
+TEMPERATURES = (-273.15, 1000.0)
+"""degC."""
+
+TIGHTEST = 1e-9
+"""Standard uncertainty below which a scale factor need not be known."""
 
 SURPRISE = 25.0
 """Squared distance, in variances, of a scale from what was expected, beyond which nothing is learnt from it."""
@@ -32,7 +39,7 @@ class ScaleBelief:
 
     coefficients, covariance : (p,), (p, p) of c0, c1 ...; p = 1, 2 or 3.
     walk : standard deviation of the wandering over 1 degC of change (it grows with the root of the change).
-    wandered : value and variance of w so far.
+    wandered : value and variance of w where it stands, and that temperature, degC; None: nought at the reference.
     jitter : standard deviation of what is each station's own.
     reference_temperature : degC.
     temperature_range : degC in which the belief was formed, None for one that was stated.
@@ -43,7 +50,7 @@ class ScaleBelief:
     walk: float = 0.0
     jitter: float = 0.0
     reference_temperature: float = 20.0
-    wandered: tuple[float, float] = (0.0, 0.0)
+    wandered: tuple[float, float, float] | None = None
     temperature_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -51,8 +58,12 @@ class ScaleBelief:
         spread = finite(self.covariance, "covariance of the scale coefficients")
         if mean.ndim != 1 or not 1 <= mean.size <= 3 or spread.shape != (mean.size, mean.size):
             raise InputError(f"scale coefficients {mean.shape} with covariance {spread.shape}; expected 1 to 3 of them")
-        if not (self.walk >= 0.0 and self.jitter >= 0.0 and self.wandered[1] >= 0.0):
-            raise InputError(f"walk {self.walk:g}, jitter {self.jitter:g}: standard deviations must not be negative")
+        stands = (0.0, 0.0, self.reference_temperature) if self.wandered is None else self.wandered
+        finite(stands, "wandered (value, variance, temperature)", (3,))
+        for name, value in (("walk", self.walk), ("jitter", self.jitter), ("variance of wandered", stands[1])):
+            one_value(value, name, 0.0, 1.0)
+        one_value(self.reference_temperature, "reference_temperature", *TEMPERATURES, "degC")
+        object.__setattr__(self, "wandered", tuple(float(v) for v in stands))
         if np.linalg.eigvalsh(spread).min() < -1e-12 * max(np.trace(spread), 1e-300):
             raise InputError(f"covariance of the scale coefficients is {spread.tolist()}; it must not be negative")
         object.__setattr__(self, "coefficients", frozen(mean))
@@ -74,7 +85,14 @@ class ScaleBelief:
         """
         powers = self.basis(temperature)
         variance = np.einsum("...i,ij,...j->...", powers, self.covariance, powers)
-        return powers @ self.coefficients + self.wandered[0], np.sqrt(variance + self.wandered[1] + self.jitter**2)
+        value, known, stands = self.stands
+        since = self.walk**2 * np.abs(np.asarray(temperature, dtype=np.float64) - stands)
+        return powers @ self.coefficients + value, np.sqrt(variance + known + since + self.jitter**2)
+
+    @property
+    def stands(self) -> tuple[float, float, float]:
+        """Value and variance of what has wandered, and the temperature, degC, at which that was."""
+        return self.wandered or (0.0, 0.0, self.reference_temperature)
 
 
 def quadratic_belief(
@@ -88,6 +106,8 @@ def quadratic_belief(
     reference_temperature: float = 20.0,
 ) -> ScaleBelief:
     """A scale known at one temperature, with an unknown slope and bend per 100 degC."""
+    for name, value in (("sd", sd), ("slope_sd", slope_sd), ("bend_sd", bend_sd)):
+        one_value(value, name, 0.0, 10.0)
     spread = np.diag(np.square([sd, slope_sd, bend_sd]))
     return ScaleBelief(np.array([scale, 0.0, 0.0]), spread, walk, jitter, reference_temperature)
 
@@ -101,6 +121,7 @@ def walking_belief(
     reference_temperature: float = 20.0,
 ) -> ScaleBelief:
     """A scale known at the start that wanders with temperature: sd = walk x root of the change in degC."""
+    one_value(sd, "sd", 0.0, 10.0)
     return ScaleBelief(np.array([scale]), np.array([[sd**2]]), walk, jitter, reference_temperature)
 
 
@@ -172,18 +193,19 @@ def track_scale(
     >>> float(track.scale[-1].round(4)), float(track.belief.coefficients[1].round(3))
     (1.006, 0.005)
     """
-    heat = _temperatures(temperature, np.shape(rates)[0])
-    high, cov = np.asarray(rates, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
-    slant = np.broadcast_to(np.asarray(inclination, dtype=np.float64), heat.shape)
+    high = vectors(rates, "rates", LARGEST)
+    cov = covariances(covariance, "covariance", np.isfinite(high[:, 2]), positive=True)
+    heat = _temperatures(temperature, len(high))
+    slant = per_station(inclination, len(heat), "inclination", 0.0, np.pi, "rad")
     powers, steps = belief.basis(heat), _steps(heat, belief)
-    mean = np.append(belief.coefficients, belief.wandered[0])
+    mean = np.append(belief.coefficients, belief.stands[0])
     spread = _blocks(belief)
     expected, expected_sd, scale, scale_sd = (np.empty(len(heat)) for _ in range(4))
     learnt = np.zeros(len(heat), dtype=bool)
     for n in range(len(heat)):
         spread[-1, -1] += steps[n]
         row = np.append(powers[n], 1.0)
-        here, variance = float(row @ mean), float(row @ spread @ row) + belief.jitter**2
+        here, variance = float(row @ mean), float(row @ spread @ row) + max(belief.jitter, TIGHTEST) ** 2
         found = solve_joint(high[n : n + 1], cov[n : n + 1], slant[n], latitude, scale=here, scale_sd=np.sqrt(variance))
         after = _posterior(found)
         expected[n], expected_sd[n] = here, np.sqrt(variance)
@@ -223,18 +245,19 @@ def smooth_scale(
     >>> float(track.scale[0].round(4))
     1.004
     """
-    heat = _temperatures(temperature, np.shape(rates)[0])
+    high = vectors(rates, "rates", LARGEST)
+    heat = _temperatures(temperature, len(high))
     if len(heat) > MOST:
         raise InputError(f"{len(heat)} stations in one run; at most {MOST}: split the run")
     powers, walked = belief.basis(heat), np.cumsum(_steps(heat, belief))
-    mean = powers @ belief.coefficients + belief.wandered[0]
-    shared = powers @ belief.covariance @ powers.T + np.minimum.outer(walked, walked) + belief.wandered[1]
-    prior = shared + belief.jitter**2 * np.eye(len(heat))
+    mean = powers @ belief.coefficients + belief.stands[0]
+    shared = powers @ belief.covariance @ powers.T + np.minimum.outer(walked, walked) + belief.stands[1]
+    prior = shared + max(belief.jitter, TIGHTEST) ** 2 * np.eye(len(heat))
     size = len(heat)
     precision, shift = np.zeros(size), np.zeros(size)  # what each station's own rates add, as a Gaussian
     for _ in range(SWEEPS):
         expected, variance = _without_own(prior, mean, precision, shift)
-        found = solve_joint(rates, covariance, inclination, latitude, scale=expected, scale_sd=np.sqrt(variance))
+        found = solve_joint(high, covariance, inclination, latitude, scale=expected, scale_sd=np.sqrt(variance))
         after = _posterior(found)
         learnt = _teaches(found, after, expected, variance)
         gained = np.where(learnt, 1.0 / np.minimum(after.variance, variance) - 1.0 / variance, 0.0)
@@ -243,8 +266,8 @@ def smooth_scale(
         precision, shift = gained, moved
         if done:
             break
-    state = np.concatenate([belief.covariance @ powers.T, np.reshape(walked + belief.wandered[1], (1, size))])
-    start = np.append(belief.coefficients, belief.wandered[0])
+    state = np.concatenate([belief.covariance @ powers.T, np.reshape(walked + belief.stands[1], (1, size))])
+    start = np.append(belief.coefficients, belief.stands[0])
     end = _blocks(belief)
     end[-1, -1] += walked[-1] if size else 0.0
     weights = np.linalg.solve(np.eye(size) + precision[:, None] * prior, np.diag(precision))
@@ -285,14 +308,12 @@ def _without_own(prior: Array, mean: Array, precision: Array, shift: Array) -> t
 
 def _steps(heat: Array, belief: ScaleBelief) -> Array:
     """Variance (n,) that the wandering gains before each station."""
-    last = heat[0] if belief.temperature_range is None and heat.size else belief.reference_temperature
-    if belief.temperature_range is not None:
-        last = float(np.clip(heat[0], *belief.temperature_range))
-    return np.asarray(belief.walk**2 * np.abs(np.diff(heat, prepend=last)))
+    return np.asarray(belief.walk**2 * np.abs(np.diff(heat, prepend=belief.stands[2])))
 
 
 def _temperatures(temperature: ArrayLike, size: int) -> Array:
     heat = finite(temperature, "temperature", (None,))
+    within(heat, "temperature", *TEMPERATURES, "degC")
     if heat.shape != (size,) or not size:
         raise InputError(f"{heat.size} temperatures for {size} stations; one a station is needed to follow the scale")
     return heat
@@ -302,7 +323,7 @@ def _blocks(belief: ScaleBelief) -> Array:
     """Covariance of the coefficients and the wandering."""
     size = belief.coefficients.size
     spread = np.zeros((size + 1, size + 1))
-    spread[:size, :size], spread[size, size] = belief.covariance, belief.wandered[1]
+    spread[:size, :size], spread[size, size] = belief.covariance, belief.stands[1]
     return spread
 
 
@@ -319,7 +340,7 @@ def _moved(belief: ScaleBelief, mean: Array, spread: Array, heat: Array) -> Scal
         belief.walk,
         belief.jitter,
         belief.reference_temperature,
-        (float(mean[size]), max(float(spread[size, size]), 0.0)),
+        (float(mean[size]), max(float(spread[size, size]), 0.0), float(heat[-1])),
         (low, high),
     )
 

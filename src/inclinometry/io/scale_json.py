@@ -60,7 +60,7 @@ def write_scale(record: ScaleRecord, path: str | Path) -> None:
             "temperature_range_degC": None if span is None else list(span),
             "walk_per_root_degC": belief.walk,
             "jitter": belief.jitter,
-            "wandered": list(belief.wandered),
+            "wandered": list(belief.stands),
         },
         "stations": {
             **{name: getattr(record, own) for name, own in zip(_NAMES, _COLUMNS, strict=True)},
