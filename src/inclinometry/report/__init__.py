@@ -1,7 +1,8 @@
 """Reports a person reads: one self-contained HTML file each, figures, and the rows of tables for any face.
 
-calibration, verification, survey
-    `calibration_report`, `verification_report`, `survey_report`: offline HTML, light and dark; same input, same bytes.
+calibration, verification, survey, gyro, allan
+    `calibration_report`, `verification_report`, `survey_report`, `gyro_report`, `scale_report`, `allan_report`:
+    offline HTML, light and dark; same input, same bytes.
 comparison
     `comparison_figure`: methods side by side.
 tables, digits

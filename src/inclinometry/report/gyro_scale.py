@@ -123,7 +123,7 @@ def _coefficients(track: ScaleTrack) -> Table:
         for name, value, u in zip(names, belief.coefficients, sd, strict=False)
     ]
     if belief.walk > 0.0:
-        value, variance = belief.wandered
+        value, variance, _ = belief.stands
         body.append(TableRow(["wandered off by the end of the run", with_uncertainty(value, float(np.sqrt(variance)))]))
         body.append(TableRow(["sd of the wandering over 1 °C", significant(belief.walk)]))
     if belief.jitter > 0.0:

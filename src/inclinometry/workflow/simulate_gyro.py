@@ -115,7 +115,7 @@ def write_gyro_truth(run: GyroSimulation, seed: int, path: str | Path) -> None:
     first = np.flatnonzero(np.diff(run.station, prepend=-1))
 
     def degrees(values: Array) -> Array:
-        return np.round(np.degrees(values), 10)
+        return np.asarray(np.round(np.degrees(values), 10), dtype=np.float64)
 
     content = {
         "schema": "inclinometry/gyro-truth",
