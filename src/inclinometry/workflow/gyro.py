@@ -178,14 +178,10 @@ def north_run(
         raise FileError(suspect, path=readings.path)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
     known = _expected(stations, averages, heat, chosen)
-    checks = rate_checks(
-        stations.gravity, stations.rate, stations.latitude, gravity_covariance=stations.gravity_covariance,
-        rate_covariance=stations.rate_covariance, scale=known.scale, scale_sd=known.sd, g=site.gravity,
-    )  # fmt: skip
-    for check in checks:
-        if check.name == "latitude sign" and check.verdict == "fail":
-            raise FileError(f"{check.reason} {check.action}", path=readings.path)
     found = {method: _solve(method, stations, known) for method in METHODS}
+    checks = _checks(stations, known, found["joint"])
+    if refused := _refusal(checks, site.latitude):
+        raise FileError(refused, path=readings.path)
     north = found.pop(chosen.method)
     track = known.track
     if chosen.method != "joint":
@@ -193,7 +189,7 @@ def north_run(
     flags = _flags(averages, heat, calibration, chosen.history)
     notes = [*readings.notes, *averages.gravity.notes, *averages.rate.notes, *known.notes]
     notes += [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
-    notes += [f"{c.name}: {c.reason} {c.action}".strip() for c in checks if c.verdict == "fail"]
+    notes += [f"{c.name}: {c.reason}; {c.action}" for c in checks if c.verdict == "fail"]
     total = np.linalg.norm(averages.gravity.field, axis=1)
     digests = {"raw": readings.digest, **(inputs or {})}
     name = "" if calibration is None else calibration.tool.name
@@ -203,6 +199,37 @@ def north_run(
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
     return GyroRun(survey, north, readings.md, heat, track, found, checks, name, digests)
+
+
+def _checks(stations: _Stations, known: _Known, joint: North) -> list[Check]:
+    """The rates against the Earth's; gravity along the tool is taken from the solution where it is not measured."""
+    gravity, covariance = stations.gravity.copy(), stations.gravity_covariance.copy()
+    blind = np.isnan(gravity[:, 2])
+    gravity[blind, 2] = stations.g * np.cos(joint.inclination[blind])
+    covariance[blind, 2, :] = covariance[blind, :, 2] = 0.0
+    covariance[blind, 2, 2] = np.mean(np.diagonal(covariance[blind, :2, :2], axis1=1, axis2=2), axis=1)
+    return rate_checks(
+        gravity,
+        stations.rate,
+        stations.latitude,
+        gravity_covariance=covariance,
+        rate_covariance=stations.rate_covariance,
+        scale=known.scale,
+        scale_sd=known.sd,
+        g=stations.g,
+    )
+
+
+def _refusal(checks: Sequence[Check], latitude: float) -> str | None:
+    """Why the readings cannot belong to this latitude, where they tell its sign."""
+    by_name = {check.name: check for check in checks}
+    sign, value = by_name["latitude sign"], by_name["latitude"]
+    if sign.verdict != "fail":
+        return None
+    if value.verdict == "fail" and abs(latitude + value.value) > 3.0 * abs(latitude):
+        hint = " (is it in radians? latitude_deg takes degrees)" if abs(latitude) < np.radians(1.6) else ""
+        return f"{value.reason}{hint}; {value.action}"
+    return f"{sign.reason}; {sign.action}"
 
 
 def _stations(averages: Averages, latitude: float, g: float, hole: str | None) -> _Stations:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,7 @@ from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.gyro.indexing import average_index
 from inclinometry.gyro.result import IndexAverage
+from inclinometry.io.columns import KIND_PREFIX
 from inclinometry.io.gyro_csv import GyroReadings
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
@@ -92,13 +93,8 @@ def average_run(
     """
     if calibration is not None:
         same_units({kind: readings.units[kind] for kind in readings.channels}, calibration)
-    try:
-        gravity = _average(readings, calibration, "accelerometer", scheme, accelerometer_sd, None, sweep, g)
-        rate = _average(readings, calibration, "gyro", scheme, gyro_sd, z_bias_sd, sweep, g)
-    except FileError:
-        raise
-    except InputError as error:
-        raise FileError(_with_labels(str(error), readings), path=readings.path) from None
+    gravity = _named(readings, calibration, "accelerometer", scheme, accelerometer_sd, None, sweep, g)
+    rate = _named(readings, calibration, "gyro", scheme, gyro_sd, z_bias_sd, sweep, g)
     if calibration is None:
         nought = np.zeros((len(readings), 3, 3))
         return Averages(gravity, rate, nought, nought, np.zeros(len(readings)))
@@ -109,6 +105,32 @@ def average_run(
     across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
     along = np.einsum("ni,nij,nj->n", unit, turned, unit) / np.sum(np.nan_to_num(rate.field) ** 2, axis=1)
     return Averages(gravity, rate, own, across @ turned @ across, np.sqrt(along))
+
+
+def _named(
+    readings: GyroReadings,
+    calibration: Calibration | None,
+    kind: str,
+    scheme: str,
+    stated_sd: float | None,
+    z_bias_sd: float | None,
+    sweep: float,
+    g: float | None,
+) -> IndexAverage:
+    """Average one kind of sensor; errors name the file, its stations and what to state."""
+    try:
+        return _average(readings, calibration, kind, scheme, stated_sd, z_bias_sd, sweep, g)
+    except FileError:
+        raise
+    except InputError as error:
+        problem = _with_labels(str(error), readings)
+        if problem.startswith("noise is not given"):
+            option = "--gyro-sd-deg-h" if kind == "gyro" else "--accel-sd-m-s2"
+            problem = (
+                f"the noise of one {kind} reading is not known, and scheme {scheme!r} leaves none over to estimate it "
+                f"from: state it with {option}, or in columns {KIND_PREFIX[kind]}_x..._sd"
+            )
+        raise FileError(problem, path=readings.path) from None
 
 
 def gravity_suspect(gravity: Array, g: float) -> str | None:
@@ -158,12 +180,28 @@ def _average(
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
     powers = np.broadcast_to(triad.basis(heat), (len(readings), triad.degree + 1))
     tensor, offset = np.tensordot(powers, triad.tensor, axes=1), powers @ triad.offset
-    signals = _without_gravity(readings, triad, calibration, signals, g)
+    signals = _without_gravity(readings, triad, calibration, signals, g, scheme, sweep)
     sd = readings.sd.get(kind, tool.noise[kind] if tool.noise[kind].any() else None)
     if stated_sd is not None:
         sd = np.full(triad.count, stated_sd / strength) * np.linalg.norm(triad.tensor[0], axis=1)
     bias = None if z_bias_sd is None else z_bias_sd / strength * np.linalg.norm(triad.tensor[0], axis=1)
-    return _two_passes(readings, signals, scheme, sd, sweep, tensor, offset, bias, kind, strength)
+    doubt = _reading_variance(tool, kind, powers)
+    if sd is None or not doubt.any():
+        return _two_passes(readings, signals, scheme, sd, sweep, tensor, offset, bias, kind, strength)
+    # positions differ by the calibration's errors too, which are no fault of a reading
+    wide = np.sqrt(np.broadcast_to(sd, signals.shape) ** 2 + doubt[readings.station])
+    found = _two_passes(readings, signals, scheme, wide, sweep, tensor, offset, bias, kind, strength)
+    share = float(np.mean(np.broadcast_to(sd, signals.shape) ** 2) / np.mean(wide**2))
+    return replace(found, covariance=found.covariance * share)
+
+
+def _reading_variance(tool: Tool, kind: str, powers: Array) -> Array:
+    """Variance (n, m) of a reading by what is not known of the tensor, mean over the directions of the field."""
+    triad = tool.triads[kind]
+    size, count = triad.degree + 1, triad.count
+    own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(size, count, 4, size, count, 4)
+    mean = np.einsum("psaqsa->spq", own[:, :, :3, :, :, :3]) / 3.0
+    return np.asarray(np.einsum("np,spq,nq->ns", powers, mean, powers))
 
 
 def _plain(
@@ -223,11 +261,17 @@ def _two_passes(
 
     _check_direction(readings, signals, scheme, sweep, tensor, offset, kind)
     everything = np.ones(len(mean), dtype=bool)
+
+    def bias_across(found: IndexAverage, places: Mask) -> float:
+        off = found.bias if offset is None else found.bias - offset[..., places]
+        return float(np.sqrt(np.mean(off[:, ~along[places]] ** 2)))
+
     if along.any() and bias is None:
-        first = average(~along, known)
-        off = first.bias if offset is None else first.bias - offset[..., ~along]
-        size = float(np.sqrt(np.mean(off**2)))
-        known[along] = size
+        known[along] = bias_across(average(~along, known), ~along)
+        # axes that are skewed see along the tool too, and that was taken for bias as long as it had no place of its own
+        for _ in range(2):
+            size = bias_across(average(everything, known), everything)
+            known[along] = size
         if kind == "gyro":
             degrees = np.degrees(size * strength / np.linalg.norm(mean, axis=1).max()) * 3600.0
             notes = (
@@ -295,12 +339,19 @@ def _check_direction(
 
 
 def _without_gravity(
-    readings: GyroReadings, triad: Triad, calibration: Calibration, signals: Array, g: float | None
+    readings: GyroReadings,
+    triad: Triad,
+    calibration: Calibration,
+    signals: Array,
+    g: float | None,
+    scheme: str,
+    sweep: float,
 ) -> Array:
     """Signals of g-sensitive gyros freed from gravity, which turns with the index like the rate does."""
     if triad.g_sensitivity is None:
         return signals
-    down = _average(readings, calibration, "accelerometer", "n", None, None, 0.0, g).field
+    steady = np.ones(calibration.tool.triads["accelerometer"].count)  # equal weights: only the mean is wanted
+    down = _average(readings, calibration, "accelerometer", scheme, float(steady[0]), None, sweep, g).field
     if not np.isfinite(down).all():
         raise InputError("the gyros are g-sensitive; gravity along the tool is needed: add the accelerometer's z")
     down = down / np.linalg.norm(down, axis=1, keepdims=True)
