@@ -85,8 +85,12 @@ def test_the_dip_that_was_taken_is_named():
 
 
 def test_the_earth_rate_points_north():
-    assert signed("gyro", unit(0.5, 0.1, -0.8)) == (1.0, [])
-    assert signed("gyro", -unit(0.5, 0.1, -0.8)) == (-1.0, [])
+    sign, (warning,) = signed("gyro", unit(0.5, 0.1, -0.8))
+    assert sign == 1.0
+    assert "at latitude +57.5 deg" in warning
+    sign, (reversed_warning,) = signed("gyro", -unit(0.5, 0.1, -0.8))
+    assert sign == -1.0
+    assert reversed_warning == warning
 
 
 @pytest.mark.parametrize("kind", ["accelerometer", "magnetometer", "gyro"])

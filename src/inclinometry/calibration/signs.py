@@ -35,6 +35,7 @@ def fix_signs(
             sign = float(direction[2])
         elif kind == "gyro":
             sign = float(direction[0])
+            warnings.append(_faced(direction * np.sign(sign or 1.0)))
         else:
             sign, warning = _magnetic_sign(direction, reference.get("dip"))
             warnings += warning
@@ -42,6 +43,15 @@ def fix_signs(
             directions[kind] = -direction
             coefficients[kind] = state.coefficients[kind] * np.array([-1.0, -1.0, -1.0, 1.0])
     return State(coefficients, directions, state.errors, state.nuisance), warnings
+
+
+def _faced(direction: Array) -> str:
+    """What taking the Earth rate towards the rig's azimuth 0 implies."""
+    latitude = -np.degrees(np.arcsin(np.clip(direction[2], -1.0, 1.0)))
+    return (
+        "gyro: azimuth 0 of the rig is taken to be on the north side, which puts the stand at latitude "
+        f"{latitude:+.1f} deg; if its sign is wrong the rig faces south and azimuths by gyro are 180 deg off"
+    )
 
 
 def _magnetic_sign(direction: Array, dip: float | None) -> tuple[float, list[str]]:

@@ -214,11 +214,6 @@ def _run(raw: Path, site: Path, calibration: Path | None, options: GyroOptions) 
     with output.reading(raw) as progress:
         data = read_gyro_run(raw, progress=progress)
     tool = None if calibration is None else read_calibration(calibration)
-    if options.history is not None and tool is not None and options.history.tool not in ("", tool.tool.name):
-        raise InputError(
-            f"--history is of tool {options.history.tool!r}, --calibration of {tool.tool.name!r}: a scale factor is "
-            "one tool's own"
-        )
     digests = {"site": digest_file(site)}
     if calibration is not None:
         digests["tool"] = digest_file(calibration)

@@ -248,7 +248,9 @@ def smooth_scale(
     high = vectors(rates, "rates", LARGEST)
     heat = _temperatures(temperature, len(high))
     if len(heat) > MOST:
-        raise InputError(f"{len(heat)} stations in one run; at most {MOST}: split the run")
+        raise InputError(
+            f"{len(heat)} stations; at most {MOST} at once: split the run, or learn from earlier ones only"
+        )
     powers, walked = belief.basis(heat), np.cumsum(_steps(heat, belief))
     mean = powers @ belief.coefficients + belief.stands[0]
     shared = powers @ belief.covariance @ powers.T + np.minimum.outer(walked, walked) + belief.stands[1]

@@ -50,9 +50,7 @@ def read_signals(table: Table) -> Signals:
             )
         if any(c.kind == kind for c in found if c.sd):
             signals.sd[kind] = _deviations(table, signals.names[kind])
-    lost = next((c for c in found if c.sd and c.name.removesuffix("_sd") not in table), None)
-    if lost is not None:
-        raise table.error(f"column {lost.name!r} has no {lost.name.removesuffix('_sd')!r} beside it; add or remove it")
+    _orphans(table, found)
     if not signals.values:
         shown = ", ".join(table.header[:20])
         raise table.error(
@@ -61,24 +59,25 @@ def read_signals(table: Table) -> Signals:
     return signals._replace(notes=tuple(notes))
 
 
-def read_lettered(table: Table, kind: str) -> Signals | None:
-    """Channels x, or x and y, or x, y and z of one kind; None where there is none with a letter."""
-    found = [c for c in map(channel, table.header) if c is not None and c.kind == kind and not c.sd]
-    if not any(c.axis in "xyz" for c in found):
+def read_kind(table: Table, kind: str) -> Signals | None:
+    """Channels of one kind, where a single x will do; None where there is none."""
+    found = [c for c in map(channel, table.header) if c is not None and c.kind == kind]
+    _orphans(table, found)
+    channels = [c for c in found if not c.sd]
+    if not channels:
         return None
-    ordered = [next((c for c in found if c.axis == axis), None) for axis in "xyz"]
-    present = [c for c in ordered if c is not None]
-    prefix = KIND_PREFIX[kind]
-    if len(present) < len(found) or len({c.unit for c in found}) > 1:
-        names = ", ".join(c.name for c in found)
-        raise table.error(f"{kind} columns {names} contradict each other; give each channel once, all in one unit")
-    if ordered[: len(present)] != present:
-        names = ", ".join(c.name for c in present)
-        raise table.error(f"{kind}: only {names}; give {prefix}_x, or {prefix}_x and {prefix}_y, or all three")
-    names_of = tuple(c.name for c in present)
-    values = {kind: np.stack([_readings(table, name) for name in names_of], axis=1)}
-    sd = {kind: _deviations(table, names_of)} if f"{names_of[0]}_sd" in table else {}
-    return Signals(values, sd, {kind: present[0].unit}, {kind: names_of}, ())
+    ordered = channels if [c.axis for c in channels] == ["x"] else _ordered(table, kind, channels)
+    names = tuple(c.name for c in ordered)
+    values = {kind: np.stack([_readings(table, name) for name in names], axis=1)}
+    sd = {kind: _deviations(table, names)} if any(c.sd for c in found) else {}
+    return Signals(values, sd, {kind: ordered[0].unit}, {kind: names}, ())
+
+
+def _orphans(table: Table, found: Sequence[Channel]) -> None:
+    """FileError for a standard deviation without its channel."""
+    lost = next((c for c in found if c.sd and c.name.removesuffix("_sd") not in table), None)
+    if lost is not None:
+        raise table.error(f"column {lost.name!r} has no {lost.name.removesuffix('_sd')!r} beside it; add or remove it")
 
 
 def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from inclinometry.core.arrays import Array, Index, frozen
 from inclinometry.core.constants import FOOT
 from inclinometry.io import _write
-from inclinometry.io._channels import Signals, read_lettered, read_signals, read_temperature
+from inclinometry.io._channels import Signals, read_kind, read_temperature
 from inclinometry.io._lines import Progress
-from inclinometry.io.columns import GYRO_RUN, KIND_PREFIX, UNIT_LABELS, numbers_among
+from inclinometry.io.columns import GYRO_RUN, KIND_PREFIX, UNIT_LABELS, channel, numbers_among
 from inclinometry.io.survey_csv import survey_cells
 from inclinometry.io.table import Table, read_table
 
@@ -88,42 +88,46 @@ def read_gyro_run(path: str | Path, *, progress: Progress | None = None) -> Gyro
     unused = [f"column {name!r} is not known and was not used" for name in table.unknown(GYRO_RUN)]
     station, labels = _stations(table)
     md = _depths(table, station)
-    lettered = {kind: read_lettered(table, kind) for kind in ("accelerometer", "gyro")}
-    signals, letters = _signals(table, lettered)
+    unused += [f"column {n!r} is not used in a gyro run" for n in table.header if n.startswith("mag_") and channel(n)]
+    values: dict[str, Array] = {}
+    sd: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    letters: dict[str, str] = {}
     for kind, prefix in (("accelerometer", "accel"), ("gyro", "gyro")):
-        if kind not in signals.values:
+        found = read_kind(table, kind)
+        if found is None:
             raise table.error(f"no {kind}; add columns {prefix}_x and {prefix}_y")
+        values |= found.values
+        units |= found.units
+        sd |= _positive(table, found)
+        axes = "".join(name.split("_")[1] for name in found.names[kind])
+        letters[kind] = axes if axes.isalpha() else ""
     return GyroReadings(
         station,
         labels,
         md,
         frozen(np.radians(_index(table))),
-        MappingProxyType({kind: frozen(values) for kind, values in signals.values.items()}),
+        MappingProxyType({kind: frozen(array) for kind, array in values.items()}),
         MappingProxyType(letters),
-        MappingProxyType(signals.sd),
-        MappingProxyType(signals.units),
+        MappingProxyType(sd),
+        MappingProxyType(units),
         read_temperature(table),
         table.number("time_s") if "time_s" in table else None,
-        (*signals.notes, *unused),
+        tuple(unused),
         table.lines,
         table.path,
         table.digest,
     )
 
 
-def _signals(table: Table, lettered: Mapping[str, Signals | None]) -> tuple[Signals, dict[str, str]]:
-    """Lettered channels of any number; numbered ones as everywhere else."""
-    if all(found is None for found in lettered.values()):
-        return read_signals(table), {}
-    present = {kind: found for kind, found in lettered.items() if found is not None}
-    parts = Signals(
-        {kind: found.values[kind] for kind, found in present.items()},
-        {kind: found.sd[kind] for kind, found in present.items() if kind in found.sd},
-        {kind: found.units[kind] for kind, found in present.items()},
-        {kind: found.names[kind] for kind, found in present.items()},
-        (),
-    )
-    return parts, {kind: "".join(name.split("_")[1] for name in names) for kind, names in parts.names.items()}
+def _positive(table: Table, found: Signals) -> dict[str, Array]:
+    """Standard deviations of the readings, none of them nought."""
+    for kind, sd in found.sd.items():
+        if (sd <= 0.0).any():
+            row, column = np.argwhere(sd <= 0.0)[0].tolist()
+            name = f"{found.names[kind][column]}_sd"
+            raise table.error(f"{name} is 0; a reading has some noise: give it, or leave out the column", row)
+    return found.sd
 
 
 def _stations(table: Table) -> tuple[Index, tuple[str, ...]]:

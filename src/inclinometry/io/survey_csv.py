@@ -176,7 +176,7 @@ def read_survey_csv(path: str | Path) -> dict[str, Array | tuple[str, ...]]:
     FileError
         As `table.read_table`; a column of the contract is missing; depths that do not increase.
     """
-    table = read_table(path, gaps=[name for name in SURVEY if name != "md_m"])
+    table = read_table(path, gaps=[*(name for name in SURVEY if name != "md_m"), "temperature_degC"])
     table.require(SURVEY)
     check_increasing(table, "md_m", table.number("md_m"))
     found: dict[str, Array | tuple[str, ...]] = {}

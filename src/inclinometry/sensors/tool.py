@@ -42,7 +42,15 @@ def parameter_vector(triad: Triad) -> Array:
 def triad_from_vector(like: Triad, vector: Array) -> Triad:
     """Inverse of `parameter_vector`, everything else taken from `like`."""
     block = np.reshape(vector, (like.degree + 1, like.count, 4))
-    return Triad(like.kind, block[..., :3], block[..., 3], like.unit, like.field_strength, like.reference_temperature)
+    return Triad(
+        like.kind,
+        block[..., :3],
+        block[..., 3],
+        like.unit,
+        like.field_strength,
+        like.reference_temperature,
+        like.g_sensitivity,
+    )
 
 
 @dataclass(frozen=True, eq=False)

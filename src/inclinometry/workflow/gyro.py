@@ -11,14 +11,14 @@ import numpy as np
 
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
-from inclinometry.gyro.closed_form import solve_patent
-from inclinometry.gyro.north import estimate_north, estimate_north_fixed, to_high_side
+from inclinometry.gyro.north import to_high_side
 from inclinometry.gyro.result import North
 from inclinometry.gyro.tilt import tilt, upward
 from inclinometry.gyro.tracking import (
+    MOST,
     ScaleBelief,
     ScaleTrack,
     quadratic_belief,
@@ -31,9 +31,11 @@ from inclinometry.io.scale_json import ScaleRecord
 from inclinometry.survey.checks import Check
 from inclinometry.survey.flags import HEAT_MARGIN
 from inclinometry.survey.gyro import gyro_survey
-from inclinometry.survey.gyro_quality import rate_checks, rate_unit_suspect
+from inclinometry.survey.gyro_quality import rate_unit_suspect
 from inclinometry.survey.reduce import Survey
-from inclinometry.workflow.gyro_average import LIGHTEST, Averages, average_run, gravity_suspect
+from inclinometry.workflow.gyro_average import Averages, average_run, gravity_suspect
+from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, refusal
+from inclinometry.workflow.gyro_methods import Known, Stations, solve, stations_of
 
 METHODS: Final = ("joint", "patent", "fixed")
 PRIORS: Final = ("calibration", "previous", "both", "run")
@@ -42,9 +44,6 @@ stations before and the calibration's temperature curve; or all other stations o
 
 LEARNING_WALK: Final = 5e-4
 """Wandering of the scale per root of a degC for the prior "previous"."""
-
-VAGUE: Final = 0.01
-"""Standard uncertainty of a scale factor while units are still in doubt."""
 
 
 @dataclass(frozen=True)
@@ -118,19 +117,6 @@ class GyroRun:
         )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class _Stations:
-    """What every method is given."""
-
-    gravity: Array
-    gravity_covariance: Array
-    rate: Array
-    rate_covariance: Array
-    latitude: float
-    g: float
-    hole: str | None
-
-
 def north_run(
     readings: GyroReadings,
     site: Site,
@@ -159,6 +145,7 @@ def north_run(
         No latitude; temperatures missing where the prior needs them.
     """
     chosen = options or GyroOptions()
+    _check_history(chosen.history, readings, calibration)
     if site.latitude is None or site.gravity is None:
         raise InputError("the site has no latitude; north by gyro needs it: give latitude_deg")
     averages = average_run(
@@ -173,14 +160,14 @@ def north_run(
     )
     if suspect := rate_unit_suspect(averages.rate.field) or gravity_suspect(averages.gravity.field, site.gravity):
         raise FileError(suspect, path=readings.path)
-    stations = _stations(averages, site.latitude, site.gravity, chosen.hole)
-    if suspect := _gravity_in_g(stations):
+    stations = stations_of(averages, site.latitude, site.gravity, chosen.hole)
+    if suspect := gravity_in_g(stations):
         raise FileError(suspect, path=readings.path)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
     known = _expected(stations, averages, heat, chosen)
-    found = {method: _solve(method, stations, known) for method in METHODS}
-    checks = _checks(stations, known, found["joint"])
-    if refused := _refusal(checks, site.latitude):
+    found = {method: solve(method, stations, known) for method in METHODS}
+    checks = check_rates(stations, known, found["joint"])
+    if refused := refusal(checks, site.latitude):
         raise FileError(refused, path=readings.path)
     north = found.pop(chosen.method)
     track = known.track
@@ -191,7 +178,7 @@ def north_run(
     notes += [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
     notes += [f"{c.name}: {c.reason}; {c.action}" for c in checks if c.verdict == "fail"]
     total = np.linalg.norm(averages.gravity.field, axis=1)
-    digests = {"raw": readings.digest, **(inputs or {})}
+    digests = {"raw": readings.digest, **(inputs or {}), **_earlier(chosen.history)}
     name = "" if calibration is None else calibration.tool.name
     survey = gyro_survey(
         readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, notes=notes
@@ -201,82 +188,49 @@ def north_run(
     return GyroRun(survey, north, readings.md, heat, track, found, checks, name, digests)
 
 
-def _checks(stations: _Stations, known: _Known, joint: North) -> list[Check]:
-    """The rates against the Earth's; gravity along the tool is taken from the solution where it is not measured."""
-    gravity, covariance = stations.gravity.copy(), stations.gravity_covariance.copy()
-    blind = np.isnan(gravity[:, 2])
-    gravity[blind, 2] = stations.g * np.cos(joint.inclination[blind])
-    covariance[blind, 2, :] = covariance[blind, :, 2] = 0.0
-    covariance[blind, 2, 2] = np.mean(np.diagonal(covariance[blind, :2, :2], axis1=1, axis2=2), axis=1)
-    return rate_checks(
-        gravity,
-        stations.rate,
-        stations.latitude,
-        gravity_covariance=covariance,
-        rate_covariance=stations.rate_covariance,
-        scale=known.scale,
-        scale_sd=known.sd,
-        g=stations.g,
-    )
+def _earlier(history: ScaleRecord | None) -> dict[str, str]:
+    """Digests of the readings that a history rests on."""
+    used = [] if history is None else [v for name, v in history.inputs.items() if name.startswith("raw")]
+    return {f"raw of earlier run {n}": digest for n, digest in enumerate(used, start=1)}
 
 
-def _refusal(checks: Sequence[Check], latitude: float) -> str | None:
-    """Why the readings cannot belong to this latitude, where they tell its sign."""
-    by_name = {check.name: check for check in checks}
-    sign, value = by_name["latitude sign"], by_name["latitude"]
-    if sign.verdict != "fail":
-        return None
-    if value.verdict == "fail" and abs(latitude + value.value) > 3.0 * abs(latitude):
-        hint = " (is it in radians? latitude_deg takes degrees)" if abs(latitude) < np.radians(1.6) else ""
-        return f"{value.reason}{hint}; {value.action}"
-    return f"{sign.reason}; {sign.action}"
+def _check_history(history: ScaleRecord | None, readings: GyroReadings, calibration: Calibration | None) -> None:
+    """A history must be of the same tool and calibration, and of other readings."""
+    if history is None:
+        return
+    name = "" if calibration is None else calibration.tool.name
+    if history.tool != name:
+        raise InputError(
+            f"the history is of tool {history.tool or 'without calibration'!r}, this run of "
+            f"{name or 'a tool without calibration'!r}: a scale factor is relative to one tool's own calibration"
+        )
+    if readings.digest in _earlier(history).values():
+        raise InputError("the history was learnt from these very readings; they would count twice: leave it out")
 
 
-def _stations(averages: Averages, latitude: float, g: float, hole: str | None) -> _Stations:
-    return _Stations(
-        averages.gravity.field,
-        averages.gravity.covariance + averages.gravity_calibration,
-        averages.rate.field,
-        averages.rate.covariance + averages.rate_calibration,
-        latitude,
-        g,
-        hole,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Known:
-    """What is known of each station's scale without its own rates."""
-
-    scale: Array
-    sd: Array
-    track: ScaleTrack | None
-    notes: tuple[str, ...]
-
-
-def _expected(stations: _Stations, averages: Averages, heat: Array | None, options: GyroOptions) -> _Known:
+def _expected(stations: Stations, averages: Averages, heat: Array | None, options: GyroOptions) -> Known:
     """The prior of each station's scale factor."""
     size = len(stations.rate)
     own = float(np.max(averages.scale_calibration, initial=0.0))
-    prior = options.prior or ("calibration" if heat is None else "run")
+    prior = options.prior or ("calibration" if heat is None else "run" if size <= MOST else "both")
     if heat is None:
         if prior != "calibration":
-            raise InputError(f"prior {prior!r} follows the scale over temperature; add the column temperature_degC")
+            raise InputError("following the scale over temperature needs temperatures: add the column temperature_degC")
         if options.history is not None:
             raise InputError("the history gives the scale by temperature; add the column temperature_degC")
-        return _Known(np.ones(size), np.full(size, np.hypot(options.scale_sd, own)), None, ())
+        return Known(np.ones(size), np.full(size, np.hypot(options.scale_sd, own)), None, ())
     belief = _belief(options, own, walking=prior == "previous", start=float(heat[0]))
     notes: tuple[str, ...] = ()
     if prior == "calibration":
         scale, sd = belief.predict(heat)
-        return _Known(scale, sd, None, notes)
+        return Known(scale, sd, None, notes)
     follow = smooth_scale if prior == "run" else track_scale
     found = tilt(stations.gravity, stations.g)
     if stations.hole == "up":
         found = upward(found, found.unseen)
     high, covariance = to_high_side(stations.rate, stations.rate_covariance, found.toolface)
     track = follow(high / EARTH_RATE, covariance / EARTH_RATE**2, found.inclination, stations.latitude, heat, belief)
-    return _Known(track.expected, track.expected_sd, track, track.notes)
+    return Known(track.expected, track.expected_sd, track, track.notes)
 
 
 def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) -> ScaleBelief:
@@ -287,71 +241,6 @@ def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) ->
     if walking:
         return walking_belief(1.0, sd, walk=LEARNING_WALK, jitter=options.jitter, reference_temperature=start)
     return quadratic_belief(1.0, sd, slope_sd=options.slope_sd, bend_sd=options.bend_sd, jitter=options.jitter)
-
-
-def _solve(method: str, stations: _Stations, known: _Known) -> North:
-    if method == "patent":
-        found = solve_patent(
-            stations.gravity,
-            stations.rate,
-            stations.latitude,
-            gravity_covariance=stations.gravity_covariance,
-            rate_covariance=stations.rate_covariance,
-            g=stations.g,
-            history=1.0,
-        )
-        return found if stations.hole is None else _declared(found, stations.hole)
-    estimate = estimate_north_fixed if method == "fixed" else estimate_north
-    return estimate(
-        stations.gravity,
-        stations.rate,
-        stations.latitude,
-        gravity_covariance=stations.gravity_covariance,
-        rate_covariance=stations.rate_covariance,
-        scale=np.ones(len(stations.rate)) if method == "fixed" else known.scale,
-        scale_sd=known.sd,
-        g=stations.g,
-        hole=stations.hole,
-    )
-
-
-def _gravity_in_g(stations: _Stations) -> str | None:
-    """A sentence where cross-axis accelerometers fit the rates far better when their numbers are taken as g."""
-    level = np.hypot(stations.gravity[:, 0], stations.gravity[:, 1])
-    if np.isfinite(stations.gravity[:, 2]).any() or level.max() > 1.0 + LIGHTEST:
-        return None
-    larger = replace(
-        stations,
-        gravity=stations.gravity * STANDARD_GRAVITY,
-        gravity_covariance=stations.gravity_covariance * STANDARD_GRAVITY**2,
-    )
-    vague = _Known(np.ones(len(level)), np.full(len(level), VAGUE), None, ())
-    try:
-        given, other = (float(np.sum(_solve("joint", s, vague).chi_square)) for s in (stations, larger))
-    except InputError:
-        return None
-    if given < 10.0 * len(level) or other > 0.2 * given:
-        return None
-    return "the accelerometers fit the rates only if their numbers are in g, not m/s^2: name the columns accel_x_g"
-
-
-def _declared(found: North, hole: str) -> North:
-    """The closed form where the direction of the hole is stated: nothing is assumed, and up-holes are outside it."""
-    if hole == "down":
-        return replace(found, flags=[[name for name in row if name != "down-assumed"] for row in found.flags])
-    blank = np.array([("down-assumed" in row) for row in found.flags])
-    flags = [["up-hole" if name == "down-assumed" else name for name in row] for row in found.flags]
-    return replace(
-        found,
-        flags=flags,
-        inclination=np.where(blank, np.pi - found.inclination, found.inclination),
-        azimuth=np.where(blank, np.nan, found.azimuth),
-        gyro_toolface=np.where(blank, np.nan, found.gyro_toolface),
-        scale=np.where(blank, np.nan, found.scale),
-        u_scale=np.where(blank, np.nan, found.u_scale),
-        k=np.where(blank, np.nan, found.k),
-        root=["" if gone else own for gone, own in zip(blank, found.root, strict=True)],
-    )
 
 
 def _flags(
