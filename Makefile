@@ -16,9 +16,10 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --cov --cov-report=
-	$(BIN)/python -m coverage report --include="src/inclinometry/core/*,src/inclinometry/attitude/*,src/inclinometry/earth/*,src/inclinometry/uncertainty/*,src/inclinometry/sensors/*,src/inclinometry/simulate/*,src/inclinometry/calibration/*,src/inclinometry/survey/*" --fail-under=95
+	$(BIN)/python -m coverage report --include="src/inclinometry/core/*,src/inclinometry/attitude/*,src/inclinometry/earth/*,src/inclinometry/uncertainty/*,src/inclinometry/sensors/*,src/inclinometry/simulate/*,src/inclinometry/calibration/*,src/inclinometry/gyro/*,src/inclinometry/survey/*" --fail-under=95
 
 bench: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,bench]"
 	$(BIN)/python -m benchmarks
 
 lint: $(STAMP)

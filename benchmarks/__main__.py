@@ -14,7 +14,7 @@ from pathlib import Path
 
 from benchmarks import readme
 
-NAMES = ("kernel", "closed_forms", "joint", "design", "real_data")
+NAMES = ("kernel", "closed_forms", "joint", "design", "real_data", "gyro_schemes", "gyro")
 DRAWS = {"closed_forms": 500, "joint": 800}
 
 

@@ -1,0 +1,81 @@
+"""Six-axis stations: gravity and magnetic field in tool axes, with what is uncertain about them kept apart by cause."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from inclinometry.core.arrays import Array, finite, frozen
+from inclinometry.core.errors import InputError
+
+
+class Source(NamedTuple):
+    """A cause of error that all stations share.
+
+    by_field : (n, 6, p) derivatives of (gx, gy, gz, bx, by, bz), m/s^2 and nT, by the cause's p parameters.
+    covariance : (p, p) of the parameters.
+    """
+
+    by_field: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Stations:
+    """n stations of one run in tool axes.
+
+    md : (n,) m, increasing.
+    g, b : (n, 3) gravity (the field, pointing down), m/s^2, and magnetic flux density, nT, in the house's axes.
+    temperature : (n,) degC, or None.
+    noise : (n, 6, 6) covariance of what is each station's own.
+    sources : name -> Source: what all stations share, e.g. the calibration, a correction's residual.
+    history : what has been done to the stations, a sentence each.
+    """
+
+    md: Array
+    g: Array
+    b: Array
+    temperature: Array | None = None
+    noise: Array = field(default_factory=lambda: np.zeros((0, 6, 6)))
+    sources: Mapping[str, Source] = field(default_factory=dict)
+    history: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        md = finite(self.md, "md", (None,))
+        g, b = finite(self.g, "g", (3,)), finite(self.b, "b", (3,))
+        size = len(md)
+        if not size or g.shape != (size, 3) or b.shape != (size, 3):
+            raise InputError(f"stations have md {md.shape}, g {g.shape}, b {b.shape}; expected (n,), (n, 3), (n, 3)")
+        if (np.diff(md) <= 0.0).any():
+            row = int(np.argmax(np.diff(md) <= 0.0))
+            raise InputError(f"md goes from {md[row]:g} to {md[row + 1]:g} m at station {row + 2}; it must increase")
+        noise = np.zeros((size, 6, 6)) if not self.noise.size else finite(self.noise, "noise", (6, 6))
+        for name, source in self.sources.items():
+            wide = source.by_field.shape
+            if len(wide) != 3 or wide[:2] != (size, 6) or source.covariance.shape != (wide[2], wide[2]):
+                raise InputError(f"source {name!r} has {wide} with covariance {source.covariance.shape}")
+        for name, value in (("md", md), ("g", g), ("b", b), ("noise", noise)):
+            object.__setattr__(self, name, frozen(value))
+        object.__setattr__(self, "sources", MappingProxyType(dict(self.sources)))
+
+    def __len__(self) -> int:
+        return len(self.md)
+
+    def corrected(
+        self, g: Array, b: Array, line: str, sources: Mapping[str, Source], noise: Array | None = None
+    ) -> Stations:
+        """The stations after a correction, with a line of history; `sources` replace those that were there."""
+        return replace(
+            self, g=g, b=b, sources=sources, noise=self.noise if noise is None else noise, history=(*self.history, line)
+        )
+
+    def field_covariance(self) -> Array:
+        """Covariance (n, 6, 6) of each station's fields from all causes."""
+        total = np.array(self.noise)
+        for source in self.sources.values():
+            total += source.by_field @ source.covariance @ np.swapaxes(source.by_field, 1, 2)
+        return total
