@@ -63,6 +63,8 @@ class ScaleBelief:
         for name, value in (("walk", self.walk), ("jitter", self.jitter), ("variance of wandered", stands[1])):
             one_value(value, name, 0.0, 1.0)
         one_value(self.reference_temperature, "reference_temperature", *TEMPERATURES, "degC")
+        if self.temperature_range is not None and not self.temperature_range[0] <= self.temperature_range[1]:
+            raise InputError(f"temperature_range is {self.temperature_range}; the lower temperature comes first")
         object.__setattr__(self, "wandered", tuple(float(v) for v in stands))
         if np.linalg.eigvalsh(spread).min() < -1e-12 * max(np.trace(spread), 1e-300):
             raise InputError(f"covariance of the scale coefficients is {spread.tolist()}; it must not be negative")

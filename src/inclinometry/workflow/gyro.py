@@ -170,9 +170,13 @@ def north_run(
     if refused := refusal(checks, site.latitude):
         raise FileError(refused, path=readings.path)
     north = found.pop(chosen.method)
+    # what the calibration leaves open is common to all stations: following the run does not average it away
+    north = replace(north, u_scale=np.hypot(north.u_scale, averages.scale_calibration * north.scale))
     track = known.track
     if chosen.method != "joint":
         track = None
+    if track is not None:
+        track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
     notes = [*readings.notes, *averages.gravity.notes, *averages.rate.notes, *known.notes]
     notes += [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
@@ -236,7 +240,10 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
 def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) -> ScaleBelief:
     """What is known before the run: of an earlier run, or of the calibration."""
     if options.history is not None:
-        return options.history.belief
+        belief = options.history.belief
+        doubt = np.zeros_like(belief.covariance)
+        doubt[0, 0] = own**2  # the calibration errs in other directions of the tool in the next run
+        return replace(belief, covariance=belief.covariance + doubt)
     sd = float(np.hypot(options.scale_sd, own))
     if walking:
         return walking_belief(1.0, sd, walk=LEARNING_WALK, jitter=options.jitter, reference_temperature=start)
