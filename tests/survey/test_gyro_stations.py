@@ -73,7 +73,11 @@ def test_grid_north_without_convergence_is_refused():
 
 @pytest.mark.parametrize(
     ("md", "wanted"),
-    [([1.0, 2.0, 2.0], "md goes from 2 to 2 m"), ([1.0, 3.0, 2.0], "md goes from 3 to 2 m"), ([2.0, 2.0, 3.0], "2 to 2")],
+    [
+        ([1.0, 2.0, 2.0], "md goes from 2 to 2 m"),
+        ([1.0, 3.0, 2.0], "md goes from 3 to 2 m"),
+        ([2.0, 2.0, 3.0], "2 to 2"),
+    ],
 )
 def test_depths_that_turn_back_are_refused(md, wanted):
     with pytest.raises(InputError, match=wanted):

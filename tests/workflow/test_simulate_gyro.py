@@ -29,10 +29,10 @@ def test_without_noise_the_file_holds_the_fields_turned_by_the_index(tmp_path, s
     read = read_gyro_run(tmp_path / "raw.csv")
     np.testing.assert_allclose(np.degrees(read.index), np.tile(POSITIONS[scheme], 3), atol=1e-9)
     count = 1 if gyros == 1 else axes
-    for row, station in enumerate(read.station):
+    for row, at in enumerate(read.station):
         # a second way: NED to tool, then the passive turn by the index, station by station
-        turned = rotation_z(read.index[row]) @ dcm(run.azimuth[station], run.inclination[station], run.toolface[station])
-        rate = turned @ earth_rate(latitude) / run.scale[station] + bias
+        turned = rotation_z(read.index[row]) @ dcm(run.azimuth[at], run.inclination[at], run.toolface[at])
+        rate = turned @ earth_rate(latitude) / run.scale[at] + bias
         np.testing.assert_allclose(read.channels["gyro"][row] * DEG_H, rate[:count], atol=1e-12 * EARTH_RATE)
         down = normal_gravity(latitude, 0.0) * turned[:axes, 2]
         np.testing.assert_allclose(read.channels["accelerometer"][row], down, atol=1e-11)
