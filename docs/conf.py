@@ -9,7 +9,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from sphinx.util.inspect import TypeAliasForwardRef
-from support import api, docstrings, drawing, figures
+from support import api, docstrings, drawing, figures, gyro_figures
 
 project = "inclinometry"
 author = "the authors of inclinometry"
@@ -77,7 +77,7 @@ nitpick_ignore_regex = [("py:class", r"numpy\._typing\..*")]
 
 api.write(HERE / "generated")
 drawing.conventions(HERE / "generated" / "conventions.svg")
-myst_substitutions = figures.everything() | drawing.example_attitude()
+myst_substitutions = figures.everything() | gyro_figures.everything() | drawing.example_attitude()
 
 
 def setup(app: object) -> None:

@@ -31,7 +31,10 @@ def reset(gallery: dict[str, Any], script: str) -> None:
     mpl.rcParams["axes.prop_cycle"] = mpl.cycler(color=SERIES)
 
 
-ORDER = ("twelve_positions", "methods_compared", "erratum", "two_face", "aimed_plan", "xsens", "well_survey")
+ORDER = (
+    "twelve_positions", "methods_compared", "erratum", "two_face", "aimed_plan", "xsens", "well_survey",
+    "gyro_closed_form", "gyro_two_valleys", "gyro_hot_run",
+)  # fmt: skip
 
 
 def order(script: str) -> int:

@@ -47,9 +47,10 @@ def test_every_option_named_in_a_page_exists(capsys):
         with pytest.raises(SystemExit):
             main([command, "--help"])
         known += capsys.readouterr().out
-    for name in ("bench", "well", "log"):
+    groups = {"simulate": ("bench", "well", "log", "gyro"), "gyro": ("north", "scale", "plan", "quality", "table")}
+    for words in [["allan"], *([group, name] for group, names in groups.items() for name in names)]:
         with pytest.raises(SystemExit):
-            main(["simulate", name, "--help"])
+            main([*words, "--help"])
         known += capsys.readouterr().out
     for page in PAGES:
         named = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", page.read_text(encoding="utf-8")))
