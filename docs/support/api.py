@@ -17,7 +17,7 @@ FLOORS = (
     ("report",),
     ("io",),
     ("survey",),
-    ("calibration", "simulate"),
+    ("calibration", "gyro", "simulate"),
     ("sensors",),
     ("attitude", "earth", "uncertainty"),
     ("core",),
@@ -92,10 +92,12 @@ def _commands() -> str:
 
 
 def _names() -> list[list[str]]:
-    from inclinometry.cli.app import app, simulate
+    from inclinometry.cli.app import app
 
-    names = [[name] for name in app if not name.startswith("-") and name != "simulate"]
-    return [*names, *(["simulate", name] for name in simulate if not name.startswith("-"))]
+    names = [name for name in app if not name.startswith("-")]
+    groups = {name: [sub for sub in app[name] if not sub.startswith("-")] for name in names}
+    alone = [[name] for name in names if not groups[name]]
+    return [*alone, *([name, sub] for name in names for sub in groups[name])]
 
 
 def _help(words: list[str]) -> str:
