@@ -1,0 +1,359 @@
+"""gyro north, gyro scale and simulate gyro as a user runs them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.core.angles import wrap_signed
+from inclinometry.io.scale_json import read_scale, write_scale
+from inclinometry.io.tool_json import write_calibration
+from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
+
+SURVEY = (
+    "md_m,inclination_deg,azimuth_deg,azimuth_reference,toolface_deg,magnetic_toolface_deg,g_total,b_total_nT,dip_deg,"
+    "u_inclination_deg,u_azimuth_deg,u_toolface_deg,flags"
+)
+NORTH = ("gyro", "north", "raw.csv", "--site", "site.toml")
+SCALE = ("gyro", "scale", "raw.csv", "--site", "site.toml")
+
+
+def rows(path):
+    with Path(path).open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def save(table, path="raw.csv"):
+    with Path(path).open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(table[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(table)
+
+
+def numbers(table, name):
+    return np.array([float(row[name] or "nan") for row in table])
+
+
+@pytest.fixture
+def simulated(run):
+    """raw.csv, site.toml and truth.json in the folder; returns the truth by station."""
+
+    def simulate(*more, stations=15):
+        done = run("simulate", "gyro", "-o", "raw.csv", "--truth", "truth.json", "--site", "site.toml",
+                   "--stations", stations, *more)  # fmt: skip
+        assert done.status == 0, done.err
+        return {k: np.array(v) for k, v in json.loads(Path("truth.json").read_text())["stations"].items()}
+
+    return simulate
+
+
+def refused(run, *command, parts=(), written=("out.csv",)):
+    """One sentence, status 2, nothing printed, nothing left behind."""
+    before = {path.name: path.read_bytes() for path in Path().iterdir()}
+    done = run(*command)
+    assert done.status == 2, done.out + done.err
+    assert done.out == ""
+    lines = done.err.strip().splitlines()
+    assert len(lines) == 1, done.err
+    assert lines[0].startswith("inclinometry: ")
+    for part in parts:
+        assert part in lines[0], lines[0]
+    assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
+    assert not any(Path(name).exists() for name in written)
+
+
+def test_stations_have_the_columns_and_the_angles(run, simulated):
+    truth = simulated()
+    done = run(*NORTH, "-o", "out.csv", "--report", "out.html")
+    assert done.status == 0, done.err
+    assert Path("out.csv").read_text().splitlines()[0] == f"{SURVEY},scale,u_scale,root,K,temperature_degC"
+    found = rows("out.csv")
+    np.testing.assert_allclose(numbers(found, "md_m"), truth["md_m"])
+    np.testing.assert_allclose(numbers(found, "temperature_degC"), truth["temperature_degC"], rtol=1e-9)
+    turn = np.degrees(wrap_signed(np.radians(numbers(found, "azimuth_deg") - truth["azimuth_deg"])))
+    # 45 normal deviates exceed 4.5 once in 3000 runs, and the seed is fixed
+    assert np.abs(turn / numbers(found, "u_azimuth_deg")).max() < 4.5
+    tilt = numbers(found, "inclination_deg") - truth["inclination_deg"]
+    assert np.abs(tilt / numbers(found, "u_inclination_deg")).max() < 4.5
+    assert np.abs((numbers(found, "scale") - truth["scale"]) / numbers(found, "u_scale")).max() < 4.5
+    assert {row["azimuth_reference"] for row in found} == {"true"}
+    assert {row["root"] for row in found} == {"+"}
+    assert "15 stations written to out.csv, report to out.html" in done.out
+    assert Path("out.html").read_text(encoding="utf-8").lstrip().startswith("<!doctype html>")
+
+
+@pytest.mark.parametrize("scheme", ["two", "four", "mirrored", "n", "carousel"])
+@pytest.mark.parametrize("scale", ["joint", "patent", "fixed"])
+def test_schemes_and_methods(run, simulated, scheme, scale):
+    truth = simulated("--scheme", scheme, "--scenario", "cool", "--axes", 3)
+    noise = ("--gyro-sd-deg-h", 0.05, "--accel-sd-m-s2", 5e-4) if scheme == "two" else ()
+    done = run(*NORTH, "-o", "out.csv", "--scheme", scheme, "--scale", scale, "--json", *noise)
+    assert done.status == 0, done.err
+    assert (done.json["method"], done.json["stations"], done.json["output"]) == (scale, 15, "out.csv")
+    found = rows("out.csv")
+    turn = np.degrees(wrap_signed(np.radians(numbers(found, "azimuth_deg") - truth["azimuth_deg"])))
+    # noise of 0.015 deg/h is 0.1 deg; the path of seed 1 stays below 32 deg of inclination
+    assert np.abs(turn).max() < 0.5
+
+
+@pytest.mark.parametrize("prior", ["calibration", "previous", "both", "run"])
+def test_priors(run, simulated, prior):
+    simulated()
+    done = run(*NORTH, "-o", "out.csv", "--prior", prior, "--json")
+    assert done.status == 0, done.err
+    assert {check["verdict"] for check in done.json["checks"]} == {"pass"}
+
+
+def test_one_gyro_three_axes_and_one_station(run, simulated):
+    truth = simulated("--gyros", 1)
+    assert run(*NORTH, "-o", "out.csv").status == 0
+    assert run(*NORTH, "-o", "down.csv", "--hole", "down", "--json").json["flagged"] == 0
+    simulated("--axes", 3)
+    assert run(*NORTH, "-o", "out.csv", "--json").json["flagged"] == 0
+    assert run(*NORTH, "-o", "out.csv", "--z-bias-sd-deg-h", 2.0).status == 0
+    save(rows("raw.csv")[:4])
+    assert run(*NORTH, "-o", "out.csv").status == 0
+    assert len(rows("out.csv")) == 1
+    assert abs(float(rows("out.csv")[0]["azimuth_deg"]) - truth["azimuth_deg"][0]) < 1.0
+
+
+def test_json_is_json_and_warnings_stay_out_of_it(run, simulated):
+    simulated()
+    for command in (NORTH, SCALE):
+        done = run(*command, "-o", "out.csv", "--json")
+        assert done.json["stations"] == 15
+        assert "warning: " in done.err
+    done = run("simulate", "gyro", "-o", "b.csv", "--stations", 3, "--json")
+    assert done.json["readings"] == 12
+
+
+def test_the_same_input_gives_the_same_bytes(run, simulated):
+    simulated()
+    for name in "ab":
+        assert run(*NORTH, "-o", f"{name}.csv", "--report", f"{name}.html").status == 0
+        assert run(*SCALE, "-o", f"{name}.json").status == 0
+        assert run("simulate", "gyro", "-o", f"{name}.raw", "--truth", f"{name}.truth", "--stations", 3).status == 0
+    for ending in ("csv", "html", "json", "raw", "truth"):
+        assert Path(f"a.{ending}").read_bytes() == Path(f"b.{ending}").read_bytes()
+        assert b"\r" not in Path(f"a.{ending}").read_bytes()
+
+
+def test_grid_north_by_convergence(run, simulated):
+    simulated()
+    assert run(*NORTH, "-o", "true.csv").status == 0
+    Path("site.toml").write_text(
+        'latitude_deg = 45.0\nnorth_reference = "grid"\nconvergence_deg = 2.5\nsigma_convergence_deg = 0.2\n'
+    )
+    assert run(*NORTH, "-o", "grid.csv").status == 0
+    for one, other in zip(rows("true.csv"), rows("grid.csv"), strict=True):
+        assert (float(one["azimuth_deg"]) - float(other["azimuth_deg"])) % 360.0 == pytest.approx(2.5, abs=1e-6)
+        assert other["azimuth_reference"] == "grid"
+        assert float(other["u_azimuth_deg"]) == pytest.approx(np.hypot(float(one["u_azimuth_deg"]), 0.2), rel=1e-6)
+    Path("site.toml").write_text('latitude_deg = 45.0\nnorth_reference = "grid"\n')
+    refused(run, *NORTH, "-o", "out.csv", parts=["convergence"])
+
+
+@pytest.mark.parametrize("heat", [True, False])
+def test_in_run_and_out_run_are_judged(run, simulated, heat):
+    for name, seed in (("in", 1), ("out", 1)):
+        simulated()
+        table = rows("raw.csv")
+        if name == "out":
+            # the same well on the way up: other noise, stations from the bottom
+            rng = np.random.default_rng(seed)
+            blocks = [table[n : n + 4] for n in range(0, len(table), 4)][::-1]
+            table = [dict(row) for block in blocks for row in block]
+            for row in table:
+                row["gyro_x_deg_h"] = repr(float(row["gyro_x_deg_h"]) + 0.03 * float(rng.standard_normal()))
+        if not heat:
+            table = [{k: v for k, v in row.items() if k != "temperature_degC"} for row in table]
+        save(table)
+        done = run(*NORTH, "-o", f"{name}.csv", "--hole", "down")
+        assert done.status == 0, done.err
+    assert "from the bottom up" in done.err
+    assert (np.diff(numbers(rows("out.csv"), "md_m")) > 0.0).all()
+    done = run("gyro", "quality", "in.csv", "out.csv")
+    assert (done.status, "PASS" in done.out) == (0, True), done.out + done.err
+
+
+def test_scale_is_offered_to_the_next_run(run, simulated):
+    simulated()
+    done = run(*SCALE, "-o", "scale.json", "--report", "scale.html")
+    assert done.status == 0, done.err
+    assert "slope per 100 degC" in done.out
+    assert run(*SCALE, "-o", "online.json", "--online").status == 0
+    assert Path("online.json").read_bytes() != Path("scale.json").read_bytes()
+    simulated("--seed", 2)
+    assert run(*NORTH, "-o", "alone.csv", "--prior", "both").status == 0
+    done = run(*NORTH, "-o", "taught.csv", "--prior", "both", "--history", "scale.json")
+    assert done.status == 0, done.err
+    first = [float(rows(f"{name}.csv")[0]["u_scale"]) for name in ("alone", "taught")]
+    assert first[1] < first[0]
+
+
+def test_histories_that_do_not_belong(run, simulated):
+    simulated()
+    assert run(*SCALE, "-o", "scale.json").status == 0
+    # the readings it was learnt from
+    refused(run, *NORTH, "-o", "out.csv", "--history", "scale.json", parts=["these very readings"])
+    simulated("--seed", 2)
+    identity = {k: Triad(k, np.eye(3)[:2], np.zeros(2), u) for k, u in (("accelerometer", "m/s^2"), ("gyro", "deg/h"))}
+    tool = Tool("B9", identity)
+    nothing = Residuals((), {}, {}, np.zeros(0))
+    write_calibration(
+        Calibration(tool, "joint", {}, {}, tool.parameter_names, tool.covariance, Rig(np.zeros(3)), nothing), "B9.json"
+    )
+    write_scale(replace(read_scale("scale.json"), tool="A7"), "A7.json")
+    command = (*NORTH, "-o", "out.csv", "--history", "A7.json")
+    refused(run, *command, "--calibration", "B9.json", parts=["'A7'", "'B9'"])
+    refused(run, *command, parts=["'A7'"])
+    refused(run, *NORTH, "-o", "out.csv", "--history", "truth.json", parts=["truth.json", "inclinometry/scale"])
+    refused(run, *NORTH, "-o", "out.csv", "--history", "none.json", parts=["none.json"])
+
+
+def edit(**change):
+    """raw.csv with columns replaced by a function of the row."""
+    table = rows("raw.csv")
+    save([{**row, **{name: make(row) for name, make in change.items()}} for row in table])
+
+
+def times(name, factor):
+    return {name: lambda row: repr(float(row[name]) * float(factor))}
+
+
+def keep(test):
+    save([row for n, row in enumerate(rows("raw.csv")) if test(n)])
+
+
+RATES, FORCES = ("gyro_x_deg_h", "gyro_y_deg_h"), ("accel_x_m_s2", "accel_y_m_s2")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "parts"),
+    [
+        (lambda: edit(**times(RATES[0], np.radians(1 / 3600)), **times(RATES[1], np.radians(1 / 3600))),
+         ["rad/s given as deg/h"]),
+        (lambda: edit(**times(FORCES[0], -1), **times(FORCES[1], -1)), ["specific force", "latitude"]),
+        (lambda: edit(**times(RATES[0], -1), **times(RATES[1], -1)), ["reversed sign"]),
+        (lambda: edit(gyro_x_deg_h=lambda r: r[RATES[1]], gyro_y_deg_h=lambda r: r[RATES[0]]), ["x and y swapped"]),
+        (lambda: edit(accel_x_m_s2=lambda r: r[FORCES[1]], accel_y_m_s2=lambda r: r[FORCES[0]]), ["x and y swapped"]),
+        (lambda: edit(index_deg=lambda r: repr((360.0 - float(r["index_deg"])) % 360.0)), ["counter-clockwise"]),
+        (lambda: edit(index_deg=lambda r: repr(float(np.radians(float(r["index_deg"]))))), ["degrees"]),
+        (lambda: keep(lambda n: n % 4 != 3), ["station '1'", "3 readings", "four"]),
+        (lambda: keep(lambda n: n != 6), ["station '2'", "0, 90, 270"]),
+        (lambda: save([rows("raw.csv")[n] for n in (0, 2, 1, 3)]), ["order 0, 180, 90, 270"]),
+        (lambda: Path("site.toml").write_text("latitude_deg = -45.0\n"), ["latitude given with the wrong sign"]),
+        (lambda: Path("site.toml").write_text("latitude_deg = 95.0\n"), ["latitude_deg is 95"]),
+        (lambda: Path("site.toml").write_text('north_reference = "true"\n'), ["no latitude", "latitude_deg"]),
+        (lambda: Path("site.toml").write_text("latitude_deg = 90.0\n"), ["pole"]),
+        (lambda: edit(gyro_x_deg_h=lambda r: "nan" if r["time_s"] == rows("raw.csv")[5]["time_s"] else r[RATES[0]]),
+         ["line 7", "gyro_x_deg_h"]),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_right_is_refused(run, simulated, spoil, parts):
+    simulated()
+    spoil()
+    refused(run, *NORTH, "-o", "out.csv", "--report", "out.html", parts=parts, written=("out.csv", "out.html"))
+    refused(run, *SCALE, "-o", "out.json", parts=parts, written=("out.json",))
+
+
+def test_a_missing_temperature_is_one_clear_error_where_it_is_needed(run, simulated):
+    simulated()
+    save([{k: v for k, v in row.items() if k != "temperature_degC"} for row in rows("raw.csv")])
+    assert run(*NORTH, "-o", "out.csv").status == 0
+    Path("out.csv").unlink()
+    refused(run, *NORTH, "-o", "out.csv", "--prior", "run", parts=["temperature_degC"])
+    refused(run, *SCALE, "-o", "out.csv", parts=["temperature_degC"])
+
+
+def test_a_spike_is_flagged_with_its_line(run, simulated):
+    simulated("--spike", "3:2:5")
+    done = run(*NORTH, "-o", "out.csv")
+    assert done.status == 0
+    assert "line 11" in done.err
+    assert [n for n, row in enumerate(rows("out.csv")) if "spike" in row["flags"].split("|")] == [2]
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "part"),
+    [
+        ("--scale-sd-percent", 0, "allowed: more than 0"),
+        ("--scale-sd-percent", "nan", "nan"),
+        ("--gyro-sd-deg-h", -1, "--gyro-sd-deg-h"),
+        ("--accel-sd-m-s2", "inf", "--accel-sd-m-s2"),
+        ("--z-bias-sd-deg-h", 0, "--z-bias-sd-deg-h"),
+        ("--sweep-deg", 181, "allowed 0 to 180"),
+        ("--hole", "left", "--hole"),
+        ("--prior", "hope", "--prior"),
+        ("--scale", "best", "--scale"),
+        ("--scheme", "six", "--scheme"),
+        ("--calibration", "none.json", "none.json"),
+    ],
+)
+def test_options_out_of_range(run, simulated, option, value, part):
+    simulated()
+    refused(run, *NORTH, "-o", "out.csv", option, value, parts=[part])
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("--stations", 1),
+        ("--latitude-deg", 90),
+        ("--dwell-s", 0),
+        ("--dwell-s", "nan"),
+        ("--arw-deg-sqrt-h", -1),
+        ("--accel-sd-m-s2", 2),
+        ("--bias-deg-h", "nan"),
+        ("--drift-deg-h-h", "inf"),
+        ("--axes", 4),
+        ("--gyros", 3),
+        ("--seed", -1),
+        ("--spike", "1:1"),
+        ("--spike", "61:1:5"),
+        ("--spike", "1:5:5"),
+        ("--spike", "1:1:nan"),
+        ("--truth", "out.csv"),
+        ("--site", "out.csv"),
+        ("--truth", "nowhere/out.json"),
+    ],
+)
+def test_simulations_out_of_range(run, option, value):
+    refused(run, "simulate", "gyro", "-o", "out.csv", option, value)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        (*NORTH, "-o", "raw.csv"),
+        (*NORTH, "-o", "site.toml"),
+        (*NORTH, "-o", "out.csv", "--report", "raw.csv"),
+        (*NORTH, "-o", "out.csv", "--report", "out.csv"),
+        (*NORTH, "-o", "tool.json", "--calibration", "tool.json"),
+        (*NORTH, "-o", "nowhere/out.csv"),
+        (*NORTH, "-o", "out.csv", "--history", "out.csv"),
+        (*SCALE, "-o", "raw.csv"),
+        (*SCALE, "-o", "tool.json", "--history", "tool.json"),
+        ("gyro", "north", "none.csv", "--site", "site.toml", "-o", "out.csv"),
+        ("gyro", "north", "raw.csv", "--site", "none.toml", "-o", "out.csv"),
+        ("gyro", "north", "raw.csv", "-o", "out.csv"),
+    ],
+)
+def test_inputs_are_never_overwritten(run, simulated, command):
+    simulated()
+    Path("tool.json").write_text("{}")
+    refused(run, *command)
+
+
+def test_a_long_run(run, simulated):
+    simulated(stations=2000)
+    done = run(*NORTH, "-o", "out.csv", "--json")
+    assert done.status == 0, done.err
+    assert done.json["stations"] == len(rows("out.csv")) == 2000
