@@ -12,22 +12,32 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from inclinometry.gyro.tracking import quadratic_belief, track_scale
-from inclinometry.report.gyro_figures import hot_run_figure
 from inclinometry.simulate.gyro import hot_run
 from inclinometry.workflow.hot_run import JOINT, reduce_hot_run, rms_degrees
 
 found = reduce_hot_run(hot_run(8))
 run = found.run
-hot_run_figure(
-    run.temperature,
-    run.inclination,
-    found.errors,
-    {JOINT: found.stations[JOINT].u("azimuth")},
-    run.scale,
-    found.track,
-)
-for name, value in rms_degrees([found]).items():
-    print(f"{name}: rms azimuth error {value:.3f} deg")
+rms = rms_degrees([found])
+figure, (top, low) = plt.subplots(2, 1, figsize=(8, 5.6), sharex=True)
+order = np.argsort(run.temperature)
+heat = run.temperature[order]
+band = 2.0 * np.degrees(found.stations[JOINT].u("azimuth"))[order]
+top.fill_between(heat, -band, band, color="0.88", linewidth=0, label="two standard uncertainties of the joint estimate")
+for style, (name, error) in zip(("s", "^", "o"), found.errors.items(), strict=True):
+    off = np.degrees(error)[order]
+    top.plot(heat, off, style, label=f"{name}: rms {rms[name]:.3f} deg")
+    lost, beyond = np.isnan(off), np.abs(off) > 1.0
+    print(f"{name}: rms {rms[name]:.3f} deg; off the picture at {beyond.sum()}, no azimuth at {lost.sum()} stations")
+    top.plot(heat[lost], np.full(lost.sum(), -0.97), "rx")
+top.set(ylabel="azimuth error, deg", ylim=(-1.0, 1.0), title="red crosses: the closed form gives no azimuth")
+top.legend(fontsize=8, loc="upper left")
+
+track = found.track
+low.plot(heat, 100.0 * (run.scale[order] - 1.0), "x", color="black", label="true")
+low.errorbar(heat, 100.0 * (track.scale[order] - 1.0), 200.0 * track.scale_sd[order], fmt="o", lw=0.8, label="joint")
+low.axhline(0.0, color="0.5", lw=0.8, label="taken for 1")
+low.set(xlabel="temperature, deg C", ylabel="scale factor less 1, %")
+low.legend(fontsize=8)
 
 # %%
 # That was the run read as a whole, afterwards. During the run a station knows only what the ones before it have taught:

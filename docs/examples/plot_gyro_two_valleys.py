@@ -42,7 +42,7 @@ for axes, (title, (inclination, azimuth)) in zip(panels, PLACES.items(), strict=
     worse = found.rival_cost[0] - found.cost[0]
     rival = f"runner-up worse by {worse:.3g}" if np.isfinite(worse) else "no other valley"
     print(f"{title}: K {scale_condition(psi, inc, latitude):+.3f}, azimuth {best:.2f} +- {u:.2f} deg, {rival}")
-panels[0].set(ylabel="squared misfit + 0.1", ylim=(0.08, 1e9))
+panels[0].set(ylabel="squared misfit + 0.1", ylim=(0.08, 1e7))
 figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 plt.show()
 

@@ -16,6 +16,7 @@ from inclinometry.core.arrays import Array
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.gyro.closed_form import solve_patent
 from inclinometry.gyro.formulas import patent_azimuth, printed_toolface, scale_roots
+from inclinometry.gyro.joint import BENT, RIVAL
 from inclinometry.gyro.planning import GyroSetup, standstill_time
 from inclinometry.gyro.result import FLAGS
 from support.figures import table
@@ -34,8 +35,13 @@ HOT_NAMES = {
 
 
 def flags() -> dict[str, str]:
-    """What each flag of a gyro station means."""
-    return {"gyro_flags": table(["flag", "meaning"], [[f"`{name}`", text] for name, text in FLAGS.items()])}
+    """What each flag of a gyro station means, and the limits of two of them."""
+    low, high = BENT
+    return {
+        "rival": f"{RIVAL:g}",
+        "bent": f"less than {low:g}, or more than {high:g}",
+        "gyro_flags": table(["flag", "meaning"], [[f"`{name}`", text] for name, text in FLAGS.items()]),
+    }
 
 
 # ---- index averages --------------------------------------------------------------------------------------------------
