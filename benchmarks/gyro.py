@@ -3,7 +3,7 @@
     python benchmarks/gyro.py [--json] [--draws 600]
 
 Latitude 45, noise 0.015 deg/h on each high-side rate, scale factor N(1, 0.003) in the table of methods; hot runs are
-those of `inclinometry.simulate.gyro.hot_run`: `--draws` of them, and 100 times as many draws for each row of the table.
+those of `simulate.gyro.hot_run`: `--draws` of them, and 100 times as many draws for each row of the table.
 """
 
 from __future__ import annotations
@@ -116,8 +116,8 @@ def _one_valley(error, joint) -> dict:
     """The joint estimate judged where a bound says something: not flagged; and how often the wrong valley is taken."""
     sure = ~joint.weak & ~joint.ambiguous
     right = np.abs(error) < WRONG
-    out = {"wrong valley": float(np.mean(~right)), "wrong valley, not flagged": float(np.mean(~right & sure))}
-    out |= {"rms_deg in the right valley": rms(error[right])}
+    out = {"wrong valley": np.mean(~right).item(), "wrong valley, not flagged": np.mean(~right & sure).item()}
+    out["rms_deg in the right valley"] = rms(error[right])
     if np.mean(sure) < 0.5:
         return out | {"rms_deg of unflagged": None, "normalised squared error": None}
     z2 = float(np.mean(error[sure] ** 2 / joint.var_azimuth[sure]))
@@ -392,8 +392,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     parser.add_argument("--draws", type=int, default=600, help="hot runs of each kind")
-    options = parser.parse_args()
-    result = run(options.draws)
+    result = run((options := parser.parse_args()).draws)
     print(json.dumps(result, indent=1)) if options.json else report(result)
 
 

@@ -189,20 +189,22 @@ def test_at_the_cramer_rao_bound_and_honest(inclination: float, azimuth: float, 
     assert abs(np.mean(squared) - 1.0) < 0.06  # 2.6 sigma of 8000 x 2 is 0.03; curvature as above
 
 
-def test_uncertainty_of_a_posterior_with_any_shape_is_its_integral_over_azimuth_and_scale() -> None:
-    inc, lat, sd = rad([90.0, 89.5, 70.0, 60.0]), np.full(4, rad(45.0)), np.array([0.003, 0.003, 0.05, 0.2])
+@pytest.mark.parametrize("sigma", [SIGMA, 0.2])
+def test_uncertainty_of_a_posterior_with_any_shape_is_its_integral_over_azimuth_and_scale(sigma: float) -> None:
+    inc, lat = rad([90.0, 89.5, 70.0, 60.0]), np.full(4, rad(45.0))
+    sd = np.array([0.003, 0.003, 0.01, 0.02]) if sigma == SIGMA else np.full(4, 0.15)
     truth = rad([90.0, 95.0, 110.0, 125.264])
     rates = earth_in_tool(truth, inc, lat)[:, :2] + [3e-4, -2e-4]
-    k0, cov = np.ones(4), isotropic(4, 2)
-    own = posterior_sd(rates, cov, inc, lat, k0, sd, truth)
+    own = posterior_sd(rates, isotropic(4, 2, sigma), inc, lat, np.ones(4), sd, truth)
     psi = np.arange(2400) * 2.0 * np.pi / 2400
     for n in range(4):
         k = 1.0 + sd[n] * np.linspace(-6.0, 6.0, 1201)
         model = earth_in_tool(psi, inc[n], lat[n])[:, None, :2]
-        cost = np.sum((rates[n] - k[:, None] * model) ** 2, axis=-1) / SIGMA**2 + ((k - 1.0) / sd[n]) ** 2
+        cost = np.sum((rates[n] - k[:, None] * model) ** 2, axis=-1) / sigma**2 + ((k - 1.0) / sd[n]) ** 2
         density = np.exp(-0.5 * (cost - cost.min())).sum(axis=1)
         spread = np.sqrt(density @ wrap_signed(psi - truth[n]) ** 2 / density.sum())
-        np.testing.assert_allclose(own[n], spread, rtol=0.01)  # two grids of different widths
+        # smooth peaks wider than either grid; half a turn away the grids differ by one point
+        np.testing.assert_allclose(own[n], spread, rtol=2e-3)
 
 
 def test_the_horizontal_east_west_tool_is_weak_and_its_neighbour_a_degree_off_is_not() -> None:
