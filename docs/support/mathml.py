@@ -12,14 +12,20 @@ from sphinx.util import logging
 _LOG = logging.getLogger(__name__)
 
 
-# docutils puts a function and its argument side by side
-_FUNCTION = re.compile(r"(<mi[^>]*>(?:sin|cos|tan|cot|log)</mi>)(?!\s*<mo[^>]*>\()")
+# docutils puts a function, or a power of one, and its argument side by side
+_NAME = r"<mi[^>]*>(?:sin|cos|tan|cot|log)</mi>"
+_FUNCTION = re.compile(rf"(<msup>\s*{_NAME}.*?</msup>|{_NAME})(\s*<mo[^>]*>\()?", re.DOTALL)
+
+
+def _spaced(found: re.Match[str]) -> str:
+    """The function with a thin space after it, unless a bracket follows."""
+    return found[0] if found[2] else found[1] + '<mspace width="0.17em"/>'
 
 
 def _mathml(node: nodes.Node, *, block: bool) -> str:
     source = node.astext()
     try:
-        return _FUNCTION.sub(r'\1<mspace width="0.17em"/>', str(tex2mathml(source, as_block=block)))
+        return _FUNCTION.sub(_spaced, str(tex2mathml(source, as_block=block)))
     except (SyntaxError, ValueError, IndexError) as error:
         _LOG.warning("formula %r cannot be drawn: %s", source, error, location=node)
         return ""
