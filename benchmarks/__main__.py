@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks import readme
 
 NAMES = ("kernel", "closed_forms", "joint", "design", "real_data", "gyro_schemes", "gyro")
-DRAWS = {"closed_forms": 500, "joint": 800}
+DRAWS = {"closed_forms": 500, "joint": 800, "gyro": 600}
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from inclinometry.workflow.demo import BENCHES, INCLINATIONS_PICTURED, PICTURED,
 START, END = "<!-- bench -->", "<!-- /bench -->"
 PICTURE = Path("docs/_static/comparison.png")
 DRAWS = 200
+WARM_UP = "warm-up 20"
 
 
 def update(results: dict, readme: Path) -> None:
@@ -28,7 +29,7 @@ def update(results: dict, readme: Path) -> None:
 
 def table(results: dict) -> list[tuple[str, str, str]]:
     """Rows of what, found, beside."""
-    return [*_joint(results["joint"]), *_closed(results), *_real(results["real_data"]), *_speed(results)]
+    return [*_joint(results["joint"]), *_closed(results), *_real(results["real_data"]), *_gyro(results), *_speed(results)]
 
 
 def _joint(joint: dict) -> list[tuple[str, str, str]]:
@@ -95,6 +96,39 @@ def _real(real: dict) -> list[tuple[str, str, str]]:
     return rows
 
 
+def _gyro(results: dict) -> list[tuple[str, str, str]]:
+    rows = []
+    for row in results["gyro"]["hot"]:
+        if row["required_deg"] is None or not row["reading"].startswith("own"):
+            continue
+        found = row["rms_deg"]
+        rows.append(
+            (
+                f"hot gyro run, 20 to 140 °C, {row['noise_deg_h']:g} deg/h: rms azimuth, joint online / whole run",
+                f"{found['quadratic online']:.3f}° / {found['whole run']:.3f}°",
+                f"uncompensated {found['none']:.2f}°, patent {found['patent + history']:.2f}°",
+            )
+        )
+    table = [row for row in results["gyro"]["table"] if row["bound_deg"] is not None and row["specified_deg"]]
+    ratios = [row["rms_deg in the right valley"] / row["bound_deg"] for row in table]
+    rows.append(
+        (
+            f"joint gyro estimate, rms azimuth / Cramér-Rao bound, {len(ratios)} attitudes",
+            f"{min(ratios):.3f} to {max(ratios):.3f}",
+            "1 is the bound",
+        )
+    )
+    warm = {r["scheme"]: r["rms_deg"] for r in results["gyro_schemes"]["schemes"] if r["noise"] == WARM_UP}
+    rows.append(
+        (
+            "north seeking in a warm-up drift of 20 deg/h/h: mirrored / carousel",
+            f"{warm['mirrored']:.3f}° / {warm['carousel']:.3f}°",
+            f"four positions {warm['four']:.2f}°",
+        )
+    )
+    return rows
+
+
 def _speed(results: dict) -> list[tuple[str, str, str]]:
     kernel, closed, joint = results["kernel"]["ratios"], results["closed_forms"]["speed"], results["joint"]["speed"]
     times = list(joint.values())
@@ -104,6 +138,11 @@ def _speed(results: dict) -> list[tuple[str, str, str]]:
             "share of the machine's arithmetic limit / of its triad bandwidth",
             f"{100 * kernel['of_arithmetic_limit']:.0f} % / {100 * kernel['of_triad_bandwidth']:.0f} %",
             "same run",
+        ),
+        (
+            "joint gyro estimate, stations a second on one core",
+            f"{results['gyro']['speed']['stations a second (wanted 5e5)'] / 1e6:.2f} million",
+            f"numpy × {results['gyro']['speed']['times faster than plain numpy']:.1f}",
         ),
         ("joint fit, 24 stations, two triads", f"{times[0]:.1f} ms", f"general solver × {times[1]:.1f}"),
         (

@@ -15,7 +15,7 @@ from inclinometry.gyro.formulas import expected_rates
 RIVAL = 25.0
 """Cost by which the second-best azimuth must be worse: five standard uncertainties."""
 
-BENT = (2.5, 6.5)
+BENT = (3.0, 5.5)
 """Cost two standard uncertainties away, 4 if Gaussian; outside this range the posterior gives the uncertainty."""
 
 LARGEST = 1e6
