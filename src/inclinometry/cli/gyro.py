@@ -139,6 +139,7 @@ def scale(
     history: Path | None = None,
     scale_sd_percent: float = 0.3,
     gyro_sd_deg_h: float | None = None,
+    hole: Literal["down", "up"] | None = None,
     report: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -164,6 +165,8 @@ def scale(
         Standard uncertainty of the scale factor at the reference temperature.
     gyro_sd_deg_h
         Noise of one gyro reading; estimated from the scatter when absent.
+    hole
+        Whether the tool points down or up, for tools that cannot tell.
     report
         Write an HTML report.
     json
@@ -179,6 +182,7 @@ def scale(
         scale_sd=_percent(scale_sd_percent, "--scale-sd-percent"),
         history=None if history is None else read_scale(history),
         gyro_sd=_rate(gyro_sd_deg_h, "--gyro-sd-deg-h"),
+        hole=hole,
     )
     found = _run(run, site, calibration, options)
     record = found.record()

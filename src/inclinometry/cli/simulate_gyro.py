@@ -20,6 +20,7 @@ def gyro(
     *,
     output_: Output,
     seed: int = 1,
+    noise_seed: int | None = None,
     truth: Path | None = None,
     site: Path | None = None,
     scenario: Literal["hot", "cool"] = "hot",
@@ -44,6 +45,8 @@ def gyro(
         Readings CSV, as gyro north reads them.
     seed
         Decides well, temperature, scale factor and noise.
+    noise_seed
+        Run the same hole again: decides toolfaces and noise alone.
     truth
         Write the true angles and scale factors.
     site
@@ -96,7 +99,7 @@ def gyro(
         accel_sd_m_s2,
         None if spike is None else _spike(spike, stations, len(use.POSITIONS[scheme])),
     )
-    run, _ = use.gyro_run(request, seed)
+    run, _ = use.gyro_run(request, seed, noise_seed)
     use.write_gyro(run, output_)
     if truth is not None:
         use.write_gyro_truth(run, seed, truth)

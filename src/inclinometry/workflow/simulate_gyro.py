@@ -56,8 +56,8 @@ class GyroRunRequest:
             raise InputError(f"scheme is {self.scheme!r}; allowed: {', '.join(POSITIONS)}")
 
 
-def gyro_run(request: GyroRunRequest, seed: int) -> tuple[GyroSimulation, HotRun]:
-    """A simulated run and the scenario behind it."""
+def gyro_run(request: GyroRunRequest, seed: int, noise_seed: int | None = None) -> tuple[GyroSimulation, HotRun]:
+    """A simulated run and the scenario behind it; with another `noise_seed` the same hole is run again."""
     path = hot_run(seed, request.stations, latitude=request.latitude)
     if request.scenario == "cool":
         path = path._replace(temperature=np.full(request.stations, 20.0), scale=np.ones(request.stations))
@@ -73,7 +73,7 @@ def gyro_run(request: GyroRunRequest, seed: int) -> tuple[GyroSimulation, HotRun
         accelerometer_noise=request.accelerometer_noise,
     )
     spikes = [] if request.spike is None else [Spike(request.spike[0], request.spike[1], 0, request.spike[2])]
-    streams = Streams(seed, "gyro-run")
+    streams = Streams(seed if noise_seed is None else noise_seed, "gyro-run")
     run = simulate_gyro_run(
         30.0 * np.arange(1.0, request.stations + 1.0),
         path.inclination,
