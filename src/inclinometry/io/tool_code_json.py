@@ -1,0 +1,131 @@
+"""Tool codes from JSON: those shipped with the package under their names, or a user's file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.core.constants import FOOT
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.io import _json
+from inclinometry.position.tool_code import Term, ToolCode, term
+
+_SINGULAR: Final = ("north_singularity", "east_singularity", "vertical_singularity")
+_WEIGHTS: Final = ("depth_formula", "inclination_formula", "azimuth_formula")
+# parameter of the file -> variable of the formulas and what one of the file's unit is in SI
+_PARAMETERS: Final = {
+    "noise_reduction_factor": ("noisereductionfactor", 1.0),
+    "gxy_running_speed": ("gxyrunningspeed", 1.0 / 3600.0),
+    "gz_running_speed": ("gzrunningspeed", 1.0 / 3600.0),
+    "xcl_tortuosity_deg_per_100ft": ("xcltortuosity", np.pi / 180.0 / (100.0 * FOOT)),
+}
+
+
+def tool_code_names() -> tuple[str, ...]:
+    """Names of the tool codes shipped with the package.
+
+    Examples
+    --------
+    >>> tool_code_names()[:2]
+    ('iscwsa-mwd-rev4', 'iscwsa-mwd-rev5.1')
+    """
+    folder = files("inclinometry.position").joinpath("tool_codes")
+    return tuple(sorted(entry.name.removesuffix(".json") for entry in folder.iterdir() if entry.name.endswith(".json")))
+
+
+def load_tool_code(name_or_path: str | Path) -> ToolCode:
+    """A tool code by its name, or from a JSON file.
+
+    The file has `metadata` (`short_name`, `source`, `revision`), `parameters` and `terms`; the keys of a term are those
+    of the ISCWSA's error models in JSON: `name`, `value`, `units`, `propagation_mode` ("Random", "Systematic", "Well",
+    "Global"), `depth_formula`, `inclination_formula`, `azimuth_formula`, `north_singularity` and so on.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+
+    Returns
+    -------
+    ToolCode
+
+    Raises
+    ------
+    InputError
+        A name that is neither a shipped tool code nor a file; lists the names.
+    FileError
+        No JSON, a missing or unknown key with its JSON path, an unknown unit, variable or function with its term.
+
+    Examples
+    --------
+    >>> code = load_tool_code("iscwsa-mwd-rev5.1")
+    >>> code.revision, len(code.terms)
+    ('5.1', 35)
+    """
+    if str(name_or_path) in tool_code_names():
+        with as_file(files("inclinometry.position").joinpath("tool_codes", f"{name_or_path}.json")) as shipped:
+            return _read(shipped)
+    path = Path(name_or_path)
+    try:
+        missing = not path.suffix and len(path.parts) <= 1 and not path.exists()
+    except (OSError, ValueError):
+        missing = True
+    if missing:
+        names = ", ".join(tool_code_names())
+        raise InputError(f"tool code {str(name_or_path)!r} is neither a file nor one of those shipped: {names}")
+    return _read(path)
+
+
+def _read(path: Path) -> ToolCode:
+    content = _json.load(path)
+    _json.validate(content, "tool-code-1", path)
+    metadata, parameters = content["metadata"], content.get("parameters", {})
+    terms = tuple(_term(cells, f"$.terms[{row}]", path) for row, cells in enumerate(content["terms"]))
+    continuous = parameters.get("xy_static_gyro_end_inc")
+    try:
+        return ToolCode(
+            name=metadata["short_name"],
+            terms=terms,
+            source=metadata["source"],
+            revision=str(metadata.get("revision", "")),
+            description=metadata.get("long_name", ""),
+            parameters={_PARAMETERS[k][0]: float(v) * _PARAMETERS[k][1] for k, v in _numbers(parameters)},
+            inclinations=_degrees(parameters.get("inc_min", 0.0), parameters.get("inc_max", 180.0)),
+            vertical=float(np.radians(parameters.get("vertical_inclination_deg", 1e-4))),
+            surface_attitude=parameters.get("surface_attitude_uncertain", False),
+            continuous_above=None if continuous is None else float(continuous),
+        )
+    except InputError as error:
+        raise FileError(str(error), path=path) from None
+
+
+def _numbers(parameters: Mapping[str, Any]) -> list[tuple[str, float]]:
+    return [(key, value) for key, value in parameters.items() if key in _PARAMETERS]
+
+
+def _degrees(low: float, high: float) -> tuple[float, float]:
+    return float(np.radians(low)), float(np.radians(high))
+
+
+def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
+    singular = [cells.get(key) or "0" for key in _SINGULAR] if any(cells.get(key) for key in _SINGULAR) else None
+    try:
+        return term(
+            cells["name"],
+            float(cells["value"]),
+            cells["units"],
+            cells["propagation_mode"].lower(),
+            [cells.get(key, "0") for key in _WEIGHTS],
+            singular,
+            course=cells.get("course", False),
+            inclinations=_degrees(cells.get("inc_min_deg", -np.inf), cells.get("inc_max_deg", np.inf)),
+            hold=cells.get("carry_above_max", False),
+            start=cells.get("carry_only", False),
+            description=cells.get("description", ""),
+            source=cells.get("source", ""),
+        )
+    except InputError as error:
+        raise FileError(f"{where}: {error}", path=path) from None

@@ -1,0 +1,299 @@
+"""From the errors of measurements to the uncertainty of positions along a well."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from inclinometry.core.arrays import Array, finite
+from inclinometry.core.errors import InputError
+from inclinometry.position.levers import Levers, levers
+from inclinometry.position.sources import MatrixSource
+from inclinometry.position.tool_code import ToolCode
+from inclinometry.position.weights import Evaluator, Weights
+from inclinometry.position.well import WellSurvey
+
+
+class Run(NamedTuple):
+    """Stations of a well that one tool surveyed.
+
+    first, last : rows, from 0, both included.
+    code : ToolCode or None
+    sources : MatrixSource, with rows for all stations of the well.
+    """
+
+    first: int
+    last: int
+    code: ToolCode | None = None
+    sources: Sequence[MatrixSource] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SourceUncertainty:
+    """What one source of error does to the positions of a well.
+
+    name, propagation : str
+    vectors : (p, n, 3) north, east, down, m: each of its p independent realisations, one standard deviation. A random
+        source has the error of each station's own measurement here; those of the stations before are in `before`.
+    before : (n, 3, 3) covariance that a random source has collected before each station, m^2; None for the others.
+    """
+
+    name: str
+    propagation: str
+    vectors: Array
+    before: Array | None = None
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance (n, 3, 3) of the position at each station, north, east, down, m^2."""
+        own = np.asarray(np.einsum("pni,pnj->nij", self.vectors, self.vectors))
+        return own if self.before is None else np.asarray(own + self.before)
+
+
+@dataclass(frozen=True, eq=False)
+class PositionUncertainty:
+    """Uncertainty of the positions of a well from all sources.
+
+    survey : WellSurvey
+    sources : name -> SourceUncertainty; where a well has several runs, "run 2: ABZ" for what runs don't share.
+    covariance : (n, 3, 3) north, east, down, m^2, of survey.north; positions are normally distributed about the
+        surveyed ones as long as errors are small enough for the levers to be linear.
+    """
+
+    survey: WellSurvey
+    sources: Mapping[str, SourceUncertainty]
+    covariance: Array = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.survey)
+
+    def by_propagation(self, propagation: str) -> Array:
+        """Covariance (n, 3, 3) of the sources of one kind: "random", "systematic", "well" or "global"."""
+        parts = [one.covariance for one in self.sources.values() if one.propagation == propagation]
+        return np.asarray(sum(parts, start=np.zeros((len(self), 3, 3))))
+
+
+def propagate(
+    survey: WellSurvey, tool_code: ToolCode | None = None, sources: Sequence[MatrixSource] = ()
+) -> PositionUncertainty:
+    """Uncertainty of positions of a well that one tool surveyed.
+
+    Parameters
+    ----------
+    survey : WellSurvey
+    tool_code : ToolCode, optional
+    sources : sequence of MatrixSource, optional
+        Causes known by their own derivatives: a calibration's parameters, what a correction leaves.
+
+    Returns
+    -------
+    PositionUncertainty
+
+    Raises
+    ------
+    InputError
+        No source at all; two of one name; a variable of which the site says nothing; an inclination outside the tool
+        code's range.
+
+    Notes
+    -----
+    SPE 67616, equations (17) to (24): the error at station k is the sum of e_j over the stations j before and e*_k of
+    its own, e = sigma (dr_k/dp + dr_(k+1)/dp) w and e* = sigma (dr_k/dp) w; sums of vectors where the stations share
+    the error, sums of covariances where it is random.
+
+    Examples
+    --------
+    >>> from inclinometry.earth.site import Site
+    >>> from inclinometry.position.tool_code import ToolCode, term
+    >>> from inclinometry.position.well import well_survey
+    >>> sag = term("SAG", 0.2, "deg", "systematic", ("0", "Sin(Inc)", "0"))
+    >>> code = ToolCode(name="sag only", terms=(sag,), source="example")
+    >>> flat = well_survey([0, 30, 60], np.radians([90, 90, 90]), [0, 0, 0], Site())
+    >>> found = propagate(flat, code)
+    >>> np.sqrt(found.covariance[:, 2, 2]).round(4)  # lever 15 and 45 m: the first station is known
+    array([0.    , 0.0524, 0.1571])
+    """
+    return propagate_runs(survey, [Run(0, len(survey) - 1, tool_code, sources)])
+
+
+def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertainty:
+    """Uncertainty of positions of a well surveyed in several runs.
+
+    Parameters
+    ----------
+    survey : WellSurvey
+    runs : sequence of Run
+        From top to bottom; each station in exactly one.
+
+    Returns
+    -------
+    PositionUncertainty
+        Sources that propagate "well" or "global" and have the same name and magnitude in two runs are one error.
+
+    Raises
+    ------
+    InputError
+        Runs that leave stations out or overlap, and as `propagate`.
+    """
+    _covering(runs, len(survey))
+    pieces: dict[str, list[SourceUncertainty]] = {}
+    for number, run in enumerate(runs, 1):
+        mask = np.zeros(len(survey))
+        mask[run.first : run.last + 1] = 1.0
+        for one in _run_sources(survey, run, None if len(runs) == 1 else mask):
+            shared = len(runs) == 1 or one.propagation in ("well", "global")
+            pieces.setdefault(one.name if shared else f"run {number}: {one.name}", []).append(one)
+    sources = {name: _joined(name, parts) for name, parts in pieces.items()}
+    if not sources:
+        raise InputError("there is no source of error; give a tool code, a calibration or other sources")
+    return PositionUncertainty(survey, MappingProxyType(sources), _total(survey, sources))
+
+
+def _covering(runs: Sequence[Run], size: int) -> None:
+    expected = 0
+    for number, run in enumerate(runs, 1):
+        if run.first != expected or run.last < run.first or run.last >= size:
+            raise InputError(
+                f"run {number} has stations {run.first + 1} to {run.last + 1}; it must begin at {expected + 1} and end "
+                f"by {size}"
+            )
+        expected = run.last + 1
+    if expected != size:
+        raise InputError(f"the runs end at station {expected} of {size}; the last must end with the survey")
+
+
+def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[SourceUncertainty]:
+    code = run.code
+    arms = levers(
+        survey.md,
+        survey.inclination,
+        survey.azimuth,
+        survey.surface,
+        survey.surface and code is not None and code.surface_attitude,
+    )
+    named: list[tuple[str, str, list[Weights]]] = []
+    if code is not None:
+        _in_range(survey, run, code)
+        evaluator = Evaluator(survey, code)
+        named += [(one.name, one.propagation, evaluator.realisations(one)) for one in code.terms]
+    named += [(one.name, one.propagation, one.weights(survey)) for one in run.sources]
+    twice = next((n for i, (n, _, _) in enumerate(named) if n in [m for m, _, _ in named[:i]]), None)
+    if twice is not None:
+        raise InputError(f"two sources of one run are called {twice!r}; names must differ")
+    turn = survey.site.convergence if survey.north == "grid" else None
+    return [_source(name, kind, weights, arms, mask, turn) for name, kind, weights in named]
+
+
+def _in_range(survey: WellSurvey, run: Run, code: ToolCode) -> None:
+    low, high = code.inclinations
+    here = survey.inclination[run.first : run.last + 1]
+    bad = (here < low) | (here > high)
+    if bad.any():
+        row = run.first + int(np.argmax(bad))
+        raise InputError(
+            f"station {row + 1} has inclination {np.degrees(survey.inclination[row]):.2f} deg; tool code "
+            f"{code.name} is made for {np.degrees(low):g} to {np.degrees(high):g} deg"
+        )
+
+
+def _source(
+    name: str, kind: str, weights: Sequence[Weights], arms: Levers, mask: Array | None, turn: float | None
+) -> SourceUncertainty:
+    size = len(arms.own_length)
+    own, both = np.empty((len(weights), 3, size)), np.empty((len(weights), 3, size))
+    for row, one in enumerate(weights):
+        masked = one if mask is None else one.times(mask)
+        _errors(masked, arms, own[row], both[row])
+    for vectors in (own, both):
+        if turn is not None:  # grid north lies east of true north by the convergence
+            c, s = np.cos(turn), np.sin(turn)
+            vectors[:, :2] = np.stack([c * vectors[:, 0] + s * vectors[:, 1], c * vectors[:, 1] - s * vectors[:, 0]], 1)
+    before = None
+    if kind == "random":
+        # the stations before, each with its own error
+        before = np.zeros((size, 3, 3))
+        for i in range(3):
+            for j in range(i, 3):
+                product = np.einsum("pn,pn->n", both[:, i], both[:, j])
+                before[1:, i, j] = before[1:, j, i] = np.cumsum(product[:-1])
+    else:
+        own[:, :, 1:] += np.cumsum(both[:, :, :-1], axis=2)
+    return SourceUncertainty(name, kind, np.moveaxis(own, 1, 2), before)
+
+
+def _errors(weights: Weights, arms: Levers, own: Array, both: Array) -> None:
+    """Errors (3, n) of the course before a station, and of that and the next, in place."""
+    own[:], both[:] = 0.0, 0.0
+    pairs = zip((weights.depth, weights.inclination, weights.azimuth), arms.own, arms.both, arms.course, strict=True)
+    for weight, mine, couple, course in pairs:
+        if weight is not None:
+            own += weight * (course if weights.course else mine)
+            both += weight * (course if weights.course else couple)
+    if weights.direction is not None:
+        lengths = (arms.course_length,) * 2 if weights.course else (arms.own_length, arms.both_length)
+        own += weights.direction * lengths[0]
+        both += weights.direction * lengths[1]
+
+
+def _joined(name: str, parts: Sequence[SourceUncertainty]) -> SourceUncertainty:
+    """One source of all the runs that share it."""
+    if len(parts) == 1:
+        return parts[0]
+    kinds, sizes = {part.propagation for part in parts}, {len(part.vectors) for part in parts}
+    if len(kinds) > 1 or len(sizes) > 1:
+        raise InputError(f"source {name!r} differs between runs in propagation or parameters; rename one of them")
+    return SourceUncertainty(name, parts[0].propagation, np.sum([part.vectors for part in parts], axis=0))
+
+
+def _total(survey: WellSurvey, sources: Mapping[str, SourceUncertainty]) -> Array:
+    """Covariance (n, 3, 3) of everything together with the tie."""
+    stacked = np.concatenate([one.vectors for one in sources.values()])
+    total = np.empty((len(survey), 3, 3))
+    for i in range(3):
+        for j in range(i, 3):
+            total[:, i, j] = total[:, j, i] = np.einsum("sn,sn->n", stacked[:, :, i], stacked[:, :, j])
+    for one in sources.values():
+        if one.before is not None:
+            total += one.before
+    return total + survey.tie
+
+
+def relative_covariance(first: PositionUncertainty, i: int, second: PositionUncertainty, j: int) -> Array:
+    """Covariance (3, 3), m^2, of the vector from station `i` of one well to station `j` of another.
+
+    Global sources of the same name are one error in both wells, the others are independent. The two wells must count
+    from the same north.
+
+    Raises
+    ------
+    InputError
+        Results of different norths, global sources of one name that differ in their parameters.
+
+    Examples
+    --------
+    >>> from inclinometry.earth.site import Site
+    >>> from inclinometry.position.tool_code import ToolCode, term
+    >>> from inclinometry.position.well import well_survey
+    >>> declination = term("DEC", 0.36, "deg", "global", ("0", "0", "1"))
+    >>> code = ToolCode(name="declination", terms=(declination,), source="example")
+    >>> well = propagate(well_survey([0, 30], [0.5, 0.5], [0.0, 0.0], Site()), code)
+    >>> bool(np.abs(relative_covariance(well, 1, well, 1)).max() < 1e-12)
+    True
+    """
+    if first.survey.north != second.survey.north:
+        raise InputError(f"one well counts from {first.survey.north}, the other from {second.survey.north} north")
+    total = first.covariance[i] + second.covariance[j]
+    for name, one in first.sources.items():
+        other = second.sources.get(name)
+        if other is None or one.propagation != "global" or other.propagation != "global":
+            continue
+        if len(one.vectors) != len(other.vectors):
+            raise InputError(f"global source {name!r} has different parameters in the two wells; rename one of them")
+        cross = one.vectors[:, i].T @ other.vectors[:, j]
+        total = total - cross - cross.T
+    return finite(total, "covariance")
