@@ -142,3 +142,10 @@ _add(
     "Calibrate gyros from the steps of a rate table.",
     "gyro table steps.csv --site site.toml -o tool.json",
 )
+_add(
+    app,
+    "field:field",
+    "field",
+    "Magnetic field, gravity, Earth rate and grid convergence of a place, with uncertainty.",
+    "field --latitude-deg 60 --longitude-deg 10 --height-m 0 --date 2026-05-01 --crs EPSG:32632",
+)

@@ -56,6 +56,10 @@ class Site:
         Gravity, m/s^2; magnetic flux density, nT; dip, rad, positive when the field points below the horizon.
     declination_sigma, convergence_sigma, g_sigma, b_sigma, dip_sigma : float, optional
         Their standard deviations, same units.
+    crs : str, optional
+        The grid, e.g. "EPSG:32632"; the convergence is computed from it at the edge, where none is given.
+    origins : tuple of (name, origin), optional
+        Where values that were not given come from, e.g. ("dip", "WMM2025"); see `origin`.
 
     Raises
     ------
@@ -85,6 +89,8 @@ class Site:
     g_sigma: float | None = None
     b_sigma: float | None = None
     dip_sigma: float | None = None
+    crs: str | None = None
+    origins: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         _known(self.north_reference)
@@ -96,6 +102,18 @@ class Site:
             quantity = field.name.removesuffix("_sigma")
             if getattr(self, quantity) is None:
                 raise InputError(f"{field.name} is given without {quantity}; give both or neither")
+
+    def origin(self, name: str) -> str | None:
+        """Where the site has a value from: "given", or what computed it; None when it has none.
+
+        Examples
+        --------
+        >>> Site(b=50_000.0).origin("b")
+        'given'
+        """
+        if getattr(self, name) is None:
+            return None
+        return dict(self.origins).get(name, "given")
 
     @property
     def gravity(self) -> float | None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import datetime
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import REFERENCES, Site
 from inclinometry.io import _toml
+from inclinometry.io.grid import map_grid
 
 # key of the file -> name in Site, lowest and highest value in the file's unit
 _NUMBERS = {
@@ -37,12 +39,14 @@ def read_site(path: str | Path) -> Site:
     Keys: `latitude_deg`, `longitude_deg`, `height_m`, `date` (2024-05-01), `north_reference` ("magnetic", "true",
     "grid"), `declination_deg` (east positive), `convergence_deg` (positive where grid north is east of true), `g`
     (m/s^2), `b_nT`, `dip_deg` (positive down), their `sigma_g`, `sigma_b_nT`, `sigma_dip_deg`, `sigma_declination_deg`,
-    `sigma_convergence_deg`, and `crs`, the name of the grid, which is kept in the file but not computed with.
+    `sigma_convergence_deg`, and `crs`, the name of the grid ("EPSG:32632"), from which `grid_convergence` gives the
+    convergence.
 
     Raises
     ------
     FileError
-        Wrong syntax, with its line; an unknown key, with the closest; a value out of range; a sigma without its value.
+        Wrong syntax, with its line; an unknown key, with the closest; a value out of range; a sigma without its value;
+        a crs that is not known or no map grid.
 
     Examples
     --------
@@ -54,20 +58,27 @@ def read_site(path: str | Path) -> Site:
     (1.22173, 50000.0)
     """
     settings = _toml.load(path, _KEYS)
-    values: dict[str, float | None] = {}
+    values: dict[str, Any] = {}
     for key, (name, low, high) in _NUMBERS.items():
         value = settings.number(key, low, high)
         values[name] = float(np.radians(value)) if value is not None and key.endswith("_deg") else value
-    settings.text("crs")
     reference = settings.text("north_reference", REFERENCES)
     try:
-        return Site(date=_date(settings), north_reference=reference or "magnetic", **values)
+        crs = _crs(settings)
+        return Site(date=_date(settings), north_reference=reference or "magnetic", crs=crs, **values)
     except FileError:
         raise
     except InputError as error:
         names = {name: key for key, (name, _, _) in _NUMBERS.items()}
         problem = re.sub(r"\w+", lambda word: names.get(word[0], word[0]), str(error))
         raise FileError(problem, path=path) from None
+
+
+def _crs(settings: _toml.Settings) -> str | None:
+    crs = settings.text("crs")
+    if crs is not None:
+        map_grid(crs)
+    return crs
 
 
 def _date(settings: _toml.Settings) -> datetime.date | None:

@@ -1,0 +1,132 @@
+"""Command that gives the reference fields of a place."""
+
+from __future__ import annotations
+
+import datetime
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from inclinometry.cli import options, output
+from inclinometry.cli.options import Json
+from inclinometry.core.errors import InputError
+
+if TYPE_CHECKING:
+    from inclinometry.workflow.field import PlaceField
+
+
+def field(
+    *,
+    latitude_deg: float,
+    longitude_deg: float,
+    height_m: float,
+    date: str,
+    model: Literal["wmm2025", "igrf14"] = "wmm2025",
+    crs: str | None = None,
+    json: Json = False,
+) -> None:
+    """Magnetic field, gravity and Earth rate of a place, each with its standard uncertainty, and grid convergence.
+
+    Parameters
+    ----------
+    latitude_deg
+        Geodetic, north positive.
+    longitude_deg
+        East positive.
+    height_m
+        Above the ellipsoid.
+    date
+        2026-05-01, or a decimal year.
+    model
+        wmm2025 (2025 to 2030) or igrf14 (1900 to 2030).
+    crs
+        Map grid, e.g. EPSG:32632, for the convergence.
+    json
+        Print JSON.
+    """
+    from inclinometry.earth.magnetic import MODELS
+    from inclinometry.workflow.field import field_at
+
+    if not -12e3 <= height_m <= 20e3:
+        raise InputError(f"--height-m is {height_m:g} m; allowed -12000 to 20000 m (1 foot is 0.3048 m)")
+    found = field_at(
+        options.angle(latitude_deg, "--latitude-deg", -90.0, 90.0),
+        options.angle(longitude_deg, "--longitude-deg", -180.0, 360.0),
+        height_m,
+        _date(date),
+        MODELS[model],
+        crs,
+    )
+    output.warnings(found.notes)
+    if json:
+        output.print_json(_content(found, date))
+        return
+    show_field(found, date)
+
+
+def show_field(found: PlaceField, date: str) -> None:
+    """Every quantity with its uncertainty on the terminal."""
+    rows = [
+        [name.replace("_", " "), f"{value:.{digits}f}", "" if u is None else f"{u:.{u_digits}f}", unit]
+        for name, value, u, unit, digits, u_digits in _quantities(found)
+    ]
+    site, valid = found.site, "{:.1f} to {:.1f}".format(*found.magnetic.years)
+    place = f"latitude {np.degrees(site.latitude or 0.0):.6g}, longitude {np.degrees(site.longitude or 0.0):.6g} deg"
+    title = f"{found.magnetic.model} at {place}, height {site.height_m:g} m, {date}"
+    output.table(title, ["quantity", "value", "u", "unit"], rows, f"u: one standard deviation; model valid {valid}")
+
+
+def _quantities(found: PlaceField) -> list[tuple[str, float, float | None, str, int, int]]:
+    """(name, value, standard uncertainty, unit, digits of both) in the order they are shown."""
+    field, per_hour = found.magnetic, float(np.degrees(3600.0))
+    own = np.sqrt(np.diagonal(field.covariance))
+    rows: list[tuple[str, float, float | None, str, int, int]] = [
+        ("north", float(field.north), float(own[0]), "nT", 1, 0),
+        ("east", float(field.east), float(own[1]), "nT", 1, 0),
+        ("down", float(field.down), float(own[2]), "nT", 1, 0),
+        ("total", float(field.b), float(field.b_sigma), "nT", 1, 0),
+        ("horizontal", float(field.horizontal), float(field.horizontal_sigma), "nT", 1, 0),
+    ]
+    for name in ("dip", "declination"):
+        value, u = getattr(field, name), getattr(field, f"{name}_sigma")
+        rows.append((name, float(np.degrees(value)), float(np.degrees(u)), "deg", 3, 2))
+    rows += [
+        ("gravity", found.gravity, found.gravity_sigma, "m/s2", 5, 5),
+        ("earth_rate", float(np.linalg.norm(found.rate)) * per_hour, None, "deg/h", 4, 0),
+        ("horizontal_earth_rate", found.horizontal_rate * per_hour, None, "deg/h", 4, 0),
+    ]
+    if found.convergence is not None and found.scale is not None:
+        rows.append(("convergence", float(np.degrees(found.convergence)), None, "deg", 4, 0))
+        rows.append(("scale_factor", found.scale, None, "1", 6, 0))
+    return rows
+
+
+def _content(found: PlaceField, date: str) -> dict[str, Any]:
+    quantities = {name: {"value": value, "u": u, "unit": unit} for name, value, u, unit, _, _ in _quantities(found)}
+    site = found.site
+    return {
+        "model": found.magnetic.model,
+        "valid_years": list(found.magnetic.years),
+        "latitude_deg": round(float(np.degrees(site.latitude or 0.0)), 10),
+        "longitude_deg": round(float(np.degrees(site.longitude or 0.0)), 10),
+        "height_m": site.height_m,
+        "date": date,
+        "crs": site.crs,
+        "field": quantities,
+        "notes": list(found.notes),
+    }
+
+
+def _date(text: str) -> datetime.date | float:
+    """A date, or a decimal year."""
+    try:
+        return datetime.date.fromisoformat(text)
+    except ValueError:
+        pass
+    try:
+        year = float(text)
+    except ValueError:
+        year = np.nan
+    if not np.isfinite(year):
+        raise InputError(f"--date is {text!r}; write year, month and day, as in 2026-05-01, or a decimal year")
+    return year

@@ -1,0 +1,315 @@
+"""The Earth's main field from WMM2025 and IGRF-14, each with its own uncertainty; values of the site win over both."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.core.arrays import Array, finite, frozen, within
+from inclinometry.core.errors import InputError
+from inclinometry.earth._coefficients import igrf14_coefficients, wmm2025_coefficients
+from inclinometry.earth._harmonics import Coefficients, field_ned
+from inclinometry.earth.site import Site
+
+UNKNOWN_ANGLE: Final = float(np.pi / np.sqrt(3.0))
+"""Standard deviation of a declination of which nothing is known (uniform over the circle), rad."""
+
+HIGHEST: Final = 2000e3
+"""Height up to which the models are evaluated, m; readings of a hole never come near it."""
+
+
+class ReferenceErrors(NamedTuple):
+    """Standard deviations of a kind of geomagnetic reference, in nT and rad.
+
+    declination_by_h (rad nT) divided by the horizontal field adds to declination by root sum of squares. The random
+    parts are the disturbance field, which differs from station to station and is no error of the model.
+    """
+
+    b: float
+    dip: float
+    declination: float
+    declination_by_h: float
+    b_random: float
+    dip_random: float
+
+
+@dataclass(frozen=True, eq=False)
+class MagneticField:
+    """Main field at points and dates of any common shape (...).
+
+    model : name of the model
+    years : first and last decimal year for which it is valid
+    north, east, down : nT
+    b : nT; dip : rad, positive down; declination : rad, positive east
+    b_sigma, dip_sigma, declination_sigma : the model's standard deviation there: what a main field leaves out (crust,
+        disturbances of a mean day) and its ageing; global means, several times larger over magnetic rocks
+    covariance : (..., 3, 3) of north, east, down, nT^2, with errors of b, dip and declination taken as independent
+    """
+
+    model: str
+    years: tuple[float, float]
+    north: Array
+    east: Array
+    down: Array
+    b: Array
+    dip: Array
+    declination: Array
+    b_sigma: Array
+    dip_sigma: Array
+    declination_sigma: Array
+    covariance: Array
+
+    @property
+    def horizontal(self) -> Array:
+        """Horizontal field, nT."""
+        return np.hypot(self.north, self.east)
+
+    @property
+    def horizontal_sigma(self) -> Array:
+        """Its standard deviation, nT, from those of b and dip."""
+        return np.hypot(np.cos(self.dip) * self.b_sigma, self.down * self.dip_sigma)
+
+
+Model = Callable[[ArrayLike, ArrayLike, ArrayLike, "datetime.date | ArrayLike"], MagneticField]
+"""wmm2025, igrf14, or a model of one's own with the same arguments."""
+
+
+def wmm2025(
+    latitude: ArrayLike, longitude: ArrayLike, height_m: ArrayLike, date: datetime.date | ArrayLike
+) -> MagneticField:
+    """World Magnetic Model 2025, degree 12.
+
+    Parameters
+    ----------
+    latitude, longitude : (...) array_like
+        Geodetic, rad, north and east positive; the poles are allowed.
+    height_m : (...) array_like
+        Above the WGS84 ellipsoid, m.
+    date : datetime.date or (...) array_like
+        Date, or decimal years, 2025 to 2030.
+
+    Returns
+    -------
+    MagneticField
+        Of the shape to which the arguments broadcast.
+
+    Raises
+    ------
+    InputError
+        Latitude, longitude, height or date out of range.
+
+    Notes
+    -----
+    Equations 7 to 12, 17 and 19 of the report, with recursions that divide by nothing at the poles. Standard
+    deviations: ISCWSA look-up for the WMM; that of declination is sqrt(0.23^2 + (5430 nT / H)^2) deg.
+
+    References
+    ----------
+    NOAA/NCEI and BGS, The US/UK World Magnetic Model for 2025-2030, 2025.
+
+    Examples
+    --------
+    The report's first test value, 80 deg north, 2025.0:
+
+    >>> field = wmm2025(np.radians(80.0), 0.0, 0.0, datetime.date(2025, 1, 1))
+    >>> field.north.round(1), field.east.round(1), field.down.round(1)
+    (np.float64(6521.6), np.float64(145.9), np.float64(54791.5))
+    """
+    return _field("WMM2025", wmm2025_coefficients(), reference_errors("WMM"), latitude, longitude, height_m, date)
+
+
+def igrf14(
+    latitude: ArrayLike, longitude: ArrayLike, height_m: ArrayLike, date: datetime.date | ArrayLike
+) -> MagneticField:
+    """International Geomagnetic Reference Field, 14th generation, degree 13 (10 before 2000), 1900 to 2030.
+
+    Parameters, returned field and errors as `wmm2025`.
+
+    Notes
+    -----
+    Coefficients are linear between the epochs, five years apart; definitive until 2020, a forecast after 2025. The
+    ISCWSA look-up has no row for the IGRF: that of the WMM is taken, which leaves out the same crustal field. Before
+    the 1960s the model itself is worse than that.
+
+    References
+    ----------
+    Alken et al., International Geomagnetic Reference Field: the thirteenth generation, Earth Planets Space 73:49
+    (2021), equations 1 to 3, for the form; IAGA 2024 for the coefficients.
+
+    Examples
+    --------
+    >>> field = igrf14(np.radians(60.0), np.radians([10.0, 11.0]), 0.0, datetime.date(2018, 7, 1))
+    >>> np.degrees(field.declination).round(2)
+    array([3.19, 3.61])
+    """
+    return _field("IGRF-14", igrf14_coefficients(), reference_errors("WMM"), latitude, longitude, height_m, date)
+
+
+MODELS: Final[Mapping[str, Model]] = MappingProxyType({"wmm2025": wmm2025, "igrf14": igrf14})
+"""The models by the names used at the edges."""
+
+
+def reference_errors(kind: str) -> ReferenceErrors:
+    """ISCWSA standard deviations of a kind of geomagnetic reference.
+
+    Parameters
+    ----------
+    kind : {"WMM", "BGGM", "HDGM", "IFR1", "IFR2"}
+        Main field; main field with crust; high definition; in-field referencing without and with the disturbance field.
+
+    Raises
+    ------
+    InputError
+        Another kind.
+
+    Examples
+    --------
+    >>> reference_errors("IFR1").b
+    50.0
+    """
+    rows = _errors_content()["models"]
+    if kind not in rows:
+        raise InputError(f"kind of geomagnetic reference is {kind!r}; allowed: {', '.join(rows)}")
+    row = rows[kind]
+    angles = {k: float(np.radians(row[k])) for k in row if "_deg" in k}
+    return ReferenceErrors(
+        float(row["b_nT"]),
+        angles["dip_deg"],
+        angles["declination_deg"],
+        angles["declination_deg_nT"],
+        float(row["b_random_nT"]),
+        angles["dip_random_deg"],
+    )
+
+
+def decimal_year(date: datetime.date) -> float:
+    """Year with the fraction gone at the start of the day.
+
+    Examples
+    --------
+    >>> decimal_year(datetime.date(2025, 7, 2)).__round__(6)
+    2025.49863
+    """
+    first, following = datetime.date(date.year, 1, 1).toordinal(), _length(date.year)
+    return date.year + (date.toordinal() - first) / following
+
+
+def complete_site(site: Site, model: Model) -> Site:
+    """The site with what it lacks of b, dip and declination filled from a model.
+
+    Parameters
+    ----------
+    site : Site
+        Its own values and their sigmas stay as they are (in-field referencing); a value of its own without a sigma gets
+        none.
+    model : callable
+        `wmm2025` or `igrf14`.
+
+    Returns
+    -------
+    Site
+        `site.origin("b")` says where a value comes from: "given" or the model.
+
+    Raises
+    ------
+    InputError
+        Something is lacking and latitude, longitude or date is not known, or the model does not cover the date. The
+        height counts as 0 when it is not given: 1000 m change b by about 0.05 per cent.
+
+    Examples
+    --------
+    >>> site = Site(latitude=1.0, longitude=0.2, height_m=0.0, date=datetime.date(2026, 3, 1), b=50_100.0, b_sigma=45.0)
+    >>> done = complete_site(site, wmm2025)
+    >>> done.b, done.origin("b"), np.degrees(done.dip).round(2), done.origin("dip")
+    (50100.0, 'given', np.float64(71.32), 'WMM2025')
+    """
+    lacking = [name for name in ("b", "dip", "declination") if getattr(site, name) is None]
+    if not lacking:
+        return site
+    needed = [name for name in ("latitude", "longitude", "date") if getattr(site, name) is None]
+    if site.latitude is None or site.longitude is None or site.date is None:
+        problem = f"the site has no {', '.join(lacking)}; a model needs its {', '.join(needed)}: give them"
+        raise InputError(problem)
+    found = model(site.latitude, site.longitude, site.height_m or 0.0, site.date)
+    values: dict[str, Any] = {}
+    for name in lacking:
+        values[name] = float(getattr(found, name))
+        values[f"{name}_sigma"] = float(getattr(found, f"{name}_sigma"))
+    origins = (*site.origins, *((name, found.model) for name in lacking))
+    return replace(site, origins=origins, **values)
+
+
+def _field(
+    name: str,
+    model: Coefficients,
+    errors: ReferenceErrors,
+    latitude: ArrayLike,
+    longitude: ArrayLike,
+    height_m: ArrayLike,
+    date: datetime.date | ArrayLike,
+) -> MagneticField:
+    phi = within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
+    lam = within(longitude, "longitude", -np.pi, 2.0 * np.pi, "rad")
+    height = within(height_m, "height_m", -12e3, HIGHEST, "m")
+    year = _years(name, model, date)
+    try:
+        shape = np.broadcast_shapes(phi.shape, lam.shape, height.shape, year.shape)
+    except ValueError:
+        shapes = ", ".join(str(a.shape) for a in (phi, lam, height, year))
+        raise InputError(f"latitude, longitude, height and date have shapes {shapes}; they must broadcast") from None
+    phi, lam, height = (np.broadcast_to(a, shape).ravel() for a in (phi, lam, height))
+    # one date for all keeps the coefficients small
+    when = year.reshape(1) if year.size == 1 else np.broadcast_to(year, shape).ravel()
+    ned = field_ned(model, phi, lam, height, when).reshape(*shape, 3)
+    return _with_errors(name, (float(model.years[0]), float(model.years[-1])), ned, errors)
+
+
+def _with_errors(name: str, years: tuple[float, float], ned: Array, errors: ReferenceErrors) -> MagneticField:
+    north, east, down = (ned[..., k] for k in range(3))
+    h = np.hypot(north, east)
+    b, dip, declination = np.hypot(h, down), np.arctan2(down, h), np.arctan2(east, north)
+    # an error of declination moves the field across by this much, which stays finite where h vanishes
+    across = np.hypot(errors.declination * h, errors.declination_by_h)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        declination_sigma = np.minimum(np.where(h > 0.0, across / h, np.inf), UNKNOWN_ANGLE)
+    c, s, nothing = np.cos(declination), np.sin(declination), np.zeros_like(h)
+    moved = (
+        errors.b * np.stack([np.cos(dip) * c, np.cos(dip) * s, np.sin(dip)], axis=-1),
+        errors.dip * b[..., None] * np.stack([-np.sin(dip) * c, -np.sin(dip) * s, np.cos(dip)], axis=-1),
+        across[..., None] * np.stack([-s, c, nothing], axis=-1),
+    )
+    covariance = sum(step[..., :, None] * step[..., None, :] for step in moved)
+    sigmas = nothing + errors.b, nothing + errors.dip, declination_sigma
+    return MagneticField(name, years, *map(frozen, (north, east, down, b, dip, declination, *sigmas, covariance)))
+
+
+def _years(name: str, model: Coefficients, date: datetime.date | ArrayLike) -> Array:
+    """Decimal years within the model's."""
+    given = isinstance(date, datetime.date)
+    year = np.asarray(decimal_year(date)) if isinstance(date, datetime.date) else finite(date, "date")
+    first, last = model.years[[0, -1]]
+    bad = (year < first) | (year > last)
+    if bad.any():
+        shown = str(date) if given else f"{year[bad].flat[0]:.10g}"
+        remedy = "give another date, another model or the field itself"
+        raise InputError(f"date is {shown}; {name} holds from {first:.1f} to {last:.1f}: {remedy}")
+    return year
+
+
+def _length(year: int) -> int:
+    return datetime.date(year, 12, 31).timetuple().tm_yday
+
+
+@cache
+def _errors_content() -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(files("inclinometry.earth").joinpath("reference_errors.json").read_text())
+    return content

@@ -1,0 +1,198 @@
+"""The reference field of a place, and what a site lacks filled from models: each value with where it comes from."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.earth.magnetic import (
+    MagneticField,
+    Model,
+    complete_site,
+    decimal_year,
+    igrf14,
+    wmm2025,
+)
+from inclinometry.earth.rate import earth_rate, horizontal_rate
+from inclinometry.earth.site import Site
+from inclinometry.io.grid import grid_convergence, out_of_area
+
+_FIELD = ("b", "dip", "declination")
+_PLACE = ("latitude", "longitude", "date")
+_WMM_FROM = 2025.0
+# the WMM's own limits: caution zone and blackout zone
+_WEAK, _WEAKEST = 6000.0, 2000.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceField:
+    """Reference fields of a place: magnetic field, gravity (m/s^2), Earth rate (3,) (rad/s, NED) and its horizontal
+    part, convergence (rad) and scale factor of the grid where one was named; notes on what is remarkable."""
+
+    site: Site
+    magnetic: MagneticField
+    gravity: float
+    gravity_sigma: float
+    rate: Array
+    horizontal_rate: float
+    convergence: float | None
+    scale: float | None
+    notes: Sequence[str]
+
+
+def field_at(
+    latitude: float,
+    longitude: float,
+    height_m: float,
+    date: datetime.date | float,
+    model: Model = wmm2025,
+    crs: str | None = None,
+) -> PlaceField:
+    """Reference fields of a place.
+
+    Parameters
+    ----------
+    latitude, longitude : float
+        Geodetic, rad.
+    height_m : float
+        Above the ellipsoid, m, -12000 to 20000.
+    date : datetime.date or float
+        Date, or decimal year.
+    model : callable
+        `wmm2025` or `igrf14`.
+    crs : str, optional
+        Grid, e.g. "EPSG:32632".
+
+    Raises
+    ------
+    InputError
+        A value out of range, a date the model does not cover, a crs that is not known.
+
+    Examples
+    --------
+    >>> place = field_at(np.radians(60.0), np.radians(10.0), 0.0, 2026.0, crs="EPSG:32632")
+    >>> np.degrees(place.convergence).round(3), round(place.gravity, 5)
+    (np.float64(0.866), 9.81918)
+    """
+    site = Site(latitude=latitude, longitude=longitude, height_m=height_m, crs=crs)
+    found = model(latitude, longitude, height_m, date)
+    notes = _weak(float(found.horizontal), float(found.declination_sigma))
+    convergence = scale = None
+    if crs is not None:
+        grid = grid_convergence(crs, latitude, longitude)
+        convergence, scale = float(grid.convergence), float(grid.scale)
+        notes += _outside(site)
+    return PlaceField(
+        site,
+        found,
+        float(site.gravity or 0.0),
+        float(site.gravity_sigma or 0.0),
+        earth_rate(latitude),
+        float(horizontal_rate(latitude)),
+        convergence,
+        scale,
+        notes,
+    )
+
+
+def model_of(date: datetime.date) -> Model:
+    """The model to fill a site with: WMM2025 from 2025 on, IGRF-14, definitive in its past, before.
+
+    Examples
+    --------
+    >>> model_of(datetime.date(2018, 5, 1)) is igrf14
+    True
+    """
+    return wmm2025 if decimal_year(date) >= _WMM_FROM else igrf14
+
+
+def completed(site: Site) -> tuple[Site, list[str]]:
+    """The site with b, dip, declination and convergence filled where it lacks them, and sentences that say from what.
+
+    Parameters
+    ----------
+    site : Site
+        What it states wins, in-field values with their own sigmas included. The field is filled when latitude,
+        longitude and date are known, the convergence when latitude, longitude and crs are. Nothing is guessed.
+
+    Returns
+    -------
+    Site, list of str
+        `Site.origin` names the origin of each value; the sentences are for people, empty when nothing was to be done.
+
+    Raises
+    ------
+    InputError
+        Something is lacking and no model covers the date, or the grid cannot show the place.
+
+    Examples
+    --------
+    >>> site = Site(latitude=0.9, longitude=0.1, height_m=0.0, date=datetime.date(2026, 5, 1), declination=0.03)
+    >>> done, said = completed(site)
+    >>> done.declination, done.origin("b")
+    (0.03, 'WMM2025')
+    >>> print(said[0])
+    b 49392.3 ± 152 nT, dip 66.911 ± 0.22 deg from WMM2025 at 2026-05-01
+    """
+    site, said = _with_field(site)
+    site, more = _with_convergence(site)
+    return site, said + more
+
+
+def _with_field(site: Site) -> tuple[Site, list[str]]:
+    lacking = [name for name in _FIELD if getattr(site, name) is None]
+    unknown = [name for name in _PLACE if getattr(site, name) is None]
+    if not lacking:
+        return site, []
+    if site.date is None or unknown:
+        # a latitude alone serves gravity and gyros: that the field is unknown is then no surprise
+        said = f"{', '.join(lacking)} unknown: a model needs the site's {' and '.join(unknown)} too"
+        return site, [said] if len(unknown) == 1 else []
+    done = complete_site(site, model_of(site.date))
+    said = f"{', '.join(_shown(done, name) for name in lacking)} from {done.origin(lacking[0])} at {site.date}"
+    said += "" if site.height_m is not None else ", height taken as 0 m"
+    notes = []
+    if "declination" in lacking and done.b is not None and done.dip is not None:
+        notes = _weak(done.b * float(np.cos(done.dip)), done.declination_sigma or 0.0)
+    return done, [said, *notes]
+
+
+def _with_convergence(site: Site) -> tuple[Site, list[str]]:
+    if site.crs is None or site.convergence is not None:
+        return site, []
+    if site.latitude is None or site.longitude is None:
+        return site, [f"convergence unknown: {site.crs} gives it only with the site's latitude and longitude"]
+    convergence = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
+    # geometry: its uncertainty is that of the position, far below any azimuth's
+    origins = (*site.origins, ("convergence", site.crs))
+    done = replace(site, convergence=convergence, convergence_sigma=0.0, origins=origins)
+    return done, [f"{_shown(done, 'convergence')} from {site.crs}", *_outside(done)]
+
+
+def _shown(site: Site, name: str) -> str:
+    value, sigma = getattr(site, name), getattr(site, f"{name}_sigma")
+    if name == "b":
+        return f"b {value:.1f} ± {sigma:.0f} nT"
+    return f"{name} {np.degrees(value):.3f}" + (f" ± {np.degrees(sigma):.2f} deg" if sigma else " deg")
+
+
+def _weak(horizontal: float, sigma: float) -> list[str]:
+    """A sentence where the horizontal field is too weak for a compass."""
+    if horizontal >= _WEAK:
+        return []
+    zone = "blackout" if horizontal < _WEAKEST else "caution"
+    said = (
+        f"the horizontal field is {horizontal:.0f} nT ({zone} zone of the WMM, below {_WEAK:.0f} nT): the declination"
+    )
+    return [f"{said} is known to {np.degrees(sigma):.1f} deg only; prefer a gyro or in-field referencing"]
+
+
+def _outside(site: Site) -> list[str]:
+    if site.crs is None or site.latitude is None or site.longitude is None:
+        return []
+    said = out_of_area(site.crs, site.latitude, site.longitude)
+    return [] if said is None else [said]

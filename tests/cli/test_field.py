@@ -1,0 +1,152 @@
+"""The field of a place on the command line, and sites completed for other commands."""
+
+from __future__ import annotations
+
+import datetime
+import math
+
+import numpy as np
+import pytest
+
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.earth.site import Site
+from inclinometry.io.site_toml import read_site
+from inclinometry.workflow.field import completed
+
+PLACE = ("--latitude-deg", 80, "--longitude-deg", 0, "--height-m", 0, "--date", "2025-01-01")
+
+
+def test_the_report_s_first_value(run):
+    shown = run("field", *PLACE, "--json")
+    assert (shown.status, shown.err) == (0, "")
+    found = shown.json["field"]
+    assert shown.json["model"] == "WMM2025"
+    # NOAA's report, one decimal of nT and two of deg
+    for name, value in {
+        "north": 6521.6,
+        "east": 145.9,
+        "down": 54791.5,
+        "horizontal": 6523.2,
+        "total": 55178.5,
+    }.items():
+        assert found[name]["value"] == pytest.approx(value, abs=0.0501)
+    assert found["dip"]["value"] == pytest.approx(83.21, abs=0.0051)
+    assert found["declination"]["value"] == pytest.approx(1.28, abs=0.0051)
+    assert found["declination"]["u"] == pytest.approx(math.hypot(0.23, 5430.0 / 6523.2), rel=1e-4)
+    # 360 deg in a sidereal day of 23.93447 h
+    assert found["earth_rate"]["value"] == pytest.approx(360.0 / 23.93447, rel=1e-5)
+    assert "convergence" not in found
+
+
+def test_the_table(run):
+    shown = run("field", *PLACE, "--crs", "EPSG:32631", "--model", "igrf14")
+    assert shown.status == 0
+    for word in ("IGRF-14", "declination", "horizontal earth rate", "gravity", "convergence", "scale factor", "1900.0"):
+        assert word in shown.out
+    # 3 deg west of the central meridian of zone 31, at its edge: within 1e-3 deg of the formula for a sphere
+    wanted = -math.degrees(math.atan(math.tan(math.radians(3.0)) * math.sin(math.radians(80.0))))
+    shown_value = next(line for line in shown.out.splitlines() if "convergence" in line).split("│")[1]
+    assert float(shown_value) == pytest.approx(wanted, abs=1e-3)
+
+
+def test_a_decimal_year_is_a_date(run):
+    assert run("field", *PLACE[:-1], "2025.0", "--json").json["field"] == run("field", *PLACE, "--json").json["field"]
+
+
+def test_notes_on_weak_fields_and_wrong_zones(run):
+    assert "blackout zone" in run("field", "--latitude-deg", 86, *PLACE[2:3], 140, *PLACE[4:]).err
+    assert "outside the area of EPSG:32655" in run("field", *PLACE, "--crs", "EPSG:32655").err
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "wanted"),
+    [
+        ("--latitude-deg", 95, "--latitude-deg is 95 degrees; allowed -90 to 90"),
+        ("--longitude-deg", 400, "--longitude-deg is 400 degrees; allowed -180 to 360"),
+        ("--height-m", 29000, "--height-m is 29000 m; allowed -12000 to 20000 m (1 foot"),
+        ("--height-m", "nan", "--height-m is nan m"),
+        ("--date", "2031-06-01", "date is 2031-06-01; WMM2025 holds from 2025.0 to 2030.0"),
+        ("--date", "yesterday", "--date is 'yesterday'"),
+        ("--crs", "EPSG:4326", "no map grid"),
+        ("--crs", "Gauss", "crs 'Gauss' is not known"),
+        ("--model", "bggm", "bggm"),
+    ],
+)
+def test_wrong_input(run, option, value, wanted):
+    arguments = dict(zip(PLACE[::2], PLACE[1::2], strict=True)) | {option: value}
+    done = run("field", *(part for pair in arguments.items() for part in pair))
+    assert (done.status, done.out) == (2, "")
+    assert wanted in done.err
+
+
+def site(tmp_path, *lines):
+    path = tmp_path / "site.toml"
+    path.write_text("\n".join(lines))
+    return read_site(path)
+
+
+WHERE = ("latitude_deg = 60", "longitude_deg = 10")
+
+
+def test_a_file_with_place_and_date_is_completed(tmp_path):
+    done, said = completed(site(tmp_path, *WHERE, "height_m = 50", "date = 2026-05-01", 'crs = "EPSG:32632"'))
+    assert [done.origin(n) for n in ("b", "dip", "declination", "convergence")] == ["WMM2025"] * 3 + ["EPSG:32632"]
+    assert done.crs == "EPSG:32632"
+    assert done.convergence == pytest.approx(
+        math.atan(math.tan(math.radians(1.0)) * math.sin(math.radians(60))), abs=1e-7
+    )
+    assert done.convergence_sigma == 0.0
+    assert said[0].startswith("b 51")
+    assert said[0].endswith("deg from WMM2025 at 2026-05-01")
+    assert said[1] == "convergence 0.866 deg from EPSG:32632"
+    assert completed(done) == (done, [])
+
+
+def test_what_the_file_states_wins(tmp_path):
+    own = ("b_nT = 51000", "sigma_b_nT = 45", "dip_deg = 73", "declination_deg = 4", "convergence_deg = -2")
+    stated = site(tmp_path, *WHERE, "date = 2026-05-01", 'crs = "EPSG:32632"', *own)
+    assert completed(stated) == (stated, [])
+    done, said = completed(site(tmp_path, *WHERE, "date = 2018-05-01", "height_m = 0", *own[:2]))
+    assert (done.b, done.b_sigma, done.origin("dip")) == (51000.0, 45.0, "IGRF-14")
+    assert len(said) == 1
+    assert "b " not in said[0]
+    # explicit values need no model, whatever the date
+    assert completed(site(tmp_path, "date = 2050-01-01", *WHERE, *own))[1] == []
+
+
+def test_nothing_is_guessed(tmp_path):
+    for lines, sentences in (((), 0), (WHERE[:1], 0), (WHERE, 1), ((*WHERE[1:], "date = 2026-01-01"), 1)):
+        before = site(tmp_path, *lines)
+        done, said = completed(before)
+        assert done is before
+        assert len(said) == sentences
+    assert "needs the site's date too" in completed(site(tmp_path, *WHERE))[1][0]
+    done, said = completed(site(tmp_path, *WHERE, "date = 2026-01-01"))
+    assert done.height_m is None
+    assert said[0].endswith("height taken as 0 m")
+    done, said = completed(Site(crs="EPSG:32632", b=5e4, dip=1.0, declination=0.1))
+    assert done.convergence is None
+    assert "latitude and longitude" in said[0]
+
+
+def test_sites_no_model_or_grid_covers(tmp_path):
+    with pytest.raises(InputError, match="date is 2031-01-01; WMM2025 holds"):
+        completed(site(tmp_path, *WHERE, "date = 2031-01-01"))
+    with pytest.raises(InputError, match="date is 1890-01-01; IGRF-14 holds from 1900"):
+        completed(site(tmp_path, *WHERE, "date = 1890-01-01"))
+    for line, wanted in {
+        'crs = "EPSG:99999"': "site.toml: crs 'EPSG:99999' is not known",
+        'crs = "EPSG:4326"': "no map grid",
+        "longitude_deg = 400": "longitude_deg is 400",
+        "latitude_deg = 95": "latitude_deg is 95",
+        "height_m = 29000": "height_m is 29000",
+    }.items():
+        with pytest.raises(FileError, match=wanted):
+            site(tmp_path, line)
+
+
+def test_notes_of_a_site():
+    polar = Site(latitude=np.radians(86.0), longitude=np.radians(140.0), height_m=0.0, date=datetime.date(2025, 6, 1))
+    assert "blackout zone" in completed(polar)[1][1]
+    away = Site(latitude=1.0, longitude=1.0, crs="EPSG:32632", b=5e4, dip=1.0, declination=0.1)
+    assert "outside the area" in completed(away)[1][1]
