@@ -143,12 +143,7 @@ def test_a_well_known_tool_finds_the_true_azimuth_within_its_noise(measured, axe
     assert 0.65 < inclination < 1.3
 
 
-SHRUNK = pytest.mark.xfail(strict=True, reason="the doubt of the bias along the tool is shrunk with the noise")
-
-
-@pytest.mark.parametrize(
-    ("axes", "share"), [(2, 3e-4), pytest.param(3, 1e-4, marks=SHRUNK), pytest.param(3, 3e-4, marks=SHRUNK)]
-)
+@pytest.mark.parametrize(("axes", "share"), [(2, 3e-4), (3, 1e-4), (3, 3e-4)])
 def test_the_doubt_of_the_calibration_is_in_the_uncertainty(measured, axes, share):
     gone, flagged = [], 0
     for seed in range(10):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.angles import wrap_positive
+from inclinometry.core.angles import wrap_positive, wrap_signed
 from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
@@ -205,14 +205,20 @@ def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) 
     def solve(inclination: Array) -> JointBatch:
         return solve_joint(high, covariance, inclination, latitude, scale=problem.scale, scale_sd=prior_sd)
 
-    best = solve(found.inclination)
+    best = first = solve(found.inclination)
     if problem.open.any():
         other = solve(np.pi - found.inclination)
         rather = problem.open & (other.cost < best.cost)
         close = problem.open & (np.abs(other.cost - best.cost) < RIVAL)
         found = upward(found, rather)
         best = JointBatch(*(np.where(rather, b, a) for a, b in zip(best, other, strict=True)))
-        best = best._replace(ambiguous=best.ambiguous | close)
+        loser = np.where(rather, first.azimuth, other.azimuth), np.where(rather, first.cost, other.cost)
+        nearer = close & ~(best.rival_cost < loser[1])
+        best = best._replace(
+            ambiguous=best.ambiguous | close,
+            rival=np.where(nearer, loser[0], best.rival),
+            rival_cost=np.where(nearer, loser[1], best.rival_cost),
+        )
     response = _responses(best, found, high, covariance, latitude, problem.scale)
     components = _components(problem, prior_sd, best, found, response, latitude_sd)
     lost = _too_level(problem.tilt, problem.gravity_covariance)
@@ -222,6 +228,10 @@ def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) 
             high[odd], covariance[odd], found.inclination[odd], latitude[odd],
             1.0 / problem.scale[odd], prior_sd[odd] / problem.scale[odd] ** 2, best.azimuth[odd],
         )  # fmt: skip
+        # a rival too narrow for the integral counts by its likelihood
+        odds = 1.0 / (1.0 + np.exp(0.5 * np.minimum(best.rival_cost[odd] - best.cost[odd], 1e3)))
+        apart = np.where(np.isfinite(best.rival[odd]), wrap_signed(best.rival[odd] - best.azimuth[odd]), 0.0)
+        spread = np.maximum(spread, np.sqrt(odds) * np.abs(apart))
         shape = np.zeros((len(high), 4))
         shape[odd, 1] = shape[odd, 3] = np.maximum(spread**2 - np.minimum(best.var_azimuth[odd], UNKNOWN**2), 0.0)
         components["shape"] = shape

@@ -48,14 +48,9 @@ class Misfit:
 
     def at(self, latitude: float) -> tuple[Array, Array]:
         """Misfit (n,) at the best azimuths and those azimuths (n,), rad from p to q."""
-        azimuth = np.zeros(len(self.prior))
-        lowest = np.full(len(self.prior), np.inf)
-        for trials in np.array_split(_AZIMUTHS, 1 + len(self.prior) // 2000):  # all at once for short runs
-            cost = self.cost(latitude, trials[:, None])[0]
-            row = cost.argmin(axis=0)
-            cost = np.take_along_axis(cost, row[None], axis=0)[0]
-            azimuth, lowest = np.where(cost < lowest, trials[row], azimuth), np.minimum(cost, lowest)
-        for step in np.radians([2.5, 0.5, 0.05, 0.005]):
+        azimuth = self._valleys(latitude)
+        lowest = self.cost(latitude, azimuth)[0]
+        for step in np.radians([2.5, 0.5, 0.05, 0.005, 0.0005]):
             before = self.cost(latitude, azimuth - step)[0]
             after = self.cost(latitude, azimuth + step)[0]
             bend = before - 2.0 * lowest + after
@@ -63,7 +58,22 @@ class Misfit:
             trial = azimuth + step * np.clip(move, -1.0, 1.0)
             cost = self.cost(latitude, trial)[0]
             azimuth, lowest = np.where(cost < lowest, trial, azimuth), np.minimum(cost, lowest)
-        return lowest, azimuth
+        row = lowest.argmin(axis=0)[None]
+        return np.take_along_axis(lowest, row, axis=0)[0], np.take_along_axis(azimuth, row, axis=0)[0]
+
+    def _valleys(self, latitude: float) -> Array:
+        """Azimuths (3, n) of the grid where the misfit is least among its neighbours, the lowest three.
+
+        With little noise the grid's lowest point need not lie in the valley whose bottom is lowest.
+        """
+        found = np.empty((3, len(self.prior)))
+        for rows in np.array_split(np.arange(len(self.prior)), 1 + len(self.prior) // 2000):
+            part = Misfit(Projections(*(x[rows] for x in self.products)), self.prior[rows], self.freedom)
+            cost = part.cost(latitude, _AZIMUTHS[:, None])[0]
+            valley = (cost <= np.roll(cost, 1, axis=0)) & (cost <= np.roll(cost, -1, axis=0))
+            order = np.argsort(np.where(valley, cost, np.inf), axis=0)[:3]
+            found[:, rows] = _AZIMUTHS[order]
+        return found
 
     def total(self, latitude: float) -> float:
         """Misfit of the run."""

@@ -12,7 +12,7 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.gyro.indexing import average_index
+from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.gyro.result import IndexAverage
 from inclinometry.io.columns import KIND_PREFIX
 from inclinometry.io.gyro_csv import GyroReadings
@@ -35,6 +35,9 @@ HEAVIEST = 12.0
 
 LIGHTEST = 0.05
 """Share by which measured gravity may differ from the site's."""
+
+LENIENT = 1e3
+"""Factor on noise and priors alike, by which no reading is an outlier and the solution is the same."""
 
 BACKWARDS = 0.25
 """Sum of squared residuals with the index reversed over that as given, below which the index is counted backwards."""
@@ -187,12 +190,28 @@ def _average(
     bias = None if z_bias_sd is None else z_bias_sd / strength * np.linalg.norm(triad.tensor[0], axis=1)
     doubt = _reading_variance(tool, kind, powers)
     if sd is None or not doubt.any():
-        return _two_passes(readings, signals, scheme, sd, sweep, tensor, offset, bias, kind, strength)
+        return _two_passes(readings, signals, scheme, sd, sweep, tensor, offset, bias, kind, strength)[0]
     # positions differ by the calibration's errors too, which are no fault of a reading
-    wide = np.sqrt(np.broadcast_to(sd, signals.shape) ** 2 + doubt[readings.station])
-    found = _two_passes(readings, signals, scheme, wide, sweep, tensor, offset, bias, kind, strength)
-    share = float(np.mean(np.broadcast_to(sd, signals.shape) ** 2) / np.mean(wide**2))
-    return replace(found, covariance=found.covariance * share)
+    plain = np.broadcast_to(sd, signals.shape)
+    wide = np.sqrt(plain**2 + doubt[readings.station])
+    found, known = _two_passes(readings, signals, scheme, wide, sweep, tensor, offset, bias, kind, strength)
+    keep = np.ones(len(signals), dtype=bool)
+    keep[[row for _, row in found.left_out]] = False
+    # the same weights as with the noise alone, and nothing to be called an outlier once more
+    again = average_index(
+        readings.station[keep],
+        readings.index[keep],
+        signals[keep],
+        scheme="two" if scheme == "two" else "n",
+        time=None if readings.time is None else readings.time[keep],
+        noise=LENIENT * plain[keep],
+        tensor=tensor,
+        offset=offset,
+        offset_sd=LENIENT * known,
+        sweep=sweep,
+        drift=SCHEMES[scheme].drift,
+    )
+    return replace(found, field=again.field * strength, covariance=again.covariance * (strength / LENIENT) ** 2)
 
 
 def _reading_variance(tool: Tool, kind: str, powers: Array) -> Array:
@@ -224,7 +243,7 @@ def _plain(
     sd = np.full(len(letters), stated_sd / factor) if stated_sd is not None else sd
     bias = None if z_bias_sd is None else np.full(len(letters), z_bias_sd / factor)
     tensor = np.eye(3)[: len(letters)]
-    return _two_passes(readings, signals, scheme, sd, sweep, tensor, None, bias, kind, factor)
+    return _two_passes(readings, signals, scheme, sd, sweep, tensor, None, bias, kind, factor)[0]
 
 
 def _two_passes(
@@ -238,8 +257,8 @@ def _two_passes(
     bias: Array | None,
     kind: str,
     strength: float,
-) -> IndexAverage:
-    """Average; channels along the tool get the bias uncertainty stated, or that found in those across it."""
+) -> tuple[IndexAverage, Array]:
+    """Average, and the bias uncertainties used: along the tool that stated, or as large as the biases found across."""
     mean = tensor if tensor.ndim == 2 else tensor.mean(axis=0)
     along = np.abs(mean[:, 2]) > np.hypot(mean[:, 0], mean[:, 1])
     known = np.full(len(mean), np.inf)
@@ -281,18 +300,13 @@ def _two_passes(
     elif bias is not None:
         known[along] = bias[along]
     found = average(everything, known)
-    return IndexAverage(
-        found.field * strength,
-        found.covariance * strength**2,
-        found.bias,
-        found.drift,
-        found.chi_square,
-        found.dof,
-        found.noise,
-        found.flags,
-        found.left_out,
-        (*_notes(readings, found, kind), *notes),
+    scaled = replace(
+        found,
+        field=found.field * strength,
+        covariance=found.covariance * strength**2,
+        notes=(*_notes(readings, found, kind), *notes),
     )
+    return scaled, known
 
 
 def _notes(readings: GyroReadings, found: IndexAverage, kind: str) -> list[str]:
