@@ -268,7 +268,8 @@ def _field(
         raise InputError(f"latitude, longitude, height and date have shapes {shapes}; they must broadcast") from None
     phi, lam, height = (np.broadcast_to(a, shape).ravel() for a in (phi, lam, height))
     # one date for all keeps the coefficients small
-    when = year.reshape(1) if year.size == 1 else np.broadcast_to(year, shape).ravel()
+    same = year.size > 0 and bool((year == year.flat[0]).all())
+    when = year.ravel()[:1] if same else np.broadcast_to(year, shape).ravel()
     ned = field_ned(model, phi, lam, height, when).reshape(*shape, 3)
     return _with_errors(name, (float(model.years[0]), float(model.years[-1])), ned, errors)
 
