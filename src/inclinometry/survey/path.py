@@ -92,7 +92,7 @@ def minimum_curvature(
     References
     ----------
     S. J. Sawaryn and J. L. Thorogood, A compendium of directional calculations based on the minimum curvature method,
-    SPE Drilling & Completion 20 (2005) 24-36, equations 1 to 6 (SPE 84246).
+    SPE Drilling & Completion 20 (2005) 24-36 (SPE 84246).
 
     Examples
     --------

@@ -58,7 +58,7 @@ def interpolate(path: Path, md: ArrayLike) -> Points:
                                              - sin((1-f) beta/2) / (2 sin(beta/2)) q].
 
     This is the great circle through t1 and t2 and its integral, written about the middle of the arc, where neither
-    a small nor a large dogleg loses digits; compare equations 7 to 12 of SPE 84246.
+    a small nor a large dogleg loses digits.
 
     Examples
     --------
