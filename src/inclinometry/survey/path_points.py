@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, Index, finite
+from inclinometry.core.arrays import Array, Index, Mask, finite
 from inclinometry.core.errors import InputError
 from inclinometry.survey._arc import weights
 from inclinometry.survey.path import Path, checked_stations, directions, minimum_curvature
@@ -70,8 +70,8 @@ def interpolate(path: Path, md: ArrayLike) -> Points:
     depth = _depths(md)
     low, high = path.md[0], path.md[-1]
     _refuse((depth < low) | (depth > high), depth, f"{low:.10g} to {high:.10g} m; project the path to go beyond it")
-    found = _on_arc(path, depth)
-    above, _ = interval(path, depth)
+    above, f = interval(path, depth)
+    found = _on_arc(path, depth, above, f)
     station = np.where(depth == high, len(path) - 1, above)
     hit = path.md[station] == depth
     return Points(*(np.where(hit, getattr(path, name)[station], getattr(found, name)) for name in Points._fields))
@@ -102,7 +102,8 @@ def project_curve(path: Path, md: ArrayLike) -> Points:
     >>> np.degrees(project_curve(path, [40.0, 60.0]).inclination).round(9)
     array([44., 46.])
     """
-    return _on_arc(path, _beyond(path, md))
+    depth = _beyond(path, md)
+    return _on_arc(path, depth, *interval(path, depth))
 
 
 def project_straight(path: Path, md: ArrayLike) -> Points:
@@ -178,17 +179,22 @@ def interval(path: Path, depth: Array) -> tuple[Index, Array]:
     return above, (depth - path.md[above]) / (path.md[above + 1] - path.md[above])
 
 
-def _on_arc(path: Path, depth: Array) -> Points:
-    """Points on the arcs, the last one continued."""
-    k, f = interval(path, depth)
-    t1, t2 = (directions(path.inclination[i], path.azimuth[i]) for i in (k, k + 1))
-    w, p, q = weights(f, path.dogleg[k]), t1 + t2, t2 - t1
-    t = w.t_p.value[:, None] * p + w.t_q.value[:, None] * q
-    away = (path.md[k + 1] - path.md[k])[:, None] * (w.r_p.value[:, None] * p + w.r_q.value[:, None] * q)
-    level = np.hypot(t[:, 0], t[:, 1])
-    azimuth = np.where(level > LEVEL, wrap_positive(np.arctan2(t[:, 1], t[:, 0])), path.azimuth[k])
-    north, east, tvd = (getattr(path, name)[k] + away[:, i] for i, name in enumerate(("north", "east", "tvd")))
-    return Points(depth, np.arctan2(level, t[:, 2]), azimuth, north, east, tvd)
+def _on_arc(path: Path, depth: Array, k: Index, f: Array) -> Points:
+    """Points at the fractions f of the intervals k."""
+    if len(path) < len(k):  # each station serves many points
+        every = directions(path.inclination, path.azimuth)
+        t1, t2 = every[k], every[k + 1]
+    else:
+        t1, t2 = (directions(path.inclination[i], path.azimuth[i]) for i in (k, k + 1))
+    w = weights(f, path.dogleg[k], slopes=False)
+    # by components: rows of three are slow to work on
+    p, q = (t1 + t2).T, (t2 - t1).T
+    n, e, v = w.t_p.value * p + w.t_q.value * q
+    away = (path.md[k + 1] - path.md[k]) * (w.r_p.value * p + w.r_q.value * q)
+    level = np.hypot(n, e)
+    azimuth = np.where(level > LEVEL, wrap_positive(np.arctan2(e, n)), path.azimuth[k])
+    north, east, tvd = (getattr(path, name)[k] + part for name, part in zip(Points._fields[3:], away, strict=True))
+    return Points(depth, np.arctan2(level, v), azimuth, north, east, tvd)
 
 
 def _depths(md: ArrayLike) -> Array:
@@ -206,7 +212,7 @@ def _beyond(path: Path, md: ArrayLike) -> Array:
     return depth
 
 
-def _refuse(bad: Array, depth: Array, allowed: str) -> None:
+def _refuse(bad: Mask, depth: Array, allowed: str) -> None:
     """Raise for the first bad depth."""
     if bad.any():
         at = int(np.argmax(bad))
