@@ -1,4 +1,4 @@
-"""What the industry's survey formats hold in common: one type that all their readers give and all their writers take."""
+"""What the survey formats of the industry hold in common: the type all their readers give and their writers take."""
 
 from __future__ import annotations
 
