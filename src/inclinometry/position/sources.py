@@ -87,7 +87,7 @@ class MatrixSource:
             known = np.where(replaced[:, None, None], self.by_direction, 0.0)
             directions = list(np.transpose(known @ factor, (2, 1, 0)))
         pairs = zip(angles, directions, strict=True)
-        return [Weights(one[0], one[1], one[2], direction, replaced) for one, direction in pairs]
+        return [Weights(one[0], one[1], one[2], direction) for one, direction in pairs]
 
 
 def _factor(covariance: Array, name: str) -> Array:
