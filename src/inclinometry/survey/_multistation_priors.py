@@ -1,0 +1,243 @@
+"""What is known before a multi-station analysis: of the sensors, published or from the tool's calibration."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.core.arrays import Array, finite, frozen, within
+from inclinometry.core.errors import InputError
+from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
+from inclinometry.uncertainty.propagation import covariance_matrix
+
+_KINDS: Final = ("accelerometer", "magnetometer")
+_AXIAL: Final = "axial interference"
+_WIDE: Final = float(np.radians(270.0))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Priors:
+    """Errors of the six sensors as parameters of mean zero: measured = field + sum_k x_k (gain_k field + offset_k).
+
+    names, units : of the p parameters
+    gain (p, 6, 6), offset (p, 6) : on (gx, gy, gz, bx, by, bz), m/s^2 and nT, per unit of the parameter
+    covariance (p, p) : semidefinite is allowed; a parameter without variance stays zero
+    noise (6, 6) : covariance of one station's readings, for stations that do not bring their own
+    power (p,), reference_temperature (p,) : the parameter acts times (T - reference)^power, degC
+    axial : name of the parameter that is a bias of bz; "" where there is none
+    largest_gap : gap between toolfaces, rad, beyond which these priors must not be used
+    source : where they come from
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    gain: Array
+    offset: Array
+    covariance: Array
+    noise: Array
+    source: str
+    axial: str = ""
+    largest_gap: float = _WIDE
+    power: Array = field(default_factory=lambda: np.zeros(0))
+    reference_temperature: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        size = len(self.names)
+        for name in ("power", "reference_temperature"):
+            if not np.size(getattr(self, name)):
+                object.__setattr__(self, name, np.zeros(size))
+        covariance_matrix(self.covariance, "prior covariance")
+        covariance_matrix(self.noise, "station noise")
+        shapes = {"gain": (size, 6, 6), "offset": (size, 6), "covariance": (size, size), "noise": (6, 6)}
+        for name, shape in {**shapes, "power": (size,), "reference_temperature": (size,)}.items():
+            value = finite(getattr(self, name), name)
+            if value.shape != shape:
+                raise InputError(f"{name} of the priors is {value.shape}; {size} parameters need {shape}")
+            object.__setattr__(self, name, frozen(value))
+        if len(self.units) != size or (self.axial and self.axial not in self.names):
+            raise InputError(f"priors have {size} names, {len(self.units)} units and axial {self.axial!r}")
+
+    def weights(self, temperature: ArrayLike | None, stations: int) -> Array:
+        """Factors (n, p) of the parameters at each station's temperature (n,), degC.
+
+        Raises
+        ------
+        InputError
+            Parameters that depend on temperature and none given.
+        """
+        if not self.power.any():
+            return np.ones((stations, len(self.names)))
+        if temperature is None:
+            raise InputError("the calibration depends on temperature; give the stations' temperature_degC")
+        difference = finite(temperature, "temperature", (stations,))[:, None] - self.reference_temperature
+        return np.asarray(difference**self.power)
+
+
+def published_priors(name: str = "iscwsa", *, axial_sigma: float | None = None) -> Priors:
+    """Priors of a tool without a calibration of its own.
+
+    Parameters
+    ----------
+    name : {"iscwsa", "unknown"}
+        A tool kept to the ISCWSA error model, or one about which hardly anything is known; the second needs toolfaces
+        all round.
+    axial_sigma : float, optional
+        Standard deviation of the axial magnetometer bias with the interference of the assembly, nT; 2000 when not
+        given. Where the hole runs level east or west this number is most of what the result rests on.
+
+    Returns
+    -------
+    Priors
+        Bias and scale of the six sensors (ABX to MSZ) and three misalignments of the magnetometers in the
+        accelerometers' axes: x reads MXY of y and MXZ of z, y reads MYZ of z.
+
+    Raises
+    ------
+    InputError
+        Another name, a negative sigma.
+
+    References
+    ----------
+    ISCWSA MWD error model Rev 5.1; `msa_priors.json` beside this module gives the source of each number.
+
+    Examples
+    --------
+    >>> priors = published_priors(axial_sigma=230.0)
+    >>> priors.names[6:9], np.sqrt(priors.covariance.diagonal())[6:9]
+    (('MBX', 'MBY', 'MBZ'), array([ 70.,  70., 230.]))
+    """
+    content = published()
+    if name not in content["sets"]:
+        raise InputError(f"priors are {name!r}; allowed: {', '.join(content['sets'])}")
+    sigmas = dict(content["sets"][name])
+    if axial_sigma is not None:
+        sigmas["MBZ"] = float(within(axial_sigma, "axial_sigma", 0.0, 1e5, "nT"))
+    gain, offset, units = np.zeros((len(sigmas), 6, 6)), np.zeros((len(sigmas), 6)), []
+    for k, term in enumerate(sigmas):
+        block = 0 if term[0] == "A" else 3
+        row = block + "XYZ".index(term[2] if term[1] in "BS" else term[1])
+        if term[1] == "B":
+            offset[k, row] = 1.0
+        else:
+            gain[k, row, block + "XYZ".index(term[2])] = 1.0
+        units.append(content["units"][term[:2] if term[1] in "BS" else "misalignment"])
+    return Priors(
+        names=tuple(sigmas),
+        units=tuple(units),
+        gain=gain,
+        offset=offset,
+        covariance=np.diag(np.square(list(sigmas.values()))),
+        noise=_published_noise(),
+        source=f"{name}, {content['revision']}",
+        axial="MBZ",
+        largest_gap=float(np.radians(content["largest_toolface_gap_deg"][name])),
+    )
+
+
+def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
+    """The covariance of a tool's calibration as the prior, with the interference of the assembly beside it.
+
+    Parameters
+    ----------
+    tool : Tool
+        Calibrated, of known field strengths, with three seen components of gravity and of the magnetic field.
+    axial_sigma : float, optional
+        Standard deviation of the axial magnetic interference, nT, which no calibration knows; 2000 when not given.
+
+    Returns
+    -------
+    Priors
+        In the tool's own parameters, by their names in the calibration, correlations and temperature included: an
+        estimate is what has to be added to a parameter of the calibration.
+
+    Raises
+    ------
+    InputError
+        A triad or a field strength is missing.
+
+    Notes
+    -----
+    From U = (N + dN) a + U0 + dU0 a station reduced with N and U0 reads F N^-1 (dN a + dU0) too much, F the field
+    strength; the gain of dN[s, j] is the column s of N^-1 at j, the offset of dU0[s] that column times F.
+
+    Examples
+    --------
+    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=f) for k, f in zip(_KINDS, (9.8, 5e4))}
+    >>> priors = priors_from_tool(Tool("1", triads, np.eye(24) * 1e-8), axial_sigma=300.0)
+    >>> len(priors.names), priors.names[3], priors.names[-1]
+    (25, 'accelerometer.offset[0]', 'axial interference')
+    """
+    content = published()
+    axial = content["axial_interference_nT"] if axial_sigma is None else axial_sigma
+    within(axial, "axial_sigma", 0.0, 1e5, "nT")
+    for kind in _KINDS:
+        if kind not in tool.triads or not tool.triads[kind].full or tool.triads[kind].field_strength is None:
+            raise InputError(
+                f"the tool's {kind} is missing, sees only a plane or lacks its field strength; a multi-station "
+                "analysis needs both fields in m/s^2 and nT: state the strengths when calibrating"
+            )
+    parts = [_triad_terms(tool.triads[kind], 3 * place) for place, kind in enumerate(_KINDS)]
+    chosen = np.concatenate([np.arange(tool.slices[kind].start, tool.slices[kind].stop) for kind in _KINDS])
+    size = len(chosen)
+    covariance = np.zeros((size + 1, size + 1))
+    covariance[:size, :size] = tool.covariance[np.ix_(chosen, chosen)]
+    covariance[size, size] = axial**2
+    heat = [
+        np.full(len(part[2]), tool.triads[kind].reference_temperature) for part, kind in zip(parts, _KINDS, strict=True)
+    ]
+    return Priors(
+        names=(*(tool.parameter_names[i] for i in chosen), _AXIAL),
+        units=(*(tool.triads[tool.parameter_names[i].split(".")[0]].unit for i in chosen), "nT"),
+        gain=np.concatenate([*(part[0] for part in parts), np.zeros((1, 6, 6))]),
+        offset=np.concatenate([*(part[1] for part in parts), np.eye(6)[5:]]),
+        covariance=covariance,
+        noise=_tool_noise(tool),
+        source=f"calibration of tool {tool.name}",
+        axial=_AXIAL,
+        power=np.concatenate([*(part[2] for part in parts), [0.0]]),
+        reference_temperature=np.concatenate([*heat, [0.0]]),
+    )
+
+
+def _triad_terms(triad: Triad, block: int) -> tuple[Array, Array, Array]:
+    """Gain (q, 6, 6), offset (q, 6) and power of temperature (q,) of a triad's parameters in their stored order."""
+    inverse = np.linalg.pinv(triad.tensor[0])  # the coefficients of temperature change it by less than matters here
+    per_power = 4 * triad.count
+    gain, offset = np.zeros((per_power, 6, 6)), np.zeros((per_power, 6))
+    here = slice(block, block + 3)
+    for sensor in range(triad.count):
+        for axis in range(3):
+            gain[4 * sensor + axis, here, block + axis] = inverse[:, sensor]
+        offset[4 * sensor + 3, here] = inverse[:, sensor] * float(triad.field_strength or 1.0)
+    times = triad.degree + 1
+    return np.tile(gain, (times, 1, 1)), np.tile(offset, (times, 1)), np.repeat(np.arange(times), per_power)
+
+
+def _tool_noise(tool: Tool) -> Array:
+    """Covariance (6, 6) of one reading in m/s^2 and nT; the published one for a triad whose noise is not stated."""
+    total = _published_noise()
+    for place, kind in enumerate(_KINDS):
+        triad, here = tool.triads[kind], slice(3 * place, 3 * place + 3)
+        if tool.noise[kind].any():
+            spread = float(triad.field_strength or 1.0) * np.linalg.pinv(triad.tensor[0]) * tool.noise[kind]
+            total[here, here] = spread @ spread.T
+    return total
+
+
+def _published_noise() -> Array:
+    station = published()["station"]
+    return np.diag(np.repeat([station["accelerometer_m_s2"], station["magnetometer_nT"]], 3) ** 2.0)
+
+
+@cache
+def published() -> dict[str, Any]:
+    """The data file of published priors."""
+    content: dict[str, Any] = json.loads(files("inclinometry.survey").joinpath("msa_priors.json").read_text("utf-8"))
+    return content
