@@ -1,0 +1,228 @@
+"""Survey tables as Excel workbooks: one row of names with units, one cell a value; a second sheet for the header."""
+
+from __future__ import annotations
+
+import re
+import warnings
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.io._columns_out import columns_of
+from inclinometry.io._excel_cells import Cells
+from inclinometry.io._sheet import survey_of
+from inclinometry.io.atomic import replacing
+from inclinometry.io.exchange import SurveyFile
+
+SHEET, HEADER = "survey", "header"
+ROWS: Final = 1_048_576
+"""Rows of a sheet, by the format."""
+_UNPACKED: Final = 4_000_000_000  # bytes; a workbook of a million stations unpacks to less than a quarter
+LONGEST_TEXT: Final = 32_767
+"""Characters of a cell, by the format."""
+_DANGEROUS: Final = ("=", "+", "-", "@", "#", "\t", "\r")
+_FORMULA: Final = re.compile(rb"<(\w+:)?f[ />]")
+_OLD: Final = b"\xd0\xcf\x11\xe0"
+
+
+def read_excel(
+    path: str | Path, *, sheet: str | None = None, convention: str = "house", azimuth_reference: str | None = None
+) -> SurveyFile:
+    """Read a survey from one sheet of an .xlsx workbook; names of columns as `six_axis.read_csv` knows them.
+
+    Parameters
+    ----------
+    path : str or Path
+    sheet : str, optional
+        Name of the sheet; the first one when not given.
+    convention, azimuth_reference : str
+        As in `six_axis.read_csv`.
+
+    Raises
+    ------
+    FileError
+        Not a workbook, an old or encrypted or damaged one; no such sheet, an empty one; more than one row of names or
+        merged ones; text, a date or an error value where a number is needed, a formula that was never calculated;
+        else as `six_axis.read_csv`. The message names the sheet and the row.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_excel(SurveyFile(md=[0, 30], tvd=[0, 29.5], header={"well": "A-1"}), Path(folder, "a.xlsx"))
+    ...     survey = read_excel(Path(folder, "a.xlsx"))
+    >>> survey.tvd, survey.header["well"]
+    (array([ 0. , 29.5]), 'A-1')
+    """
+    where = Path(path)
+    with _workbook(where, values=True) as book:
+        title = _title(where, book.sheetnames, sheet)
+        cells = Cells(where, title, _has_formulas(where))
+        for index, row in _rows(book[title], cells):
+            cells.add(index, row)
+        header = _header(book, title)
+    if cells.gaps:
+        _refuse_formulas(cells)
+    return survey_of(cells.sheet(header), convention=convention, azimuth_reference=azimuth_reference)
+
+
+@contextmanager
+def _workbook(path: Path, *, values: bool) -> Iterator[Any]:
+    """A workbook open for reading; whatever the library stumbles over in a damaged one is one error."""
+    _check(path)
+    import openpyxl
+
+    book = None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of styles and extensions, which are not read
+            book = openpyxl.load_workbook(path, read_only=True, data_only=values, keep_links=False)
+            yield book
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # zip, XML, key, value errors: any of them means the same to a user
+        raise FileError(f"this workbook is damaged ({_first_line(error)}); save it again", path=path) from None
+    finally:
+        if book is not None:
+            book.close()
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
+
+
+def _check(path: Path) -> None:
+    """FileError for what is no workbook, before the library sees it."""
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(8)
+        if start.startswith(_OLD):
+            raise FileError("an old .xls or an encrypted workbook; save it as .xlsx without a password", path=path)
+        if not zipfile.is_zipfile(path):
+            raise FileError("not an .xlsx workbook, or a damaged one; save it again", path=path)
+        with zipfile.ZipFile(path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+    except FileNotFoundError:
+        raise FileError("there is no such file; check the name", path=path) from None
+    except (OSError, zipfile.BadZipFile) as error:
+        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+    if size > _UNPACKED:
+        raise FileError(f"this workbook unpacks to {size / 1e9:.1f} GB; split it, or use Parquet", path=path)
+
+
+def _title(path: Path, titles: list[str], wanted: str | None) -> str:
+    if not titles:
+        raise FileError("the workbook has no sheet", path=path)
+    if wanted is None:
+        return titles[0]
+    if wanted not in titles:
+        raise FileError(f"there is no sheet {wanted!r}; there are: {', '.join(titles)}", path=path)
+    return wanted
+
+
+def _rows(sheet: Any, cells: Cells) -> Iterator[tuple[int, tuple[Any, ...]]]:
+    """Rows that hold something, numbered from 1 as Excel does."""
+    if not hasattr(sheet, "iter_rows") or not hasattr(sheet, "reset_dimensions"):
+        raise cells.error("this is a chart, not a table; name another sheet", None)
+    sheet.reset_dimensions()  # the size a writer stated may be wrong
+    for index, row in enumerate(sheet.iter_rows(values_only=True), 1):
+        if any(cell is not None and cell != "" for cell in row):
+            yield index, row
+
+
+def _has_formulas(path: Path) -> bool:
+    """Whether any sheet holds a formula; most workbooks of measurements do not, and need not be read twice."""
+    with zipfile.ZipFile(path) as archive:
+        for entry in archive.namelist():
+            if entry.startswith("xl/worksheets/") and entry.endswith(".xml"):
+                with archive.open(entry) as stream:
+                    tail = b""
+                    while piece := stream.read(1 << 20):
+                        if _FORMULA.search(tail + piece):
+                            return True
+                        tail = piece[-16:]
+    return False
+
+
+def _refuse_formulas(cells: Cells) -> None:
+    """FileError for an empty cell that is a formula nobody has calculated."""
+    with _workbook(cells.path, values=False) as book:
+        for index, row in _rows(book[cells.title], cells):
+            for place, cell in enumerate(row):
+                if isinstance(cell, str) and cell.startswith("=") and (index, place) in cells.gaps:
+                    name = cells.names[place]
+                    raise cells.error(
+                        f"column {name!r} is a formula without a result; open it in Excel and save", index
+                    )
+
+
+def _header(book: Any, title: str) -> dict[str, str]:
+    """Names and texts of the sheet `header`, if it is one of ours."""
+    if HEADER not in book.sheetnames or title == HEADER:
+        return {}
+    rows = [tuple(row[:2]) for row in book[HEADER].iter_rows(values_only=True)]
+    if not rows or rows[0] != ("name", "text"):
+        return {}
+    return {str(row[0]): "" if row[1] is None else str(row[1]) for row in rows[1:] if len(row) == 2 and row[0]}
+
+
+def write_excel(file: SurveyFile, path: str | Path) -> None:
+    """Write a survey as .xlsx: sheet `survey` with the columns, sheet `header` with the texts of the file's head.
+
+    Numbers are written as numbers. Texts are written as texts, also those that begin with = + - @ and would be a
+    formula to a spreadsheet.
+
+    Raises
+    ------
+    InputError
+        More stations than a sheet has rows, control characters in a text, a text longer than a cell holds.
+
+    Examples
+    --------
+    See `read_excel`.
+    """
+    from openpyxl import Workbook
+
+    if len(file) >= ROWS:
+        raise InputError(f"{len(file)} stations do not fit into a sheet of {ROWS} rows; use Parquet or CSV")
+    columns = columns_of(file)
+    book = Workbook(write_only=True)
+    sheet = book.create_sheet(SHEET)
+    sheet.freeze_panes = "B2"
+    sheet.append([_safe(sheet, column.name) for column in columns])
+    lists = [column.values if isinstance(column.values, tuple) else column.values.tolist() for column in columns]
+    for row in zip(*lists, strict=True):
+        sheet.append([_cell(sheet, value) for value in row])
+    if file.header:
+        notes = book.create_sheet(HEADER)
+        notes.append(["name", "text"])
+        for name, text in file.header.items():
+            notes.append([_safe(notes, name), _safe(notes, text)])
+    with replacing(path) as stream:
+        book.save(stream)
+
+
+def _cell(sheet: Any, value: float | str) -> Any:
+    if isinstance(value, str):
+        return _safe(sheet, value) if value else None
+    return value if value == value else None
+
+
+def _safe(sheet: Any, text: str) -> Any:
+    """A cell of text that no spreadsheet takes for a formula or an error value, not even after it was edited."""
+    from openpyxl.cell import WriteOnlyCell
+    from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE
+
+    if len(text) > LONGEST_TEXT:
+        raise InputError(f"a text of {len(text)} characters does not fit into a cell; allowed {LONGEST_TEXT}")
+    if ILLEGAL_CHARACTERS_RE.search(text):
+        raise InputError(f"{text[:40]!r} has a control character, which a workbook cannot hold; remove it")
+    if not text.startswith(_DANGEROUS):
+        return text
+    cell = WriteOnlyCell(sheet, text)
+    cell.data_type = "s"
+    cell.quotePrefix = True
+    return cell

@@ -1,0 +1,234 @@
+"""Survey tables as LAS 2.0 (CWLS): curves with units; the data are read and written with every digit."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.core.digest import digest_bytes
+from inclinometry.core.errors import FileError
+from inclinometry.io import _write
+from inclinometry.io._columns_out import OutColumn, columns_of
+from inclinometry.io._las_data import numbered, read_data, split_at_data
+from inclinometry.io._sheet import Column, Sheet, survey_of
+from inclinometry.io.atomic import write_text
+from inclinometry.io.exchange import SurveyFile
+
+NULLS: Final = (-999.25, -9999.25, -99999.25, -999999.25)
+"""Values that may stand for nothing; the first that is no value of the survey's is taken."""
+_NORTH: Final = "AZIREF"
+_MARK: Final = "Head of the survey, one name and text a line:"
+_GRID: Final = ("STRT", "STOP", "STEP", "NULL")
+
+
+def read_las(path: str | Path, *, convention: str = "house", azimuth_reference: str | None = None) -> SurveyFile:
+    """Read a survey from LAS 1.2 or 2.0; mnemonics as the names of columns `six_axis.read_csv` knows.
+
+    Parameters
+    ----------
+    path : str or Path
+        Wrapped or not. The file's own NULL is unknown.
+    convention : str
+        As in `six_axis.read_csv`.
+    azimuth_reference : {"magnetic", "true", "grid"}, optional
+        Where the file has no parameter AZIREF.
+
+    Raises
+    ------
+    FileError
+        Not LAS or another version of it; a damaged header; a row of another length, text in a number's place; data that
+        do not reach STRT and STOP (truncated); else as `six_axis.read_csv`, with the line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_las(SurveyFile(md=[0, 30], tvd=[0, np.nan], inclination=[0, 0.1]), Path(folder, "a.las"))
+    ...     survey = read_las(Path(folder, "a.las"))
+    >>> survey.tvd
+    array([ 0., nan])
+    """
+    where = Path(path)
+    data, text = _text(where)
+    head, lines, first = split_at_data(where, text)
+    las = _header(where, head)
+    names = _mnemonics(where, las)
+    wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
+    units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
+    columns, rows = read_data(where, numbered(lines, first), names, units, _null(where, las), wrap)
+    _complete(where, las, columns[names[0]], int(rows[-1]))
+    header, north = _head_texts(where, las)
+    sheet = Sheet(where, columns, rows, units, north=north, header=header, digest=digest_bytes(data))
+    return survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+
+
+def _text(path: Path) -> tuple[bytes, str]:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise FileError("there is no such file; check the name", path=path) from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+    if b"\0" in data[:100_000]:
+        raise FileError("not a LAS file (it holds zero bytes)", path=path)
+    try:
+        return data, data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data, data.decode("latin-1")  # older writers; what matters is ASCII
+
+
+def _header(path: Path, head: str) -> Any:
+    """The header as lasio reads it; LAS 1.2 and 2.0 only."""
+    import lasio
+
+    try:
+        las = lasio.read(io.StringIO(head), ignore_data=True, mnemonic_case="preserve")
+    except MemoryError:
+        raise
+    except Exception as error:  # LASHeaderError, but also key and index errors of what it did not foresee
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise FileError(f"the header is damaged ({reason[:200]}); write it again", path=path) from None
+    version = str(_value(las.version, "VERS") or "").strip()
+    if version not in ("1.2", "1.20", "2.0", "2", "2.00"):
+        raise FileError(f"LAS version {version or 'not stated'}; allowed 1.2 and 2.0: export it so", path=path)
+    if not len(las.curves):
+        raise FileError("no curves in the ~Curve section; a depth and one more are needed", path=path)
+    return las
+
+
+def _value(section: Any, name: str) -> Any:
+    """Value of an item of a section, or None."""
+    return next((item.value for item in section if str(item.original_mnemonic).upper() == name), None)
+
+
+def _mnemonics(path: Path, las: Any) -> list[str]:
+    names = [str(curve.original_mnemonic).strip() for curve in las.curves]
+    for place, name in enumerate(names, 1):
+        if not name:
+            raise FileError(f"curve {place} has no mnemonic; name it", path=path)
+        if names.index(name) < place - 1:
+            raise FileError(f"curve {name!r} appears twice; remove one", path=path)
+    return names
+
+
+def _null(path: Path, las: Any) -> float:
+    value = _value(las.well, "NULL")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise FileError(
+            f"NULL is {value!r}; a number is needed in the ~Well section, e.g. -999.25", path=path
+        ) from None
+
+
+def _complete(path: Path, las: Any, depth: Column, last: int) -> None:
+    """FileError where the data do not span STRT to STOP, as the header says they do."""
+    if isinstance(depth, tuple):
+        return
+    for name, found, line in (("STRT", depth[0], None), ("STOP", depth[-1], last)):
+        value = _value(las.well, name)
+        try:
+            wanted = float(value)
+        except (TypeError, ValueError):
+            raise FileError(f"{name} is {value!r}; the depth is needed in the ~Well section", path=path) from None
+        # headers are often printed with fewer digits than the data
+        if not abs(wanted - found) <= 0.006 + 1e-6 * abs(found):
+            problem = f"the header says {name} {wanted:.10g}, the data have {found:.10g}; is the file truncated?"
+            raise FileError(problem, path=path, line=line)
+
+
+def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:
+    """Texts of the head, and the north of the azimuths."""
+    north = _value(las.params, _NORTH)
+    north = str(north).strip().lower() if north not in (None, "") else None
+    lines = str(las.other).splitlines()
+    if _MARK in lines:
+        found: dict[str, str] = {}
+        for line in lines[lines.index(_MARK) + 1 :]:
+            try:
+                found |= {str(k): str(v) for k, v in json.loads(line).items()}
+            except (ValueError, AttributeError):
+                raise FileError(f"{line[:60]!r} in the ~Other section cannot be read; remove it", path=path) from None
+        return found, north
+    items = [*las.well, *las.params]
+    kept = [item for item in items if str(item.original_mnemonic).upper() not in (*_GRID, _NORTH)]
+    texts = {str(i.original_mnemonic): f"{i.value} {i.unit}".strip() for i in kept if str(i.value).strip()}
+    return texts, north
+
+
+def write_las(file: SurveyFile, path: str | Path) -> None:
+    """Write a survey as LAS 2.0, not wrapped; the head of `file` goes into the section ~Other.
+
+    LAS holds numbers only: `times` and those columns of `extra` that are not all numbers are not written.
+
+    Raises
+    ------
+    InputError
+        Two columns of one name.
+
+    Examples
+    --------
+    See `read_las`.
+    """
+    columns = [column for column in map(_curve, columns_of(file)) if column is not None]
+    everything = np.concatenate([np.asarray(column.values) for column in columns])
+    null = next(value for value in NULLS if not (everything == value).any())
+    gap = _write.number(null)
+    cells = [[text or gap for text in _write.column(np.asarray(column.values))] for column in columns]
+    rows = "\n".join(" ".join(row) for row in zip(*cells, strict=True))
+    write_text(f"{_header_text(file, columns, null)}{rows}\n", path)
+
+
+def _curve(column: OutColumn) -> OutColumn | None:
+    """A column as numbers under its mnemonic; None where it is text."""
+    if not isinstance(column.values, tuple):
+        return OutColumn(column.quantity.las if column.quantity else column.name, column.values, column.quantity)
+    if column.name == "azimuth_reference" or set(column.name) & set(" .:~#\t"):
+        return None
+    numbers = _all_numbers(column.values)
+    return None if numbers is None else OutColumn(column.name, numbers)
+
+
+def _all_numbers(texts: Sequence[str]) -> Array | None:
+    """Numbers that read back to the same texts, NaN where empty; else None."""
+    try:
+        numbers = np.array([float(text) if text else np.nan for text in texts])
+    except ValueError:
+        return None
+    return numbers if _write.column(numbers) == list(texts) else None
+
+
+def _header_text(file: SurveyFile, columns: Sequence[OutColumn], null: float) -> str:
+    """Everything up to the data, by lasio."""
+    import lasio
+
+    las = lasio.LASFile()
+    for column in columns:
+        unit = column.quantity.unit.label if column.quantity else ""
+        about = column.quantity.column if column.quantity else column.name
+        las.append_curve(column.name, np.asarray(column.values[:2], dtype=np.float64), unit=unit, descr=about)
+    las.well["NULL"].value = null
+    well = next((text for name, text in file.header.items() if name.lower() in ("well", "namewell")), "")
+    las.well["WELL"].value = " ".join(well.replace(":", " ").split())
+    if file.azimuth_reference is not None:
+        las.params[_NORTH] = lasio.HeaderItem(_NORTH, value=file.azimuth_reference, descr="NORTH AZIMUTHS ARE FROM")
+    if file.header:
+        las.other = "\n".join([_MARK, *_json_lines(file.header)])
+    steps = np.diff(file.md)
+    even = len(steps) > 0 and np.allclose(steps, steps[0], rtol=0.0, atol=1e-9)
+    stream = io.StringIO()
+    las.write(
+        stream, version=2.0, wrap=False, STRT=file.md[0], STOP=file.md[-1], STEP=steps[0] if even else 0.0, fmt="%.17g"
+    )
+    head, _, _ = split_at_data("", stream.getvalue())
+    return head + "~ASCII\n"
+
+
+def _json_lines(header: Mapping[str, str]) -> Iterator[str]:
+    return (json.dumps({name: text}, ensure_ascii=False) for name, text in header.items())
