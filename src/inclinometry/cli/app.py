@@ -149,3 +149,10 @@ _add(
     "Magnetic field, gravity, Earth rate and grid convergence of a place, with uncertainty.",
     "field --latitude-deg 60 --longitude-deg 10 --height-m 0 --date 2026-05-01 --crs EPSG:32632",
 )
+_add(
+    app,
+    "convert:convert",
+    "convert",
+    "Turn a survey of one format into another, and say what the other cannot hold.",
+    "convert survey.csv survey.las",
+)

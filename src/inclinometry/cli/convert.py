@@ -1,0 +1,75 @@
+"""Command that turns a survey of one format into another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json
+from inclinometry.workflow.convert import convert as convert_file
+
+Form = Literal["csv", "xlsx", "parquet", "las", "witsml", "p7", "wits"]
+
+
+def convert(
+    source: Path,
+    target: Path,
+    /,
+    *,
+    from_: Annotated[Form | None, Parameter(name="--from")] = None,
+    to: Form | None = None,
+    convention: Literal["house", "iscwsa", "specific-force", "z-up"] | None = None,
+    azimuth_reference: Literal["magnetic", "true", "grid"] | None = None,
+    sheet: str | None = None,
+    json: Json = False,
+) -> None:
+    """Turn a survey of one format into another, and say what the other cannot hold.
+
+    Parameters
+    ----------
+    source
+        CSV, .xlsx, Parquet, LAS, WITSML, P7 or WITS file.
+    target
+        File to write.
+    from_
+        Format of the source; by its ending when not given.
+    to
+        Format of the target; by its ending when not given.
+    convention
+        Axes and signs of the sensors in the source; the house's when not given.
+    azimuth_reference
+        North of the azimuths, where the source does not say it.
+    sheet
+        Sheet of a workbook; the first when not given.
+    json
+        Print a JSON summary.
+    """
+    output.claim({"the target": target}, {"the source": source})
+    with output.busy(f"converting {source.name}"):
+        done = convert_file(
+            source,
+            target,
+            from_format=from_,
+            to_format=to,
+            convention=convention,
+            azimuth_reference=azimuth_reference,
+            sheet=sheet,
+        )
+    output.warnings(done.survey.notes)
+    if json:
+        output.print_json(
+            {
+                "stations": len(done.survey),
+                "from": done.source,
+                "to": done.target,
+                "lost": done.lost,
+                "notes": done.survey.notes,
+                "output": target,
+            }
+        )
+        return
+    output.warnings([f"not carried by {done.target}: {sentence}" for sentence in done.lost])
+    output.say(f"{output.counted(len(done.survey), 'station')} written to {target}")

@@ -1,0 +1,223 @@
+"""From one survey format to another, and what the other cannot hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from inspect import signature
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.core.errors import FileError, InclinometryError, InputError
+from inclinometry.io._columns_out import OutColumn, columns_of
+from inclinometry.io.exchange import SurveyFile
+
+
+class Format(NamedTuple):
+    """A survey format: the endings of its files, and what reads and writes it, as "module:function"."""
+
+    endings: tuple[str, ...]
+    read: str
+    write: str
+
+
+FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
+    {
+        "csv": Format((".csv", ".tsv"), "six_axis:read_csv", "six_axis:write_csv"),
+        "xlsx": Format((".xlsx", ".xlsm"), "excel:read_excel", "excel:write_excel"),
+        "parquet": Format((".parquet", ".pq"), "parquet:read_parquet", "parquet:write_parquet"),
+        "las": Format((".las",), "las:read_las", "las:write_las"),
+        "witsml": Format((".witsml", ".xml"), "witsml:read_witsml", "witsml:write_witsml"),
+        "p7": Format((".p7", ".p717"), "p7:read_p7", "p7:write_p7"),
+        "wits": Format((".wits", ".wits0"), "wits0:read_wits0", "wits0:write_wits0"),
+    }
+)
+"""Name -> format; the functions take and give `SurveyFile` and are imported when they are needed."""
+
+_SAME: Final = 1e-9
+"""Relative change that is rounding in turning units, not a loss."""
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """What became of a file.
+
+    survey : what was read.
+    source, target : names of the formats.
+    lost : what the target does not hold, a sentence each, found by reading it back.
+    """
+
+    survey: SurveyFile
+    source: str
+    target: str
+    lost: tuple[str, ...]
+
+
+def format_of(path: str | Path, name: str | None = None, option: str = "--from") -> str:
+    """The format of a file, by name or by its ending.
+
+    Raises
+    ------
+    InputError
+        An unknown name.
+    FileError
+        An ending that belongs to no format, or to files of any kind (.txt, .dat).
+
+    Examples
+    --------
+    >>> format_of("a.LAS"), format_of("a.txt", "csv")
+    ('las', 'csv')
+    """
+    if name is not None:
+        if name not in FORMATS:
+            raise InputError(f"format {name!r} is not known; allowed: {', '.join(FORMATS)}")
+        return name
+    ending = Path(path).suffix.lower()
+    found = next((name for name, known in FORMATS.items() if ending in known.endings), None)
+    if found is None:
+        what = f"the ending {ending!r} does not tell the format" if ending else "the name has no ending"
+        raise FileError(f"{what}; give {option}: {', '.join(FORMATS)}", path=path)
+    return found
+
+
+def convert(
+    source: str | Path,
+    target: str | Path,
+    *,
+    from_format: str | None = None,
+    to_format: str | None = None,
+    convention: str | None = None,
+    azimuth_reference: str | None = None,
+    sheet: str | None = None,
+) -> Conversion:
+    """Read a survey in one format and write it in another.
+
+    Parameters
+    ----------
+    source, target : str or Path
+    from_format, to_format : str, optional
+        Names of `FORMATS`; by the files' endings when not given.
+    convention : str, optional
+        Axes and signs of the sensors in `source`, where its format does not fix them.
+    azimuth_reference : {"magnetic", "true", "grid"}, optional
+        The north of the azimuths, where `source` does not say it.
+    sheet : str, optional
+        Sheet of a workbook.
+
+    Returns
+    -------
+    Conversion
+        `lost` names every column that the target does not hold, or holds with fewer digits.
+
+    Raises
+    ------
+    FileError, InputError
+        As the formats' readers and writers; an option that the source's format has no use for.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "a.csv").write_text("md_m,inclination_deg,crew\\n0,0,A\\n30,1.5,B\\n")
+    ...     convert(Path(folder, "a.csv"), Path(folder, "a.las")).lost
+    ("column 'crew' (2 values)",)
+    """
+    start, end = format_of(source, from_format), format_of(target, to_format, "--to")
+    if end == "xlsx" and Path(target).suffix.lower() == ".xlsm":
+        raise FileError("a workbook with macros is not written; call it .xlsx", path=target)
+    options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
+    survey = read_survey_file(source, start, options)
+    _function(FORMATS[end].write)(survey, target)
+    return Conversion(survey, start, end, lost(survey, target, end))
+
+
+def read_survey_file(
+    path: str | Path, name: str, options: Mapping[str, str | None] = MappingProxyType({})
+) -> SurveyFile:
+    """Read a file of a named format; `options` that are not None go to its reader, which must know them.
+
+    Raises
+    ------
+    InputError
+        An option the format's reader does not have; else as that reader.
+    """
+    read = _function(FORMATS[name].read)
+    given = {option: value for option, value in options.items() if value is not None}
+    for option in given:
+        if option not in signature(read).parameters:
+            flag = f"--{option.replace('_', '-')}"
+            raise InputError(f"{flag} is of no use for {name} files; leave it out")
+    found: SurveyFile = read(path, **given)
+    return found
+
+
+def _function(place: str) -> Callable[..., Any]:
+    module, _, name = place.partition(":")
+    function: Callable[..., Any] = getattr(import_module(f"inclinometry.io.{module}"), name)
+    return function
+
+
+def lost(survey: SurveyFile, path: str | Path, name: str) -> tuple[str, ...]:
+    """What of a survey a file written from it does not hold, a sentence each; found by reading the file.
+
+    Parameters
+    ----------
+    survey : SurveyFile
+        What was to be written.
+    path : str or Path
+    name : str
+        Format of the file.
+    """
+    try:
+        found = _read_back(survey, path, name)
+    except InclinometryError as error:
+        return (f"what was written cannot be read back for comparison: {error}",)
+    if len(found) != len(survey):
+        return (f"stations: {len(survey)} were read, {len(found)} are in the file",)
+    there = {column.name: column for column in columns_of(found)}
+    sentences = [_column_lost(column, there.get(column.name)) for column in columns_of(survey)]
+    texts = set(found.header.values())
+    gone = [key for key, text in survey.header.items() if text and found.header.get(key) != text and text not in texts]
+    if gone:
+        sentences.append(f"texts of the file's head: {', '.join(gone)}")
+    return tuple(sentence for sentence in sentences if sentence)
+
+
+def _read_back(survey: SurveyFile, path: str | Path, name: str) -> SurveyFile:
+    """The file as anybody reads it; a format that cannot say the north is told it, to compare the other columns."""
+    try:
+        return read_survey_file(path, name)
+    except InclinometryError:
+        if (
+            survey.azimuth_reference is None
+            or "azimuth_reference" not in signature(_function(FORMATS[name].read)).parameters
+        ):
+            raise
+        return read_survey_file(path, name, {"azimuth_reference": survey.azimuth_reference})
+
+
+def _column_lost(wanted: OutColumn, found: OutColumn | None) -> str:
+    """A sentence on one column; empty where all of it is there."""
+    if isinstance(wanted.values, tuple):
+        there = wanted.values if found is None else found.values
+        count = sum(bool(text) for text in wanted.values)
+        if found is None:
+            return f"column {wanted.name!r} ({count} values)" if count else ""
+        differ = sum(a != b for a, b in zip(wanted.values, there, strict=True))
+        return f"column {wanted.name!r}: {differ} of {count} values differ" if differ else ""
+    known = ~np.isnan(wanted.values)
+    if found is None or isinstance(found.values, tuple):
+        return f"column {wanted.name!r} ({known.sum()} values)"
+    gone = known & np.isnan(found.values)
+    if gone.any():
+        return f"column {wanted.name!r}: {gone.sum()} of {known.sum()} values"
+    change = np.abs(wanted.values - found.values)[known]
+    if wanted.quantity is not None and wanted.quantity.dimension == "angle":
+        change = np.minimum(change, np.abs(360.0 - change))
+    largest = float(change.max(initial=0.0))
+    size = float(np.abs(wanted.values[known]).max(initial=0.0))
+    return f"digits of column {wanted.name!r}: changes up to {largest:.2g}" if largest > _SAME * max(size, 1e-3) else ""
