@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -21,8 +22,18 @@ _PARAMETERS: Final = {
     "noise_reduction_factor": ("noisereductionfactor", 1.0),
     "gxy_running_speed": ("gxyrunningspeed", 1.0 / 3600.0),
     "gz_running_speed": ("gzrunningspeed", 1.0 / 3600.0),
+    "XCLTortuosity": ("xcltortuosity", 1.0),
     "xcl_tortuosity_deg_per_100ft": ("xcltortuosity", np.pi / 180.0 / (100.0 * FOOT)),
 }
+
+
+_COURSE: Final = ("XCLA", "XCLH")
+"""Terms of long courses (SPE 187249), which act over all of a course; files of the OWSG don't say so."""
+_COURSE_SINGULAR: Final = (
+    "-Sin(AzT) * XCLTortuosity * (MD - MDPrev)",
+    "Cos(AzT) * XCLTortuosity * (MD - MDPrev)",
+    "0",
+)
 
 
 def tool_code_names() -> tuple[str, ...]:
@@ -42,7 +53,9 @@ def load_tool_code(name_or_path: str | Path) -> ToolCode:
 
     The file has `metadata` (`short_name`, `source`, `revision`), `parameters` and `terms`; the keys of a term are those
     of the ISCWSA's error models in JSON: `name`, `value`, `units`, `propagation_mode` ("Random", "Systematic", "Well",
-    "Global"), `depth_formula`, `inclination_formula`, `azimuth_formula`, `north_singularity` and so on.
+    "Global"), `depth_formula`, `inclination_formula`, `azimuth_formula`, `north_singularity` and so on. Files of the
+    OWSG are read as they are: XCLA and XCLH act over the whole course before a station, XCLA at vertical stations as in
+    the ISCWSA's workbooks, and a `framework` of Rev 5 or later makes the attitude at the wellhead uncertain.
 
     Parameters
     ----------
@@ -95,11 +108,17 @@ def _read(path: Path) -> ToolCode:
             parameters={_PARAMETERS[k][0]: float(v) * _PARAMETERS[k][1] for k, v in _numbers(parameters)},
             inclinations=_degrees(parameters.get("inc_min", 0.0), parameters.get("inc_max", 180.0)),
             vertical=float(np.radians(parameters.get("vertical_inclination_deg", 1e-4))),
-            surface_attitude=parameters.get("surface_attitude_uncertain", False),
+            surface_attitude=parameters.get("surface_attitude_uncertain", _revised(metadata.get("framework", ""))),
             continuous_above=None if continuous is None else float(continuous),
         )
     except InputError as error:
         raise FileError(str(error), path=path) from None
+
+
+def _revised(framework: object) -> bool:
+    """Whether a framework such as "ISCWSA Rev5" is of the fifth revision or later."""
+    found = re.match(r"ISCWSA Rev\s*(\d+)", str(framework))
+    return found is not None and int(found[1]) >= 5
 
 
 def _numbers(parameters: Mapping[str, Any]) -> list[tuple[str, float]]:
@@ -112,6 +131,9 @@ def _degrees(low: float, high: float) -> tuple[float, float]:
 
 def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
     singular = [cells.get(key) or "0" for key in _SINGULAR] if any(cells.get(key) for key in _SINGULAR) else None
+    course = cells.get("course", cells["name"] in _COURSE)
+    if cells["name"] == "XCLA" and "course" not in cells:
+        singular = list(_COURSE_SINGULAR)
     try:
         return term(
             cells["name"],
@@ -120,7 +142,7 @@ def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
             cells["propagation_mode"].lower(),
             [cells.get(key, "0") for key in _WEIGHTS],
             singular,
-            course=cells.get("course", False),
+            course=course,
             inclinations=_degrees(cells.get("inc_min_deg", -np.inf), cells.get("inc_max_deg", np.inf)),
             hold=cells.get("carry_above_max", False),
             start=cells.get("carry_only", False),

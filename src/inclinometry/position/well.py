@@ -69,6 +69,11 @@ class WellSurvey:
     def __len__(self) -> int:
         return len(self.md)
 
+    @property
+    def result_azimuth(self) -> Array:
+        """Azimuth (n,) from the north of the results, rad, in [0, 2 pi)."""
+        return convert_azimuth(self.azimuth, "true", self.north, self.site)
+
     def variables(self, vertical: float) -> Mapping[str, Any]:
         """Lower-case variables of the formulas; those that the site doesn't know are left out.
 

@@ -1,0 +1,60 @@
+"""Gyro error models against the covariances printed in Appendix E of SPE 90408."""
+
+import numpy as np
+import pytest
+
+from inclinometry.core.constants import FOOT
+from inclinometry.core.errors import InputError
+from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.position.propagation import propagate
+from inclinometry.position.well import well_survey
+
+NAMES = ("NN", "EE", "VV", "NE", "NV", "EV")
+# Elements out of the paper's own band (1 % or 2 units). Well 3 with model 4 below 3000 m is inconsistent in print: its
+# north and east disagree with models 3 and 5, which differ from it little. Model 1 on well 2 is 2 to 3 % low where the
+# hole turns south.
+MISSED = {
+    ("well2", "1", "7102", "NE"), ("well2", "1", "9398", "NE"), ("well2", "1", "12500", "NN"),
+    ("well2", "1", "12500", "NE"), ("well2", "1", "12500", "EE"), ("well3", "1", "3000", "NN"),
+    ("well3", "4", "3000", "NE"), ("well3", "4", "3000", "EE"), ("well3", "4", "3720", "NN"),
+    ("well3", "4", "3720", "NE"), ("well3", "4", "4030", "NN"), ("well3", "4", "4030", "NE"),
+    ("well3", "4", "4030", "EE"),
+}  # fmt: skip
+
+
+def test_at_least_479_of_492_elements_are_in_the_papers_band(columns, sites, reference):
+    read, six = reference
+    rows = read("spe90408", "appendix_e.csv")
+    cases = {(row["well"], row["model"]) for row in rows}
+    missed, count = set(), 0
+    for well, model in sorted(cases):
+        mine = [row for row in rows if (row["well"], row["model"]) == (well, model)]
+        unit = FOOT if mine[0]["md_unit"] == "ft" else 1.0
+        column = columns[well[-1]]
+        # models 1 and 2 end where the paper's table ends: their accelerometers don't see along a horizontal hole
+        end = int(np.searchsorted(column["md"], max(float(row["md"]) for row in mine) * unit + 0.3))
+        survey = well_survey(site=sites[well[-1]], **{name: values[:end] for name, values in column.items()})
+        covariance = six(propagate(survey, load_tool_code(f"spe90408-model-{model}")).covariance) / unit**2
+        for row in mine:
+            at = int(np.argmin(np.abs(survey.md - float(row["md"]) * unit)))
+            for name, got in zip(NAMES, covariance[at], strict=True):
+                expected = float(row[name])
+                count += 1
+                if abs(got - expected) > max(0.01 * abs(expected), 2.0):
+                    missed.add((well, model, row["md"], name))
+    assert count == 492
+    assert missed == MISSED
+    assert count - len(missed) >= 479
+
+
+def test_a_gyro_that_cannot_see_north_in_a_horizontal_hole_says_so(iscwsa):
+    with pytest.raises(InputError, match=r"spe90408-model-1, term AXY-B: .* at station \d+ \(inclination 90"):
+        propagate(iscwsa["1"], load_tool_code("spe90408-model-1"))
+
+
+def test_a_gyro_needs_a_latitude(columns):
+    from inclinometry.earth.site import Site
+
+    survey = well_survey(site=Site(g=9.81), **columns["1"])
+    with pytest.raises(InputError, match="latitude, of which nothing is known; give it in the site"):
+        propagate(survey, load_tool_code("spe90408-model-6"))
