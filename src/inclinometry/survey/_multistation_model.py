@@ -44,8 +44,8 @@ class Model:
         """Corrected fields (n, 6) and the inverse gains (n, 6, 6)."""
         size, active = len(self.offset), self.weights * x[: len(self.offset)]
         gain = (active @ self.gain.reshape(size, 36)).reshape(-1, 6, 6) + np.eye(6)
-        inverse = np.linalg.inv(gain)
-        return np.einsum("nab,nb->na", inverse, self.readings - active @ self.offset), inverse
+        inverse = np.asarray(np.linalg.inv(gain), dtype=np.float64)
+        return (inverse @ (self.readings - active @ self.offset)[:, :, None])[:, :, 0], inverse
 
     def by_parameter(self, fields: Array, inverse: Array) -> Array:
         """Derivatives (n, 6, p) of the corrected fields by the sensors' parameters."""
