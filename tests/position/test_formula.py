@@ -104,7 +104,7 @@ def test_terms_that_cannot_be_used(change, message):
 def test_a_tool_code_is_complete():
     speed = term("GD", 0.5, "deg/hr", "systematic", ("0", "0", "XY_Gyro_Drift + MD / GXYRunningSpeed"))
     sag = term("SAG", 0.2, "deg", "systematic", ("0", "1", "0"))
-    with pytest.raises(InputError, match="term GD: formula .* needs the parameter gxyrunningspeed"):
+    with pytest.raises(InputError, match=r"term GD: formula .* needs the parameter gxyrunningspeed"):
         ToolCode(name="gyro", terms=(speed,), source="x")
     with pytest.raises(InputError, match="term GD accumulates, but from which inclination on is not said"):
         ToolCode(name="gyro", terms=(speed,), source="x", parameters={"gxyrunningspeed": 1.0})

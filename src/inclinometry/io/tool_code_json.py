@@ -93,7 +93,7 @@ def load_tool_code(name_or_path: str | Path) -> ToolCode:
 
 
 def _read(path: Path) -> ToolCode:
-    content = _json.load(path)
+    content = _without_extensions(_json.load(path))
     _json.validate(content, "tool-code-1", path)
     metadata, parameters = content["metadata"], content.get("parameters", {})
     terms = tuple(_term(cells, f"$.terms[{row}]", path) for row, cells in enumerate(content["terms"]))
@@ -113,6 +113,15 @@ def _read(path: Path) -> ToolCode:
         )
     except InputError as error:
         raise FileError(str(error), path=path) from None
+
+
+def _without_extensions(content: dict[str, Any]) -> dict[str, Any]:
+    """The file without the keys x_... of its terms, which anybody may add."""
+    terms = content.get("terms")
+    if not isinstance(terms, list) or not all(isinstance(cells, dict) for cells in terms):
+        return content  # the schema says what is wrong
+    kept = [{key: value for key, value in cells.items() if not key.startswith("x_")} for cells in terms]
+    return {**content, "terms": kept}
 
 
 def _revised(framework: object) -> bool:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inclinometry.attitude.rotations import dcm
 from inclinometry.core.angles import wrap_positive
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import InputError
@@ -131,12 +132,7 @@ def hole_covariance(covariance: ArrayLike, inclination: ArrayLike, azimuth: Arra
     array([3., 2., 1.])
     """
     matrix = _covariance(covariance, (3,))
-    i, a = np.broadcast_arrays(finite(inclination, "inclination"), finite(azimuth, "azimuth"))
-    zero = np.zeros_like(i)
-    high = np.stack([np.cos(i) * np.cos(a), np.cos(i) * np.sin(a), -np.sin(i)], axis=-1)
-    lateral = np.stack([-np.sin(a), np.cos(a), zero], axis=-1)
-    along = np.stack([np.sin(i) * np.cos(a), np.sin(i) * np.sin(a), np.cos(i)], axis=-1)
-    turn = np.stack([high, lateral, along], axis=-2)
+    turn = dcm(azimuth, inclination, 0.0)
     return np.asarray(turn @ matrix @ np.swapaxes(turn, -1, -2))
 
 

@@ -1,0 +1,257 @@
+"""Propagation by physics: frames, runs, wells, correlated sources, a simulation."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
+from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.position.propagation import Run, propagate, propagate_runs, relative_covariance
+from inclinometry.position.sources import MatrixSource
+from inclinometry.position.tool_code import ToolCode, term
+from inclinometry.position.well import well_survey
+from inclinometry.survey.path import minimum_curvature
+
+SITE = Site(latitude=1.0, g=9.81, b=5e4, dip=1.2, declination=0.1, convergence=0.04)
+MD = np.arange(0.0, 1501.0, 30.0)
+INCLINATION = np.clip((MD - 150.0) / 900.0, 0.0, 1.2)
+AZIMUTH = 0.5 + 0.6 * np.clip((MD - 600.0) / 900.0, 0.0, 1.0)
+
+
+def code_of(*terms, **options):
+    return ToolCode(name="mine", terms=terms, source="test", **options)
+
+
+def well(site=SITE, azimuth=AZIMUTH, **options):
+    return well_survey(MD, INCLINATION, azimuth, site, **options)
+
+
+SAG = term("SAG", 0.2, "deg", "systematic", ("0", "Sin(Inc)", "0"))
+NORTH = term("AZ", 0.3, "deg", "global", ("0", "0", "1"))
+NOISE = term("NOISE", 0.1, "deg", "random", ("0", "1", "1"))
+SCALE = term("DSF", 5e-4, "-", "well", ("MD", "0", "0"))
+
+
+def test_a_constant_azimuth_error_turns_the_well():
+    survey = well()
+    found = propagate(survey, code_of(NORTH, surface_attitude=True))
+    path = minimum_curvature(survey.md, survey.inclination, survey.azimuth)
+    turned = NORTH.sigma * np.stack([-path.east, path.north, np.zeros(len(survey))], axis=1)
+    # levers are tangential, the path is curved: a tenth of a per cent at doglegs of 2 deg
+    np.testing.assert_allclose(found.sources["AZ"].vectors[0], turned, atol=2e-3 * np.abs(turned).max())
+
+
+def test_a_depth_scale_error_stretches_the_well():
+    survey = well()
+    found = propagate(survey, code_of(SCALE))
+    path = minimum_curvature(survey.md, survey.inclination, survey.azimuth)
+    stretched = SCALE.sigma * np.stack([path.north, path.east, path.tvd], axis=1)
+    np.testing.assert_allclose(found.sources["DSF"].vectors[0], stretched, atol=2e-3 * np.abs(stretched).max())
+
+
+def test_random_errors_add_up_as_in_a_simulation():
+    inclination = INCLINATION + 0.3  # away from the vertical, where an azimuth's error is not small
+    survey = well_survey(MD, inclination, AZIMUTH, SITE)
+    found = propagate(survey, code_of(NOISE))
+    rng = np.random.default_rng(4)
+    ends = []
+    for _ in range(4000):
+        shared = NOISE.sigma * rng.standard_normal(len(MD))  # one error moves both angles, as the term's weights say
+        shared[0] = 0.0  # the wellhead's attitude is known
+        path = minimum_curvature(survey.md, inclination + shared, AZIMUTH + shared)
+        ends.append([path.north[-1], path.east[-1], path.tvd[-1]])
+    simulated = np.cov(np.array(ends).T)
+    # 4000 draws: a variance is known to 2.2 %, taken three times
+    np.testing.assert_allclose(found.covariance[-1], simulated, atol=0.07 * np.diag(simulated).max())
+
+
+@given(st.floats(-3.0, 3.0))
+@settings(max_examples=20, deadline=None)
+def test_turning_everything_turns_the_covariance(angle):
+    code = load_tool_code("iscwsa-mwd-rev5.1")
+    one = propagate(well(), code)
+    # the field and the well turned together: only the names of the directions change
+    site = Site(latitude=1.0, g=9.81, b=5e4, dip=1.2, declination=0.1 + angle if abs(0.1 + angle) < np.pi else 0.1)
+    shift = site.declination - 0.1
+    other = propagate(well(site, AZIMUTH + shift), code)
+    c, s = np.cos(shift), np.sin(shift)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    np.testing.assert_allclose(other.covariance, turn @ one.covariance @ turn.T, rtol=0, atol=1e-9)
+
+
+def test_grid_north_turns_the_covariance():
+    code = load_tool_code("iscwsa-mwd-rev5.1")
+    true, grid = propagate(well(), code), propagate(well(azimuth=AZIMUTH - 0.04, reference="grid"), code)
+    c, s = np.cos(0.04), np.sin(0.04)
+    turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])  # grid north is east of true north
+    np.testing.assert_allclose(grid.covariance, turn @ true.covariance @ turn.T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(grid.survey.result_azimuth, AZIMUTH - 0.04, atol=1e-14)
+    assert grid.survey.north == "grid"
+    magnetic = propagate(well(azimuth=AZIMUTH - 0.1, reference="magnetic"), code)
+    np.testing.assert_allclose(magnetic.covariance, true.covariance, rtol=0, atol=1e-12)
+
+
+def test_the_sum_of_the_sources_is_the_whole():
+    found = propagate(well(), load_tool_code("iscwsa-mwd-rev5.1"))
+    parts = sum(one.covariance for one in found.sources.values())
+    np.testing.assert_allclose(parts, found.covariance, rtol=1e-12, atol=1e-15)
+    kinds = sum(found.by_propagation(kind) for kind in ("random", "systematic", "well", "global"))
+    np.testing.assert_allclose(kinds, found.covariance, rtol=1e-12, atol=1e-15)
+    assert (np.linalg.eigvalsh(found.covariance) > -1e-12).all()
+
+
+def test_a_matrix_of_derivatives_is_the_same_as_formulas():
+    survey = well()
+    weights = np.zeros((len(survey), 3, 3))
+    weights[:, 0, 0] = survey.md
+    weights[:, 1, 1] = np.sin(survey.inclination)
+    weights[:, 2, 2] = 1.0
+    sigmas = np.array([SCALE.sigma, SAG.sigma, NORTH.sigma])
+    formulas = propagate(survey, code_of(SAG, NORTH, SCALE))
+    matrix = propagate(survey, sources=[MatrixSource("all", weights, np.diag(sigmas**2))])
+    np.testing.assert_allclose(matrix.covariance, formulas.covariance, rtol=1e-12, atol=1e-14)
+    # the same errors in other parameters, correlated there
+    mix = np.array([[1.0, 0.3, 0.0], [0.0, 2.0, 0.1], [0.4, 0.0, 1e-3]])
+    inverse = np.linalg.inv(mix)
+    mixed = MatrixSource("all", weights @ mix, inverse @ np.diag(sigmas**2) @ inverse.T)
+    np.testing.assert_allclose(
+        propagate(survey, sources=[mixed]).covariance, formulas.covariance, rtol=1e-8, atol=1e-12
+    )
+
+
+def test_a_random_matrix_is_each_stations_own():
+    survey = well()
+    weights = np.zeros((len(survey), 3, 1))
+    weights[:, 1:] = 1.0
+    matrix = propagate(survey, sources=[MatrixSource("noise", weights, np.array([[NOISE.sigma**2]]), "random")])
+    np.testing.assert_allclose(matrix.covariance, propagate(survey, code_of(NOISE)).covariance, rtol=1e-12, atol=1e-15)
+
+
+def test_directions_stand_in_for_angles_at_vertical_stations():
+    survey = well()
+    angles, directions = np.zeros((len(survey), 3, 2)), np.full((len(survey), 3, 2), np.nan)
+    sine, cosine = np.sin(survey.inclination), np.cos(survey.inclination)
+    vertical = survey.inclination < 1e-6
+    # a tilt towards north and one towards east of the tool
+    with np.errstate(divide="ignore", invalid="ignore"):
+        angles[:, 1, 0], angles[:, 2, 0] = cosine * np.cos(survey.azimuth), -cosine / sine * np.sin(survey.azimuth)
+        angles[:, 1, 1], angles[:, 2, 1] = cosine * np.sin(survey.azimuth), cosine / sine * np.cos(survey.azimuth)
+    directions[vertical] = np.eye(3)[:, :2]
+    source = MatrixSource("tilt", angles, 1e-6 * np.eye(2), "systematic", directions)
+    options = {"magnitude": 1e-3, "unit": "rad", "propagation": "systematic"}
+    weights = ("0", "Cos(Inc) * Cos(AzT)", "-Cos(Inc) / Sin(Inc) * Sin(AzT)")
+    other = ("0", "Cos(Inc) * Sin(AzT)", "Cos(Inc) / Sin(Inc) * Cos(AzT)")
+    pair = term("N", weights=weights, singular="100", **options), term("E", weights=other, singular="010", **options)
+    expected = propagate(survey, code_of(*pair)).covariance
+    np.testing.assert_allclose(propagate(survey, sources=[source]).covariance, expected, rtol=1e-10, atol=1e-14)
+    with pytest.raises(InputError, match="by_angles of 'tilt'"):
+        MatrixSource("tilt", angles, np.eye(2))
+
+
+def test_runs_share_what_the_well_shares():
+    survey, code = well(), code_of(SAG, NORTH, NOISE, SCALE)
+    whole = propagate(survey, code)
+    split = propagate_runs(survey, [Run(0, 19, code), Run(20, len(survey) - 1, code)])
+    assert set(split.sources) == {"run 1: SAG", "run 2: SAG", "run 1: NOISE", "run 2: NOISE", "AZ", "DSF"}
+    for name in ("AZ", "DSF"):
+        np.testing.assert_allclose(split.sources[name].covariance, whole.sources[name].covariance, atol=1e-12)
+    noise = split.sources["run 1: NOISE"].covariance + split.sources["run 2: NOISE"].covariance
+    np.testing.assert_allclose(noise, whole.sources["NOISE"].covariance, atol=1e-12)
+    # a new tool's sag is another error: vectors add up, variances too, but not those of one and the same error
+    vectors = [split.sources[f"run {k}: SAG"].vectors for k in (1, 2)]
+    np.testing.assert_allclose(vectors[0] + vectors[1], whole.sources["SAG"].vectors, atol=1e-12)
+    sag = split.sources["run 1: SAG"].covariance + split.sources["run 2: SAG"].covariance
+    assert np.trace(sag[-1]) < 0.9 * np.trace(whole.sources["SAG"].covariance[-1])
+    np.testing.assert_allclose(vectors[0][0, 21:], np.broadcast_to(vectors[0][0, 21], (len(MD) - 21, 3)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("runs", "message"),
+    [
+        ([(0, 10), (12, 50)], "run 2 has stations 13 to 51; it must begin at 12"),
+        ([(0, 10), (5, 50)], "run 2 has stations 6 to 51"),
+        ([(0, 10)], "the runs end at station 11 of 51"),
+        ([(0, 60)], "it must begin at 1 and end by 51"),
+        ([], "the runs end at station 0"),
+    ],
+)
+def test_runs_cover_the_well(runs, message):
+    with pytest.raises(InputError, match=message):
+        propagate_runs(well(), [Run(first, last, code_of(SAG)) for first, last in runs])
+
+
+def test_wells_share_what_is_global():
+    code = code_of(NORTH, SAG)
+    one, other = propagate(well(), code), propagate(well(azimuth=AZIMUTH + 0.5), code)
+    apart = relative_covariance(one, -1, other, -1)
+    difference = one.sources["AZ"].vectors[0, -1] - other.sources["AZ"].vectors[0, -1]
+    sag = one.sources["SAG"].covariance[-1] + other.sources["SAG"].covariance[-1]
+    np.testing.assert_allclose(apart, np.outer(difference, difference) + sag, atol=1e-12)
+    with pytest.raises(InputError, match="counts from true, the other from grid"):
+        relative_covariance(one, 0, propagate(well(north="grid"), code), 0)
+
+
+def test_a_tie_is_carried_along_and_takes_the_wellheads_place():
+    tie = np.diag([4.0, 4.0, 1.0])
+    depth = term("DRFR", 0.35, "m", "random", ("1", "0", "0"))
+    found = propagate(well(tie=tie), code_of(SAG, depth))
+    np.testing.assert_array_equal(found.covariance[0], tie)
+    assert propagate(well(), code_of(depth)).covariance[0, 2, 2] == pytest.approx(0.35**2)
+    free = propagate(well_survey(MD + 300.0, INCLINATION, AZIMUTH, SITE), code_of(SAG, depth))
+    np.testing.assert_allclose(found.covariance - tie, free.covariance, atol=1e-12)
+
+
+def test_errors_name_what_is_missing(columns):
+    code = load_tool_code("iscwsa-mwd-rev4")
+    with pytest.raises(InputError, match=r"iscwsa-mwd-rev4, term ABXY-TI1S: .* needs azm, dip, of which nothing"):
+        propagate(well(Site(g=9.81, b=5e4)), code)
+    with pytest.raises(InputError, match="no source of error"):
+        propagate(well())
+    with pytest.raises(InputError, match=r"station 10 has inclination 7.64 deg; .* made for 0 to 5.7"):
+        propagate(well(), code_of(SAG, inclinations=(0.0, 0.1)))
+    source = MatrixSource("SAG", np.ones((len(MD), 3, 1)), np.eye(1))
+    with pytest.raises(InputError, match="two sources of one run are called 'SAG'"):
+        propagate(well(), code_of(SAG), [source])
+    with pytest.raises(InputError, match="source 'short' has 2 stations, the survey 51"):
+        propagate(well(), sources=[MatrixSource("short", np.ones((2, 3, 1)), np.eye(1))])
+    flat = term("FLAT", 1.0, "deg", "systematic", ("0", "0", "1 / Sin(Inc)"))
+    with pytest.raises(InputError, match=r"term FLAT: formula '1 / Sin\(Inc\)' is inf at station 1 \(inclination 0"):
+        propagate(well(), code_of(flat))
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [
+        ([[1.0, 0.5], [0.4, 1.0]], "not symmetric"),
+        ([[1.0, 2.0], [2.0, 1.0]], "negative variances"),
+        ([[-1.0, 0.0], [0.0, 1.0]], "negative variances"),
+    ],
+)
+def test_matrices_that_are_no_covariance(covariance, message):
+    source = MatrixSource("x", np.ones((len(MD), 3, 2)), np.array(covariance))
+    with pytest.raises(InputError, match=message):
+        propagate(well(), sources=[source])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"md": [0.0, 30.0, 30.0]}, "md goes from 30 to 30 m at station 3|does not increase|increase"),
+        ({"md": [0.0, np.nan, 60.0]}, r"md\[1\] is nan"),
+        ({"inclination": [0.0, 0.1, 9.0]}, "inclination"),
+        ({"azimuth": [0.0, 0.1]}, "azimuth"),
+        ({"tvd": [0.0, 30.0]}, "tvd has shape"),
+        ({"reference": "north"}, "north reference is 'north'"),
+        ({"north": "magnetic"}, "north is 'magnetic'; allowed: true, grid"),
+        ({"site": Site(), "reference": "magnetic"}, "the site has no declination"),
+        ({"site": Site(), "north": "grid"}, "no convergence"),
+        ({"tie": np.eye(2)}, "tie has shape"),
+    ],
+)
+def test_surveys_that_cannot_be_used(change, message):
+    good = {"md": [0.0, 30.0, 60.0], "inclination": [0.0, 0.1, 0.2], "azimuth": [0.0, 0.1, 0.2], "site": SITE}
+    well_survey(**good)
+    with pytest.raises(InputError, match=message):
+        well_survey(**{**good, **change})

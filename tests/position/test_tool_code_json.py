@@ -1,0 +1,98 @@
+"""Tool codes from files."""
+
+import json
+
+import numpy as np
+import pytest
+
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.io.tool_code_json import load_tool_code, tool_code_names
+
+
+def content():
+    return {
+        "metadata": {"short_name": "mine", "source": "a report", "revision": 2, "framework": "ISCWSA Rev5"},
+        "parameters": {"inc_max": 120, "XCLTortuosity": 0.0005726},
+        "terms": [
+            {
+                "name": "SAG",
+                "value": 0.2,
+                "units": "deg",
+                "propagation_mode": "Systematic",
+                "inclination_formula": "Sin(Inc)",
+                "north_singularity": None,
+                "x_owsg_weight_function": "SAG",
+                "depth_factor": 0,
+            },
+            {
+                "name": "XCLA",
+                "value": 0.167,
+                "units": "-",
+                "propagation_mode": "Random",
+                "azimuth_formula": "XCLTortuosity * (MD - MDPrev) / Sin(Inc)",
+                "north_singularity": "XCLTortuosity * RAD * (MD - MDPrev)",
+                "east_singularity": "XCLTortuosity * RAD * (MD - MDPrev)",
+            },
+        ],
+    }
+
+
+def write(folder, what):
+    path = folder / "mine.json"
+    path.write_text(json.dumps(what))
+    return path
+
+
+def test_every_shipped_tool_code_names_its_source_and_revision():
+    names = tool_code_names()
+    assert set(names) == {"iscwsa-mwd-rev4", "iscwsa-mwd-rev5.1", *(f"spe90408-model-{k}" for k in range(1, 7))}
+    for name in names:
+        code = load_tool_code(name)
+        assert code.name == name
+        assert "SPE" in code.source
+        assert code.revision
+        assert code.description
+
+
+def test_a_users_file(tmp_path):
+    code = load_tool_code(write(tmp_path, content()))
+    assert (code.name, code.revision, code.surface_attitude) == ("mine", "2", True)
+    assert code.inclinations == (0.0, pytest.approx(np.radians(120)))
+    sag, long_course = code.terms
+    assert (sag.course, sag.singular) == (False, None)
+    assert long_course.course
+    assert long_course.singular[0].text.startswith("-Sin(AzT)")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: c.pop("metadata"), r"\$ has no \"metadata\"; add it"),
+        (lambda c: c["metadata"].pop("source"), r"\$.metadata has no \"source\""),
+        (lambda c: c.update(extra=1), r"\$ has \"extra\", which is not known"),
+        (lambda c: c["terms"][0].update(unit="deg"), r"\$.terms\[0\] has \"unit\", which is not known; allowed: name"),
+        (lambda c: c["terms"][0].update(units="degree"), r"\$.terms\[0\]: term SAG has the unit 'degree'; known"),
+        (lambda c: c["terms"][0].update(value=-1), r"\$.terms\[0\].value is -1"),
+        (lambda c: c["terms"][0].update(value="1"), r"\$.terms\[0\].value is \"1\""),
+        (lambda c: c["terms"][0].update(propagation_mode="S"), "Random, Systematic, Well or Global"),
+        (lambda c: c["terms"][1].update(azimuth_formula="Sin(I)"), r"\$.terms\[1\]: term XCLA: .* variable 'i'"),
+        (lambda c: c["terms"][1].update(azimuth_formula="Sinh(Inc)"), "calls 'Sinh'; allowed"),
+        (lambda c: c["parameters"].pop("XCLTortuosity"), "term XCLA: .* needs the parameter xcltortuosity"),
+        (lambda c: c["parameters"].update(speed=3), r"\$.parameters has \"speed\", which is not known"),
+        (lambda c: c["terms"].clear(), r"\$.terms is \[\]"),
+        (lambda c: c["terms"].append(c["terms"][0]), "has the term SAG twice"),
+    ],
+)
+def test_errors_name_the_place_in_the_file(tmp_path, change, message):
+    what = content()
+    change(what)
+    with pytest.raises(FileError, match=message) as caught:
+        load_tool_code(write(tmp_path, what))
+    assert str(caught.value).startswith(str(tmp_path))
+
+
+def test_names_that_are_nothing(tmp_path):
+    with pytest.raises(InputError, match="'rev6' is neither a file nor one of those shipped: iscwsa-mwd-rev4"):
+        load_tool_code("rev6")
+    with pytest.raises(FileError, match="no such file"):
+        load_tool_code(tmp_path / "none.json")
