@@ -1,0 +1,287 @@
+"""Axial magnetic interference: the axial field that the reference asks for, in place of the one measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.attitude.orientation import angles_jacobian
+from inclinometry.core.arrays import Array, Mask, within
+from inclinometry.core.errors import InputError
+from inclinometry.survey.checks import Check
+from inclinometry.survey.multistation import FieldReference
+from inclinometry.survey.stations import Source, Stations
+
+SOURCE: Final = "axial correction"
+"""Name of the source of error left by the correction; its two parameters are the reference b (nT) and dip (rad)."""
+
+LEFT: Final = "axial interference"
+"""Name of the source of error at stations that could not be corrected; its parameter is the interference, nT."""
+
+SINGULAR: Final = float(np.cos(np.radians(70.0)) ** 2)
+"""1 - sin^2 I sin^2 A below which the correction must not be used: when level, azimuth within 20 deg of east-west."""
+
+WEAK: Final = float(np.cos(np.radians(60.0)) ** 2)
+"""The same below which it is better avoided, by spacing the assembly well: when level, within 30 deg of east-west.
+
+Both sectors: Innova, Appendix C, short collar correction; written in I and A they hold at every inclination.
+"""
+
+_STEEP: Final = 1e-12  # sine of inclination below which the axial field does not depend on azimuth
+_STEPS: Final = 80  # halvings: more than the digits of a double
+
+
+class _Geometry(NamedTuple):
+    """Parts of gravity's direction and of the transverse field, all (n,)."""
+
+    down: Array  # (n, 3) direction of gravity
+    hx: Array  # downward direction across the tool, a unit vector
+    hy: Array
+    sine: Array  # of inclination
+    cosine: Array
+    high: Array  # transverse field along the downward direction across the tool, nT
+    across: Array  # field along the horizontal across the tool, nT
+
+
+@dataclass(frozen=True, eq=False)
+class AxialCorrection:
+    """What the correction did at n stations.
+
+    stations : Stations, corrected.
+    interference : (n,) measured minus computed axial field, nT; also at stations that were left alone.
+    observability : (n,) 1 - sin^2 I (H/Bh) sin^2 A: an error of the axial field is divided by this.
+    singular, weak : (n,) left alone below `SINGULAR`; corrected but poorly below `WEAK`.
+    azimuth_by_b, azimuth_by_dip : (n,) rad per nT and rad per rad of the reference; NaN at vertical stations.
+    misfit : (n, 2) horizontal and vertical field after the correction minus the reference, nT.
+    """
+
+    stations: Stations
+    interference: Array
+    observability: Array
+    singular: Mask
+    weak: Mask
+    azimuth_by_b: Array
+    azimuth_by_dip: Array
+    misfit: Array
+    check: Check
+
+
+def axial_correction(
+    stations: Stations, reference: FieldReference, *, interference_sigma: float = 220.0
+) -> AxialCorrection:
+    """Replace the axial field by the one that fits the reference best.
+
+    Parameters
+    ----------
+    stations : Stations
+    reference : FieldReference
+        Its b and dip with their uncertainties are used.
+    interference_sigma : float
+        Standard deviation of the interference left at stations where the correction is singular, nT (220: term AMIL of
+        the ISCWSA MWD model).
+
+    Returns
+    -------
+    AxialCorrection
+        Its `stations` carry the errors of b and dip as the source "axial correction", the disturbances of the field and
+        the noise of the five other channels as noise, and a line of history. Linear: invalid where `singular`, and
+        there the axial field is left as measured.
+
+    Raises
+    ------
+    InputError
+        Corrected before; a sigma out of range.
+
+    Notes
+    -----
+    Bz minimises (Bh - Bh_ref)^2 + (Bv - Bv_ref)^2. With s = sin I, c = cos I, q the transverse field along the downward
+    direction across the tool and e along the horizontal across it,
+
+        Bz = c Bv_ref + s Bh_ref cos A,    cos A = u / hypot(u, e),    u = s Bz - c q.
+
+    At most two minima exist; the one nearer to the measured field is taken. The derivatives of azimuth are those of the
+    ISCWSA terms MFI and MDI:
+
+        dA/dB = -sin I sin A (tan D cos I + sin I cos A) / (B (1 - sin^2 I sin^2 A)).
+
+    References
+    ----------
+    Williamson, Accuracy prediction for directional MWD, SPE 67616 (2000): axial interference correction.
+
+    Examples
+    --------
+    >>> from inclinometry.attitude.orientation import fields
+    >>> g, b = fields(np.radians([30.0]), np.radians(50.0), 1.0, np.radians(70.0))
+    >>> site = FieldReference(g=9.81, b=50_000.0, dip=np.radians(70.0), g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
+    >>> done = axial_correction(Stations([0.0], 9.81 * g, 50_000.0 * b + [0.0, 0.0, 400.0]), site)
+    >>> done.interference.round(6)
+    array([400.])
+    """
+    if SOURCE in stations.sources:
+        raise InputError("these stations have been through an axial correction; give the stations before it")
+    within(interference_sigma, "interference_sigma", 0.0, 1e5, "nT")
+    horizontal, vertical = reference.b * np.cos(reference.dip), reference.b * np.sin(reference.dip)
+    at = _geometry(stations.g, stations.b)
+    bz = _axial_field(at, horizontal, vertical, stations.b[:, 2])
+    slope, by_field, by_reference = _derivatives(stations, at, bz, horizontal, vertical)
+    corrected = np.column_stack([stations.b[:, :2], bz])
+    observability = slope
+    singular = observability < SINGULAR
+    interference = stations.b[:, 2] - bz
+    b = np.where(singular[:, None], stations.b, corrected)
+    steps = _Steps(by_field, by_reference, singular)
+    noise, sources = _propagated(stations, reference, steps, interference_sigma)
+    check = _check(interference, observability, singular)
+    done = stations.corrected(stations.g, b, _line(reference, interference, singular), sources, noise)
+    by_bz = _azimuth_by_bz(stations.g, corrected)
+    down = np.sum(corrected * stations.g, axis=1) / np.linalg.norm(stations.g, axis=1)
+    level = np.hypot(at.sine * bz - at.cosine * at.high, at.across)
+    return AxialCorrection(
+        stations=done,
+        interference=interference,
+        observability=observability,
+        singular=singular,
+        weak=(observability < WEAK) & ~singular,
+        azimuth_by_b=by_bz * by_reference[:, 0],
+        azimuth_by_dip=by_bz * by_reference[:, 1],
+        misfit=np.column_stack([level - horizontal, down - vertical]),
+        check=check,
+    )
+
+
+def _geometry(g: Array, b: Array) -> _Geometry:
+    down = g / np.linalg.norm(g, axis=1, keepdims=True)
+    sine = np.hypot(down[:, 0], down[:, 1])
+    # in a vertical tool the transverse field itself serves: the axial field changes when gravity tilts along it
+    across = np.where(sine[:, None] > _STEEP, down[:, :2], b[:, :2])
+    size = np.hypot(across[:, 0], across[:, 1])
+    across = across / np.where(size > 0.0, size, 1.0)[:, None]
+    x, y = across[:, 0], across[:, 1]
+    return _Geometry(down, x, y, sine, down[:, 2], x * b[:, 0] + y * b[:, 1], x * b[:, 1] - y * b[:, 0])
+
+
+def _axial_field(at: _Geometry, horizontal: float, vertical: float, measured: Array) -> Array:
+    """The stationary minimum nearest to the measured axial field."""
+    s, c, e = at.sine, at.cosine, np.abs(at.across)
+    # in u = s Bz - c q the condition is u - u0 - s^2 H u / hypot(u, e) = 0, convex on the right, concave on the left
+    start = s * c * vertical - c * at.high
+    pull = s**2 * horizontal
+    knee = np.sqrt(np.maximum(np.cbrt(pull * e**2) ** 2 - e**2, 0.0))
+
+    def gap(u: Array) -> Array:
+        size = np.hypot(u, e)
+        return np.asarray(u - start - pull * np.where(size > 0.0, u / np.where(size > 0.0, size, 1.0), 0.0))
+
+    reach = pull + 1.0
+    # a single root lies anywhere; of two minima one lies right of the knee, the other left of minus the knee
+    single = knee == 0.0
+    low = np.where(single, start - reach, knee)
+    right = _bisected(gap, low, np.maximum(start, knee) + reach)
+    left = _bisected(gap, np.minimum(start, -knee) - reach, np.where(single, start + reach, -knee))
+    has_right, has_left = single | (gap(knee) <= 0.0), single | (gap(-knee) >= 0.0)
+    cosine = [np.divide(u, np.hypot(u, e), out=np.zeros_like(u), where=np.hypot(u, e) > 0.0) for u in (right, left)]
+    ends = [c * vertical + s * horizontal * turn for turn in cosine]
+    nearer = np.abs(ends[0] - measured) <= np.abs(ends[1] - measured)
+    return np.asarray(np.where(has_right & (nearer | ~has_left), ends[0], ends[1]))
+
+
+def _bisected(gap: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    low, high = low.copy(), high.copy()
+    for _ in range(_STEPS):
+        middle = 0.5 * (low + high)
+        above = gap(middle) > 0.0
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    return np.asarray(0.5 * (low + high))
+
+
+def _derivatives(
+    stations: Stations, at: _Geometry, bz: Array, horizontal: float, vertical: float
+) -> tuple[Array, Array, Array]:
+    """Slope (n,) of the condition, derivatives of the axial field by the six channels (n, 6) and by b, dip (n, 2)."""
+    g, b = stations.g, stations.b
+    strength, down = np.linalg.norm(g, axis=1), at.down
+    s, c, hx, hy = at.sine, at.cosine, at.hx, at.hy
+    safe = np.where(s > _STEEP, s, 1.0)
+    u, e = s * bz - c * at.high, at.across
+    size = np.hypot(u, e)
+    size = np.where(size > 0.0, size, 1.0)
+    turn, bend = u / size, horizontal * s / size**3
+    slope = 1.0 - s * bend * e**2
+    # by the direction of gravity: s, c, q and e move; by the transverse field: q and e
+    by_down = np.zeros((len(g), 3))
+    q_by = (b[:, 0] - hx * at.high) / safe, (b[:, 1] - hy * at.high) / safe
+    e_by = (b[:, 1] - hx * e) / safe, (-b[:, 0] - hy * e) / safe
+    for k, h in enumerate((hx, hy)):
+        du = h * bz - c * q_by[k]
+        by_down[:, k] = horizontal * turn * h + bend * (e**2 * du - u * e * e_by[k])
+    by_down[:, 2] = vertical - bend * e**2 * at.high
+    radial = by_down - down * np.sum(by_down * down, axis=1, keepdims=True)
+    by_b = [bend * (-(e**2) * c * h - u * e * other) for h, other in ((hx, -hy), (hy, hx))]
+    by_field = np.column_stack([radial / strength[:, None], *by_b, np.zeros(len(g))]) / slope[:, None]
+    size_b, dip = np.hypot(horizontal, vertical), np.arctan2(vertical, horizontal)
+    by_b_reference = s * turn * np.cos(dip) + c * np.sin(dip)
+    by_dip = size_b * (c * np.cos(dip) - s * turn * np.sin(dip))
+    return slope, by_field, np.column_stack([by_b_reference, by_dip]) / slope[:, None]
+
+
+class _Steps(NamedTuple):
+    by_field: Array
+    by_reference: Array
+    singular: Mask
+
+
+def _propagated(
+    stations: Stations, reference: FieldReference, steps: _Steps, interference_sigma: float
+) -> tuple[Array, Mapping[str, Source]]:
+    """Noise and sources after the correction."""
+    size, keep = len(stations), steps.singular
+    moves = np.tile(np.eye(6), (size, 1, 1))
+    moves[:, 5] = np.where(keep[:, None], moves[:, 5], steps.by_field)
+    by_reference = np.zeros((size, 6, 2))
+    by_reference[:, 5] = np.where(keep[:, None], 0.0, steps.by_reference)
+    random = by_reference @ np.diag(reference.randoms[1:] ** 2) @ np.swapaxes(by_reference, 1, 2)
+    noise = moves @ stations.noise @ np.swapaxes(moves, 1, 2) + random
+    sources = {name: Source(moves @ s.by_field, s.covariance) for name, s in stations.sources.items()}
+    sources[SOURCE] = Source(by_reference, np.diag(reference.sigmas[1:] ** 2))
+    if keep.any():
+        left = np.zeros((size, 6, 1))
+        left[keep, 5] = 1.0
+        sources[LEFT] = Source(left, np.array([[interference_sigma**2]]))
+    return noise, sources
+
+
+def _azimuth_by_bz(g: Array, b: Array) -> Array:
+    return np.asarray(angles_jacobian(g, b)[:, 1, 5])
+
+
+def _rows(singular: Mask) -> Sequence[int]:
+    return tuple(int(row) for row in np.flatnonzero(singular))
+
+
+def _check(interference: Array, observability: Array, singular: Mask) -> Check:
+    name, worst = "axial correction", int(np.argmin(observability))
+    if not singular.any():
+        reason = f"interference {np.median(interference):+.0f} nT (median); weakest at station {worst + 1}"
+        return Check(name, "pass", float(observability[worst]), SINGULAR, (), reason, unit="-")
+    reason = (
+        f"{int(singular.sum())} of {len(singular)} stations lie too near to horizontal east-west (1 - sin^2 I sin^2 A "
+        f"down to {observability[worst]:.3f}, needed {SINGULAR:.3f}) and keep the measured axial field"
+    )
+    action = "use a multi-station analysis with stations of another direction, more non-magnetic collars, or a gyro"
+    return Check(name, "not judged", float(observability[worst]), SINGULAR, _rows(singular), reason, action, "-")
+
+
+def _line(reference: FieldReference, interference: Array, singular: Mask) -> str:
+    done = interference[~singular]
+    text = (
+        f"axial correction to b {reference.b:.0f} nT, dip {np.degrees(reference.dip):.3f} deg: "
+        f"{len(done)} of {len(singular)} stations"
+    )
+    if len(done):
+        text += f", interference {done.min():+.0f} to {done.max():+.0f} nT"
+    if singular.any():
+        text += f"; singular and left as measured: stations {', '.join(str(r + 1) for r in _rows(singular))}"
+    return text

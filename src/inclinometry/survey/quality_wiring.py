@@ -1,0 +1,111 @@
+"""Wrong axes and signs between accelerometers and magnetometers, told by the dip."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.conventions import AXES, Axes
+from inclinometry.attitude.mapping import Mapping, find_mapping
+from inclinometry.core.arrays import within
+from inclinometry.survey.checks import Check
+from inclinometry.survey.quality_words import DECLINATION
+from inclinometry.survey.stations import Stations
+
+FEWEST: Final = 4
+"""Attitudes that tell the mappings apart."""
+
+TOLERANCE: Final = float(np.radians(1.0))
+"""Root mean square of dip minus reference up to which axes count as right: several times what sensors do."""
+
+
+def wiring_check(stations: Stations, dip: float) -> Check:
+    """Whether the magnetometers' axes and signs fit the accelerometers'.
+
+    Parameters
+    ----------
+    stations : Stations
+    dip : float
+        Of the site, rad.
+
+    Returns
+    -------
+    Check
+        Root mean square of dip minus reference. On failure the reason names the mistakes of axes and signs that
+        explain the dips, the simplest first. "not judged" with fewer than 4 stations or stations too much alike: then
+        several mappings fit.
+
+    Raises
+    ------
+    InputError
+        Dip out of range.
+
+    Notes
+    -----
+    A declination of the wrong sign, and a rotation or reversal common to both triads, leave the dip as it is: they are
+    not seen here.
+
+    Examples
+    --------
+    >>> from inclinometry.attitude.orientation import fields
+    >>> g, b = fields([0.1, 1.0, 2.5, 4.0], [0.3, 1.2, 2.0, 0.8], [0.5, 3.0, 1.0, 5.0], 1.2)
+    >>> wiring_check(Stations(np.arange(4.0), g, b[:, [1, 0, 2]]), 1.2).reason
+    'dips are off by 53.7 deg (root mean square); they fit with magnetometer x and y swapped'
+    """
+    dip = float(within(dip, "dip", -np.pi / 2, np.pi / 2, "rad"))
+    name = "axes and signs"
+    if len(stations) < FEWEST:
+        reason = f"{len(stations)} stations; {FEWEST} in different attitudes are needed to tell axes and signs apart"
+        return Check(name, "not judged", np.nan, TOLERANCE, (), reason, DECLINATION)
+    ranking = find_mapping(stations.g, stations.b, dip=dip)
+    off = {one.axes: float(np.hypot(one.dip - dip, one.scatter)) for one in ranking.mappings}
+    fits = sorted((one for one in ranking.mappings if off[one.axes] <= TOLERANCE), key=_changes)
+    found = off[AXES]
+    every = tuple(range(len(stations)))
+    if found <= TOLERANCE:
+        others = [describe(one.axes) for one in fits if one.axes != AXES]
+        reason = f"dips fit the site's within {np.degrees(found):.2f} deg (root mean square)"
+        if others:
+            reason += f"; so they would with magnetometer {' or '.join(others[:3])}: the attitudes are too much alike"
+            return Check(name, "not judged", found, TOLERANCE, (), reason, "add stations at other toolfaces")
+        return Check(name, "pass", found, TOLERANCE, (), reason)
+    reason = f"dips are off by {np.degrees(found):.1f} deg (root mean square)"
+    if not fits:
+        action = "not a mistake of axes or signs: check the site's dip, the calibration and magnetic interference"
+        return Check(
+            name, "fail", found, TOLERANCE, every, f"{reason}; no exchange of axes or signs explains it", action
+        )
+    reason += f"; they fit with magnetometer {' or '.join(describe(one.axes) for one in fits[:3])}"
+    action = "check the convention of the file (axes and signs per triad) and convert it again"
+    return Check(name, "fail", found, TOLERANCE, every, reason, action)
+
+
+def describe(axes: Axes) -> str:
+    """Axes in words, from the mapping that puts them right.
+
+    Examples
+    --------
+    >>> describe(("+y", "+x", "+z")), describe(("+x", "+y", "-z")), describe(("-x", "-y", "-z"))
+    ('x and y swapped', 'z reversed', 'x, y and z reversed (or specific force taken for gravity)')
+    """
+    letters = [axis[-1] for axis in axes]
+    moved = [letter for letter, own in zip(letters, "xyz", strict=True) if letter != own]
+    turned = sorted(axis[-1] for axis in axes if axis[0] == "-")
+    words = []
+    if len(moved) == 2:
+        words.append(f"{' and '.join(sorted(moved))} swapped")
+    elif moved:
+        words.append(f"channels {', '.join(letters)} taken for x, y, z")
+    if turned:
+        words.append(f"{', '.join(turned[:-1])}{' and ' if turned[1:] else ''}{turned[-1]} reversed")
+    if len(turned) == 3 and not moved:
+        words.append("(or specific force taken for gravity)")
+        return " ".join(words)
+    return " and ".join(words) or "as it is"
+
+
+def _changes(one: Mapping) -> tuple[int, bool]:
+    """Fewest changes first; of these a right-handed triad."""
+    count = sum(a != b for a, b in zip(one.axes, AXES, strict=True))
+    return count, not one.right_handed
