@@ -6,12 +6,15 @@ import ast
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any, Final
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
+
+Compute: TypeAlias = Callable[[Mapping[str, Any], dict[str, Any]], Any]
+"""What a formula becomes: variables and remembered values to a value."""
 
 _ONE: Final[dict[str, Callable[..., Any]]] = {
     "sin": np.sin,
@@ -55,12 +58,12 @@ class Formula:
 
     text: str
     names: frozenset[str]
-    _tree: ast.expr
+    _value: Compute
 
     @property
     def is_zero(self) -> bool:
         """Whether it is the plain number 0."""
-        return isinstance(self._tree, ast.Constant) and self._tree.value == 0
+        return self.text.strip() in ("0", "0.0")
 
     def evaluate(self, variables: Mapping[str, Any], memory: dict[str, Any] | None = None) -> Any:
         """Value of the formula.
@@ -86,7 +89,7 @@ class Formula:
         if missing:
             raise InputError(f"formula {self.text!r} needs {', '.join(missing)}, of which nothing is known")
         with np.errstate(all="ignore"):  # infinities are judged where it is known which stations count
-            return _value(self._tree, variables, {} if memory is None else memory)
+            return self._value(variables, {} if memory is None else memory)
 
 
 def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula:
@@ -126,7 +129,7 @@ def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula
     if unknown:
         known = ", ".join(sorted(variables or ()))
         raise InputError(f"formula {source!r} has the unknown variable {unknown[0]!r}; known: {known}")
-    return Formula(source, frozenset(names), tree)
+    return Formula(source, frozenset(names), _built(tree))
 
 
 def _check(node: ast.expr, source: str, names: set[str]) -> None:
@@ -157,27 +160,42 @@ def _arguments(node: ast.Call, function: str, source: str) -> list[ast.expr]:
     return node.args
 
 
-def _value(node: ast.expr, variables: Mapping[str, Any], memory: dict[str, Any]) -> Any:
+def _built(node: ast.expr) -> Compute:
+    """A checked expression as a function of the variables."""
     if isinstance(node, ast.Constant):
-        return node.value
+        number = node.value
+        return lambda variables, memory: number
     if isinstance(node, ast.Name):
         name = node.id.lower()
-        return _CONSTANTS[name] if name in _CONSTANTS else variables[name]
+        if name in _CONSTANTS:
+            constant = _CONSTANTS[name]
+            return lambda variables, memory: constant
+        return lambda variables, memory: variables[name]
     if isinstance(node, ast.BinOp):
-        left, right = _value(node.left, variables, memory), _value(node.right, variables, memory)
-        return _OPERATORS[type(node.op)](left, right)
+        return _binary(_OPERATORS[type(node.op)], _built(node.left), _built(node.right))
     if isinstance(node, ast.UnaryOp):
-        return _OPERATORS[type(node.op)](_value(node.operand, variables, memory))
-    return _called(node, variables, memory)
+        operand, sign = _built(node.operand), _OPERATORS[type(node.op)]
+        return lambda variables, memory: sign(operand(variables, memory))
+    return _remembered(node)
 
 
-def _called(node: ast.expr, variables: Mapping[str, Any], memory: dict[str, Any]) -> Any:
-    key = ast.unparse(node).lower()
-    if key not in memory and isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        name = node.func.id.lower()
-        values = [_value(part, variables, memory) for part in node.args]
-        memory[key] = _ONE[name](values[0]) if name in _ONE else reduce(_MANY[name], values)
-    return memory[key]
+def _binary(operator: Callable[..., Any], left: Compute, right: Compute) -> Compute:
+    return lambda variables, memory: operator(left(variables, memory), right(variables, memory))
+
+
+def _remembered(node: ast.expr) -> Compute:
+    """A function call, whose value is kept for other formulas that have the same."""
+    call = cast(ast.Call, node)
+    name, key = cast(ast.Name, call.func).id.lower(), ast.unparse(node).lower()
+    parts = [_built(part) for part in call.args]
+
+    def compute(variables: Mapping[str, Any], memory: dict[str, Any]) -> Any:
+        if key not in memory:
+            values = [part(variables, memory) for part in parts]
+            memory[key] = _ONE[name](values[0]) if name in _ONE else reduce(_MANY[name], values)
+        return memory[key]
+
+    return compute
 
 
 def over_stations(value: Any, size: int) -> Array:

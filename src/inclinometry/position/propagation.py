@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from inclinometry.position.sources import MatrixSource
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.weights import Evaluator, Weights
 from inclinometry.position.well import WellSurvey
+
+PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Elements of a symmetric matrix."""
 
 
 class Run(NamedTuple):
@@ -205,39 +208,57 @@ def _source(
     name: str, kind: str, weights: Sequence[Weights], arms: Levers, mask: Array | None, turn: float | None
 ) -> SourceUncertainty:
     size = len(arms.own_length)
-    own, both = np.empty((len(weights), 3, size)), np.empty((len(weights), 3, size))
+    own, both = np.empty((len(weights), 3, size)), np.empty((3, size))
+    before = np.zeros((3, 3, size)) if kind == "random" else None
     for row, one in enumerate(weights):
-        masked = one if mask is None else one.times(mask)
-        _errors(masked, arms, own[row], both[row])
-    for vectors in (own, both):
-        if turn is not None:  # grid north lies east of true north by the convergence
-            c, s = np.cos(turn), np.sin(turn)
-            vectors[:, :2] = np.stack([c * vectors[:, 0] + s * vectors[:, 1], c * vectors[:, 1] - s * vectors[:, 0]], 1)
-    before = None
-    if kind == "random":
-        # the stations before, each with its own error
-        before = np.zeros((size, 3, 3))
-        for i in range(3):
-            for j in range(i, 3):
-                product = np.einsum("pn,pn->n", both[:, i], both[:, j])
-                before[1:, i, j] = before[1:, j, i] = np.cumsum(product[:-1])
-    else:
-        own[:, :, 1:] += np.cumsum(both[:, :, :-1], axis=2)
-    return SourceUncertainty(name, kind, np.moveaxis(own, 1, 2), before)
+        _errors(one if mask is None else one.times(mask), arms, own[row], both)
+        if turn is not None:
+            for vectors in (own[row], both):
+                _turn(vectors, turn)
+        if before is None:
+            np.cumsum(both, axis=1, out=both)
+            own[row, :, 1:] += both[:, :-1]
+        else:
+            for i, j in PAIRS:
+                before[i, j] += both[i] * both[j]
+    collected = None if before is None else _collected(before)
+    return SourceUncertainty(name, kind, np.moveaxis(own, 1, 2), collected)
+
+
+def _turn(vectors: Array, angle: float) -> None:
+    """Vectors (3, n) counted from a north that lies `angle` east of the one they were counted from, in place."""
+    c, s = np.cos(angle), np.sin(angle)
+    vectors[:2] = c * vectors[0] + s * vectors[1], c * vectors[1] - s * vectors[0]
+
+
+def _collected(products: Array) -> Array:
+    """Covariance (n, 3, 3) of all stations before each, from the upper half of theirs (3, 3, n)."""
+    total = np.zeros((products.shape[2], 3, 3))
+    for i, j in PAIRS:
+        total[1:, i, j] = total[1:, j, i] = np.cumsum(products[i, j, :-1])
+    return total
 
 
 def _errors(weights: Weights, arms: Levers, own: Array, both: Array) -> None:
     """Errors (3, n) of the course before a station, and of that and the next, in place."""
-    own[:], both[:] = 0.0, 0.0
-    pairs = zip((weights.depth, weights.inclination, weights.azimuth), arms.own, arms.both, arms.course, strict=True)
-    for weight, mine, couple, course in pairs:
-        if weight is not None:
-            own += weight * (course if weights.course else mine)
-            both += weight * (course if weights.course else couple)
+    single = arms.course if weights.course else None
+    parts = [
+        (weight, single[k] if single else arms.own[k], single[k] if single else arms.both[k])
+        for k, weight in enumerate((weights.depth, weights.inclination, weights.azimuth))
+        if weight is not None
+    ]
     if weights.direction is not None:
         lengths = (arms.course_length,) * 2 if weights.course else (arms.own_length, arms.both_length)
-        own += weights.direction * lengths[0]
-        both += weights.direction * lengths[1]
+        parts.append((weights.direction, *lengths))
+    if not parts:
+        own[:], both[:] = 0.0, 0.0
+    for k, (weight, mine, couple) in enumerate(parts):
+        if k == 0:
+            np.multiply(weight, mine, out=own)
+            np.multiply(weight, couple, out=both)
+        else:
+            own += weight * mine
+            both += weight * couple
 
 
 def _joined(name: str, parts: Sequence[SourceUncertainty]) -> SourceUncertainty:
@@ -252,15 +273,18 @@ def _joined(name: str, parts: Sequence[SourceUncertainty]) -> SourceUncertainty:
 
 def _total(survey: WellSurvey, sources: Mapping[str, SourceUncertainty]) -> Array:
     """Covariance (n, 3, 3) of everything together with the tie."""
-    stacked = np.concatenate([one.vectors for one in sources.values()])
+    upper, product = np.zeros((len(PAIRS), len(survey))), np.empty(len(survey))
+    for one in sources.values():
+        for vector in one.vectors:
+            for row, (i, j) in enumerate(PAIRS):
+                upper[row] += np.multiply(vector[:, i], vector[:, j], out=product)
     total = np.empty((len(survey), 3, 3))
-    for i in range(3):
-        for j in range(i, 3):
-            total[:, i, j] = total[:, j, i] = np.einsum("sn,sn->n", stacked[:, :, i], stacked[:, :, j])
+    for row, (i, j) in enumerate(PAIRS):
+        total[:, i, j] = total[:, j, i] = upper[row]
     for one in sources.values():
         if one.before is not None:
             total += one.before
-    return total + survey.tie
+    return np.asarray(total + survey.tie)
 
 
 def relative_covariance(first: PositionUncertainty, i: int, second: PositionUncertainty, j: int) -> Array:
