@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,9 @@ EXTRA = "extra_"
 """Begins the name of a column the house does not read, where it would be taken for one the house reads."""
 
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]\s*")
+Candidates: TypeAlias = tuple[tuple[str, str | None], ...]
+"""Keys a name may mean, each with the north the name says."""
+
 _BETWEEN = re.compile(r"[\s_\-.]+")
 
 
@@ -101,9 +104,9 @@ def _unit(text: str, dimension: str) -> Unit | None:
 
 
 @lru_cache(maxsize=1)
-def _names() -> Mapping[str, tuple[tuple[str, str | None], ...]]:
+def _names() -> Mapping[str, Candidates]:
     """Squashed name -> (key, north) of all that go by it."""
-    found: dict[str, tuple[tuple[str, str | None], ...]] = {}
+    found: dict[str, Candidates] = {}
     for key, entry in _data()["column"].items():
         for name in dict.fromkeys(map(_squashed, entry["names"])):
             found[name] = (*found.get(name, ()), (key, None))
@@ -122,18 +125,23 @@ def _squashed(name: str) -> str:
     return _BETWEEN.sub("", name).lower()
 
 
-def _split(name: str) -> tuple[tuple[tuple[str, str | None], ...], str | None] | None:
-    """Candidates and the unit as written, by the longest beginning that is a known name; None where there is none."""
+def _split(name: str, stated: str | None) -> tuple[Candidates, str | None] | None:
+    """Candidates and the unit as written; None where no beginning of the name is known.
+
+    The longest beginning whose remainder is a unit of its quantity counts: az_m_s2 is az in m/s^2, not azm in s2.
+    """
     bracketed = _BRACKETED.fullmatch(name)
     if bracketed:
         candidates = _names().get(_squashed(bracketed["name"]))
         return None if candidates is None else (candidates, bracketed["unit"])
     words = [word for word in _BETWEEN.split(name.strip()) if word]
+    found = []
     for count in range(len(words), 0, -1):
         candidates = _names().get("".join(words[:count]).lower())
         if candidates is not None:
-            return candidates, "_".join(words[count:]) or None
-    return None
+            found.append((candidates, "_".join(words[count:]) or None))
+    fit = (one for one in found if any(_unit(one[1] or stated or "", quantities()[key].dimension) for key, _ in one[0]))
+    return next(fit, found[0] if found else None)
 
 
 def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) -> Meaning | None:
@@ -167,7 +175,7 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
         return None
     if _squashed(name) in _texts():
         return Meaning(_texts()[_squashed(name)], None)
-    split = _split(name)
+    split = _split(name, stated)
     if split is None:
         near = closest(name, [q.column for q in quantities().values()], 0.9)
         if near:
@@ -187,10 +195,20 @@ def _one_unit(name: str, written: str | None, stated: str | None) -> str | None:
     stated = stated.strip() if stated else None
     if not (written and stated):
         return written or stated or None
-    same = any(_unit(written, d) == _unit(stated, d) is not None for d in _data()["units"])
-    if not same:
+    if not same_unit(written, stated):
         raise InputError(f"column {name!r} has the unit {stated!r}, which its name contradicts; correct one of them")
     return stated
+
+
+def same_unit(one: str, other: str) -> bool:
+    """Whether two spellings are the same unit of some quantity.
+
+    Examples
+    --------
+    >>> same_unit("F", "ft"), same_unit("m", "ft")
+    (True, False)
+    """
+    return one == other or any(_unit(one, d) == _unit(other, d) is not None for d in _data()["units"])
 
 
 def _contract(name: str, beside: Collection[str]) -> str | None:
@@ -200,7 +218,7 @@ def _contract(name: str, beside: Collection[str]) -> str | None:
     return None
 
 
-def _chosen(name: str, candidates: tuple[tuple[str, str | None], ...], written: str | None) -> Meaning:
+def _chosen(name: str, candidates: Candidates, written: str | None) -> Meaning:
     """The one candidate whose dimension has the unit."""
     known = quantities()
     columns = " or ".join(known[key].column for key, _ in candidates)

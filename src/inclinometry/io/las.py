@@ -16,6 +16,7 @@ from inclinometry.core.errors import FileError
 from inclinometry.io import _write
 from inclinometry.io._columns_out import OutColumn, columns_of
 from inclinometry.io._las_data import numbered, read_data, split_at_data
+from inclinometry.io._quantities import same_unit
 from inclinometry.io._sheet import Column, Sheet, survey_of
 from inclinometry.io.atomic import write_text
 from inclinometry.io.exchange import SurveyFile
@@ -62,7 +63,7 @@ def read_las(path: str | Path, *, convention: str = "house", azimuth_reference: 
     wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
     units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
     columns, rows = read_data(where, numbered(lines, first), names, units, _null(where, las), wrap)
-    _complete(where, las, columns[names[0]], int(rows[-1]))
+    _complete(where, las, columns[names[0]], units.get(names[0]), int(rows[-1]))
     header, north = _head_texts(where, las)
     sheet = Sheet(where, columns, rows, units, north=north, header=header, digest=digest_bytes(data))
     return survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
@@ -127,10 +128,14 @@ def _null(path: Path, las: Any) -> float:
         ) from None
 
 
-def _complete(path: Path, las: Any, depth: Column, last: int) -> None:
+def _complete(path: Path, las: Any, depth: Column, index_unit: str | None, last: int) -> None:
     """FileError where the data do not span STRT to STOP, as the header says they do."""
     if isinstance(depth, tuple):
         return
+    for item in las.well:
+        name, unit = str(item.original_mnemonic).upper(), str(item.unit).strip()
+        if name in ("STRT", "STOP") and unit and index_unit and not same_unit(unit, index_unit):
+            raise FileError(f"{name} is in {unit!r}, the depth curve in {index_unit!r}; correct one of them", path=path)
     for name, found, line in (("STRT", depth[0], None), ("STOP", depth[-1], last)):
         value = _value(las.well, name)
         try:
