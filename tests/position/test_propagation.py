@@ -121,6 +121,15 @@ def test_a_matrix_of_derivatives_is_the_same_as_formulas():
     )
 
 
+def test_the_attitude_at_the_wellhead_may_be_uncertain():
+    survey = well(tie=np.zeros((3, 3)))
+    tilt = MatrixSource("tilt", np.tile([[0.0], [1.0], [0.0]], (len(survey), 1, 1)), np.array([[1e-6]]))
+    known, doubtful = (propagate(survey, sources=[tilt], surface_attitude=one).covariance for one in (False, True))
+    half, whole = np.sqrt(known[1, 0, 0]), np.sqrt(doubtful[1, 0, 0])
+    assert whole == pytest.approx(2 * half)
+    assert whole == pytest.approx(30.0 * 1e-3 * np.cos(AZIMUTH[0]))  # all of the first course tilts
+
+
 def test_a_random_matrix_is_each_stations_own():
     survey = well()
     weights = np.zeros((len(survey), 3, 1))
@@ -205,7 +214,9 @@ def test_a_tie_is_carried_along_and_takes_the_wellheads_place():
 
 def test_errors_name_what_is_missing(columns):
     code = load_tool_code("iscwsa-mwd-rev4")
-    with pytest.raises(InputError, match=r"iscwsa-mwd-rev4, term ABXY-TI1S: .* needs azm, dip, of which nothing"):
+    with pytest.raises(
+        InputError, match=r"iscwsa-mwd-rev4, term ABXY-TI1S: .* needs azm, dip; give the site's declination, dip"
+    ):
         propagate(well(Site(g=9.81, b=5e4)), code)
     with pytest.raises(InputError, match="no source of error"):
         propagate(well())

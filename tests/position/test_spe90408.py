@@ -56,5 +56,5 @@ def test_a_gyro_needs_a_latitude(columns):
     from inclinometry.earth.site import Site
 
     survey = well_survey(site=Site(g=9.81), **columns["1"])
-    with pytest.raises(InputError, match="latitude, of which nothing is known; give it in the site"):
+    with pytest.raises(InputError, match="needs latitude; give the site's latitude"):
         propagate(survey, load_tool_code("spe90408-model-6"))

@@ -28,12 +28,16 @@ class Run(NamedTuple):
     first, last : rows, from 0, both included.
     code : ToolCode or None
     sources : MatrixSource, with rows for all stations of the well.
+    surface_attitude : bool or None
+        Whether the attitude at the first station of the well is as uncertain as at the second, which then takes all of
+        the first course; as the tool code says where None.
     """
 
     first: int
     last: int
     code: ToolCode | None = None
     sources: Sequence[MatrixSource] = ()
+    surface_attitude: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +86,11 @@ class PositionUncertainty:
 
 
 def propagate(
-    survey: WellSurvey, tool_code: ToolCode | None = None, sources: Sequence[MatrixSource] = ()
+    survey: WellSurvey,
+    tool_code: ToolCode | None = None,
+    sources: Sequence[MatrixSource] = (),
+    *,
+    surface_attitude: bool | None = None,
 ) -> PositionUncertainty:
     """Uncertainty of positions of a well that one tool surveyed.
 
@@ -92,6 +100,9 @@ def propagate(
     tool_code : ToolCode, optional
     sources : sequence of MatrixSource, optional
         Causes known by their own derivatives: a calibration's parameters, what a correction leaves.
+    surface_attitude : bool, optional
+        Whether the attitude at the first station is as uncertain as at the second; as the tool code says where not
+        given, without a tool code it is taken as known.
 
     Returns
     -------
@@ -121,7 +132,7 @@ def propagate(
     >>> np.sqrt(found.covariance[:, 2, 2]).round(4)  # lever 15 and 45 m: the first station is known
     array([0.    , 0.0524, 0.1571])
     """
-    return propagate_runs(survey, [Run(0, len(survey) - 1, tool_code, sources)])
+    return propagate_runs(survey, [Run(0, len(survey) - 1, tool_code, sources, surface_attitude)])
 
 
 def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertainty:
@@ -172,13 +183,10 @@ def _covering(runs: Sequence[Run], size: int) -> None:
 
 def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[SourceUncertainty]:
     code = run.code
-    arms = levers(
-        survey.md,
-        survey.inclination,
-        survey.azimuth,
-        survey.surface,
-        survey.surface and code is not None and code.surface_attitude,
-    )
+    allowance = run.surface_attitude
+    if allowance is None:
+        allowance = survey.surface and code is not None and code.surface_attitude
+    arms = levers(survey.md, survey.inclination, survey.azimuth, survey.surface, allowance)
     named: list[tuple[str, str, list[Weights]]] = []
     if code is not None:
         _in_range(survey, run, code)
@@ -189,7 +197,12 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
     if twice is not None:
         raise InputError(f"two sources of one run are called {twice!r}; names must differ")
     turn = survey.site.convergence if survey.north == "grid" else None
-    return [_source(name, kind, weights, arms, mask, turn) for name, kind, weights in named]
+    # one block for the vectors of all sources: many small ones cost more time to allocate than to fill
+    ends = np.cumsum([len(weights) for _, _, weights in named])
+    block = np.empty((int(ends[-1]) if named else 0, 3, len(survey)))
+    parts = np.split(block, ends[:-1])
+    rows = zip(named, parts, strict=True) if named else ()
+    return [_source(name, kind, weights, arms, mask, turn, own) for (name, kind, weights), own in rows]
 
 
 def _in_range(survey: WellSurvey, run: Run, code: ToolCode) -> None:
@@ -205,10 +218,17 @@ def _in_range(survey: WellSurvey, run: Run, code: ToolCode) -> None:
 
 
 def _source(
-    name: str, kind: str, weights: Sequence[Weights], arms: Levers, mask: Array | None, turn: float | None
+    name: str,
+    kind: str,
+    weights: Sequence[Weights],
+    arms: Levers,
+    mask: Array | None,
+    turn: float | None,
+    own: Array,
 ) -> SourceUncertainty:
+    """One source's uncertainty; `own` (p, 3, n) becomes its vectors."""
     size = len(arms.own_length)
-    own, both = np.empty((len(weights), 3, size)), np.empty((3, size))
+    both = np.empty((3, size))
     before = np.zeros((3, 3, size)) if kind == "random" else None
     for row, one in enumerate(weights):
         _errors(one if mask is None else one.times(mask), arms, own[row], both)

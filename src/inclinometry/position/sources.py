@@ -18,7 +18,9 @@ class MatrixSource:
     """p correlated errors known by what each does to the measurements of n stations.
 
     name : str
-    by_angles : (n, 3, p) derivatives of measured depth, inclination and azimuth (m, rad, rad) by the parameters.
+    by_angles : (n, 3, p) derivatives of measured depth, inclination and azimuth (m, rad, rad) by the parameters. Angles
+        of the first station don't count, its position and attitude are where the well begins; see `surface_attitude` of
+        `inclinometry.position.propagation.propagate`.
     covariance : (p, p) of the parameters; may be singular.
     propagation : {"random", "systematic", "well", "global"}
     by_direction : (n, 3, p), optional

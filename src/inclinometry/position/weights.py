@@ -17,6 +17,15 @@ UNBOUNDED: Final = 1e12
 """A weight as large as this comes of a division by nought, e.g. by the cosine of an inclination of 90 deg."""
 
 
+REMEDIES: Final = {
+    "azm": "declination",
+    "azmprev": "declination",
+    "gfield": "gravity or latitude",
+    "bfield": "field strength",
+}
+"""What to state of the site where a variable has no value; its own name for the others."""
+
+
 class Weights(NamedTuple):
     """Weights of one realisation of an error, times its standard deviation; None where they are 0 everywhere.
 
@@ -117,13 +126,14 @@ class Evaluator:
         return value * term.sigma if used.all() else np.where(used, value, 0.0) * term.sigma
 
     def _evaluate(self, term: Term, formula: Formula, known: Mapping[str, Any], memory: dict[str, Any] | None) -> Any:
-        try:
-            return formula.evaluate(known, memory)
-        except InputError as error:
+        missing = sorted(formula.names - set(known))
+        if missing:
+            wanted = ", ".join(sorted({REMEDIES.get(name, name) for name in missing}))
             raise InputError(
-                f"tool code {self.code.name}, term {term.name}: {error}; give it in the site or choose "
-                "another tool code"
-            ) from None
+                f"tool code {self.code.name}, term {term.name}: formula {formula.text!r} needs {', '.join(missing)}; "
+                f"give the site's {wanted}, or choose another tool code"
+            )
+        return formula.evaluate(known, memory)
 
     def _accumulated(self, term: Term, state: str, inside: Mask) -> list[Weights]:
         """A continuous gyro's azimuth: what it has gathered since it was initialised.
