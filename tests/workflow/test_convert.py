@@ -67,7 +67,9 @@ def narrow(monkeypatch):
 
     fake.read, fake.write = read_csv, write
     monkeypatch.setitem(sys.modules, "inclinometry.io.narrow", fake)
-    monkeypatch.setattr(module, "FORMATS", {**FORMATS, "narrow": Format((".nar",), "narrow:read", "narrow:write")})
+    monkeypatch.setattr(
+        module, "FORMATS", {**FORMATS, "narrow": Format((".nar",), "io.narrow:read", "io.narrow:write")}
+    )
 
 
 @pytest.mark.usefixtures("narrow")
@@ -128,3 +130,77 @@ def test_options_go_to_the_reader_that_has_them(tmp_path):
     with pytest.raises(FileError, match="macros"):
         convert(tmp_path / "a.txt", tmp_path / "c.xlsm", from_format="csv", azimuth_reference="true")
     assert not (tmp_path / "c.xlsx").exists()
+
+
+MAP = """convention = "house"
+azimuth_reference = "grid"
+[channels]
+0708 = "md_m"
+0713 = "inclination_deg"
+0715 = "azimuth_deg"
+0722 = "gx_g"
+0723 = "gy_g"
+0724 = "gz_g"
+"""
+
+
+def raw(field="b"):
+    """What M7 (b) and G7 (w) hold besides their own texts."""
+    random = np.random.default_rng(3)
+    g = random.normal(size=(3, 3)) * 5.0
+    second = {"b": random.normal(size=(3, 3)) * 3e4} if field == "b" else {"w": random.normal(size=(3, 3)) * 4e-5}
+    return SurveyFile(
+        md=[10.0, 40.5, 70.0], inclination=[0.1, 0.2, 0.3], azimuth=[1.0, 2.0, 3.0], azimuth_reference="grid", g=g,
+        used=[True] * 3, **second,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("field", ["b", "w"])
+@pytest.mark.parametrize("table", list(TABLES))
+def test_raw_records_of_p7_from_and_to_tables(tmp_path, table, field):
+    source = put(tmp_path, table, raw(field))
+    there = convert(source, tmp_path / "a.p717")
+    assert there.lost == ()
+    back = convert(tmp_path / "a.p717", tmp_path / TABLES[table])
+    found = read_survey_file(tmp_path / TABLES[table], table)
+    for name in ("md", "inclination", "azimuth", "g", field):
+        # angles to 1e-10 deg, rates to 1e-10 deg/h
+        np.testing.assert_allclose(getattr(found, name), getattr(raw(field), name), rtol=1e-10, atol=2e-12)
+    assert found.azimuth_reference == "grid"
+    assert any("records other than M7 and G7" in note for note in back.survey.notes)
+
+
+def test_surveys_of_p7_by_number(tmp_path):
+    convert(put(tmp_path, "csv", raw()), tmp_path / "a.p7")
+    text = (tmp_path / "a.p7").read_text()
+    more = [line for line in text.splitlines() if line.startswith(("M7", "H7,1,5,1"))]
+    assert len(more) >= 4
+    with pytest.raises(FileError, match="there is no survey '9'; there are: 1"):
+        convert(tmp_path / "a.p7", tmp_path / "a.las", sheet="9")
+    assert len(convert(tmp_path / "a.p7", tmp_path / "a.las", sheet="1").survey) == 3
+
+
+def test_what_p7_cannot_hold_is_said(tmp_path):
+    file = raw()
+    warm = SurveyFile(md=file.md, g=file.g, b=file.b, temperature=[20.0, 21.0, 22.0], extra={"crew": ("A", "B", "C")})
+    found = convert(put(tmp_path, "parquet", warm), tmp_path / "a.p7").lost
+    assert found == ("column 'temperature_degC' (3 values)", "column 'crew' (3 values)")
+
+
+def test_wits_by_its_map(tmp_path):
+    (tmp_path / "map.toml").write_text(MAP)
+    source = put(tmp_path, "csv", raw())
+    there = convert(source, tmp_path / "a.wits", channels=tmp_path / "map.toml")
+    # what is not mapped is not carried
+    assert there.lost == tuple(f"column 'b{axis}_nT' (3 values)" for axis in "xyz") + ("column 'used' (3 values)",)
+    convert(tmp_path / "a.wits", tmp_path / "b.csv", channels=tmp_path / "map.toml")
+    found = read_survey_file(tmp_path / "b.csv", "csv")
+    np.testing.assert_allclose(found.g, raw().g, rtol=0, atol=1e-9)  # written to 1e-10 g
+    assert found.azimuth_reference == "grid"
+    for more in ({"to_format": "wits"}, {"to_format": "wits", "channels": tmp_path / "none.toml"}):
+        with pytest.raises(FileError, match=r"give --map|no such file"):
+            convert(source, tmp_path / "c.wits", **more)
+    with pytest.raises(InputError, match="--map is of no use from csv to las"):
+        convert(source, tmp_path / "c.las", channels=tmp_path / "map.toml")
+    with pytest.raises(InputError, match="--convention is of no use for wits"):
+        convert(tmp_path / "a.wits", tmp_path / "c.las", channels=tmp_path / "map.toml", convention="z-up")

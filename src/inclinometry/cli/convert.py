@@ -24,6 +24,8 @@ def convert(
     convention: Literal["house", "iscwsa", "specific-force", "z-up"] | None = None,
     azimuth_reference: Literal["magnetic", "true", "grid"] | None = None,
     sheet: str | None = None,
+    depth_unit: Literal["m", "ft", "ftUS"] | None = None,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
     json: Json = False,
 ) -> None:
     """Turn a survey of one format into another, and say what the other cannot hold.
@@ -39,15 +41,19 @@ def convert(
     to
         Format of the target; by its ending when not given.
     convention
-        Axes and signs of the sensors in the source; the house's when not given.
+        Axes and signs of the sensors in the source; those of its format when not given, the house's in a table.
     azimuth_reference
         North of the azimuths, where the source does not say it.
     sheet
-        Sheet of a workbook; the first when not given.
+        Sheet of a workbook, the first when not given; or number of the survey in a P7 file.
+    depth_unit
+        Unit of depth of a P7 file that does not say it.
+    map_
+        TOML map of the items of a WITS stream.
     json
         Print a JSON summary.
     """
-    output.claim({"the target": target}, {"the source": source})
+    output.claim({"the target": target}, {"the source": source, "--map": map_})
     with output.busy(f"converting {source.name}"):
         done = convert_file(
             source,
@@ -57,6 +63,8 @@ def convert(
             convention=convention,
             azimuth_reference=azimuth_reference,
             sheet=sheet,
+            depth_unit=depth_unit,
+            channels=map_,
         )
     output.warnings(done.survey.notes)
     if json:

@@ -8,7 +8,7 @@ from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,19 +27,26 @@ class Format(NamedTuple):
 
 FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
     {
-        "csv": Format((".csv", ".tsv"), "six_axis:read_csv", "six_axis:write_csv"),
-        "xlsx": Format((".xlsx", ".xlsm"), "excel:read_excel", "excel:write_excel"),
-        "parquet": Format((".parquet", ".pq"), "parquet:read_parquet", "parquet:write_parquet"),
-        "las": Format((".las",), "las:read_las", "las:write_las"),
-        "witsml": Format((".witsml", ".xml"), "witsml:read_witsml", "witsml:write_witsml"),
-        "p7": Format((".p7", ".p717"), "p7:read_p7", "p7:write_p7"),
-        "wits": Format((".wits", ".wits0"), "wits0:read_wits0", "wits0:write_wits0"),
+        "csv": Format((".csv", ".tsv"), "io.six_axis:read_csv", "io.six_axis:write_csv"),
+        "xlsx": Format((".xlsx", ".xlsm"), "io.excel:read_excel", "io.excel:write_excel"),
+        "parquet": Format((".parquet", ".pq"), "io.parquet:read_parquet", "io.parquet:write_parquet"),
+        "las": Format((".las",), "io.las:read_las", "io.las:write_las"),
+        "witsml": Format((".witsml", ".xml"), "io.witsml:read_witsml", "io.witsml:write_witsml"),
+        "p7": Format((".p7", ".p717"), "workflow.convert_formats:read_p7", "workflow.convert_formats:write_p7"),
+        "wits": Format(
+            (".wits", ".wits0"), "workflow.convert_formats:read_wits", "workflow.convert_formats:write_wits"
+        ),
     }
 )
 """Name -> format; the functions take and give `SurveyFile` and are imported when they are needed."""
 
+_FLAGS: Final = {"channels": "--map"}  # options whose name at the command line is another
+
 _SAME: Final = 1e-9
 """Relative change that is rounding in turning units, not a loss."""
+
+
+Options: TypeAlias = Mapping[str, str | Path | None]
 
 
 @dataclass(frozen=True)
@@ -93,6 +100,8 @@ def convert(
     convention: str | None = None,
     azimuth_reference: str | None = None,
     sheet: str | None = None,
+    depth_unit: str | None = None,
+    channels: str | Path | None = None,
 ) -> Conversion:
     """Read a survey in one format and write it in another.
 
@@ -106,7 +115,11 @@ def convert(
     azimuth_reference : {"magnetic", "true", "grid"}, optional
         The north of the azimuths, where `source` does not say it.
     sheet : str, optional
-        Sheet of a workbook.
+        Sheet of a workbook, or number of the survey in a P7/17 file.
+    depth_unit : {"m", "ft", "ftUS"}, optional
+        Of a P7/17 file that does not say it.
+    channels : str or Path, optional
+        TOML map of the items of a WITS stream, read or written.
 
     Returns
     -------
@@ -129,15 +142,16 @@ def convert(
     start, end = format_of(source, from_format), format_of(target, to_format, "--to")
     if end == "xlsx" and Path(target).suffix.lower() == ".xlsm":
         raise FileError("a workbook with macros is not written; call it .xlsx", path=target)
-    options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
-    survey = read_survey_file(source, start, options)
-    _function(FORMATS[end].write)(survey, target)
-    return Conversion(survey, start, end, lost(survey, target, end))
+    items: Options = {} if channels is None else {"channels": channels}
+    if items and not (_known(FORMATS[start].read, items) or _known(FORMATS[end].write, items)):
+        raise InputError(f"--map is of no use from {start} to {end}; leave it out")
+    reader: Options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
+    survey = read_survey_file(source, start, {**reader, "depth_unit": depth_unit, **_known(FORMATS[start].read, items)})
+    _function(FORMATS[end].write)(survey, target, **_known(FORMATS[end].write, items))
+    return Conversion(survey, start, end, lost(survey, target, end, _known(FORMATS[end].read, items)))
 
 
-def read_survey_file(
-    path: str | Path, name: str, options: Mapping[str, str | None] = MappingProxyType({})
-) -> SurveyFile:
+def read_survey_file(path: str | Path, name: str, options: Options = MappingProxyType({})) -> SurveyFile:
     """Read a file of a named format; `options` that are not None go to its reader, which must know them.
 
     Raises
@@ -145,23 +159,28 @@ def read_survey_file(
     InputError
         An option the format's reader does not have; else as that reader.
     """
-    read = _function(FORMATS[name].read)
     given = {option: value for option, value in options.items() if value is not None}
     for option in given:
-        if option not in signature(read).parameters:
-            flag = f"--{option.replace('_', '-')}"
+        if not _known(FORMATS[name].read, {option: None}):
+            flag = _FLAGS.get(option, f"--{option.replace('_', '-')}")
             raise InputError(f"{flag} is of no use for {name} files; leave it out")
-    found: SurveyFile = read(path, **given)
+    found: SurveyFile = _function(FORMATS[name].read)(path, **given)
     return found
+
+
+def _known(place: str, options: Options) -> dict[str, str | Path | None]:
+    """Those of the options that a reader or writer has."""
+    parameters = signature(_function(place)).parameters
+    return {option: value for option, value in options.items() if option in parameters}
 
 
 def _function(place: str) -> Callable[..., Any]:
     module, _, name = place.partition(":")
-    function: Callable[..., Any] = getattr(import_module(f"inclinometry.io.{module}"), name)
+    function: Callable[..., Any] = getattr(import_module(f"inclinometry.{module}"), name)
     return function
 
 
-def lost(survey: SurveyFile, path: str | Path, name: str) -> tuple[str, ...]:
+def lost(survey: SurveyFile, path: str | Path, name: str, options: Options = MappingProxyType({})) -> tuple[str, ...]:
     """What of a survey a file written from it does not hold, a sentence each; found by reading the file.
 
     Parameters
@@ -171,9 +190,11 @@ def lost(survey: SurveyFile, path: str | Path, name: str) -> tuple[str, ...]:
     path : str or Path
     name : str
         Format of the file.
+    options : mapping
+        What its reader needs besides.
     """
     try:
-        found = _read_back(survey, path, name)
+        found = _read_back(survey, path, name, options)
     except InclinometryError as error:
         return (f"what was written cannot be read back for comparison: {error}",)
     if len(found) != len(survey):
@@ -187,17 +208,15 @@ def lost(survey: SurveyFile, path: str | Path, name: str) -> tuple[str, ...]:
     return tuple(sentence for sentence in sentences if sentence)
 
 
-def _read_back(survey: SurveyFile, path: str | Path, name: str) -> SurveyFile:
+def _read_back(survey: SurveyFile, path: str | Path, name: str, options: Options) -> SurveyFile:
     """The file as anybody reads it; a format that cannot say the north is told it, to compare the other columns."""
     try:
-        return read_survey_file(path, name)
+        return read_survey_file(path, name, options)
     except InclinometryError:
-        if (
-            survey.azimuth_reference is None
-            or "azimuth_reference" not in signature(_function(FORMATS[name].read)).parameters
-        ):
+        north = _known(FORMATS[name].read, {"azimuth_reference": survey.azimuth_reference})
+        if survey.azimuth_reference is None or not north:
             raise
-        return read_survey_file(path, name, {"azimuth_reference": survey.azimuth_reference})
+        return read_survey_file(path, name, {**options, **north})
 
 
 def _column_lost(wanted: OutColumn, found: OutColumn | None) -> str:
