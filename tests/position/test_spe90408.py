@@ -5,8 +5,9 @@ import pytest
 
 from inclinometry.core.constants import FOOT
 from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
 from inclinometry.io.tool_code_json import load_tool_code
-from inclinometry.position.propagation import propagate
+from inclinometry.position.propagation import Run, propagate, propagate_runs
 from inclinometry.position.well import well_survey
 
 NAMES = ("NN", "EE", "VV", "NE", "NV", "EV")
@@ -53,8 +54,27 @@ def test_a_gyro_that_cannot_see_north_in_a_horizontal_hole_says_so(iscwsa):
 
 
 def test_a_gyro_needs_a_latitude(columns):
-    from inclinometry.earth.site import Site
-
     survey = well_survey(site=Site(g=9.81), **columns["1"])
     with pytest.raises(InputError, match="needs latitude; give the site's latitude"):
         propagate(survey, load_tool_code("spe90408-model-6"))
+
+
+def test_a_gyro_is_initialised_anew_in_each_run(iscwsa):
+    survey, code = iscwsa["2"], load_tool_code("spe90408-model-5")
+    middle = len(survey) // 2
+    runs = propagate_runs(survey, [Run(0, middle, code), Run(middle + 1, len(survey) - 1, code)])
+    drift = runs.sources["run 2: XYZ-GD"]
+    assert not drift.vectors[0, : middle + 1].any()
+    # what the second run gathers, it gathers from its own first course on
+    whole = propagate(survey, code).sources["XYZ-GD"]
+    assert np.trace(drift.covariance[-1]) < 0.5 * np.trace(whole.covariance[-1])
+
+
+def test_a_continuous_gyro_that_never_starts_adds_nothing():
+    md = np.arange(0.0, 600.0, 30.0)
+    site = Site(latitude=0.9, g=9.81)
+    survey = well_survey(md, np.full(len(md), 0.1), np.full(len(md), 1.0), site)
+    found = propagate(survey, load_tool_code("spe90408-model-3"))
+    for name in ("GRN-INIT", "GXY-GD", "GXY-GRW"):
+        np.testing.assert_array_equal(found.sources[name].covariance, np.zeros((len(md), 3, 3)))
+    assert found.sources["GB2"].covariance[-1].any()

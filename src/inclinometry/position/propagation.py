@@ -190,7 +190,7 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
     named: list[tuple[str, str, list[Weights]]] = []
     if code is not None:
         _in_range(survey, run, code)
-        evaluator = Evaluator(survey, code)
+        evaluator = Evaluator(survey, code, run.first, run.last)
         named += [(one.name, one.propagation, evaluator.realisations(one)) for one in code.terms]
     named += [(one.name, one.propagation, one.weights(survey)) for one in run.sources]
     twice = next((n for i, (n, _, _) in enumerate(named) if n in [m for m, _, _ in named[:i]]), None)

@@ -53,9 +53,9 @@ class Weights(NamedTuple):
 
 
 class Evaluator:
-    """Evaluates terms of a tool code over one survey; what their formulas have in common is computed once."""
+    """Evaluates terms of a tool code over the stations of a run; what formulas have in common is computed once."""
 
-    def __init__(self, survey: WellSurvey, code: ToolCode) -> None:
+    def __init__(self, survey: WellSurvey, code: ToolCode, first: int = 0, last: int | None = None) -> None:
         self.code = code
         self.size = len(survey)
         self.survey = survey
@@ -67,6 +67,9 @@ class Evaluator:
         }
         self.memory: dict[str, Any] = {}
         self.vertical = survey.inclination < code.vertical
+        self.first = first
+        rows = np.arange(self.size)
+        self.here = (rows >= first) & (rows <= (self.size - 1 if last is None else last))
 
     def realisations(self, term: Term) -> list[Weights]:
         """Weights of each independent realisation of a term: one, or one for each time a gyro was initialised.
@@ -78,14 +81,14 @@ class Evaluator:
         """
         low, high = term.inclinations
         inclination = self.survey.inclination
-        inside = (inclination >= low) & (inclination <= high)
+        inside = self.here & (inclination >= low) & (inclination <= high)
         if term.state is not None:
             return self._accumulated(term, term.state, inside)
         if term.hold:
             live = self._weights(term, inside)
-            return [live.plus(self._carried(term, stretches(inclination > high), high))]
+            return [live.plus(self._carried(term, stretches(self.here & (inclination > high)), high))]
         if term.start:
-            parts = stretches(inclination > low)
+            parts = stretches(self.here & (inclination > low))
             groups = [[part] for part in parts] if self._restarts else [parts]
             return [self._weights(term, np.zeros(self.size, bool)).plus(self._carried(term, g, low)) for g in groups]
         return [self._weights(term, inside)]
@@ -143,8 +146,8 @@ class Evaluator:
         """
         ranged = bool(np.isfinite(term.inclinations).any())
         gate = self.code.continuous_above
-        active = inside if ranged or gate is None else self.survey.inclination > gate
-        held = term.hold & (self.survey.inclination > term.inclinations[1])
+        active = inside if ranged or gate is None else self.here & (self.survey.inclination > gate)
+        held = self.here & term.hold & (self.survey.inclination > term.inclinations[1])
         step = self._value(term, term.azimuth, active)
         steps = np.zeros(self.size) if step is None else step
         walk = STATES[state] == "random_walk"
@@ -155,7 +158,9 @@ class Evaluator:
         whole = Weights(None, None, azimuth, None, term.course)
         if not walk or not self._restarts or gate is None:
             return [whole]
-        return [whole.times(_rows(self.size, part)) for part in stretches(self.survey.inclination > gate)] or [whole]
+        return [
+            whole.times(_rows(self.size, part)) for part in stretches(self.here & (self.survey.inclination > gate))
+        ] or [whole]
 
     def _carried(self, term: Term, parts: list[slice], gate: float) -> Weights:
         """The weight a term had where the hole entered each stretch, kept throughout it (SPE 90408, appendix C)."""
@@ -180,8 +185,8 @@ class Evaluator:
         """Inclination and azimuth where the arc into each stretch passes `gate`."""
         found = np.empty((2, len(parts)))
         for column, part in enumerate(parts):
-            if part.start == 0 or not self._restarts:  # initialised where the survey began
-                found[:, column] = self.survey.inclination[0], self.survey.azimuth[0]
+            if part.start == self.first or not self._restarts:  # initialised where the run began
+                found[:, column] = self.survey.inclination[self.first], self.survey.azimuth[self.first]
             else:
                 found[:, column] = gate, _crossing(self.survey, part.start, gate)
         return found[0], found[1]
