@@ -204,3 +204,29 @@ def test_wits_by_its_map(tmp_path):
         convert(source, tmp_path / "c.las", channels=tmp_path / "map.toml")
     with pytest.raises(InputError, match="--convention is of no use for wits"):
         convert(tmp_path / "a.wits", tmp_path / "c.las", channels=tmp_path / "map.toml", convention="z-up")
+
+
+@pytest.mark.parametrize("table", list(TABLES))
+def test_witsml_from_and_to_tables(tmp_path, table):
+    source = put(tmp_path, table, raw())
+    there = convert(source, tmp_path / "a.xml")
+    assert [text for text in there.lost if "head" not in text] == []
+    convert(tmp_path / "a.xml", tmp_path / TABLES[table])
+    found = read_survey_file(tmp_path / TABLES[table], table)
+    for name in ("md", "inclination", "azimuth", "g", "b"):
+        np.testing.assert_allclose(getattr(found, name), getattr(raw(), name), rtol=1e-10, atol=2e-12)
+    with pytest.raises(FileError, match="trajectory 'other'"):
+        convert(tmp_path / "a.xml", tmp_path / "c.csv", sheet="other")
+
+
+@pytest.mark.parametrize(("first", "second"), [("a.xml", "a.p7"), ("a.p7", "a.xml"), ("a.xml", "a.wits")])
+def test_between_the_formats_of_the_industry(tmp_path, first, second):
+    (tmp_path / "map.toml").write_text(MAP)
+    convert(put(tmp_path, "csv", raw()), tmp_path / first)
+    convert(tmp_path / first, tmp_path / second, channels=tmp_path / "map.toml" if "wits" in second else None)
+    convert(
+        tmp_path / second, tmp_path / "a.parquet", channels=tmp_path / "map.toml" if second.endswith("wits") else None
+    )
+    found = read_survey_file(tmp_path / "a.parquet", "parquet")
+    for name in ("md", "inclination", "azimuth", "g"):
+        np.testing.assert_allclose(getattr(found, name), getattr(raw(), name), rtol=1e-10, atol=1e-9)

@@ -45,7 +45,7 @@ def convert(
     azimuth_reference
         North of the azimuths, where the source does not say it.
     sheet
-        Sheet of a workbook, the first when not given; or number of the survey in a P7 file.
+        Sheet of a workbook, the first when not given; number of a survey in P7; uid of a trajectory in WITSML.
     depth_unit
         Unit of depth of a P7 file that does not say it.
     map_

@@ -107,7 +107,7 @@ def _check(path: Path) -> None:
             size = sum(entry.file_size for entry in archive.infolist())
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
-    except (OSError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, RuntimeError, zipfile.BadZipFile) as error:  # RuntimeError: a version of zip unknown
         raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
     if size > _UNPACKED:
         raise FileError(f"this workbook unpacks to {size / 1e9:.1f} GB; split it, or use Parquet", path=path)

@@ -49,6 +49,14 @@ def read_parquet(path: str | Path, *, convention: str = "house", azimuth_referen
     """
     where = Path(path)
     table = _table(where)
+    try:
+        sheet = _sheet(where, table)
+    except UnicodeDecodeError as error:
+        raise FileError(f"a text in it is no UTF-8 ({error.reason}); the file is damaged", path=where) from None
+    return survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+
+
+def _sheet(where: Path, table: Any) -> Sheet:
     if table.num_rows == 0 or table.num_columns == 0:
         raise FileError("the file has no rows of values", path=where)
     units = _units(table.schema)
@@ -59,8 +67,7 @@ def read_parquet(path: str | Path, *, convention: str = "house", azimuth_referen
         columns[field.name] = _column(where, field, table.column(field.name), units.get(field.name))
     rows = np.arange(1, table.num_rows + 1)
     header = _header(where, table.schema.metadata or {})
-    sheet = Sheet(where, columns, rows, units, "row", header=header, digest=digest_file(where))
-    return survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+    return Sheet(where, columns, rows, units, "row", header=header, digest=digest_file(where))
 
 
 def _table(path: Path) -> Any:
@@ -69,7 +76,7 @@ def _table(path: Path) -> Any:
 
     try:
         with path.open("rb") as stream:
-            return pq.read_table(stream)
+            return pq.read_table(stream, page_checksum_verification=True)
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
     except (pa.ArrowException, OSError, ValueError) as error:
@@ -156,4 +163,4 @@ def write_parquet(file: SurveyFile, path: str | Path) -> None:
     header = json.dumps(dict(file.header), ensure_ascii=False).encode()
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={_HEADER: header}))
     with replacing(path) as stream:
-        pq.write_table(table, stream, compression="zstd", compression_level=1)
+        pq.write_table(table, stream, compression="zstd", compression_level=1, write_page_checksum=True)

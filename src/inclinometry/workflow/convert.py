@@ -31,7 +31,7 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
         "xlsx": Format((".xlsx", ".xlsm"), "io.excel:read_excel", "io.excel:write_excel"),
         "parquet": Format((".parquet", ".pq"), "io.parquet:read_parquet", "io.parquet:write_parquet"),
         "las": Format((".las",), "io.las:read_las", "io.las:write_las"),
-        "witsml": Format((".witsml", ".xml"), "io.witsml:read_witsml", "io.witsml:write_witsml"),
+        "witsml": Format((".witsml", ".xml"), "workflow.convert_formats:read_witsml", "io.witsml:write_witsml"),
         "p7": Format((".p7", ".p717"), "workflow.convert_formats:read_p7", "workflow.convert_formats:write_p7"),
         "wits": Format(
             (".wits", ".wits0"), "workflow.convert_formats:read_wits", "workflow.convert_formats:write_wits"
@@ -115,7 +115,7 @@ def convert(
     azimuth_reference : {"magnetic", "true", "grid"}, optional
         The north of the azimuths, where `source` does not say it.
     sheet : str, optional
-        Sheet of a workbook, or number of the survey in a P7/17 file.
+        Sheet of a workbook, number of the survey in a P7/17 file, uid or name of a WITSML trajectory.
     depth_unit : {"m", "ft", "ftUS"}, optional
         Of a P7/17 file that does not say it.
     channels : str or Path, optional

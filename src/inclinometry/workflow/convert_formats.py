@@ -1,4 +1,4 @@
-"""The formats that hold more, or less, than one survey: what reads and writes them as one."""
+"""Formats that hold several surveys, or need more than a file to be read: what reads and writes them as one survey."""
 
 from __future__ import annotations
 
@@ -52,6 +52,15 @@ def _one(path: str | Path, surveys: Mapping[int, SurveyFile], wanted: str | None
 def write_p7(file: SurveyFile, path: str | Path) -> None:
     """Write a survey as the only one of a P7/17 file; errors as `io.p7.write_p7`."""
     p7.write_p7(p7.p7_file(file), path)
+
+
+def read_witsml(
+    path: str | Path, *, convention: str = "iscwsa", azimuth_reference: str | None = None, sheet: str | None = None
+) -> SurveyFile:
+    """One trajectory of a WITSML document, by its uid or name (`sheet`); else as `io.witsml.read_witsml`."""
+    from inclinometry.io import witsml
+
+    return witsml.read_witsml(path, trajectory=sheet, convention=convention, azimuth_reference=azimuth_reference)
 
 
 def read_wits(path: str | Path, *, channels: str | Path | None = None) -> SurveyFile:
