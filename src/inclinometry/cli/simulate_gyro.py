@@ -79,12 +79,15 @@ def gyro(
         Print a JSON summary.
     """
     output.claim({"--output": output_, "--truth": truth, "--site": site}, {})
+    if axes == 3 and gyros == 1:
+        raise InputError("--axes 3 goes with --gyros 2: a gyro along the tool beside two across")
     if not 2 <= stations <= 100_000:
         raise InputError(f"--stations is {stations}; allowed 2 to 100000")
     values = (("--arw-deg-sqrt-h", arw_deg_sqrt_h, 10.0), ("--accel-sd-m-s2", accel_sd_m_s2, 1.0))
     for name, value, high in (*values, ("--dwell-s", dwell_s, 1e6)):
-        if not 0.0 <= value <= high or (name == "--dwell-s" and value == 0.0):
-            raise InputError(f"{name} is {value:g}; allowed 0 to {high:g}")
+        low = 1e-3 if name == "--dwell-s" else 0.0
+        if not low <= value <= high:
+            raise InputError(f"{name} is {value:g}; allowed {low:g} to {high:g}")
     request = use.GyroRunRequest(
         scenario,
         stations,

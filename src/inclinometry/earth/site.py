@@ -31,6 +31,7 @@ _RANGES: Final = {
     "g_sigma": (0.0, 0.1, "m/s^2"),
     "b_sigma": (0.0, 1e4, "nT"),
     "dip_sigma": (0.0, np.pi / 2, "rad"),
+    "latitude_sigma": (0.0, np.pi / 2, "rad"),
 }
 
 
@@ -54,7 +55,7 @@ class Site:
         rad, positive when grid north is east of true north.
     g, b, dip : float, optional
         Gravity, m/s^2; magnetic flux density, nT; dip, rad, positive when the field points below the horizon.
-    declination_sigma, convergence_sigma, g_sigma, b_sigma, dip_sigma : float, optional
+    declination_sigma, convergence_sigma, g_sigma, b_sigma, dip_sigma, latitude_sigma : float, optional
         Their standard deviations, same units.
     crs : str, optional
         The grid, e.g. "EPSG:32632"; the convergence is computed from it at the edge, where none is given.
@@ -89,6 +90,7 @@ class Site:
     g_sigma: float | None = None
     b_sigma: float | None = None
     dip_sigma: float | None = None
+    latitude_sigma: float | None = None
     crs: str | None = None
     origins: tuple[tuple[str, str], ...] = ()
 

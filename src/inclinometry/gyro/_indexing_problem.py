@@ -15,6 +15,12 @@ from inclinometry.uncertainty.coverage import chi_square_tail
 LEVEL = 1e-3
 """Chance of calling anything in a clean file a spike (or noisy), over the whole file."""
 
+FEWEST = 2.5
+"""Degrees of freedom that an estimated noise must exceed for its uncertainty to be finite."""
+
+ALIKE = 30.0
+"""Degrees of freedom that the likeness of sensors of one kind is worth."""
+
 MANY = 8
 """Stations from which a median over them tells the noise in spite of spikes."""
 
@@ -71,6 +77,11 @@ class Noise:
         ratio = drop / freedom / others
         return np.where(rest > 0.0, fdtrc(freedom, np.maximum(rest, 1e-12), ratio), 1.0)
 
+    @property
+    def widening(self) -> float:
+        """Variance of Student's t: what an estimated noise adds to every variance."""
+        return 1.0 if self.dof is None else self.dof / (self.dof - 2.0)
+
     def shrunk(self, drop: Array, freedom: Array) -> Array:
         """Factor by which the variance shrinks when readings that cost `drop` are left out."""
         if self.dof is None or not self.inside:
@@ -92,16 +103,36 @@ def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) ->
     """
     largest = max(float(np.abs(batch.values).max()) for batch in batches)
     floor = max(1e-13 * largest, 1e-100)  # rounding, for readings without any noise
+    gain = _gains(batches)
     sd = np.full(len(names), max(1e-3 * largest, floor))
     dof = 0.0
     for _ in range(_ROUNDS):
         square, redundancy = _station_squares(batches, sd, clean)
         _check_redundancy(redundancy, names)
-        before, sd = sd, np.maximum(np.sqrt(_typical(square, redundancy)), floor)
+        before, sd = sd, np.maximum(np.sqrt(_shared(_typical(square, redundancy), redundancy, gain)), floor)
         dof = float(redundancy.sum())
         if np.all(np.abs(sd - before) < _SETTLED * sd):
             break
+    if dof <= FEWEST:
+        raise InputError(
+            f"noise is not given and {dof:.1f} degrees of freedom are too few to estimate it from; give the noise of "
+            "one reading, or measure more stations or positions"
+        )
     return Noise(sd, dof, inside=len(square) < MANY)
+
+
+def _gains(batches: Sequence[Batch]) -> Array:
+    """Reading per field (m,) of each channel, by which the noises of sensors of one kind compare."""
+    rows = np.mean([np.linalg.norm(batch.tensor, axis=-1).mean(axis=(0, 1)) for batch in batches], axis=0)
+    return np.asarray(np.where(rows > 0.0, rows, 1.0))
+
+
+def _shared(variance: Array, redundancy: Array, gain: Array) -> Array:
+    """Variances (m,) drawn together where each rests on few residuals: a weight that collapses is worse than none."""
+    own = redundancy.sum(axis=0)
+    common = np.sum(own * variance / gain**2) / np.sum(own)
+    alike = ALIKE / (1.0 + own / ALIKE)  # many residuals speak for themselves
+    return np.asarray((own * variance + alike * common * gain**2) / (own + alike))
 
 
 def _station_squares(batches: Sequence[Batch], sd: Array, clean: Mask) -> tuple[Array, Array]:

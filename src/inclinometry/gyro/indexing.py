@@ -194,7 +194,7 @@ class _Sums:
         inflation = np.where(noisy & (fit.dof > 0.0), np.maximum(1.0, fit.chi_square / free), 1.0)
         seen = slice(0, columns.field)
         self.field[at, seen] = fit.estimate[:, seen]
-        self.covariance[at, seen, seen] = fit.covariance[:, seen, seen] * inflation[:, None, None]
+        self.covariance[at, seen, seen] = fit.covariance[:, seen, seen] * (noise.widening * inflation)[:, None, None]
         self.bias[np.ix_(at, columns.biased)] = fit.estimate[:, columns.bias_slots()]
         if columns.drift:
             self.drift[at] = fit.estimate[:, columns.bias_slots().stop :] / batch.second[:, None]

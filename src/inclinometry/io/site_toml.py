@@ -27,6 +27,7 @@ _NUMBERS = {
     "sigma_g": ("g_sigma", 0.0, 0.1),
     "sigma_b_nT": ("b_sigma", 0.0, 1e4),
     "sigma_dip_deg": ("dip_sigma", 0.0, 90.0),
+    "sigma_latitude_deg": ("latitude_sigma", 0.0, 90.0),
     "sigma_declination_deg": ("declination_sigma", 0.0, 180.0),
     "sigma_convergence_deg": ("convergence_sigma", 0.0, 180.0),
 }

@@ -13,7 +13,7 @@ from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.survey._latitude import Misfit, misfit, weights
 from inclinometry.survey.checks import Check
-from inclinometry.uncertainty.coverage import coverage_factor
+from inclinometry.uncertainty.coverage import chi_square_limit, coverage_factor
 
 FALSE_ALARM: Final = 0.0027
 """Probability that a faultless run fails a check; three standard deviations for a single station."""
@@ -177,7 +177,7 @@ def rate_checks(
     birge = max(1.0, least / run.freedom) if run.freedom > 0 else 1.0
     sd = run.sd(best, read.scale_sd) * np.sqrt(birge)
     sign = _sign_check(read, run, stated, birge)
-    return [_horizontal_check(read, stated), _latitude_check(run, stated, best, sd, sign), sign]
+    return [_horizontal_check(read, run, stated), _latitude_check(run, stated, best, sd, sign), sign]
 
 
 def _readings(
@@ -255,8 +255,12 @@ def _run(read: _Readings) -> Misfit:
     return misfit(read.rate, read.down, weights(spread, read.seen), read.seen, prior)
 
 
-def _horizontal_check(read: _Readings, stated: float) -> Check:
-    """Horizontal part of the rate of each station against that of the latitude."""
+def _horizontal_check(read: _Readings, run: Misfit, stated: float) -> Check:
+    """Horizontal part of the rate of each station against that of the latitude.
+
+    A station is off when both the horizontal rate and the whole reading, best azimuth taken, are further from the
+    Earth's than chance allows: the first alone is not Gaussian where the rate is small or hardly seen.
+    """
     found, sd = _horizontal(read, stated)
     wanted = np.cos(stated)
     judged = sd <= _BLIND * wanted
@@ -266,7 +270,8 @@ def _horizontal_check(read: _Readings, stated: float) -> Check:
         return Check(name, "not judged", np.nan, np.nan, (), f"{reason} along the tool)", _ELSEWHERE, "rad/s")
     factor = float(coverage_factor(1.0 - FALSE_ALARM / judged.sum()))
     share = np.where(judged, np.abs(found - wanted) / (factor * sd), -1.0)
-    row, bad = int(np.argmax(share)), np.flatnonzero(share > 1.0)
+    unlikely = run.at(stated)[0] > chi_square_limit(1.0 - FALSE_ALARM / judged.sum(), 1.0 + read.seen)
+    row, bad = int(np.argmax(share)), np.flatnonzero((share > 1.0) & unlikely)
     hourly = np.degrees(3600.0 * EARTH_RATE)
     reason = (
         f"{len(bad)} of {int(judged.sum())} stations off; worst is station {row + 1}: {hourly * found[row]:.4f} deg/h "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,13 +35,16 @@ from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.gyro_quality import rate_unit_suspect
 from inclinometry.survey.reduce import Survey
 from inclinometry.workflow.gyro_average import Averages, average_run, gravity_suspect
-from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, refusal
+from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, misfit_hint, refusal
 from inclinometry.workflow.gyro_methods import Known, Stations, solve, stations_of
 
 METHODS: Final = ("joint", "patent", "fixed")
 PRIORS: Final = ("calibration", "previous", "both", "run")
 """Where what is known of the scale before a station comes from: the calibration alone; the station before; the
 stations before and the calibration's temperature curve; or all other stations of the run and that curve."""
+
+HOTTEST: Final = 230.0
+"""degC that no gyro tool survives."""
 
 LEARNING_WALK: Final = 5e-4
 """Wandering of the scale per root of a degC for the prior "previous"."""
@@ -160,13 +164,13 @@ def north_run(
     )
     if suspect := rate_unit_suspect(averages.rate.field) or gravity_suspect(averages.gravity.field, site.gravity):
         raise FileError(suspect, path=readings.path)
-    stations = stations_of(averages, site.latitude, site.gravity, chosen.hole)
+    stations = stations_of(averages, site, chosen.hole)
     if suspect := gravity_in_g(stations):
         raise FileError(suspect, path=readings.path)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
     known = _expected(stations, averages, heat, chosen)
     found = {method: solve(method, stations, known) for method in METHODS}
-    checks = check_rates(stations, known, found["joint"])
+    checks = check_rates(stations, known, found["joint"], averages.rate_calibration)
     if refused := refusal(checks, site.latitude):
         raise FileError(refused, path=readings.path)
     north = found.pop(chosen.method)
@@ -178,8 +182,16 @@ def north_run(
     if track is not None:
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
-    notes = [*readings.notes, *averages.gravity.notes, *averages.rate.notes, *known.notes]
+    checks = [replace(c, reason=_labelled(c.reason, readings)) for c in checks]
+    notes = [
+        *_remarks(readings, heat, chosen),
+        *readings.notes,
+        *averages.gravity.notes,
+        *averages.rate.notes,
+        *known.notes,
+    ]
     notes += [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
+    notes += misfit_hint(found.get("joint", north), stations.rate, site.latitude)
     notes += [f"{c.name}: {c.reason}; {c.action}" for c in checks if c.verdict == "fail"]
     total = np.linalg.norm(averages.gravity.field, axis=1)
     digests = {"raw": readings.digest, **(inputs or {}), **_earlier(chosen.history)}
@@ -190,6 +202,27 @@ def north_run(
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
     return GyroRun(survey, north, readings.md, heat, track, found, checks, name, digests)
+
+
+def _labelled(reason: str, readings: GyroReadings) -> str:
+    """Stations of a sentence, numbered from 1, as the file calls them."""
+    return re.sub(r"station (\d+)", lambda m: f"station {readings.labels[int(m[1]) - 1]!r}", reason)
+
+
+def _remarks(readings: GyroReadings, heat: Array | None, options: GyroOptions) -> list[str]:
+    """What a person should know about the input before anything is computed."""
+    found = []
+    if heat is not None and heat.max() > HOTTEST:
+        found.append(f"temperature reaches {heat.max():.0f} degC: is it in kelvin or degrees Fahrenheit?")
+    if options.history is not None and options.history.tool == "":
+        found.append("the history names no tool: make sure that it is of this one")
+    known = options.history
+    if known is not None and heat is not None and np.array_equal(known.md, readings.md):
+        same = np.allclose(known.temperature, heat, atol=1e-9)
+        found += ["the history has the depths and temperatures of this very run: was it learnt from it?"] * int(same)
+    if options.prior is not None and options.method != "joint":
+        found.append(f"the prior {options.prior!r} is for the joint estimate; the method is {options.method!r}")
+    return found
 
 
 def _earlier(history: ScaleRecord | None) -> dict[str, str]:
@@ -213,7 +246,7 @@ def _check_history(history: ScaleRecord | None, readings: GyroReadings, calibrat
 
 
 def _expected(stations: Stations, averages: Averages, heat: Array | None, options: GyroOptions) -> Known:
-    """The prior of each station's scale factor."""
+    """What is known of each station's scale factor before and beside its own rates."""
     size = len(stations.rate)
     own = float(np.max(averages.scale_calibration, initial=0.0))
     prior = options.prior or ("calibration" if heat is None else "run" if size <= MOST else "both")
@@ -222,19 +255,19 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
             raise InputError("following the scale over temperature needs temperatures: add the column temperature_degC")
         if options.history is not None:
             raise InputError("the history gives the scale by temperature; add the column temperature_degC")
-        return Known(np.ones(size), np.full(size, np.hypot(options.scale_sd, own)), None, ())
+        ones, sd = np.ones(size), np.full(size, np.hypot(options.scale_sd, own))
+        return Known(ones, sd, ones, sd, None)
     belief = _belief(options, own, walking=prior == "previous", start=float(heat[0]))
-    notes: tuple[str, ...] = ()
+    scale, sd = belief.predict(heat)
     if prior == "calibration":
-        scale, sd = belief.predict(heat)
-        return Known(scale, sd, None, notes)
+        return Known(scale, sd, scale, sd, None)
     follow = smooth_scale if prior == "run" else track_scale
     found = tilt(stations.gravity, stations.g)
     if stations.hole == "up":
         found = upward(found, found.unseen)
     high, covariance = to_high_side(stations.rate, stations.rate_covariance, found.toolface)
     track = follow(high / EARTH_RATE, covariance / EARTH_RATE**2, found.inclination, stations.latitude, heat, belief)
-    return Known(track.expected, track.expected_sd, track, track.notes)
+    return Known(track.expected, track.expected_sd, scale, sd, track, track.notes)
 
 
 def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) -> ScaleBelief:

@@ -16,8 +16,8 @@ from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.gyro.result import IndexAverage
 from inclinometry.io.columns import KIND_PREFIX
 from inclinometry.io.gyro_csv import GyroReadings
-from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
+from inclinometry.workflow.gyro_doubt import field_doubt, reading_variance
 
 TO_SI: Final = {
     "counts": 1.0,
@@ -102,8 +102,8 @@ def average_run(
         nought = np.zeros((len(readings), 3, 3))
         return Averages(gravity, rate, nought, nought, np.zeros(len(readings)))
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
-    own = _calibrated(calibration.tool, "accelerometer", gravity.field, heat)
-    turned = _calibrated(calibration.tool, "gyro", rate.field, heat)
+    own = field_doubt(calibration.tool, "accelerometer", gravity.field, heat)
+    turned = field_doubt(calibration.tool, "gyro", rate.field, heat)
     unit = np.nan_to_num(rate.field / np.linalg.norm(np.nan_to_num(rate.field), axis=1, keepdims=True))
     across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
     along = np.einsum("ni,nij,nj->n", unit, turned, unit) / np.sum(np.nan_to_num(rate.field) ** 2, axis=1)
@@ -188,7 +188,7 @@ def _average(
     if stated_sd is not None:
         sd = np.full(triad.count, stated_sd / strength) * np.linalg.norm(triad.tensor[0], axis=1)
     bias = None if z_bias_sd is None else z_bias_sd / strength * np.linalg.norm(triad.tensor[0], axis=1)
-    doubt = _reading_variance(tool, kind, powers)
+    doubt = reading_variance(tool, kind, powers)
     if sd is None or not doubt.any():
         return _two_passes(readings, signals, scheme, sd, sweep, tensor, offset, bias, kind, strength)[0]
     # positions differ by the calibration's errors too, which are no fault of a reading
@@ -214,15 +214,6 @@ def _average(
     return replace(found, field=again.field * strength, covariance=again.covariance * (strength / LENIENT) ** 2)
 
 
-def _reading_variance(tool: Tool, kind: str, powers: Array) -> Array:
-    """Variance (n, m) of a reading by what is not known of the tensor, mean over the directions of the field."""
-    triad = tool.triads[kind]
-    size, count = triad.degree + 1, triad.count
-    own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(size, count, 4, size, count, 4)
-    mean = np.einsum("psaqsa->spq", own[:, :, :3, :, :, :3]) / 3.0
-    return np.asarray(np.einsum("np,spq,nq->ns", powers, mean, powers))
-
-
 def _plain(
     readings: GyroReadings, kind: str, scheme: str, stated_sd: float | None, z_bias_sd: float | None, sweep: float
 ) -> IndexAverage:
@@ -236,6 +227,8 @@ def _plain(
             f"{kind} channels are in {unit}; without a calibration give {', '.join(allowed[-3:])} in the columns' names"
         )
     signals, factor = readings.channels[kind], TO_SI[unit]
+    if not signals.any():
+        raise InputError(f"the {kind} channels are all exactly 0: the sensors report nothing; check their columns")
     if kind == "accelerometer" and np.abs(signals).max() * factor > HEAVIEST:
         largest = f"{np.abs(signals).max() * factor:.4g} m/s^2"
         raise InputError(f"an accelerometer reads {largest}; give its unit in the column's name")
@@ -291,7 +284,12 @@ def _two_passes(
         for _ in range(2):
             size = bias_across(average(everything, known), everything)
             known[along] = size
-        if kind == "gyro":
+        if kind == "accelerometer":
+            notes = (
+                f"the bias of the accelerometer along the tool cannot be turned away; taken as {size * strength:.2g} "
+                "m/s2 (standard uncertainty), as large as those across",
+            )
+        else:
             degrees = np.degrees(size * strength / np.linalg.norm(mean, axis=1).max()) * 3600.0
             notes = (
                 f"the bias of the gyro along the tool cannot be turned away; taken as {degrees:.2g} deg/h (standard "
@@ -316,7 +314,14 @@ def _notes(readings: GyroReadings, found: IndexAverage, kind: str) -> list[str]:
         f"{np.degrees(readings.index[row]):g} deg) disagrees with the others and was left out"
         for station, row in found.left_out
     ]
-    return [f"{kind}: {note}" for note in found.notes if not note.startswith("Station ")] + left
+    noisy = [readings.labels[n] for n, names in enumerate(found.flags) if "noisy" in names]
+    if noisy:
+        shown = ", ".join(noisy[:10]) + (", ..." if len(noisy) > 10 else "")
+        left.append(
+            f"{kind}: positions disagree by more than the noise at {len(noisy)} of {len(found)} stations ({shown}); "
+            "their uncertainty is widened to what the residuals say"
+        )
+    return [f"{kind}: {note}" for note in found.notes if note.startswith("Noise of one reading")] + left
 
 
 def _check_direction(
@@ -371,19 +376,3 @@ def _without_gravity(
     down = down / np.linalg.norm(down, axis=1, keepdims=True)
     turned = np.einsum("kij,kj->ki", rotation_z(readings.index), down[readings.station])
     return triad.without_gravity(signals, turned)
-
-
-def _calibrated(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
-    """Covariance (n, 3, 3) of a field from its triad's tensor; offsets are turned away by the index."""
-    triad = tool.triads[kind]
-    seen = np.nan_to_num(field)
-    strength = np.linalg.norm(seen, axis=1, keepdims=True)
-    regressor = np.concatenate([seen / (triad.field_strength or strength.mean()), np.zeros((len(seen), 1))], axis=1)
-    powers = np.broadcast_to(triad.basis(heat), (len(seen), triad.degree + 1))
-    design = (powers[:, :, None] * regressor[:, None, :]).reshape(len(seen), -1)
-    size, count = triad.degree + 1, triad.count
-    own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(size, count, 4, size, count, 4)
-    ordered = own.transpose(1, 0, 2, 4, 3, 5).reshape(count, size * 4, count, size * 4)
-    inverse = np.broadcast_to(triad.inverse(heat), (len(seen), 3, count))
-    signal = np.einsum("np,apbq,nq->nab", design, ordered, design, optimize=True)
-    return np.asarray(inverse @ signal @ np.swapaxes(inverse, -1, -2)) * (triad.field_strength or strength.mean()) ** 2

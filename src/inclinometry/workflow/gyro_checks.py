@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.arrays import Array
+from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.gyro.result import North
 from inclinometry.survey.checks import Check
@@ -16,27 +17,42 @@ from inclinometry.survey.gyro_quality import rate_checks
 from inclinometry.workflow.gyro_average import LIGHTEST
 from inclinometry.workflow.gyro_methods import Known, Stations, solve
 
+COVERED: Final = 3.0
+"""Standard uncertainties that a faultless run stays within."""
+
 VAGUE: Final = 0.01
 """Standard uncertainty of a scale factor while units are still in doubt."""
 
 
-def check_rates(stations: Stations, known: Known, joint: North) -> list[Check]:
+def check_rates(stations: Stations, known: Known, joint: North, calibration: Array) -> list[Check]:
     """The rates against the Earth's; gravity along the tool is taken from the solution where it is not measured."""
     gravity, covariance = stations.gravity.copy(), stations.gravity_covariance.copy()
     blind = np.isnan(gravity[:, 2])
     gravity[blind, 2] = stations.g * np.cos(joint.inclination[blind])
     covariance[blind, 2, :] = covariance[blind, :, 2] = 0.0
     covariance[blind, 2, 2] = np.mean(np.diagonal(covariance[blind, :2, :2], axis1=1, axis2=2), axis=1)
-    return rate_checks(
+    checks = rate_checks(
         gravity,
         stations.rate,
         stations.latitude,
         gravity_covariance=covariance,
         rate_covariance=stations.rate_covariance,
-        scale=known.scale,
-        scale_sd=known.sd,
+        scale=known.before,
+        scale_sd=known.before_sd,
         g=stations.g,
     )
+    # the calibration's errors are common to all stations: their mean does not vanish
+    common = np.sqrt(np.max(np.linalg.eigvalsh(np.nan_to_num(calibration)))) / EARTH_RATE
+    return [_widened(check, COVERED * common) if check.name == "latitude" else check for check in checks]
+
+
+def _widened(check: Check, more: float) -> Check:
+    """The check of latitude with a limit that what all stations share may reach."""
+    limit = float(np.hypot(check.limit, more))
+    if check.verdict != "fail" or abs(check.value) > limit:
+        return check
+    reason = f"{check.reason}; within what the calibration leaves open ({np.degrees(limit):.2f} deg)"
+    return replace(check, verdict="pass", limit=limit, reason=reason, action="")
 
 
 def refusal(checks: Sequence[Check], latitude: float) -> str | None:
@@ -46,9 +62,25 @@ def refusal(checks: Sequence[Check], latitude: float) -> str | None:
     if sign.verdict != "fail":
         return None
     if value.verdict == "fail" and abs(latitude + value.value) > 3.0 * abs(latitude):
-        hint = " (is it in radians? latitude_deg takes degrees)" if abs(latitude) < np.radians(1.6) else ""
-        return f"{value.reason}{hint}; {value.action}"
+        return f"{value.reason}{radians_hint(latitude)}; {value.action}"
     return f"{sign.reason}; {sign.action}"
+
+
+def radians_hint(latitude: float) -> str:
+    """A question that a small latitude raises."""
+    return " (is it in radians? latitude_deg takes degrees)" if abs(latitude) < np.radians(1.6) else ""
+
+
+def misfit_hint(joint: North, rate: Array, latitude: float) -> list[str]:
+    """A sentence where no station fits: what would explain that."""
+    if len(joint) < 2 or sum("misfit" in row for row in joint.flags) < 0.9 * len(joint):
+        return []
+    size = float(np.median(np.linalg.norm(np.nan_to_num(rate), axis=1)) / EARTH_RATE)
+    return [
+        "hardly a station fits the Earth's rate: is the latitude right"
+        f"{radians_hint(latitude)}, is one axis alone reversed or swapped, are the rates in another unit (they are "
+        f"{size:.3g} of the Earth rate), or is the stated noise too small?"
+    ]
 
 
 def gravity_in_g(stations: Stations) -> str | None:
@@ -61,7 +93,8 @@ def gravity_in_g(stations: Stations) -> str | None:
         gravity=stations.gravity * STANDARD_GRAVITY,
         gravity_covariance=stations.gravity_covariance * STANDARD_GRAVITY**2,
     )
-    vague = Known(np.ones(len(level)), np.full(len(level), VAGUE), None, ())
+    ones, vague_sd = np.ones(len(level)), np.full(len(level), VAGUE)
+    vague = Known(ones, vague_sd, ones, vague_sd, None)
     try:
         given, other = (float(np.sum(solve("joint", s, vague).chi_square)) for s in (stations, larger))
     except InputError:

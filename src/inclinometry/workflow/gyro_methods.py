@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inclinometry.core.arrays import Array
+from inclinometry.earth.site import Site
 from inclinometry.gyro.closed_form import solve_patent
 from inclinometry.gyro.north import estimate_north, estimate_north_fixed
 from inclinometry.gyro.result import North
@@ -25,9 +26,12 @@ class Stations:
     latitude: float
     g: float
     hole: str | None
+    latitude_sd: float
 
 
-def stations_of(averages: Averages, latitude: float, g: float, hole: str | None) -> Stations:
+def stations_of(averages: Averages, site: Site, hole: str | None) -> Stations:
+    """What the average and the site say; the site must have a latitude."""
+    latitude, g = site.latitude or 0.0, site.gravity or 0.0
     return Stations(
         averages.gravity.field,
         averages.gravity.covariance + averages.gravity_calibration,
@@ -36,17 +40,28 @@ def stations_of(averages: Averages, latitude: float, g: float, hole: str | None)
         latitude,
         g,
         hole,
+        site.latitude_sigma or 0.0,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What is known of each station's scale without its own rates."""
+    """What is known of each station's scale without its own rates.
+
+    scale, sd : (n,) from the calibration, the history and, where the run is followed, its other stations.
+    before, before_sd : (n,) without any station of the run.
+    """
 
     scale: Array
     sd: Array
+    before: Array
+    before_sd: Array
     track: ScaleTrack | None
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+JUMP = 0.002
+"""Standard deviation of the scale from station to station by which the closed form follows its history."""
 
 
 def solve(method: str, stations: Stations, known: Known) -> North:
@@ -58,7 +73,8 @@ def solve(method: str, stations: Stations, known: Known) -> North:
             gravity_covariance=stations.gravity_covariance,
             rate_covariance=stations.rate_covariance,
             g=stations.g,
-            history=1.0,
+            history=float(known.before[0]),
+            history_sd=JUMP,
         )
         return found if stations.hole is None else _declared(found, stations.hole)
     estimate = estimate_north_fixed if method == "fixed" else estimate_north
@@ -69,9 +85,11 @@ def solve(method: str, stations: Stations, known: Known) -> North:
         gravity_covariance=stations.gravity_covariance,
         rate_covariance=stations.rate_covariance,
         scale=np.ones(len(stations.rate)) if method == "fixed" else known.scale,
-        scale_sd=known.sd,
+        # a scale that is not corrected errs by what is expected of it and by what is not known of that
+        scale_sd=np.hypot(known.before_sd, known.before - 1.0) if method == "fixed" else known.sd,
         g=stations.g,
         hole=stations.hole,
+        latitude_sd=stations.latitude_sd,
     )
 
 

@@ -1,0 +1,5 @@
+"""python -m inclinometry: the same as the command."""
+
+from inclinometry.cli import main
+
+main()
