@@ -14,7 +14,9 @@ from pathlib import Path
 
 from benchmarks import readme
 
-NAMES = ("kernel", "closed_forms", "joint", "design", "real_data", "gyro_schemes", "gyro")
+NAMES = (
+    "kernel", "closed_forms", "joint", "design", "real_data", "gyro_schemes", "gyro", "path", "msa", "position",
+)  # fmt: skip
 DRAWS = {"closed_forms": 500, "joint": 800, "gyro": 600}
 
 

