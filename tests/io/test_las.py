@@ -202,3 +202,23 @@ def test_not_las(tmp_path):
 def test_old_code_pages(tmp_path):
     (tmp_path / "a.las").write_bytes(FOREIGN.replace("WELL A-1", "Sjø A-1").encode("latin-1"))
     assert read_las(tmp_path / "a.las", azimuth_reference="true").header["WELL"] == "Sjø A-1"
+
+
+def test_a_north_that_is_none(tmp_path):
+    write_las(survey(), tmp_path / "a.las")
+    text = (tmp_path / "a.las").read_text()
+    (tmp_path / "b.las").write_text(text.replace("AZIREF. grid", "AZIREF. rig "))
+    with pytest.raises(FileError, match="azimuth reference is 'rig'; allowed: magnetic, true, grid"):
+        read_las(tmp_path / "b.las")
+    (tmp_path / "b.las").write_text(text.replace('{"well": "A: 1"}', "well = A"))
+    with pytest.raises(FileError, match="'well = A' in the ~Other section cannot be read"):
+        read_las(tmp_path / "b.las")
+
+
+def test_flags_and_times_as_curves(tmp_path):
+    text = FOREIGN.replace(" SQ  .  ", " USED.  ")
+    (tmp_path / "a.las").write_text(text.replace("-1.0000 -999.25", "-1.0000 0"))
+    assert read_las(tmp_path / "a.las", azimuth_reference="true").used.tolist() == [True, False]
+    (tmp_path / "a.las").write_text(text)
+    with pytest.raises(FileError, match="line 26: column 'USED' is ''"):
+        read_las(tmp_path / "a.las", azimuth_reference="true")

@@ -212,3 +212,22 @@ def test_the_factors_of_units():
     found = {label: u["factor"] for d in data["units"].values() for label, u in d.items() if isinstance(u, dict)}
     for label, value in exact.items():
         assert found[label] == pytest.approx(value, rel=1e-15, abs=0.0)
+
+
+def test_times_that_are_not_iso_are_another_column(write):
+    found = read_csv(write("md_m,tvd_m,Time,used", "0,0,12:30,", "1,1,5/6/26,"))
+    assert found.times is None
+    assert found.used is None
+    assert found.extra["Time"] == ("12:30", "5/6/26")
+    found = read_csv(write("md_m,tvd_m,time,valid", "0,0,2026-01-02,yes", "1,1,,No"))
+    assert found.times == ("2026-01-02", "")
+    assert found.valid.tolist() == [True, False]
+
+
+def test_extra_columns_keep_their_names_whatever_they_are(tmp_path):
+    names = ("Temp", "extra_Temp", "extra_extra_Temp", "gx_m_s2", "azimuth_reference", "cov_nn", "MD", "g_total")
+    file = SurveyFile(md=[0], tvd=[0], extra={name: (str(i),) for i, name in enumerate(names)})
+    write_csv(file, tmp_path / "a.csv")
+    assert read_csv(tmp_path / "a.csv").same_as(file)
+    with pytest.raises(InputError, match="line break"):
+        write_csv(SurveyFile(md=[0], tvd=[0], extra={"crew": ("a\nb",)}), tmp_path / "a.csv")

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json
+from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
 
 Form = Literal["csv", "xlsx", "parquet", "las", "witsml", "p7", "wits"]
@@ -66,6 +67,11 @@ def convert(
             depth_unit=depth_unit,
             channels=map_,
         )
+    _show(done, target, json)
+
+
+def _show(done: Conversion, target: Path, json: bool) -> None:
+    """What was written, what the reader found and what the target does not hold."""
     output.warnings(done.survey.notes)
     if json:
         output.print_json(

@@ -26,11 +26,6 @@ class OutColumn:
 def columns_of(file: SurveyFile) -> list[OutColumn]:
     """All that a survey knows, as columns; a quantity without a single value has none.
 
-    Raises
-    ------
-    InputError
-        Two columns of one name.
-
     Examples
     --------
     >>> [c.name for c in columns_of(SurveyFile(md=[0, 30], g=[[0, 0, 9.8]] * 2, extra={"rig": ("A", "A")}))]
@@ -43,12 +38,7 @@ def columns_of(file: SurveyFile) -> list[OutColumn]:
             found.append(OutColumn(quantity.column, from_si(values, quantity), quantity))
         if key == "azimuth" and file.azimuth_reference is not None:
             found.append(OutColumn("azimuth_reference", (file.azimuth_reference,) * len(file)))
-    found += _texts(file)
-    names = [column.name for column in found]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(f"two columns would be called {twice!r}; rename one of them")
-    return found
+    return found + _texts(file)
 
 
 def _at(file: SurveyFile, key: str) -> Array | None:

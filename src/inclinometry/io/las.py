@@ -172,11 +172,6 @@ def write_las(file: SurveyFile, path: str | Path) -> None:
 
     LAS holds numbers only: `times` and those columns of `extra` that are not all numbers are not written.
 
-    Raises
-    ------
-    InputError
-        Two columns of one name.
-
     Examples
     --------
     See `read_las`.

@@ -137,11 +137,6 @@ def _header(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, str]:
 def write_parquet(file: SurveyFile, path: str | Path) -> None:
     """Write a survey as Parquet (zstd): float64 columns, null where unknown, texts and flags; see `read_parquet`.
 
-    Raises
-    ------
-    InputError
-        Two columns of one name.
-
     Examples
     --------
     See `read_parquet`.

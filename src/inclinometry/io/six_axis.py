@@ -114,7 +114,7 @@ def write_csv(file: SurveyFile, path: str | Path) -> None:
     Raises
     ------
     InputError
-        Two columns of one name, a line break in a text.
+        A line break in a text.
 
     Examples
     --------
