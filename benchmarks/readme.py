@@ -29,7 +29,8 @@ def update(results: dict, readme: Path) -> None:
 
 def table(results: dict) -> list[tuple[str, str, str]]:
     """Rows of what, found, beside."""
-    return [*_joint(results["joint"]), *_closed(results), *_real(results["real_data"]), *_gyro(results), *_speed(results)]
+    accuracy = [*_joint(results["joint"]), *_closed(results), *_real(results["real_data"]), *_gyro(results)]
+    return [*accuracy, *_speed(results)]
 
 
 def _joint(joint: dict) -> list[tuple[str, str, str]]:
