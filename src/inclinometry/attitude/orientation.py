@@ -138,6 +138,38 @@ def angles_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
     return np.stack(rows, axis=-2)
 
 
+def axis_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
+    """Derivatives of the direction of the tool axis (z) by the six field components.
+
+    Parameters
+    ----------
+    g, b : (..., 3) array_like
+        As for `angles`.
+
+    Returns
+    -------
+    (..., 3, 6) ndarray
+        Rows north (of the second field), east, down; columns as in `angles_jacobian`. Defined at every inclination: a
+        vertical tool has no azimuth, but its axis has a direction.
+
+    Notes
+    -----
+    North, east and down seen from the tool turn by theta, of which `angles_jacobian` tells; their components along z by
+    those of theta x n, theta x e, theta x d.
+
+    Examples
+    --------
+    >>> axis_jacobian([0.0, 0.0, 10.0], [20000.0, 0.0, 40000.0])[:, :2] + 0.0
+    array([[-0.1,  0. ],
+           [ 0. , -0.1],
+           [ 0. ,  0. ]])
+    """
+    t = _triad(g, b)
+    theta = _triad_rotation(t)
+    rows = [theta[..., 0, :] * v[..., 1:2] - theta[..., 1, :] * v[..., 0:1] for v in (t.north, t.east, t.down)]
+    return np.stack(rows, axis=-2)
+
+
 def inclination_toolface(g: ArrayLike) -> tuple[Array, Array]:
     """Inclination and toolface, rad, from gravity (..., 3) alone; toolface is given as 0 where exactly vertical.
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from inclinometry.attitude.orientation import angles_jacobian
 from inclinometry.core.arrays import Array
 from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
 
 
 class Sensitivity(NamedTuple):
@@ -58,7 +59,6 @@ def angle_sensitivity(
 
     Examples
     --------
-    >>> from inclinometry.sensors.triad import Triad
     >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in ("accelerometer", "magnetometer")})
     >>> here = {"accelerometer": np.array([0.0, 0.0, 1.0]), "magnetometer": np.array([0.6, 0.0, 0.8])}
     >>> angle_sensitivity(tool, here).by_parameter.shape
@@ -77,11 +77,40 @@ def angle_sensitivity(
         triad, field = tool.triads[kind], fields[kind]
         by_signal = jacobian[..., 3 * place : 3 * place + 3] @ triad.inverse(temperature)
         signals.append(by_signal)
-        powers = triad.basis(temperature)
-        regressor = np.concatenate([field, np.ones((*field.shape[:-1], 1))], axis=-1)
-        # one parameter of sensor s moves that sensor's signal only, by its power of temperature times its regressor
-        moves = -(
-            by_signal[..., :, None, :, None] * powers[..., None, :, None, None] * regressor[..., None, None, None, :]
-        )
-        parameters[..., tool.slices[kind]] = moves.reshape(*moves.shape[:-3], -1)
+        parameters[..., tool.slices[kind]] = by_parameter(triad, field, by_signal, temperature)
     return Sensitivity(parameters, np.concatenate(signals, axis=-1), kinds)
+
+
+def by_parameter(triad: Triad, field: Array, by_signal: Array, temperature: ArrayLike | None = None) -> Array:
+    """Derivatives by a triad's parameters of what depends on its signals.
+
+    Parameters
+    ----------
+    triad : Triad
+    field : (..., 3) ndarray
+        As `Triad.field` returns it.
+    by_signal : (..., k, m) ndarray
+        Derivatives of the k quantities by the m signals; `triad.inverse(temperature)` for the field itself.
+    temperature : (...) array_like, optional
+        degC.
+
+    Returns
+    -------
+    (..., k, p) ndarray
+        In the order of `inclinometry.sensors.tool.parameter_names`.
+
+    Notes
+    -----
+    U = N a + U0 with U as read: a parameter of sensor s acts as a change of that sensor's signal alone, by minus its
+    power of temperature times its regressor (a, 1).
+
+    Examples
+    --------
+    >>> triad = Triad("accelerometer", 2.0 * np.eye(3), np.zeros(3))
+    >>> by_parameter(triad, np.array([0.0, 0.0, 1.0]), triad.inverse())[2, 8:]  # of gz, by the third sensor
+    array([-0. , -0. , -0.5, -0.5])
+    """
+    powers = triad.basis(temperature)
+    regressor = np.concatenate([field, np.ones((*field.shape[:-1], 1))], axis=-1)
+    moves = -(by_signal[..., :, None, :, None] * powers[..., None, :, None, None] * regressor[..., None, None, None, :])
+    return np.asarray(moves.reshape(*moves.shape[:-3], -1))

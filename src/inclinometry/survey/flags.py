@@ -118,13 +118,13 @@ TOLERANCE = 3.0
 
 
 def station_flags(
-    found: Angles, inclination_sd: Array, size: Magnitudes, tool: Tool, heat: Array | None, reference: Reference
+    found: Angles, inclination_sd: Array, size: Magnitudes, tool: Tool | None, heat: Array | None, reference: Reference
 ) -> list[list[str]]:
-    """Names of what is remarkable at each station."""
+    """Names of what is remarkable at each station; without a tool its range of temperature is not judged."""
     rows: dict[str, Mask] = {}
     tilt = np.minimum(found.inclination, np.pi - found.inclination)
     rows["vertical"] = tilt < 5.0 * inclination_sd
-    if heat is not None and tool.temperature_range is not None:
+    if heat is not None and tool is not None and tool.temperature_range is not None:
         low, high = tool.temperature_range
         rows["temperature"] = (heat < low - HEAT_MARGIN) | (heat > high + HEAT_MARGIN)
     for name, kind in (("g", "accelerometer"), ("b", "magnetometer"), ("rate", "gyro")):
@@ -163,20 +163,26 @@ _SIGMA_LATITUDE = np.radians(20.0 / 3600.0)
 
 def reference_of(tool: Tool, site: Site | None, calibration_dip: float | None) -> Reference:
     """What the site says; without a site, the fields of the stand, within what two places usually differ by."""
-    strength: dict[str, tuple[float, float]] = {}
-    for kind, name, sigma in (("accelerometer", "g", _SIGMA_G), ("magnetometer", "b", _SIGMA_B)):
-        own = tool.triads[kind].field_strength if kind in tool.triads else None
-        value = None if site is None else getattr(site, name)
-        if value is not None and own is not None:
-            stated = getattr(site, f"{name}_sigma")
-            strength[kind] = (value / own, (sigma if stated is None else stated) / own)
+    known = {kind: triad.field_strength for kind, triad in tool.triads.items() if triad.field_strength is not None}
+    found = reference_in(known, site, calibration_dip)
     if "gyro" in tool.triads:
         # a calibration at rest knows the Earth rate as 1, whether it says so or not
-        strength["gyro"] = (EARTH_RATE / (tool.triads["gyro"].field_strength or EARTH_RATE), 0.0)
-    latitude = None if site is None or site.latitude is None else (site.latitude, _SIGMA_LATITUDE)
+        found.strength["gyro"] = (EARTH_RATE / known.get("gyro", EARTH_RATE), 0.0)
     if site is None:
         # gravity varies by half a per cent over the Earth; the magnetic field by more than any tolerance would bear
-        strength["accelerometer"] = (1.0, 0.002)
+        found.strength["accelerometer"] = (1.0, 0.002)
+    return found
+
+
+def reference_in(units: Mapping[str, float], site: Site | None, calibration_dip: float | None) -> Reference:
+    """What the site says, strengths in multiples of `units` (kind -> m/s^2, nT); kinds not in `units` are left out."""
+    strength: dict[str, tuple[float, float]] = {}
+    for kind, name, sigma in (("accelerometer", "g", _SIGMA_G), ("magnetometer", "b", _SIGMA_B)):
+        value = None if site is None else getattr(site, name)
+        if value is not None and kind in units:
+            stated = getattr(site, f"{name}_sigma")
+            strength[kind] = (value / units[kind], (sigma if stated is None else stated) / units[kind])
+    latitude = None if site is None or site.latitude is None else (site.latitude, _SIGMA_LATITUDE)
     if site is not None and site.dip is not None:
         dip = (site.dip, _SIGMA_DIP if site.dip_sigma is None else site.dip_sigma)
         return Reference(strength, dip, latitude)

@@ -40,6 +40,7 @@ class Survey:
     rate_total (n,) rad/s, latitude (n,) : the Earth rate a gyro saw and the latitude it gives; NaN without one
     components : name -> (n, 4) variances, rad^2, of inclination, azimuth, toolface, magnetic toolface
     flags : per station, the names of what is remarkable; see `inclinometry.survey.flags.FLAGS`
+    history : what was done to the stations before, a sentence each
     """
 
     md: Array
@@ -58,6 +59,7 @@ class Survey:
     warnings: Sequence[str] = ()
     rate_total: Array = field(default_factory=lambda: np.zeros(0))
     latitude: Array = field(default_factory=lambda: np.zeros(0))
+    history: Sequence[str] = ()
 
     def __repr__(self) -> str:
         steps = sorted(set(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int).tolist()))
@@ -162,9 +164,11 @@ def reduce_survey(
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
     second = _second(channels, second)
-    seen, left_out = _fields(channels, tool, heat, len(depth), second)
+    seen, left_out = tool_fields(channels, tool, heat, len(depth), second)
     found, parts = _attitude(seen, tool, heat, second)
-    azimuth, parts, reference, warnings = _north(found.azimuth, parts, site, "true" if second == "gyro" else "magnetic")
+    azimuth, parts, reference, warnings = turned_to_north(
+        found.azimuth, parts, site, "true" if second == "gyro" else "magnetic"
+    )
     size = magnitudes(seen, tool, heat, len(depth))
     inclination_sd = np.sqrt(np.asarray(sum(p[:, 0] for p in parts.values())))
     warnings += [*left_out, *reversed_field(size.dip, site), *reversed_rate(size.latitude, site)]
@@ -200,7 +204,7 @@ def _second(channels: Mapping[str, ArrayLike], wanted: str | None) -> str | None
     return wanted
 
 
-def _fields(
+def tool_fields(
     channels: Mapping[str, ArrayLike], tool: Tool, heat: Array | None, size: int, second: str | None
 ) -> tuple[dict[str, Array], list[str]]:
     """Fields in tool axes for every triad the readings and the tool share; what was left out, in words."""
@@ -253,7 +257,7 @@ def _attitude(
     return Angles(inclination, nothing, toolface, nothing), variances
 
 
-def _north(
+def turned_to_north(
     azimuth: Array, variances: dict[str, Array], site: Site | None, source: str
 ) -> tuple[Array, dict[str, Array], str, list[str]]:
     """Azimuth from the north the site asks for, and what that adds to its uncertainty."""
