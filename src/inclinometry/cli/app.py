@@ -156,3 +156,10 @@ _add(
     "Turn a survey of one format into another, and say what the other cannot hold.",
     "convert survey.csv survey.las",
 )
+_add(
+    app,
+    "position:position",
+    "position",
+    "Where the well is and how sure: minimum curvature, covariance by a tool code or the tool's certificate.",
+    "position survey.csv --tool-code iscwsa-mwd-rev5.1 --site site.toml -o position.csv --report position.html",
+)

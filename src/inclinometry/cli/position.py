@@ -1,0 +1,218 @@
+"""Command that says where a well is and how sure that is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json, Output
+from inclinometry.core.errors import InputError
+
+if TYPE_CHECKING:
+    from inclinometry.position.tool_code import ToolCode
+    from inclinometry.workflow.position import WellPosition
+
+
+def position(
+    survey: Path,
+    /,
+    *,
+    output_: Output,
+    site: Path | None = None,
+    tool_code: str | None = None,
+    calibration: Path | None = None,
+    raw: Path | None = None,
+    tie_on: tuple[float, float, float] | None = None,
+    tie_sigma: tuple[float, float, float] | None = None,
+    north: Literal["true", "grid"] | None = None,
+    report: Path | None = None,
+    sources: Path | None = None,
+    json: Json = False,
+) -> None:
+    """Positions of a well by minimum curvature, and their covariance by a tool code or by the tool's own certificate.
+
+    Parameters
+    ----------
+    survey
+        CSV with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference.
+    output_
+        Position CSV: m and m2; north, east, v down.
+    site
+        site.toml: declination, convergence and the fields that the error model needs; given or from its models.
+    tool_code
+        Error model: iscwsa-mwd-rev5.1, another one shipped, or a JSON file.
+    calibration
+        tool.json: its covariance is the error model.
+    raw
+        With --calibration: the raw channels of the stations; else the fields are those of the site.
+    tie_on
+        North, east, true vertical depth of the first station in m.
+    tie_sigma
+        Their standard deviations in m.
+    north
+        What positions count from: as the site's north_reference where it is true or grid.
+    report
+        Write an HTML report.
+    sources
+        Write every source of error at every station as CSV.
+    json
+        Print a JSON summary.
+    """
+    from inclinometry.workflow.position import read_position
+
+    output.claim(
+        {"--output": output_, "--report": report, "--sources": sources},
+        {
+            "the survey": survey,
+            "--site": site,
+            "--calibration": calibration,
+            "--raw": raw,
+            "--tool-code": None if tool_code is None else Path(tool_code),
+        },
+    )
+    _check(tool_code, calibration, raw, sources)
+    with output.reading(survey) as progress, output.busy("positions and their uncertainty"):
+        found = read_position(
+            survey,
+            site,
+            tool_code,
+            calibration,
+            raw,
+            tie_on=_metres(tie_on, "--tie-on"),
+            tie_sigma=_metres(tie_sigma, "--tie-sigma", 0.0),
+            north=north,
+            progress=progress,
+        )
+    _write(found, output_, report, sources)
+    output.warnings(found.warnings)
+    if json:
+        output.print_json(_content(found, output_))
+        return
+    for sentence in found.notes:
+        output.say(sentence)
+    show_position(found)
+    written = f"{output.counted(len(found.path), 'station')} written to {output_}"
+    output.say(written + (f", report to {report}" if report else "") + (f", sources to {sources}" if sources else ""))
+
+
+def _check(tool_code: str | None, calibration: Path | None, raw: Path | None, sources: Path | None) -> None:
+    if tool_code is not None and calibration is not None:
+        raise InputError("--tool-code and --calibration are two error models; choose one")
+    if raw is not None and calibration is None:
+        raise InputError("--raw serves --calibration alone; give the tool's calibration too")
+    if sources is not None and tool_code is None and calibration is None:
+        raise InputError("--sources needs an error model: give --tool-code or --calibration")
+
+
+def _metres(
+    values: tuple[float, float, float] | None, option: str, low: float = -1e8
+) -> tuple[float, float, float] | None:
+    if values is not None:
+        for value in values:
+            if not low <= value <= 1e8:
+                raise InputError(f"{option} has {value:g}; allowed {low:g} to 1e+08 m")
+    return values
+
+
+def _write(found: WellPosition, target: Path, report: Path | None, sources: Path | None) -> None:
+    """All files, the report composed before the first is written."""
+    from inclinometry.io.atomic import write_text
+    from inclinometry.io.position_csv import write_position_csv, write_sources_csv
+
+    page = None
+    if report is not None:
+        from inclinometry.report.position import position_report
+
+        page = position_report(
+            found.path,
+            found.survey,
+            found.uncertainty,
+            azimuth_reference=found.azimuth_reference,
+            tool_code=found.tool_code,
+            calibration=found.calibration,
+            notes=found.notes,
+            warnings=found.warnings,
+            inputs=found.inputs,
+        )
+    write_position_csv(target, found.path, found.uncertainty, found.survey.north)
+    if sources is not None and found.uncertainty is not None:
+        write_sources_csv(sources, found.uncertainty)
+    if page is not None:
+        write_text(page, report or "")
+
+
+def show_position(found: WellPosition, most: int = 10) -> None:
+    """A few stations spread over the well, and the largest sources at the last, on the terminal."""
+    from inclinometry.io.position_csv import position_columns
+
+    columns = position_columns(found.path, found.uncertainty, found.survey.north)
+    shown = ["md_m", "tvd_m", "north_m", "east_m", "dls_deg_30m"]
+    if found.uncertainty is not None:
+        shown += ["semi_major_m", "semi_minor_m", "major_azimuth_deg"]
+    rows = [
+        [f"{float(columns[name][row]):.2f}" for name in shown]
+        for row in np.unique(np.linspace(0, len(found.path) - 1, min(most, len(found.path))).astype(int))
+    ]
+    header = ["md m", "tvd m", "north m", "east m", "dls", "major m", "minor m", "at deg"][: len(shown)]
+    caption = f"from {found.survey.north} north; dls in deg/30 m" + (
+        "; horizontal ellipse of one standard deviation" if found.uncertainty is not None else ""
+    )
+    output.table("positions", header, rows, caption)
+    if found.uncertainty is not None:
+        _show_sources(found)
+
+
+def _show_sources(found: WellPosition, most: int = 6) -> None:
+    from inclinometry.report.position_tables import contributions
+
+    parts = contributions(found.uncertainty) if found.uncertainty is not None else []
+    rows = [[p.name, p.propagation, f"{p.major:.2f}", f"{100.0 * p.share:.1f}"] for p in parts[:most]]
+    output.table("largest sources at the last station", ["source", "shared", "major axis m", "share %"], rows)
+
+
+def _content(found: WellPosition, target: Path) -> dict[str, Any]:
+    """Everything a machine asks for first: the last station, its covariance, ellipse and sources."""
+    from inclinometry.io.position_csv import position_columns
+
+    columns = position_columns(found.path, found.uncertainty, found.survey.north)
+    last = {n: values if isinstance(values, str) else values[-1] for n, values in columns.items()}
+    return {
+        "stations": len(found.path),
+        "azimuth_reference": found.azimuth_reference,
+        "north_reference": found.survey.north,
+        "error_model": _model(found.tool_code, found.calibration),
+        "last_station": last,
+        "sources": _sources(found),
+        "notes": found.notes,
+        "warnings": found.warnings,
+        "inputs": dict(found.inputs),
+        "output": target,
+    }
+
+
+def _sources(found: WellPosition) -> list[dict[str, Any]]:
+    if found.uncertainty is None:
+        return []
+    from inclinometry.report.position_tables import contributions
+
+    return [
+        {
+            "source": part.name,
+            "propagation": part.propagation,
+            "sigma_north_m": part.sigma[0],
+            "sigma_east_m": part.sigma[1],
+            "sigma_vertical_m": part.sigma[2],
+            "sigma_major_axis_m": part.major,
+            "share": part.share,
+        }
+        for part in contributions(found.uncertainty)
+    ]
+
+
+def _model(code: ToolCode | None, calibration: str | None) -> dict[str, Any] | None:
+    if code is not None:
+        return {"tool_code": code.name, "revision": code.revision, "source": code.source}
+    return None if calibration is None else {"calibration": calibration}

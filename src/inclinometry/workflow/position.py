@@ -1,0 +1,266 @@
+"""From the stations of a well to its positions, and how sure they are: by a tool code or by the tool's certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.digest import digest_file
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.earth.site import Site, convert_azimuth
+from inclinometry.io._lines import Progress
+from inclinometry.io.position_csv import WellStations, read_well
+from inclinometry.io.site_toml import read_site
+from inclinometry.io.survey_csv import RawSurvey, read_raw_survey
+from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.io.tool_json import read_calibration
+from inclinometry.position.propagation import PositionUncertainty, propagate
+from inclinometry.position.tool_code import ToolCode
+from inclinometry.position.well import WellSurvey, well_survey
+from inclinometry.survey.path import Path as WellPath
+from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
+from inclinometry.workflow.certificate import certificate_sources
+from inclinometry.workflow.field import completed, field_at, model_of
+
+SHARPEST = 60.0
+"""Dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below."""
+STANDS = (80.0, 100.0)
+"""Median spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft."""
+
+
+@dataclass(frozen=True, eq=False)
+class WellPosition:
+    """A well's path and its uncertainty.
+
+    path : inclinometry.survey.path.Path, azimuths and positions from `survey.north`.
+    survey : WellSurvey
+    uncertainty : PositionUncertainty, or None without an error model.
+    azimuth_reference : the north the file's azimuths count from.
+    tool_code : ToolCode, where one is the error model; calibration : name of the tool, where its certificate is.
+    notes : what was taken for granted; warnings : what may be wrong.
+    inputs : name -> digest.
+    """
+
+    path: WellPath
+    survey: WellSurvey
+    uncertainty: PositionUncertainty | None
+    azimuth_reference: str
+    tool_code: ToolCode | None = None
+    calibration: str | None = None
+    notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_position(
+    survey: str | Path,
+    site_path: str | Path | None = None,
+    tool_code: str | Path | None = None,
+    tool: str | Path | None = None,
+    raw: str | Path | None = None,
+    *,
+    tie_on: tuple[float, float, float] | None = None,
+    tie_sigma: tuple[float, float, float] | None = None,
+    north: str | None = None,
+    progress: Progress | None = None,
+) -> WellPosition:
+    """Positions of a well from files.
+
+    Parameters
+    ----------
+    survey : str or Path
+        See `read_well`.
+    site_path : str or Path, optional
+        site.toml; what it lacks is filled from models where place and date are known.
+    tool_code : str or Path, optional
+        Name or file of an error model.
+    tool : str or Path, optional
+        tool.json, whose covariance is the error model instead.
+    raw : str or Path, optional
+        Raw channels of the same stations, for the fields that the tool saw.
+    tie_on, tie_sigma, north
+        As `well_position`.
+    progress : callable, optional
+
+    Raises
+    ------
+    InputError, FileError
+        As the readers and `well_position`.
+    """
+    stations = read_well(survey, progress=progress)
+    site, said = completed(Site() if site_path is None else read_site(site_path))
+    code = None if tool_code is None else load_tool_code(tool_code)
+    calibration = None if tool is None else read_calibration(tool)
+    channels = None if raw is None else read_raw_survey(raw)
+    found = well_position(
+        stations,
+        site,
+        code,
+        calibration,
+        channels,
+        tie_on=tie_on,
+        tie_sigma=tie_sigma,
+        north=north,
+        site_path=site_path,
+    )
+    files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw}
+    read = {name: path for name, path in files.items() if path is not None and Path(path).is_file()}
+    digests = {name: digest_file(path) for name, path in read.items()}
+    return replace(found, notes=(*said, *found.notes), inputs={**found.inputs, **digests})
+
+
+def well_position(
+    stations: WellStations,
+    site: Site,
+    tool_code: ToolCode | None = None,
+    calibration: Calibration | None = None,
+    raw: RawSurvey | None = None,
+    *,
+    tie_on: tuple[float, float, float] | None = None,
+    tie_sigma: tuple[float, float, float] | None = None,
+    north: str | None = None,
+    site_path: str | Path | None = None,
+) -> WellPosition:
+    """Positions of a well by minimum curvature, with their covariance where there is an error model.
+
+    Parameters
+    ----------
+    stations : WellStations
+        From `read_well`.
+    site : Site
+        Completed with what the error model needs.
+    tool_code : ToolCode, optional
+        The error model.
+    calibration : Calibration, optional
+        Its covariance is the error model.
+    raw : RawSurvey, optional
+        The raw channels of the same stations; without them the fields are those of the site.
+    tie_on : (3,) floats, optional
+        North, east and true vertical depth of the first station, m; 0, 0 and its measured depth where not given.
+    tie_sigma : (3,) floats, optional
+        Their standard deviations, m.
+    north : {"true", "grid"}, optional
+        What positions count from; else the site's north_reference, and where that is magnetic grid for grid azimuths
+        and true for others.
+    site_path : str or Path, optional
+        The site's file, for messages.
+
+    Raises
+    ------
+    FileError
+        A declination or another value that is lacking, naming the site's file; stations the model is not made for.
+    """
+    target = north or _north(site.north_reference, stations.azimuth_reference)
+    try:
+        path, well = _placed(stations, site, target, tie_on, tie_sigma)
+    except InputError as error:
+        raise _of_site(error, site_path) from None
+    sources, said = ((), []) if calibration is None else certificate_sources(calibration, well, stations, raw)
+    uncertainty = None
+    if tool_code is not None or sources:
+        try:
+            uncertainty = propagate(well, tool_code, sources)
+        except InputError as error:
+            lacking = "the site" in str(error)
+            raise _of_site(error, site_path) if lacking else FileError(str(error), path=stations.path) from None
+    return WellPosition(
+        path,
+        well,
+        uncertainty,
+        stations.azimuth_reference,
+        tool_code,
+        None if calibration is None else calibration.tool.name or "the tool",
+        [*_notes(stations, tie_on, uncertainty is not None), *said],
+        (*_doubts(stations, path), *_declination_doubt(site)),
+        {"survey": stations.digest},
+    )
+
+
+def _placed(
+    stations: WellStations,
+    site: Site,
+    north: str,
+    tie_on: tuple[float, float, float] | None,
+    tie_sigma: tuple[float, float, float] | None,
+) -> tuple[WellPath, WellSurvey]:
+    """The path from the north of the results, and the survey as the error model sees it."""
+    true = convert_azimuth(stations.azimuth, stations.azimuth_reference, "true", site)
+    start = (0.0, 0.0, float(stations.md[0])) if tie_on is None else tie_on
+    turned = convert_azimuth(true, "true", north, site)
+    path = minimum_curvature(stations.md, stations.inclination, turned, start=start)
+    tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
+    well = well_survey(stations.md, stations.inclination, true, site, "true", tvd=path.tvd, north=north, tie=tie)
+    return path, well
+
+
+def _north(site: str, survey: str) -> str:
+    if site != "magnetic":
+        return site
+    return "grid" if survey == "grid" else "true"
+
+
+def _of_site(error: InputError, path: str | Path | None) -> InputError:
+    """The error with the file in which the remedy belongs."""
+    if path is None:
+        return InputError(f"{error} (there is no site file: name one with --site)")
+    return FileError(str(error), path=path)
+
+
+def _notes(stations: WellStations, tie_on: tuple[float, float, float] | None, modelled: bool) -> list[str]:
+    notes = []
+    if tie_on is None and stations.md[0] > 0.0:
+        first = f"{stations.md[0]:g} m"
+        notes.append(
+            f"the first station stands at {first} and no tie-on was given: its position was taken as north 0, east 0, "
+            f"true vertical depth {first}"
+        )
+    if not modelled:
+        notes.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
+    return notes
+
+
+def _doubts(stations: WellStations, path: WellPath) -> list[str]:
+    """What is likelier a mistake of the file than a hole."""
+    found = []
+    severity = dogleg_severity_deg(path)
+    if severity.max() > SHARPEST:
+        row = int(np.argmax(severity))
+        found.append(
+            f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
+            "a typing error, or depths in another unit?"
+        )
+    spacing = float(np.median(np.diff(stations.md)))
+    # the unit of the file, not the metres it became
+    if STANDS[0] <= spacing <= STANDS[1] and np.ptp(np.diff(stations.md)) < 0.5 * spacing:
+        found.append(
+            f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
+            "feet, name their column md_ft"
+        )
+    return found
+
+
+def _declination_doubt(site: Site) -> list[str]:
+    """A given declination held against the model of the place, where that is known: a wrong sign shows."""
+    place = (site.latitude, site.longitude, site.date)
+    if site.declination is None or site.origin("declination") != "given" or None in place:
+        return []
+    latitude, longitude, date = site.latitude or 0.0, site.longitude or 0.0, site.date
+    try:
+        if date is None:
+            return []
+        found = field_at(latitude, longitude, site.height_m or 0.0, date, model_of(date))
+    except InputError:
+        return []  # a date that no model covers: nothing to hold it against
+    expected, sigma = float(found.magnetic.declination), float(found.magnetic.declination_sigma)
+    away = abs(float(wrap_signed(site.declination - expected)))
+    if away <= max(3.0 * sigma, np.radians(1.0)):
+        return []
+    turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
+    shown = f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.magnetic.model} gives "
+    shown += f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there"
+    return [shown + ("; its sign looks wrong (east is positive)" if turned else "; check it")]

@@ -1,0 +1,98 @@
+"""From files to positions: norths, tie-on, doubts, who is told what is lacking."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.workflow.position import read_position
+
+HEAD = "md_m,inclination_deg,azimuth_deg,azimuth_reference"
+MWD = "iscwsa-mwd-rev5.1"
+FIELDS = ("g = 9.81", "b_nT = 50000", "dip_deg = 70")
+
+
+def files(tmp_path, reference, *site, md=(0, 30, 60, 90), inclination=(0, 10, 30, 50), azimuth=(40, 40, 60, 80)):
+    rows = [f"{m},{i},{a},{reference}" for m, i, a in zip(md, inclination, azimuth, strict=True)]
+    (tmp_path / "survey.csv").write_text("\n".join([HEAD, *rows]))
+    (tmp_path / "site.toml").write_text("\n".join(site))
+    return tmp_path / "survey.csv", tmp_path / "site.toml"
+
+
+def test_the_same_hole_from_three_norths(tmp_path):
+    turns = ("declination_deg = 5", "convergence_deg = -2", 'north_reference = "grid"')
+    found = []
+    # true = magnetic + 5, grid = true + 2
+    for reference, less in (("magnetic", 5.0), ("true", 0.0), ("grid", -2.0)):
+        azimuth = [a - less for a in (40, 40, 60, 80)]
+        found.append(read_position(*files(tmp_path, reference, *FIELDS, *turns, azimuth=azimuth), MWD))
+    for one in found[1:]:
+        np.testing.assert_allclose(one.path.east, found[0].path.east, atol=1e-12)
+        np.testing.assert_allclose(one.uncertainty.covariance, found[0].uncertainty.covariance, atol=1e-12)
+    assert {one.survey.north for one in found} == {"grid"}
+    true = read_position(*files(tmp_path, "true", *FIELDS, *turns), MWD, north="true")
+    # grid north lies 2 deg west of true: counted from it, everything is turned 2 deg clockwise
+    turn = np.radians(2.0)
+    wanted = np.cos(turn) * true.path.east + np.sin(turn) * true.path.north
+    np.testing.assert_allclose(found[0].path.east, wanted, atol=1e-12)
+    rotation = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    turned = rotation @ true.uncertainty.covariance @ rotation.T
+    np.testing.assert_allclose(found[0].uncertainty.covariance, turned, atol=1e-12)
+
+
+def test_without_an_error_model_positions_alone(tmp_path):
+    found = read_position(files(tmp_path, "true")[0])
+    assert found.uncertainty is None
+    assert "positions only" in found.notes[0]
+    assert found.survey.north == "true"
+
+
+def test_a_tie_on_moves_everything_and_its_uncertainty_stays(tmp_path):
+    paths = files(tmp_path, "true", *FIELDS, "declination_deg = 2", md=(500, 530, 560, 590))
+    plain = read_position(*paths, MWD)
+    assert "no tie-on was given" in plain.notes[-1]
+    assert plain.path.tvd[0] == 500.0
+    tied = read_position(*paths, MWD, tie_on=(10.0, -20.0, 480.0), tie_sigma=(3.0, 4.0, 1.0))
+    assert not any("tie-on" in sentence for sentence in tied.notes)
+    np.testing.assert_allclose(tied.path.north - plain.path.north, 10.0, rtol=1e-12)
+    np.testing.assert_allclose(tied.path.tvd - plain.path.tvd, -20.0, rtol=1e-12)
+    np.testing.assert_allclose(tied.uncertainty.covariance[0], np.diag([9.0, 16.0, 1.0]), atol=1e-12)
+    assert tied.survey.tvd[0] == 480.0  # the depth that the stretch of the pipe goes with
+
+
+def test_what_a_site_lacks_is_filled_or_asked_for(tmp_path):
+    place = ("latitude_deg = 60", "longitude_deg = 3", "date = 2026-05-01", 'crs = "EPSG:32631"')
+    found = read_position(*files(tmp_path, "magnetic", *place), MWD)
+    assert any("from WMM2025" in sentence for sentence in found.notes)
+    assert found.survey.site.origin("declination") == "WMM2025"
+    with pytest.raises(FileError, match=r"site\.toml: the site has no declination"):
+        read_position(*files(tmp_path, "magnetic", *FIELDS), MWD)
+    with pytest.raises(FileError, match=r"site\.toml: .*no convergence"):
+        read_position(*files(tmp_path, "grid", *FIELDS), MWD)
+    with pytest.raises(FileError, match=r"site\.toml: tool code iscwsa-mwd-rev5.1, term \S+: .*give the site"):
+        read_position(*files(tmp_path, "true", "g = 9.81"), MWD)
+    with pytest.raises(InputError, match="--site"):
+        read_position(files(tmp_path, "magnetic")[0])
+
+
+def test_a_declination_of_the_wrong_sign_shows_where_the_place_is_known(tmp_path):
+    # WMM2025: about +15.5 deg near Seattle
+    place = ("latitude_deg = 47.6", "longitude_deg = -122.3", "date = 2026-05-01")
+    for declination, wanted in (("15.3", None), ("-15.3", "its sign looks wrong"), ("5", "; check it")):
+        found = read_position(*files(tmp_path, "magnetic", *place, f"declination_deg = {declination}"))
+        assert len(found.warnings) == (wanted is not None)
+        assert wanted is None or wanted in found.warnings[0]
+
+
+def test_depths_that_look_like_feet_and_doglegs_that_look_like_typing(tmp_path):
+    stands = read_position(files(tmp_path, "true", md=(0, 93, 188, 281))[0])
+    assert "name their column md_ft" in stands.warnings[0]
+    slip = read_position(files(tmp_path, "true", inclination=(0, 10, 80, 11))[0])
+    assert "deg/30 m at md 60 m (line 4)" in slip.warnings[0]
+    assert read_position(files(tmp_path, "true")[0]).warnings == ()
+
+
+def test_digests_of_all_that_was_read(tmp_path):
+    paths = files(tmp_path, "true", *FIELDS, "declination_deg = 2")
+    assert set(read_position(*paths, MWD).inputs) == {"survey", "site"}
