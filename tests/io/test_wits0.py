@@ -186,6 +186,8 @@ def test_writer_refuses(tmp_path):
         write_wits0(replace(stations(), azimuth_reference="grid"), path, ANGLES)
     with pytest.raises(InputError, match="nothing that is mapped"):
         write_wits0(SurveyFile(md=[1.0], temperature=[20.0]), path, ANGLES)
+    with pytest.raises(InputError, match="noon"):
+        write_wits0(replace(stations(), times=("noon",) * 3), path, ANGLES)
     assert not path.exists()
 
 

@@ -65,6 +65,12 @@ def test_what_is_written_fits_the_grammar(tmp_path):
     grammar().assertValid(etree.parse(tmp_path / "b.xml"))
 
 
+def test_a_date_alone_becomes_midnight(tmp_path):
+    write_witsml(replace(full(), times=("2024-05-01", "2024-05-01 10:00", "")), tmp_path / "a.xml")
+    grammar().assertValid(etree.parse(tmp_path / "a.xml"))
+    assert read_witsml(tmp_path / "a.xml").times == ("2024-05-01T00:00:00", "2024-05-01T10:00:00", "")
+
+
 def test_grammar_tells_a_wrong_order(tmp_path):
     """The check itself: a station whose inclination stands before its depth is not accepted."""
     write_witsml(full(), tmp_path / "a.xml")
@@ -222,6 +228,8 @@ def test_writer_refuses_what_xml_cannot_hold(tmp_path):
     survey = full()
     with pytest.raises(InputError, match="nameWell"):
         write_witsml(replace(survey, header={"nameWell": "a\x00b"}), tmp_path / "a.xml")
+    with pytest.raises(InputError, match=r"noon.*station 2"):
+        write_witsml(replace(survey, times=("2024-05-01", "noon", "")), tmp_path / "a.xml")
     with pytest.raises(InputError, match="uid"):
         write_witsml(replace(survey, extra={"uid": ("1", "1", "2")}), tmp_path / "a.xml")
     assert not (tmp_path / "a.xml").exists()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any, Final
 
 from inclinometry.core.errors import InputError
@@ -13,6 +15,7 @@ from inclinometry.io._vendor_axes import to_vendor
 from inclinometry.io.exchange import SurveyFile
 
 _NAMES: Final = ("nameWell", "nameWellbore", "name")
+_XSD_TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
 _AZI_REF: Final = {north: text for text, north in schema.NORTHS.items()}
 
 
@@ -102,8 +105,16 @@ def _texts(survey: SurveyFile, row: int) -> dict[str, str]:
         kind = "gyro north seeking" if survey.w is not None else "magnetic MWD" if survey.b is not None else "unknown"
         found["typeTrajStation"] = kind
     if survey.times and survey.times[row]:
-        found["dTimStn"] = survey.times[row]
+        found["dTimStn"] = _time(survey.times[row], row)
     if survey.used is not None:
         said = found.get("statusTrajStation", "position")
         found["statusTrajStation"] = (said if said != "rejected" else "position") if survey.used[row] else "rejected"
     return found
+
+
+def _time(text: str, row: int) -> str:
+    """Date and time as XML Schema has them: always both, with T between."""
+    try:
+        return datetime.fromisoformat(text).isoformat() if not _XSD_TIME.fullmatch(text) else text
+    except ValueError:
+        raise InputError(f"time {text!r} at station {row + 1}; ISO 8601 is needed") from None

@@ -245,7 +245,8 @@ def write_wits0(survey: SurveyFile, path: str | Path, channels: Wits0Map) -> Non
     Raises
     ------
     InputError
-        Azimuths counted from another north than the map says; nothing mapped besides the depth.
+        Azimuths counted from another north than the map says; nothing mapped besides the depth; a time that is not
+        ISO 8601.
 
     Examples
     --------
@@ -284,5 +285,8 @@ def _stamp(survey: SurveyFile, row: int, record: str) -> list[str]:
     text = survey.times[row] if survey.times else ""
     if not text:
         return []
-    time = datetime.fromisoformat(text)
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        raise InputError(f"time {text!r} at station {row + 1}; ISO 8601 is needed") from None
     return [f"{record}05{time:%y%m%d}", f"{record}06{time:%H%M%S}"]

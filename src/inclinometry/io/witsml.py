@@ -257,6 +257,6 @@ def write_witsml(survey: SurveyFile, path: str | Path, *, convention: str = "isc
     Raises
     ------
     InputError
-        A text that XML cannot hold; a station uid twice.
+        A text that XML cannot hold; a station uid twice; a time that is not ISO 8601.
     """
     write_bytes(document(survey, convention), path)
