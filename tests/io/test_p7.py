@@ -47,7 +47,7 @@ def magnetic(size=4):
         east=3.0 * n, tvd=99.0 + 29.0 * n, g=9.81 * g, b=5e4 * b, toolface=toolface, magnetic_toolface=azimuth,
         measured={"g": np.full(size, 9.81), "b": np.full(size, 5e4), "dip": np.full(size, np.radians(72.0))},
         reference={"g": 9.8, "b": 50_100.0, "dip": 1.25, "declination": -0.05, "convergence": 0.01}, used=n != 2,
-        times=tuple(f"2024-05-01T10:00:0{i}.25" for i in range(size)),
+        times=tuple(f"2024-05-01T10:00:0{i}.25Z" for i in range(size)),
     )  # fmt: skip
 
 
@@ -73,7 +73,7 @@ def test_the_formats_example_has_iscwsa_axes(tmp_path):
     assert np.linalg.norm(survey.g[0]) == pytest.approx(survey.measured["g"][0], abs=1e-6)
     assert np.linalg.norm(survey.b[0]) == pytest.approx(survey.measured["b"][0], abs=1e-3)
     assert survey.azimuth_reference == "grid"
-    assert survey.times == ("2014-09-17T13:15:22.0",)
+    assert survey.times == ("2014-09-17T13:15:22.0Z",)
 
 
 def test_records_are_kept_and_counted(tmp_path):

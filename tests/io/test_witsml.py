@@ -68,7 +68,7 @@ def test_what_is_written_fits_the_grammar(tmp_path):
 def test_a_date_alone_becomes_midnight(tmp_path):
     write_witsml(replace(full(), times=("2024-05-01", "2024-05-01 10:00", "")), tmp_path / "a.xml")
     grammar().assertValid(etree.parse(tmp_path / "a.xml"))
-    assert read_witsml(tmp_path / "a.xml").times == ("2024-05-01T00:00:00", "2024-05-01T10:00:00", "")
+    assert read_witsml(tmp_path / "a.xml").times == ("2024-05-01T00:00:00Z", "2024-05-01T10:00:00Z", "")
 
 
 def test_grammar_tells_a_wrong_order(tmp_path):

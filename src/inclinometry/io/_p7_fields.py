@@ -36,15 +36,15 @@ _ISO: Final = re.compile(r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d+)?)(?
 
 
 def iso_time(text: str) -> str | None:
-    """ISO 8601 from a P7/17 date and time; None where it is neither that nor empty.
+    """ISO 8601 from a P7/17 date and time, which are in UTC; None where it is neither that nor empty.
 
     Examples
     --------
     >>> iso_time("2014:09:17:13:15:22.0"), iso_time(""), iso_time("17 Sep 2014")
-    ('2014-09-17T13:15:22.0', '', None)
+    ('2014-09-17T13:15:22.0Z', '', None)
     """
     found = _STAMP.fullmatch(text)
-    return "" if not text else f"{found[1]}-{found[2]}-{found[3]}T{found[4]}" if found else None
+    return "" if not text else f"{found[1]}-{found[2]}-{found[3]}T{found[4]}Z" if found else None
 
 
 def p7_time(text: str) -> str | None:

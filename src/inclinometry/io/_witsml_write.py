@@ -15,7 +15,7 @@ from inclinometry.io._vendor_axes import to_vendor
 from inclinometry.io.exchange import SurveyFile
 
 _NAMES: Final = ("nameWell", "nameWellbore", "name")
-_XSD_TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
+_XSD_TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)", re.ASCII)
 _AZI_REF: Final = {north: text for text, north in schema.NORTHS.items()}
 
 
@@ -113,8 +113,11 @@ def _texts(survey: SurveyFile, row: int) -> dict[str, str]:
 
 
 def _time(text: str, row: int) -> str:
-    """Date and time as XML Schema has them: always both, with T between."""
+    """Date and time as the schema has them: always both, with T between and a zone; UTC where none is stated."""
+    if _XSD_TIME.fullmatch(text):
+        return text
     try:
-        return datetime.fromisoformat(text).isoformat() if not _XSD_TIME.fullmatch(text) else text
+        time = datetime.fromisoformat(text)
+        return time.isoformat() + ("Z" if time.tzinfo is None else "")
     except ValueError:
         raise InputError(f"time {text!r} at station {row + 1}; ISO 8601 is needed") from None
