@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
+from cyclopts import Parameter
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output
 from inclinometry.core.errors import InputError
+
+Metres = Annotated[tuple[float, float, float] | None, Parameter(negative="")]
 
 if TYPE_CHECKING:
     from inclinometry.position.tool_code import ToolCode
@@ -25,8 +28,8 @@ def position(
     tool_code: str | None = None,
     calibration: Path | None = None,
     raw: Path | None = None,
-    tie_on: tuple[float, float, float] | None = None,
-    tie_sigma: tuple[float, float, float] | None = None,
+    tie_on: Metres = None,
+    tie_sigma: Metres = None,
     north: Literal["true", "grid"] | None = None,
     report: Path | None = None,
     sources: Path | None = None,
@@ -107,9 +110,7 @@ def _check(tool_code: str | None, calibration: Path | None, raw: Path | None, so
         raise InputError("--sources needs an error model: give --tool-code or --calibration")
 
 
-def _metres(
-    values: tuple[float, float, float] | None, option: str, low: float = -1e8
-) -> tuple[float, float, float] | None:
+def _metres(values: Metres, option: str, low: float = -1e8) -> Metres:
     if values is not None:
         for value in values:
             if not low <= value <= 1e8:

@@ -80,8 +80,8 @@ def _rows(stations: WellStations, raw: RawSurvey) -> Index:
     if off.any():
         row = int(np.argmax(off))
         raise InputError(
-            f"{stations.path}, line {stations.lines[row]}: the raw channels have no station at {stations.md[row]:.10g} m "
-            f"(nearest {raw.md[rows[row]]:.10g} m); give those of this survey, or leave out --raw"
+            f"{stations.path}, line {stations.lines[row]}: the raw channels have no station at {stations.md[row]:.10g} "
+            f"m (nearest {raw.md[rows[row]]:.10g} m); give those of this survey, or leave out --raw"
         )
     return rows
 
@@ -118,6 +118,7 @@ def synthetic_channels(
 
     Examples
     --------
+    >>> from inclinometry.earth.site import Site
     >>> from inclinometry.position.well import well_survey
     >>> from inclinometry.sensors.triad import Triad
     >>> kinds = ("accelerometer", "magnetometer")
@@ -131,9 +132,7 @@ def synthetic_channels(
     said = ["no raw channels were given: the fields at the stations are the site's, at the survey's attitudes"]
     turn = np.zeros(len(well)) if toolface is None else np.where(np.isnan(toolface), 0.0, toolface)
     if toolface is None or np.isnan(toolface).any():
-        said.append(
-            "the survey does not state every toolface: 0 was taken, so errors across the tool never cancel by its turning"
-        )
+        said.append("the survey does not state every toolface: 0 was taken, where errors across the tool never cancel")
     second = "magnetometer" if "magnetometer" in tool.triads else "gyro"
     azimuth, dip = _second_field(well, second)
     directions = dict(zip(("accelerometer", second), fields(azimuth, well.inclination, turn, dip), strict=True))
