@@ -244,8 +244,8 @@ def write_witsml(survey: SurveyFile, path: str | Path, *, convention: str = "isc
 
     Units are m, dega, m/s2, nT, dega/30m and m2; numbers the shortest text that reads back the same, angles to 1e-10
     deg. uid, uidWell, uidWellbore, nameWell, nameWellbore, name, serviceCompany come from `header`, station uids and
-    texts such as typeTrajStation from `extra`; a time without a zone is written as UTC. Rotation rates, temperature, gyro toolface, `valid`, and other columns
-    have no element in this version and are not written.
+    texts such as typeTrajStation from `extra`; a time without a zone is written as UTC. Rotation rates, temperature,
+    gyro toolface, `valid`, and other columns have no element in this version and are not written.
 
     Parameters
     ----------
