@@ -1,0 +1,132 @@
+"""From six-axis stations, corrected or not, to a survey with the uncertainty of each cause apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
+from inclinometry.core.arrays import Array, within
+from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
+from inclinometry.sensors.tool import Tool
+from inclinometry.survey.flags import Magnitudes, reference_in, reversed_field, station_flags, summary
+from inclinometry.survey.from_tool import NOTHING_STATED
+from inclinometry.survey.reduce import BLOCK, Survey, turned_to_north
+from inclinometry.survey.stations import Stations
+
+NOISE = "sensor noise"
+"""Name of the component that is each station's own."""
+
+
+def survey_from_stations(
+    stations: Stations,
+    *,
+    site: Site | None = None,
+    tool: Tool | None = None,
+    calibration_dip: float | None = None,
+    inputs: Mapping[str, str] | None = None,
+) -> Survey:
+    """Inclination, azimuth, toolface and their uncertainties from six-axis stations.
+
+    Parameters
+    ----------
+    stations : Stations
+        From `inclinometry.survey.from_tool`, or what corrections made of them.
+    site : Site, optional
+        Declination and convergence for a true or grid azimuth; references of g, b and dip for the flags.
+    tool : Tool, optional
+        For its name and the temperatures of its calibration.
+    calibration_dip : float, optional
+        Dip at the stand, rad. A dip far from it is flagged when the site states none of its own.
+    inputs : mapping of name to digest, optional
+
+    Returns
+    -------
+    Survey
+        Components: "sensor noise", each of the stations' sources by its name, declination and convergence where used.
+        For a calibrated tool the same as `inclinometry.survey.reduce.reduce_survey`.
+
+    Raises
+    ------
+    InputError
+        Fields that are zero or parallel; a source named as a component of the survey's own; true or grid north without
+        declination or convergence.
+
+    Notes
+    -----
+    J S C S' J', J of `inclinometry.attitude.orientation.angles_jacobian`, S a source's derivatives of the fields by its
+    parameters and C their covariance.
+
+    Examples
+    --------
+    >>> noise = np.diag([1e-6, 1e-6, 1e-6, 900.0, 900.0, 900.0])[None]
+    >>> s = survey_from_stations(Stations([0.0], [[-4.9, 0.0, 8.487]], [[2e4, 0.0, 4e4]], noise=noise))
+    >>> np.degrees(s.inclination).round(2), np.degrees(s.u_azimuth).round(3)  # 30 nT across 37321 nT
+    (array([30.]), array([0.046]))
+    """
+    if calibration_dip is not None:
+        within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
+    found = angles(stations.g, stations.b)
+    azimuth, parts, north, warnings = turned_to_north(found.azimuth, _components(stations), site, "magnetic")
+    size = _magnitudes(stations)
+    inclination_sd = np.sqrt(np.asarray(sum(part[:, 0] for part in parts.values())))
+    reference = reference_in({"accelerometer": 1.0, "magnetometer": 1.0}, site, calibration_dip)
+    if site is None:
+        # as for a tool: gravity varies by half a per cent over the Earth
+        reference.strength["accelerometer"] = (STANDARD_GRAVITY, 0.002 * STANDARD_GRAVITY)
+    flags = station_flags(found, inclination_sd, size, tool, stations.temperature, reference)
+    unsaid = [NOTHING_STATED] if NOTHING_STATED in stations.history else []
+    unknown = np.full(len(stations), np.nan)
+    return Survey(
+        stations.md,
+        found.inclination,
+        azimuth,
+        found.toolface,
+        found.magnetic_toolface,
+        size.strength["accelerometer"],
+        size.strength["magnetometer"],
+        size.dip,
+        parts,
+        north,
+        flags,
+        "" if tool is None else tool.name,
+        dict(inputs or {}),
+        (*unsaid, *warnings, *reversed_field(size.dip, site), *summary(flags)),
+        unknown,
+        unknown,
+        stations.history,
+    )
+
+
+def _components(stations: Stations) -> dict[str, Array]:
+    """Variances (n, 4) of the angles by cause."""
+    taken = {NOISE, "declination", "convergence"} & set(stations.sources)
+    if taken:
+        raise InputError(f"a source of the stations is called {min(taken)!r}, which the survey adds itself; rename it")
+    parts = {name: np.empty((len(stations), 4)) for name in (*stations.sources, NOISE)}
+    for start in range(0, len(stations), BLOCK):
+        here = slice(start, start + BLOCK)
+        jacobian = angles_jacobian(stations.g[here], stations.b[here])
+        for name, source in stations.sources.items():
+            moved = jacobian @ source.by_field[here]
+            parts[name][here] = np.sum((moved @ source.covariance) * moved, axis=2)
+        parts[NOISE][here] = np.sum((jacobian @ stations.noise[here]) * jacobian, axis=2)
+    return parts
+
+
+def _magnitudes(stations: Stations) -> Magnitudes:
+    """Strengths in m/s^2 and nT, and dip, with the uncertainties of one reading from all causes."""
+    covariance = stations.field_covariance()
+    strength, spread = {}, {}
+    for row, (kind, field) in enumerate((("accelerometer", stations.g), ("magnetometer", stations.b))):
+        here = slice(3 * row, 3 * row + 3)
+        strength[kind] = np.linalg.norm(field, axis=1)
+        unit = field / strength[kind][:, None]
+        spread[kind] = np.sqrt(np.einsum("ni,nij,nj->n", unit, covariance[:, here, here], unit))
+    jacobian = dip_jacobian(stations.g, stations.b)
+    dip_sd = np.sqrt(np.einsum("ni,nij,nj->n", jacobian, covariance, jacobian))
+    unknown = np.full(len(stations), np.nan)
+    return Magnitudes(strength, spread, dip_angle(stations.g, stations.b), dip_sd, unknown, unknown)

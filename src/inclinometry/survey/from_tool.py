@@ -1,0 +1,191 @@
+"""Six-axis stations from the raw channels of a calibrated tool, or from readings that are fields already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.core.arrays import Array, finite, within
+from inclinometry.core.errors import InputError
+from inclinometry.sensors.sensitivity import by_parameter
+from inclinometry.sensors.tool import Tool
+from inclinometry.survey.reduce import tool_fields
+from inclinometry.survey.stations import Source, Stations
+
+SOURCE: Final = "calibration"
+"""Name of the source that the tool's certificate is."""
+
+NOTHING_STATED: Final = "the certificate states no uncertainty: its covariance is zero"
+"""Line of history of stations whose tool has no covariance."""
+
+KINDS: Final = ("accelerometer", "magnetometer")
+_UNITS: Final = ("m/s^2", "nT")
+
+
+def stations_from_tool(
+    md: ArrayLike,
+    channels: Mapping[str, ArrayLike],
+    tool: Tool,
+    *,
+    temperature: ArrayLike | None = None,
+    g: float | None = None,
+    b: float | None = None,
+) -> Stations:
+    """Six-axis stations from raw channels, the certificate's covariance as their source of error "calibration".
+
+    Parameters
+    ----------
+    md : (n,) array_like
+        Measured depth, m, increasing.
+    channels : mapping of kind to (n, m) array_like
+        Signals in the tool's units; a gyro is left out.
+    tool : Tool
+    temperature : (n,) array_like, optional
+        degC; needed when the tool's parameters depend on it.
+    g, b : float, optional
+        Strengths of the fields at the calibration, m/s^2 and nT, where the tool does not know them: those of the site,
+        if need be. Angles don't depend on them, totals do; the history says where they were used.
+
+    Returns
+    -------
+    Stations
+        Without the source "calibration" where the tool's covariance is zero; the history says so.
+
+    Raises
+    ------
+    InputError
+        No magnetometer, which leaves the azimuth open; a strength that neither the tool nor the caller knows; channels
+        missing or of another tool; depths that do not increase; no temperature where the calibration depends on it.
+
+    Notes
+    -----
+    From U = N a + U0: da = N^-1 (dU - dN a - dU0), times the strength of the field at the calibration.
+
+    Examples
+    --------
+    >>> from inclinometry.sensors.triad import Triad
+    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(KINDS, (9.8, 5e4))}
+    >>> tool = Tool("1", triads, 1e-8 * np.eye(24))
+    >>> found = stations_from_tool([0.0], {"accelerometer": [[0, 0, 1.0]], "magnetometer": [[0.6, 0, 0.8]]}, tool)
+    >>> found.g[0], found.b[0], found.sources["calibration"].by_field.shape
+    (array([0. , 0. , 9.8]), array([30000.,     0., 40000.]), (1, 6, 24))
+    """
+    depth = finite(md, "md", (None,))
+    heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
+    for kind in KINDS:
+        lack = "calibration" if kind not in tool.triads else "readings"
+        if kind not in tool.triads or kind not in channels:
+            what = "inclination" if kind == "accelerometer" else "azimuth"
+            raise InputError(f"no {kind} in the {lack}, so there is no {what}; six-axis stations need both triads")
+    seen, _ = tool_fields({kind: channels[kind] for kind in KINDS}, tool, heat, len(depth), "magnetometer")
+    strengths, history = _strengths(tool, (g, b))
+    noise, source = field_errors(tool, seen, strengths, heat)
+    history.insert(0, f"raw channels reduced with the calibration of tool {tool.name}")
+    if "gyro" in channels:
+        history.append("the gyro was left out of the six-axis stations")
+    if source is None:
+        history.append(NOTHING_STATED)
+    return Stations(
+        depth,
+        strengths[0] * seen["accelerometer"],
+        strengths[1] * seen["magnetometer"],
+        heat,
+        noise,
+        {} if source is None else {SOURCE: source},
+        tuple(history),
+    )
+
+
+def field_errors(
+    tool: Tool, seen: Mapping[str, Array], strengths: tuple[float, float], temperature: Array | None
+) -> tuple[Array, Source | None]:
+    """Noise (n, 6, 6) of one reading and what the certificate's covariance does to the fields of n stations.
+
+    Parameters
+    ----------
+    tool : Tool
+    seen : mapping of kind to (n, 3) fields in tool axes as `Triad.field` returns them.
+    strengths : m/s^2 and nT of the fields at the calibration.
+    temperature : (n,) degC, or None.
+    """
+    size, places = len(seen["accelerometer"]), tool.slices
+    chosen = np.concatenate([np.arange(places[kind].start, places[kind].stop) for kind in KINDS])
+    noise, by_field = np.zeros((size, 6, 6)), np.zeros((size, 6, len(chosen)))
+    start = 0
+    for row, (kind, strength) in enumerate(zip(KINDS, strengths, strict=True)):
+        triad, here = tool.triads[kind], slice(3 * row, 3 * row + 3)
+        count = places[kind].stop - places[kind].start
+        inverse = np.broadcast_to(strength * triad.inverse(temperature), (size, 3, triad.count))
+        by_field[:, here, start : start + count] = by_parameter(triad, seen[kind], inverse, temperature)
+        spread = inverse * tool.noise[kind]
+        noise[:, here, here] = spread @ np.swapaxes(spread, 1, 2)
+        start += count
+    covariance = tool.covariance[np.ix_(chosen, chosen)]
+    return noise, Source(by_field, covariance) if covariance.any() else None
+
+
+def _strengths(tool: Tool, stated: tuple[float | None, float | None]) -> tuple[tuple[float, float], list[str]]:
+    """Field strengths at the calibration, and in words where they are not the calibration's own."""
+    found, history = [], []
+    for kind, unit, name, other in zip(KINDS, _UNITS, ("g", "b"), stated, strict=True):
+        own = tool.triads[kind].field_strength
+        if own is None and other is None:
+            raise InputError(
+                f"the calibration does not know the field strength of its {kind}; give {name}, that of the "
+                f"calibration stand in {unit}"
+            )
+        if own is None:
+            own = float(within(float(other or 0.0), name, *((9.5, 10.1) if name == "g" else (5e3, 2e5)), unit))
+            history.append(
+                f"field strength at the calibration of the {kind} taken as {own:g} {unit}: totals hang on it"
+            )
+        found.append(own)
+    return (found[0], found[1]), history
+
+
+def stations_plain(
+    md: ArrayLike,
+    g: ArrayLike,
+    b: ArrayLike,
+    *,
+    sigma_g: ArrayLike = 0.0,
+    sigma_b: ArrayLike = 0.0,
+    temperature: ArrayLike | None = None,
+) -> Stations:
+    """Six-axis stations from readings that are fields in the house's axes already.
+
+    Parameters
+    ----------
+    md : (n,) array_like
+        Measured depth, m, increasing.
+    g, b : (n, 3) array_like
+        Gravity (pointing down), m/s^2, and magnetic flux density, nT.
+    sigma_g, sigma_b : float or (3,) array_like
+        Standard deviation of one reading, m/s^2 and nT, each station's own; sensor errors that the stations share come
+        from `inclinometry.survey.quality_sensors.with_sensors`.
+    temperature : (n,) array_like, optional
+        degC.
+
+    Raises
+    ------
+    InputError
+        Shapes that differ, values not finite, negative deviations, depths that do not increase.
+
+    Examples
+    --------
+    >>> stations_plain([0.0], [[0, 0, 9.8]], [[2e4, 0, 4e4]], sigma_b=30.0).noise[0, 3, 3]
+    np.float64(900.0)
+    """
+    depth = finite(md, "md", (None,))
+    deviations = []
+    for name, value, unit in (("sigma_g", sigma_g, "m/s^2"), ("sigma_b", sigma_b, "nT")):
+        sigma = within(value, name, 0.0, 1e6, unit)
+        if sigma.shape not in ((), (3,)):
+            raise InputError(f"{name} has shape {sigma.shape}; expected one value or one for each of the three axes")
+        deviations.append(np.broadcast_to(sigma, (3,)))
+    noise = np.tile(np.diag(np.concatenate(deviations) ** 2), (len(depth), 1, 1))
+    heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
+    return Stations(depth, finite(g, "g", (3,)), finite(b, "b", (3,)), heat, noise)
