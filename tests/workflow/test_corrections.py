@@ -1,0 +1,77 @@
+"""Corrections in the order of the user."""
+
+import numpy as np
+import pytest
+
+from inclinometry.attitude.orientation import angles, fields
+from inclinometry.core.errors import InputError
+from inclinometry.survey.bha import Bha, Element, Stabiliser
+from inclinometry.survey.multistation import FieldReference
+from inclinometry.survey.sag import run_sag
+from inclinometry.survey.stations import Stations
+from inclinometry.workflow.corrections import CORRECTIONS, Means, apply_corrections, correction_names
+
+SITE = FieldReference(g=9.81, b=50_000.0, dip=1.2, g_sigma=0.001, b_sigma=130.0, dip_sigma=0.0035)
+BHA = Bha(
+    elements=[
+        Element(length=0.3, outer=0.2159, inner=0.05, weight=170.0),
+        Element(length=45.0, outer=0.17, inner=0.07, weight=140.0),
+    ],
+    stabilisers=[Stabiliser(12.0, 0.2127), Stabiliser(24.0, 0.2127)],
+    sensor=3.0,
+    hole=0.2159,
+    mud_density=1200.0,
+)
+MEANS = Means(reference=SITE, bha=BHA)
+
+
+def run(axial=400.0):
+    random = np.random.default_rng(4)
+    turned = np.linspace(0.3, 0.9, 12), np.linspace(0.4, 1.1, 12), random.uniform(0.0, 6.28, 12)
+    g, b = fields(*turned, 1.2)
+    return Stations(np.arange(12) * 30.0, 9.81 * g, 50_000.0 * b + [0.0, 0.0, axial]), turned
+
+
+@pytest.mark.parametrize("text", ["axial,msa,sag", "sag,axial,msa", "msa,sag", "sag,msa", "axial", " MSA , sag "])
+def test_orders_that_make_sense(text):
+    names = correction_names(text)
+    assert set(names) <= set(CORRECTIONS)
+    stations, turned = run()
+    done = apply_corrections(stations, names, MEANS)
+    assert tuple(done.results) == names
+    assert len(done.stations.history) == len(names)
+    # perfect sensors but for the interference: azimuth comes back to what priors and reference allow
+    error = np.degrees(angles(done.stations.g, done.stations.b).azimuth - turned[0])
+    before = np.degrees(angles(stations.g, stations.b).azimuth - turned[0])
+    assert np.abs(error).max() < 0.15 * np.abs(before).max()
+    sag = run_sag(stations.md, turned[1], BHA).angle if "sag" in names else 0.0
+    found = angles(done.stations.g, done.stations.b).inclination
+    # the analysis may move inclination by what its accelerometers' priors allow
+    np.testing.assert_allclose(found, turned[1] - sag, atol=np.radians(0.02))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("axial,axial", "given twice"),
+        ("msa,sag,msa", "given twice"),
+        ("msa,axial", "would throw away"),
+        ("axial,scc", "'scc' is not known; allowed: axial, msa, sag"),
+        (" , ", "no correction"),
+    ],
+)
+def test_orders_that_make_none(text, message):
+    with pytest.raises(InputError, match=message):
+        correction_names(text)
+
+
+@pytest.mark.parametrize(("name", "message"), [("sag", "bha.toml"), ("axial", "site.toml"), ("msa", "site.toml")])
+def test_a_correction_without_its_means(name, message):
+    with pytest.raises(InputError, match=message):
+        apply_corrections(run()[0], [name], Means())
+
+
+def test_the_order_is_that_of_the_history():
+    done = apply_corrections(run()[0], ["sag", "axial"], MEANS).stations
+    assert done.history[0].startswith("sag")
+    assert done.history[1].startswith("axial correction")
