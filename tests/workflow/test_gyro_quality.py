@@ -42,11 +42,39 @@ def test_the_file_s_columns_beyond_the_survey_do_not_matter(tmp_path):
 
 def test_the_site_brings_both_to_one_north(tmp_path):
     one, two = write(tmp_path / "a.csv"), write(tmp_path / "b.csv", azimuth=98.0, north="grid")
-    with pytest.raises(InputError, match="different norths"):
+    with pytest.raises(InputError, match=r"different norths .* give the site"):
         compare_run_files(one, two)
-    site = Site(north_reference="grid", convergence=np.radians(2.0))
-    found = compare_run_files(one, two, site)
-    np.testing.assert_allclose(found.azimuth, 0.0, atol=1e-9)
+    # only the correction between the two is asked for, whatever north the site reports from
+    for north in ("grid", "magnetic"):
+        found = compare_run_files(one, two, Site(north_reference=north, convergence=np.radians(2.1)))
+        np.testing.assert_allclose(np.degrees(found.azimuth), 0.1, atol=1e-9)
+    with pytest.raises(InputError, match="convergence"):
+        compare_run_files(one, two, Site(declination=0.1))
+
+
+@pytest.mark.parametrize("north", ["true", "grid", "magnetic"])
+def test_of_runs_from_one_north_the_site_is_not_asked(tmp_path, north):
+    files = write(tmp_path / "a.csv", north=north), write(tmp_path / "b.csv", azimuth=100.5, north=north)
+    for site in (None, Site(latitude=0.9), Site(latitude=0.9, north_reference="grid")):
+        found = compare_run_files(*files, site)
+        assert found.verdict == "pass"
+        np.testing.assert_allclose(np.degrees(found.azimuth), 0.5, atol=1e-9)
+
+
+def test_the_same_run_twice_is_refused(tmp_path):
+    path = write(tmp_path / "a.csv")
+    copy = tmp_path / "b.csv"
+    copy.write_bytes(path.read_bytes())
+    for other in (path, copy):
+        with pytest.raises(FileError, match=r"this is a\.csv again; the same run twice proves nothing"):
+            compare_run_files(path, other)
+    # other bytes, the same azimuths; and the same from another north
+    with pytest.raises(InputError, match="same run twice"):
+        compare_run_files(path, write(tmp_path / "c.csv", inclination=30.1))
+    with pytest.raises(InputError, match="same run twice"):
+        compare_run_files(
+            path, write(tmp_path / "d.csv", azimuth=98.0, north="grid"), Site(convergence=np.radians(2.0))
+        )
 
 
 def test_vertical_stations_have_no_azimuth_and_flags_are_judged(tmp_path):
@@ -88,7 +116,7 @@ def test_limits_of_one_s_own(tmp_path):
     path = Path(tmp_path, "own.toml")
     path.write_text(TEXT)
     assert read_repeat_limits(path).name == "own"
-    one, two = write(tmp_path / "a.csv", count=4), write(tmp_path / "b.csv", 30.05, count=4)
+    one, two = write(tmp_path / "a.csv", count=4), write(tmp_path / "b.csv", 30.05, 100.05, count=4)
     assert compare_run_files(one, two, limits=path).verdict == "pass"
     for line, message in (("stations = 3\n", "missing"), ("stations = 3", "whole"), ("inclination_deg", "not known")):
         path.write_text(TEXT.replace(line, {"missing": "", "whole": "stations = 3.5", "not known": "dip_deg"}[message]))

@@ -34,7 +34,7 @@ def quality(
     out_run
         Survey CSV of the out-run; without it only the flags of the in-run are judged.
     site
-        site.toml: both runs are brought to its north_reference.
+        site.toml with the correction between the runs' norths; needed only where these differ.
     limits
         gyro-repeat or a TOML file of limits.
     json

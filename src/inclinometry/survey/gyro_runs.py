@@ -18,6 +18,9 @@ SAME_DEPTH = 1e-3
 
 _SWING = np.pi / 2  # between two stations whose azimuths differ by more the shorter arc is a guess
 
+_COINCIDENCE = 3  # fewer stations may be alike by the rounding of their figures
+_SAME_ANGLE = 1e-9  # rad; what conversion and writing change
+
 
 class Stations(Protocol):
     """What is compared: a `survey.reduce.Survey` has it too."""
@@ -123,7 +126,7 @@ def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> C
     Raises
     ------
     InputError
-        Different norths, depths that do not increase, shapes, inclination out of range.
+        Different norths, depths that do not increase, shapes, inclination out of range, one run given twice.
 
     Notes
     -----
@@ -134,7 +137,7 @@ def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> C
     --------
     >>> limits = RepeatLimits("mine", "contract", 0.004, 0.02, 0.09, 0.17, 10, 35.0)
     >>> md = 30.0 * np.arange(12)
-    >>> one, two = (Run(md, np.full(12, i), np.full(12, 1.0)) for i in (0.5, 0.501))
+    >>> one, two = (Run(md, np.full(12, i), np.full(12, 0.5 + i)) for i in (0.5, 0.501))
     >>> found = compare_runs(one, two, limits)
     >>> found.verdict, found.statistics["inclination"].systematic
     ('pass', True)
@@ -148,6 +151,7 @@ def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> C
     rows = np.flatnonzero(at.covered)
     inclination = at.inclination[rows] - in_run.inclination[rows]
     azimuth = np.asarray(wrap_signed(at.azimuth[rows] - in_run.azimuth[rows]))
+    _not_one_run(inclination, azimuth)
     tilt = np.minimum(in_run.inclination[rows], np.pi - in_run.inclination[rows])
     steep = tilt < limits.steep - ROUNDING
     checks, bad = _judged(rows, inclination, azimuth, steep, limits)
@@ -196,6 +200,17 @@ def _checked(run: Stations, name: str) -> None:
     for values, what in ((run.inclination, "inclination"), (run.azimuth, "azimuth")):
         if np.shape(values) != md.shape or np.isinf(values).any():
             raise InputError(f"{what} of the {name} has shape {np.shape(values)} or is infinite; md has {md.shape}")
+
+
+def _not_one_run(inclination: Array, azimuth: Array) -> None:
+    """InputError where the runs do not differ at all: no two runs repeat every station to the last figure."""
+    known = np.isfinite(azimuth)
+    difference, what = (azimuth[known], "azimuth") if known.any() else (inclination, "inclination")
+    if len(difference) >= _COINCIDENCE and (np.abs(difference) <= _SAME_ANGLE).all():
+        raise InputError(
+            f"in-run and out-run have the same {what} at all {len(difference)} stations compared; "
+            "the same run twice proves nothing: give the two runs"
+        )
 
 
 def _interpolated(md: Array, run: Stations, interval: float) -> _At:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from inclinometry.core.arrays import Array
-from inclinometry.core.errors import FileError
+from inclinometry.core.digest import digest_file
+from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.gyro.result import FLAGS as GYRO_FLAGS
 from inclinometry.io.repeat_toml import GYRO_REPEAT, read_repeat_limits
@@ -31,8 +32,8 @@ VERTICAL = "vertical"
 """Flag of stations whose azimuth is hardly defined; it is not compared."""
 
 
-def read_run(path: str | Path, site: Site | None = None) -> Run:
-    """Stations of a survey file, azimuth from the north the site asks for (as in the file without one).
+def read_run(path: str | Path) -> Run:
+    """Stations of a survey file, azimuth from the file's own north.
 
     Azimuth is NaN where it is missing or the station is flagged vertical.
 
@@ -54,15 +55,15 @@ def read_run(path: str | Path, site: Site | None = None) -> Run:
             f"azimuth_reference holds {norths or 'nothing'}; one north for all stations is needed", path=path
         )
     steep = np.array([VERTICAL in row.split("|") for row in texts["flags"]], dtype=bool)
-    run = Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), norths[0])
-    return run if site is None else _turned(run, site)
+    return Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), norths[0])
 
 
-def _turned(run: Run, site: Site) -> Run:
+def _turned(run: Run, north: str, site: Site) -> Run:
+    """The run from another north."""
     known = np.isfinite(run.azimuth)
     azimuth: Array = np.full(len(run.md), np.nan)
-    azimuth[known] = convert_azimuth(run.azimuth[known], run.azimuth_reference, site.north_reference, site)
-    return replace(run, azimuth=azimuth, azimuth_reference=site.north_reference)
+    azimuth[known] = convert_azimuth(run.azimuth[known], run.azimuth_reference, north, site)
+    return replace(run, azimuth=azimuth, azimuth_reference=north)
 
 
 def compare_run_files(
@@ -75,11 +76,27 @@ def compare_run_files(
     in_run, out_run : str or Path
         Survey CSV files; the columns of `gyro north` beyond the survey's are not looked at.
     site : Site, optional
-        Brings the azimuths of both to its `north_reference`; without it both files must name the same north.
+        Brings the out-run to the north of the in-run; needed only where the files name different norths, and of the
+        site only the correction between the two.
     limits : str or Path
         Name of the shipped limits or a TOML file.
+
+    Raises
+    ------
+    FileError
+        As `read_run`, the same file twice.
+    InputError
+        As `compare_runs`, no correction between the two norths.
     """
-    return compare_runs(read_run(in_run, site), read_run(out_run, site), read_repeat_limits(limits))
+    if digest_file(in_run) == digest_file(out_run):
+        raise FileError(f"this is {Path(in_run).name} again; the same run twice proves nothing", path=out_run)
+    one, two = read_run(in_run), read_run(out_run)
+    if one.azimuth_reference != two.azimuth_reference:
+        if site is None:
+            norths = f"{one.azimuth_reference} and {two.azimuth_reference}"
+            raise InputError(f"the runs count azimuth from different norths ({norths}); give the site")
+        two = _turned(two, one.azimuth_reference, site)
+    return compare_runs(one, two, read_repeat_limits(limits))
 
 
 def run_checks(path: str | Path) -> tuple[list[Check], list[str]]:
