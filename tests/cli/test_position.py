@@ -87,7 +87,6 @@ def test_an_own_tool_code(extended):
         (("--tool-code", "variable.json"), "$.terms[0]: term SAG: formula 'Sin(Incl)' has the unknown variable 'incl'"),
         (("--tool-code", "unit.json"), "furlong"),
         (("--tool-code", "iscwsa-mwd-rev4"), "the site"),
-        (("--tool-code", "iscwsa-mwd-rev4", "--calibration", "tool.json"), "choose one"),
         (("--raw", "raw.csv"), "--raw serves --calibration alone"),
         (("--sources", "s.csv"), "--sources needs an error model"),
         (("--tie-on", "nan", 0, 0), "--tie-on has nan"),
@@ -136,3 +135,83 @@ def test_an_inclination_the_tool_code_is_not_made_for(extended):
     assert done.status == 2
     assert "survey.csv: station" in done.err
     assert "own is made for 0 to 80 deg" in done.err
+
+
+@pytest.fixture
+def certified(bench, run):
+    """A simulated tool, calibrated on the bench, and the well it surveyed."""
+    bench("orthogonal")
+    Path("site.toml").write_text("g = 9.81\nb_nT = 50000\ndip_deg = 70\ndeclination_deg = 2\n")
+    for arguments in (
+        ("calibrate", "readings.csv", "-o", "tool.json"),
+        ("simulate", "well", "--truth", "truth.json", "-o", "raw.csv"),
+        ("survey", "raw.csv", "--calibration", "tool.json", "--site", "site.toml", "-o", "survey.csv"),
+    ):
+        assert run(*arguments).status == 0
+    lines = [line.split(",")[:4] for line in Path("survey.csv").read_text().splitlines()]
+    Path("four.csv").write_text("\n".join(",".join(cells) for cells in lines))
+    return lambda survey, *more: run(
+        "position", survey, "--calibration", "tool.json", "--site", "site.toml", "-o", "p.csv", "--json", *more
+    )
+
+
+def test_a_certificate_becomes_an_ellipse(certified):
+    measured = certified("survey.csv", "--raw", "raw.csv", "--report", "p.html")
+    assert measured.status == 0
+    assert "the sensors alone" in measured.err
+    assert "the sensors alone" in Path("p.html").read_text()
+    assert [one["source"] for one in measured.json["sources"]] == ["calibration", "sensor noise"]
+    assert set(measured.json["inputs"]) == {"survey", "site", "tool", "raw"}
+    computed = certified("survey.csv")
+    assert "no raw channels were given" in computed.json["notes"][0]
+    # the fields computed differ from those measured by noise and the tool's own small errors: per cents of a derivative
+    for name in ("semi_major_m", "semi_minor_m"):
+        assert computed.json["last_station"][name] == pytest.approx(measured.json["last_station"][name], rel=0.02)
+
+
+def test_without_toolface_the_worst_is_taken(certified):
+    turning, still = certified("survey.csv"), certified("four.csv")
+    assert "does not state every toolface" in still.json["notes"][1]
+    assert still.json["last_station"]["semi_major_m"] > turning.json["last_station"]["semi_major_m"]
+
+
+def test_a_tool_code_beside_a_certificate_tells_of_the_rest(certified):
+    alone, both = certified("survey.csv"), certified("survey.csv", "--tool-code", "iscwsa-mwd-rev5.1")
+    assert (both.status, both.err) == (0, "")
+    names = {one["source"] for one in both.json["sources"]}
+    assert {"calibration", "sensor noise", "AMIL", "DRFR", "DEC-U"} <= names
+    assert not any(name.startswith(("AB", "AS", "MB", "MS")) for name in names)
+    assert both.json["error_model"]["calibration"]
+    assert both.json["last_station"]["semi_major_m"] > alone.json["last_station"]["semi_major_m"]
+
+
+def test_a_stated_declination_sigma_is_a_source(certified):
+    Path("site.toml").write_text(Path("site.toml").read_text() + "sigma_declination_deg = 0.3\n")
+    last = certified("survey.csv").json
+    found = next(one for one in last["sources"] if one["source"] == "declination")
+    distance = np.hypot(last["last_station"]["north_m"], last["last_station"]["east_m"])
+    # a turn about the wellhead; the balanced tangential courses are longer than the arcs' by less than a thousandth
+    assert np.hypot(found["sigma_north_m"], found["sigma_east_m"]) == pytest.approx(
+        np.radians(0.3) * distance, rel=2e-3
+    )
+
+
+def test_raw_channels_of_other_stations_are_refused(certified):
+    lines = Path("raw.csv").read_text().splitlines()
+    Path("gap.csv").write_text("\n".join([*lines[:20], *lines[21:]]))
+    done = certified("survey.csv", "--raw", "gap.csv")
+    assert (done.status, done.out) == (2, "")
+    assert "survey.csv: station 20 of the tool" in done.err
+    assert not Path("p.csv").exists()
+    # another run above: allowed, and said
+    Path("lower.csv").write_text("\n".join([lines[0], *lines[3:]]))
+    done = certified("survey.csv", "--raw", "lower.csv")
+    assert done.status == 0
+    assert "2 stations from 0 to 30 m without raw channels" in done.err
+
+
+def test_a_site_that_does_not_say_what_the_tool_saw(certified):
+    Path("site.toml").write_text("b_nT = 50000\ndeclination_deg = 2\ng = 9.81\n")
+    done = certified("survey.csv")
+    assert (done.status, done.out) == (2, "")
+    assert "site.toml: the site has no dip" in done.err

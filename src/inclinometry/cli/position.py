@@ -48,7 +48,7 @@ def position(
     tool_code
         Error model: iscwsa-mwd-rev5.1, another one shipped, or a JSON file.
     calibration
-        tool.json: its covariance is the error model.
+        tool.json: its covariance is the error model of the sensors; --tool-code then adds its terms for the rest.
     raw
         With --calibration: the raw channels of the stations; else the fields are those of the site.
     tie_on
@@ -102,8 +102,6 @@ def position(
 
 
 def _check(tool_code: str | None, calibration: Path | None, raw: Path | None, sources: Path | None) -> None:
-    if tool_code is not None and calibration is not None:
-        raise InputError("--tool-code and --calibration are two error models; choose one")
     if raw is not None and calibration is None:
         raise InputError("--raw serves --calibration alone; give the tool's calibration too")
     if sources is not None and tool_code is None and calibration is None:
@@ -214,6 +212,7 @@ def _sources(found: WellPosition) -> list[dict[str, Any]]:
 
 
 def _model(code: ToolCode | None, calibration: str | None) -> dict[str, Any] | None:
-    if code is not None:
-        return {"tool_code": code.name, "revision": code.revision, "source": code.source}
-    return None if calibration is None else {"calibration": calibration}
+    if code is None:
+        return None if calibration is None else {"calibration": calibration}
+    named = {"tool_code": code.name, "revision": code.revision, "source": code.source}
+    return named if calibration is None else {"calibration": calibration, **named}

@@ -59,7 +59,7 @@ def position_report(
     tool_code : ToolCode, optional
         The error model, for its name and the words of its terms.
     calibration : str, optional
-        Name of the calibrated tool whose certificate is the error model.
+        Name of the calibrated tool whose certificate is the error model, of the sensors where there is a tool code too.
     notes, warnings : sequences of sentences
     inputs : mapping of name to digest, optional
 
@@ -96,7 +96,7 @@ def position_report(
         data=_data(path, uncertainty, magnify, survey.north),
         magnify=f"{magnify:g}",
         sources=_sources_picture(uncertainty),
-        source_table=source_table(uncertainty, tool_code),
+        source_table=source_table(uncertainty, tool_code, calibration),
         courses=_courses(path, uncertainty),
         chain=chain_table(survey, azimuth_reference),
         compass=_compass(survey),

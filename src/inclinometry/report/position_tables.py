@@ -27,6 +27,12 @@ _SHARED = {
     "global": "all wells",
 }
 
+_CERTIFIED = {
+    "calibration": "What the certificate of {} leaves unknown of its sensors, with all correlations",
+    "sensor noise": "Noise of one reading of {}",
+    "declination": "The site's declination",
+}
+
 
 class Contribution(NamedTuple):
     """A source at one station: sigma (3,) north, east, down, m; m along the ellipse's major axis; share of variance."""
@@ -91,11 +97,14 @@ def bottom_table(path: Path, survey: WellSurvey, uncertainty: PositionUncertaint
     return Table(caption, head, [*rows, *extra, *bars, turn], note)
 
 
-def source_table(uncertainty: PositionUncertainty | None, code: ToolCode | None) -> Table | None:
+def source_table(
+    uncertainty: PositionUncertainty | None, code: ToolCode | None, calibration: str | None
+) -> Table | None:
     if uncertainty is None:
         return None
     terms = () if code is None else code.terms
-    words = {one.name: f"{one.description} ({one.magnitude:g} {one.unit})" for one in terms}
+    words = {} if calibration is None else {name: text.format(calibration) for name, text in _CERTIFIED.items()}
+    words |= {one.name: f"{one.description} ({one.magnitude:g} {one.unit})" for one in terms}
     rows = [
         TableRow(
             [
@@ -155,14 +164,16 @@ def missing(uncertainty: PositionUncertainty | None, code: ToolCode | None, cali
     if uncertainty is None:
         return ["Uncertainty of any kind: no tool code and no calibration was given."]
     lines = ["Gross errors: a wrong depth, a swapped sensor, a station of another well. They have no ellipse."]
-    if code is None:
+    if calibration is not None and code is None:
         lines.append(
-            f"Everything outside the certificate of {calibration or 'the tool'}: measured depth, misalignment in the "
-            "hole, sag, magnetic interference of the string, declination and field references where not listed."
+            f"Everything outside the certificate of {calibration}: measured depth, misalignment in the hole, sag, "
+            "magnetic interference of the string, references where they are not in the table of sources."
         )
-    else:
+    elif code is not None:
+        beside = "" if calibration is None else f"in the certificate of {calibration} or "
         lines.append(
-            f"Anything that is not a term of {code.name}: a tool, a hole or a correction that model was not made for."
+            f"Anything that is not {beside}a term of {code.name}: a tool, a hole or a correction that model was not "
+            "made for."
         )
     if not _tied(uncertainty):
         lines.append("Uncertainty of the first station's position: it was taken as exact.")
@@ -209,7 +220,7 @@ def fact_pairs(
         facts += [("Tool code", code.name), ("Revision", code.revision or "not stated"), ("Source", code.source)]
         facts.append(("What it is", code.description or "not stated"))
     if calibration is not None:
-        facts.append(("Error model", f"the calibration of {calibration}"))
+        facts.append(("Error model of the sensors", f"the calibration of {calibration}"))
     return facts + _place(survey.site) + [(f"Digest of {name}", digest) for name, digest in inputs.items()]
 
 

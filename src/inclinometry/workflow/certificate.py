@@ -1,30 +1,52 @@
-"""A tool's own calibration as the error model of a well: what its sensors saw at each station, measured or computed."""
+"""A tool's own calibration as the error model of a well, with raw channels or without, beside a tool code or alone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.orientation import fields
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.core.arrays import Array, Index
-from inclinometry.core.errors import InputError
-from inclinometry.earth.site import convert_azimuth
+from inclinometry.core.arrays import Array
 from inclinometry.io.position_csv import WellStations
 from inclinometry.io.survey_csv import RawSurvey
+from inclinometry.position.certificate import (
+    calibration_sources,
+    error_model,
+    is_sensor_term,
+    reference_sources,
+    with_terms,
+)
+from inclinometry.position.ellipse import horizontal_ellipse
+from inclinometry.position.propagation import propagate
 from inclinometry.position.sources import MatrixSource
+from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey
 from inclinometry.sensors.tool import Tool
+from inclinometry.survey.from_tool import stations_from_tool
 
-SAME_DEPTH = 0.005
-"""Depths of two files that differ by less, m, are of one station: both are written to centimetres at least."""
+TRIED = np.radians(np.arange(0.0, 360.0, 15.0))
+"""Toolfaces of which the worst is taken where the survey states none."""
 
 
-def certificate_sources(
-    calibration: Calibration, well: WellSurvey, stations: WellStations, raw: RawSurvey | None = None
-) -> tuple[Sequence[MatrixSource], list[str]]:
-    """Sources of error of a surveyed well from the covariance of its tool.
+class CertificateModel(NamedTuple):
+    """Sources of error from a calibration, the tool code beside them, and in words what was taken for granted."""
+
+    sources: Sequence[MatrixSource]
+    code: ToolCode | None
+    notes: list[str]
+    warnings: list[str]
+
+
+def certificate_model(
+    calibration: Calibration,
+    well: WellSurvey,
+    stations: WellStations,
+    raw: RawSurvey | None = None,
+    code: ToolCode | None = None,
+) -> CertificateModel:
+    """The error model that a calibration is.
 
     Parameters
     ----------
@@ -33,129 +55,89 @@ def certificate_sources(
     stations : WellStations
         The file the well came from: toolface and temperature where it has them.
     raw : RawSurvey, optional
-        Raw channels at these stations; else they are computed from the site's field and the attitudes.
-
-    Returns
-    -------
-    sources : sequence of MatrixSource
-    sentences : list of str
-        What was taken for granted.
+        Raw channels of these stations; else they are computed from the site's fields and the attitudes.
+    code : ToolCode, optional
+        What its terms say of other things than the sensors stands beside the certificate.
 
     Raises
     ------
     InputError
-        A station without raw channels; a site that does not say which way the fields point; no covariance.
+        As `inclinometry.position.certificate`.
     """
-    tool = calibration.tool
-    if not np.any(np.diagonal(tool.covariance)):
-        raise InputError(
-            f"the calibration of {tool.name or 'this tool'} states no covariance, so it says nothing of positions; "
-            "calibrate by a method that does (joint), or give a tool code"
-        )
-    if raw is not None:
-        same_units(raw.units, calibration)
-        rows = _rows(stations, raw)
-        channels = {kind: signals[rows] for kind, signals in raw.channels.items()}
-        temperature = None if raw.temperature is None else raw.temperature[rows]
-        said: list[str] = []
+    beside = None if code is None else with_terms(code, [t.name for t in code.terms if not is_sensor_term(t.name)])
+    notes: list[str] = []
+    warnings = []
+    if raw is None:
+        sources, notes = _computed(calibration.tool, well, stations)
     else:
-        temperature, said = _temperature(tool, stations)
-        channels, more = synthetic_channels(tool, well, stations.toolface, temperature)
-        said += more
-    return _sources(calibration, well, channels, temperature), said
-
-
-def _sources(
-    calibration: Calibration, well: WellSurvey, channels: Mapping[str, Array], temperature: Array | None
-) -> Sequence[MatrixSource]:
-    from inclinometry.position.certificate import error_model  # type: ignore[import-not-found]
-
-    return error_model(calibration, well, channels, temperature)  # type: ignore[no-any-return]
-
-
-def _rows(stations: WellStations, raw: RawSurvey) -> Index:
-    """Row of the raw file for each station."""
-    rows = np.searchsorted(0.5 * (raw.md[1:] + raw.md[:-1]), stations.md)  # the nearest
-    off = np.abs(raw.md[rows] - stations.md) > SAME_DEPTH
-    if off.any():
-        row = int(np.argmax(off))
-        raise InputError(
-            f"{stations.path}, line {stations.lines[row]}: the raw channels have no station at {stations.md[row]:.10g} "
-            f"m (nearest {raw.md[rows[row]]:.10g} m); give those of this survey, or leave out --raw"
+        same_units(raw.units, calibration)
+        seen = stations_from_tool(
+            raw.md,
+            raw.channels,
+            calibration.tool,
+            temperature=raw.temperature,
+            g=well.site.gravity,
+            b=well.site.b,
         )
-    return rows
+        sources = calibration_sources(seen, well)
+        warnings += _uncovered(well, raw)
+    reference = () if _knows_declination(beside) else reference_sources(well)
+    warnings += [] if beside is not None else [_alone(bool(reference))]
+    return CertificateModel((*sources, *reference), beside, notes, warnings)
 
 
-def _temperature(tool: Tool, stations: WellStations) -> tuple[Array | None, list[str]]:
-    """Temperature of each station, and a sentence where the tool needs one and the file has none."""
+def _knows_declination(code: ToolCode | None) -> bool:
+    return code is not None and any(term.name.upper().startswith(("DEC", "DBH")) for term in code.terms)
+
+
+def _uncovered(well: WellSurvey, raw: RawSurvey) -> list[str]:
+    """A sentence for stations above and below those of which there are raw channels."""
+    outside = well.md[(well.md < raw.md[0] - 0.005) | (well.md > raw.md[-1] + 0.005)]  # depths are in centimetres
+    if not len(outside):
+        return []
+    span = f"{outside[0]:g} m" if len(outside) == 1 else f"{outside[0]:g} to {outside[-1]:g} m"
+    count = "1 station at" if len(outside) == 1 else f"{len(outside)} stations from"
+    return [f"{count} {span} without raw channels: the errors of their sensors are not in the ellipses"]
+
+
+def _alone(declination: bool) -> str:
+    lacking = "measured depth, misalignment, sag and magnetic interference"
+    lacking += "" if declination else ", declination (the site states no sigma)"
+    return (
+        f"the certificate tells of the sensors alone: errors of {lacking} are not in the ellipses; a tool code beside "
+        "the calibration adds them"
+    )
+
+
+def _computed(tool: Tool, well: WellSurvey, stations: WellStations) -> tuple[tuple[MatrixSource, ...], list[str]]:
+    """Sources from the fields that the tool must have seen."""
+    said = ["no raw channels were given: what the tool saw is computed from the site's fields and the attitudes"]
+    temperature = _temperature(tool, stations, said)
+    known = np.full(len(well), np.nan) if stations.toolface is None else stations.toolface
+    if not np.isnan(known).any():
+        return error_model(tool, well, known, temperature=temperature), said
+    largest, chosen = -1.0, 0.0
+    found: tuple[MatrixSource, ...] = ()
+    for angle in TRIED:
+        sources = error_model(tool, well, np.where(np.isnan(known), angle, known), temperature=temperature)
+        major = float(horizontal_ellipse(propagate(well, sources=sources).covariance[-1]).major)
+        # the same size to rounding is no reason to change
+        if major > largest * (1.0 + 1e-9):
+            largest, chosen, found = major, float(angle), sources
+    said.append(
+        "the survey does not state every toolface: of those that stay the same throughout, the one with the largest "
+        f"ellipse was taken ({np.degrees(chosen):.0f} deg); give toolface_deg or the raw channels for the real one"
+    )
+    return found, said
+
+
+def _temperature(tool: Tool, stations: WellStations, said: list[str]) -> Array | None:
+    """Temperature of each station; what is assumed where the tool needs one and the file has none is said."""
     if stations.temperature is not None and np.isfinite(stations.temperature).all():
-        return stations.temperature, []
+        return stations.temperature
     warm = [triad for triad in tool.triads.values() if triad.degree]
     if not warm:
-        return None, []
+        return None
     at = warm[0].reference_temperature
-    said = f"the stations state no temperature: the calibration's reference, {at:g} degC, was taken throughout"
-    return np.full(len(stations), at), [said]
-
-
-def synthetic_channels(
-    tool: Tool, well: WellSurvey, toolface: Array | None, temperature: Array | None
-) -> tuple[dict[str, Array], list[str]]:
-    """Channels that a tool would have shown at the stations in the site's fields, and what was taken for granted.
-
-    Parameters
-    ----------
-    tool : Tool
-    well : WellSurvey
-    toolface : (n,) rad, optional
-        0 where it is not given or NaN: errors across the tool then never cancel by its turning.
-    temperature : (n,) degC, optional
-
-    Raises
-    ------
-    InputError
-        A site without dip and declination (magnetometers) or latitude (gyros).
-
-    Examples
-    --------
-    >>> from inclinometry.earth.site import Site
-    >>> from inclinometry.position.well import well_survey
-    >>> from inclinometry.sensors.triad import Triad
-    >>> kinds = ("accelerometer", "magnetometer")
-    >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in kinds})
-    >>> well = well_survey([0, 30], [0.0, np.pi / 2], [0.0, 0.0], Site(dip=0.0, declination=0.0))
-    >>> channels, said = synthetic_channels(tool, well, None, None)
-    >>> channels["magnetometer"].round(9) + 0.0  # along x looking down, along z in a hole that runs north
-    array([[1., 0., 0.],
-           [0., 0., 1.]])
-    """
-    said = ["no raw channels were given: the fields at the stations are the site's, at the survey's attitudes"]
-    turn = np.zeros(len(well)) if toolface is None else np.where(np.isnan(toolface), 0.0, toolface)
-    if toolface is None or np.isnan(toolface).any():
-        said.append("the survey does not state every toolface: 0 was taken, where errors across the tool never cancel")
-    second = "magnetometer" if "magnetometer" in tool.triads else "gyro"
-    azimuth, dip = _second_field(well, second)
-    directions = dict(zip(("accelerometer", second), fields(azimuth, well.inclination, turn, dip), strict=True))
-    strengths = {"accelerometer": well.site.gravity, "magnetometer": well.site.b}
-    channels = {}
-    for kind, direction in directions.items():
-        if kind not in tool.triads:
-            raise InputError(f"the calibration has no {kind}; a path needs inclination and azimuth from the tool")
-        triad = tool.triads[kind]
-        here, there = strengths.get(kind), triad.field_strength
-        # in units of the field at the stand, as the calibration counts
-        size = here / there if here is not None and there is not None else 1.0
-        channels[kind] = triad.signals(size * direction, temperature)
-    return channels, said
-
-
-def _second_field(well: WellSurvey, kind: str) -> tuple[Array, float]:
-    """Azimuth of the stations from the second field's north, and that field's dip."""
-    site = well.site
-    if kind == "magnetometer":
-        if site.dip is None:
-            raise InputError("the site has no dip; a magnetometer's errors depend on it: give the dip")
-        return convert_azimuth(well.azimuth, "true", "magnetic", site), site.dip
-    if site.latitude is None:
-        raise InputError("the site has no latitude; a gyro's errors depend on it: give the latitude")
-    return well.azimuth, -site.latitude
+    said.append(f"the survey states no temperature: the calibration's reference, {at:g} degC, was taken throughout")
+    return np.full(len(stations), at)

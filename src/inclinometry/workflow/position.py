@@ -24,7 +24,7 @@ from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
-from inclinometry.workflow.certificate import certificate_sources
+from inclinometry.workflow.certificate import CertificateModel, certificate_model
 from inclinometry.workflow.field import completed, field_at, model_of
 
 SHARPEST = 60.0
@@ -80,7 +80,7 @@ def read_position(
     tool_code : str or Path, optional
         Name or file of an error model.
     tool : str or Path, optional
-        tool.json, whose covariance is the error model instead.
+        tool.json, whose covariance is the error model, of the sensors where a tool code is named too.
     raw : str or Path, optional
         Raw channels of the same stations, for the fields that the tool saw.
     tie_on, tie_sigma, north
@@ -137,7 +137,7 @@ def well_position(
     tool_code : ToolCode, optional
         The error model.
     calibration : Calibration, optional
-        Its covariance is the error model.
+        Its covariance is the error model, beside which the tool code tells of other things than the sensors.
     raw : RawSurvey, optional
         The raw channels of the same stations; without them the fields are those of the site.
     tie_on : (3,) floats, optional
@@ -160,23 +160,25 @@ def well_position(
         path, well = _placed(stations, site, target, tie_on, tie_sigma)
     except InputError as error:
         raise _of_site(error, site_path) from None
-    sources, said = ((), []) if calibration is None else certificate_sources(calibration, well, stations, raw)
+    model = CertificateModel((), tool_code, [], [])
     uncertainty = None
-    if tool_code is not None or sources:
-        try:
-            uncertainty = propagate(well, tool_code, sources)
-        except InputError as error:
-            lacking = "the site" in str(error)
-            raise _of_site(error, site_path) if lacking else FileError(str(error), path=stations.path) from None
+    try:
+        if calibration is not None:
+            model = certificate_model(calibration, well, stations, raw, tool_code)
+        if model.code is not None or model.sources:
+            uncertainty = propagate(well, model.code, model.sources)
+    except InputError as error:
+        lacking = "the site" in str(error)
+        raise _of_site(error, site_path) if lacking else FileError(str(error), path=stations.path) from None
     return WellPosition(
         path,
         well,
         uncertainty,
         stations.azimuth_reference,
-        tool_code,
+        model.code,
         None if calibration is None else calibration.tool.name or "the tool",
-        [*_notes(stations, tie_on, uncertainty is not None), *said],
-        (*_doubts(stations, path), *_declination_doubt(site)),
+        [*_notes(stations, tie_on, uncertainty is not None), *model.notes],
+        (*_doubts(stations, path), *_declination_doubt(site), *model.warnings),
         {"survey": stations.digest},
     )
 
