@@ -109,8 +109,8 @@ def test_each_tool_ends_where_the_certificate_says(kind, degree):
         vector = propagate(survey, sources=sources).sources["calibration"].vectors[0, -1]
         away = (positions(tool, change, path) - straight)[-1]
         vector = vector * np.sign(vector @ away)
-        # balanced tangents for arcs, and the second order, are some 1e-4 of each course; the turning assembly cancels most
-        # of what the courses add up to
+        # balanced tangents for arcs, and the second order, are some 1e-4 of each course; the turning assembly cancels
+        # most of what the courses add up to
         np.testing.assert_allclose(vector, away, atol=3e-3 * np.linalg.norm(away))
 
 

@@ -190,8 +190,8 @@ def _rows(stations: Stations, survey: WellSurvey) -> Index:
         k = int(apart.argmax())
         raise InputError(
             f"station {k + 1} at md {stations.md[k]:.10g} m: what the tool measured lies "
-            f"{np.degrees(apart[k]):.1f} deg from the survey's direction; another run, or an azimuth from another north "
-            "(declination and convergence)?"
+            f"{np.degrees(apart[k]):.1f} deg from the survey's direction; another run, or an azimuth from another "
+            "north (declination and convergence)?"
         )
     return rows
 
