@@ -222,7 +222,9 @@ class TestWrongInput:
         self.refuse(folder, r"5\d.* times that of the calibration: rate_deg_s is in", steps=steps, calibration=old)
 
     def test_another_unit_of_the_signals(self, folder):
-        self.refuse(folder, r"0\.017. times that of signals in deg/s: are .* in another unit", steps={"unit": "deg_s"})
+        self.refuse(
+            folder, r"0\.017. times that of signals in deg/s: the gyro columns are in rad/s", steps={"unit": "deg_s"}
+        )
 
     def test_missing_temperature(self, folder):
         self.refuse(folder, "lack temperature_degC", temperature_degree=1)

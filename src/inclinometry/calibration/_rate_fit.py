@@ -15,6 +15,8 @@ SIGNIFICANT = 0.01
 """Probability of a chance result below which a g-sensitivity, or a misfit, is called real."""
 SPARE = 3
 """Readings beyond the unknowns from which a noise estimated with them has an uncertainty to speak of."""
+ALIKE = 0.9
+"""Share of a g-sensitivity that is common to all gyros along their own axes from which the rates are in doubt."""
 BLIND = 1e-6
 """Share of the largest change below which a change of rate or of gravity counts as none."""
 
@@ -104,11 +106,7 @@ def fit_rates(
     u: Array, w: Array, g: Array | None, heat: Array | None, reference: float, degree: int, spread: Array | None
 ) -> Fit:
     """One regression for each gyro, in columns of like size; the steps are checked first."""
-    matrix = design(w / EARTH_RATE, g, heat, reference, degree)
-    size = np.abs(matrix).max(axis=0)
-    # one size for the three rates, or rounding about an axis that never turns would look like a rate
-    size = _levelled(np.where(size > 0.0, size, 1.0), degree)
-    matrix = matrix / size
+    matrix, size = scaled_design(w, g, heat, reference, degree)
     check_plan(w, g, heat, degree, matrix, 0 if spread is not None else SPARE)
     dof = len(u) - matrix.shape[1]
     weights = np.ones_like(u) if spread is None else 1.0 / spread
@@ -128,6 +126,15 @@ def fit_rates(
     noise = np.maximum(np.sqrt(np.sum(residuals**2, axis=0) / dof), np.where(floor > 0.0, floor, np.finfo(float).tiny))
     widened = np.stack(covariances) * (noise**2 * dof / (dof - 2.0))[:, None, None]
     return Fit(found, widened, residuals, np.broadcast_to(noise, u.shape), dof, True)
+
+
+def scaled_design(w: Array, g: Array | None, heat: Array | None, reference: float, degree: int) -> tuple[Array, Array]:
+    """Regressors in columns of like size, and what each was divided by."""
+    matrix = design(w / EARTH_RATE, g, heat, reference, degree)
+    size = np.abs(matrix).max(axis=0)
+    # one size for the three rates, or rounding about an axis that never turns would look like a rate
+    size = _levelled(np.where(size > 0.0, size, 1.0), degree)
+    return matrix / size, size
 
 
 def _levelled(size: Array, degree: int) -> Array:
@@ -168,8 +175,18 @@ def chance_unasked(
     if g is None:
         return None, ""
     try:
-        chance = chance_of(fit_rates(u, w, g, heat, reference, degree, spread))
+        fit = fit_rates(u, w, g, heat, reference, degree, spread)
     except IdentifiabilityError:
         return None, ""
-    told = f"gravity moves the gyros' signals (probability by chance {chance:.1g}): fit the g-sensitivity too"
-    return chance, told if chance < SIGNIFICANT else ""
+    chance = chance_of(fit)
+    if chance >= SIGNIFICANT:
+        return chance, ""
+    response, pull = fit.coefficients[:3], fit.coefficients[-3:]
+    common = float(np.sum(response * pull) / np.sum(response**2))
+    if common**2 * np.sum(response**2) > ALIKE * np.sum(pull**2):
+        return chance, (
+            f"the signals change with attitude as if the Earth turned {-common * np.degrees(3600.0) * EARTH_RATE:+.2g} "
+            f"deg/h faster upwards (probability by chance {chance:.1g}): check the latitude, the table's rate and its "
+            "sign; only where they are right is it a g-sensitivity, to be fitted too"
+        )
+    return chance, f"gravity moves the gyros' signals (probability by chance {chance:.1g}): fit the g-sensitivity too"

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import _rate_fit
+from inclinometry.calibration._rate_outliers import Suspect, suspects
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rigmodel import NUISANCE, orientation
@@ -20,6 +21,9 @@ from inclinometry.core.errors import InputError
 from inclinometry.earth.rate import earth_rate
 from inclinometry.sensors.tool import parameter_names
 from inclinometry.sensors.triad import Triad
+
+UNEVEN = 3.0
+"""A gyro that scatters as many times more than the others is named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +41,8 @@ class RateCalibration:
     chance : probability that a g-sensitivity as large arises by chance alone; None where gravity is not known.
     temperature_range : degC, or None.
     notes : sentences for the user.
+    suspects : steps that the others contradict, worst first, as (row, {gyro: reading minus what the others say}); they
+        are in the fit.
     """
 
     triad: Triad
@@ -50,6 +56,7 @@ class RateCalibration:
     chance: float | None
     temperature_range: tuple[float, float] | None
     notes: Sequence[str] = ()
+    suspects: Sequence[Suspect] = ()
 
     @property
     def triad_covariance(self) -> Array:
@@ -110,7 +117,8 @@ def calibrate_rates(
     -----
     U = N(T) w + U0(T) + G g, one weighted linear regression for each gyro. Whether G is real is judged by Fisher's F
     (chi-square where `sd` is given) on the three components of each gyro, the least probability counted m times. Where
-    gravity is given but G is not asked for, the question is asked all the same and the answer is in `notes`.
+    gravity is given but G is not asked for, the question is asked all the same and the answer is in `notes`,
+    unless single steps stand out (externally studentised residuals, Rosner 1983): they come first, in `suspects`.
 
     Examples
     --------
@@ -130,6 +138,10 @@ def calibrate_rates(
         if g_sensitive
         else _rate_fit.chance_unasked(u, w, g, heat, reference, degree, spread)
     )
+    fitted, fuller = (
+        _rate_fit.scaled_design(w, pull, heat, reference, degree)[0] for pull in (g if g_sensitive else None, g)
+    )
+    doubted = suspects(u, fitted, fuller, spread)
     count, blocks = u.shape[1], fit.coefficients[: 4 * (degree + 1)].T.reshape(u.shape[1], degree + 1, 4)
     sensitivity = frozen(fit.coefficients[-3:].T) if g_sensitive else None
     tensor, offset = blocks[..., :3].swapaxes(0, 1), blocks[..., 3].T
@@ -148,7 +160,13 @@ def calibrate_rates(
         dof,
         chance,
         None if heat is None else (float(heat.min()), float(heat.max())),
-        (*_gravity_notes(triad, fit, chance), *([doubt] if doubt else []), *_misfit(chi_square, dof, fit)),
+        # what is said of gravity holds only where no single step speaks against the rest
+        (
+            *([] if doubted else _gravity_notes(triad, fit, chance, doubt)),
+            *_misfit(chi_square, dof, fit),
+            *_uneven(fit),
+        ),
+        tuple(doubted),
     )
 
 
@@ -230,9 +248,9 @@ def _checked(
     return u, w, g, heat, np.broadcast_to(spread, u.shape)
 
 
-def _gravity_notes(triad: Triad, fit: _rate_fit.Fit, chance: float | None) -> list[str]:
+def _gravity_notes(triad: Triad, fit: _rate_fit.Fit, chance: float | None, doubt: str) -> list[str]:
     if triad.g_sensitivity is None or chance is None:
-        return []
+        return [doubt] if doubt else []
     sd = np.sqrt(np.diagonal(fit.covariances, axis1=1, axis2=2)[:, -3:])
     sensor, axis = np.unravel_index(int(np.argmax(np.abs(triad.g_sensitivity))), sd.shape)
     largest = f"{triad.g_sensitivity[sensor, axis]:.3g} +- {sd[sensor, axis]:.2g} {triad.unit} per g"
@@ -252,6 +270,24 @@ def _misfit(chi_square: float, dof: int, fit: _rate_fit.Fit) -> list[str]:
         f"the residuals are {np.sqrt(chi_square / dof):.2g} times what the stated noise allows: "
         "rates, mounting, g-sensitivity or temperature are not as described; the uncertainties are too small"
     ]
+
+
+def _uneven(fit: _rate_fit.Fit) -> list[str]:
+    """Gyros whose residuals scatter far more than those of the quieter half, as rates."""
+    from scipy.special import fdtrc
+
+    if fit.dof < 1:
+        return []
+    spread = np.sqrt(np.sum(fit.residuals**2, axis=0) / fit.dof) / np.linalg.norm(fit.coefficients[:3], axis=0)
+    usual = float(np.sort(spread)[(len(spread) - 1) // 2])
+    floor = 1e-12  # of the Earth rate: a run without noise says nothing of the gyros
+    found = []
+    for gyro, ratio in enumerate(spread / max(usual, floor)):
+        if ratio > UNEVEN and len(spread) * float(fdtrc(fit.dof, fit.dof, ratio**2)) < _rate_fit.SIGNIFICANT / 10.0:
+            found.append(
+                f"gyro {gyro + 1} scatters {ratio:.2g} times as much as the others: look at it and at its connections"
+            )
+    return found
 
 
 def g_sensitivity_at_stand(readings: BenchReadings, calibration: Calibration, latitude: float) -> RateCalibration:

@@ -68,12 +68,13 @@ def table(
         name=tool,
     )
     write_calibration(found.calibration, output_, created=created)
-    output.warnings([*data.notes, *found.rates.notes])
+    output.warnings(found.notes)
     if json:
         output.print_json(_summary(found, output_))
     else:
         show_rates(found.rates)
-        output.say(f"{output.counted(len(data), 'step')} used, tool {found.calibration.tool.name} written to {output_}")
+        used = f"{found.steps} of {output.counted(len(data), 'step')} used"
+        output.say(f"{used}, tool {found.calibration.tool.name} written to {output_}")
 
 
 def _summary(found: RateTable, path: Path) -> dict[str, object]:
@@ -81,6 +82,9 @@ def _summary(found: RateTable, path: Path) -> dict[str, object]:
     return {
         "tool": found.calibration.tool.name,
         "unit": rates.triad.unit,
+        "steps_used": found.steps,
+        "tensor_per_earth_rate": rates.triad.tensor[0],
+        "offset": rates.triad.offset[0],
         "noise": rates.sd,
         "chi_square": rates.chi_square,
         "degrees_of_freedom": rates.dof,
@@ -98,20 +102,23 @@ def show_rates(found: RateCalibration) -> None:
     per_degree = np.radians(1.0) / EARTH_RATE
     for gyro in range(found.triad.count):
         tensor, names = found.triad.tensor[0, gyro], [f"gyro.tensor[{gyro},{a}]" for a in range(3)]
-        scale = float(np.linalg.norm(tensor))
+        main = int(np.argmax(np.abs(tensor)))
+        # of the sign with which the gyro answers to a rate about the axis it lies nearest to
+        scale = float(np.copysign(np.linalg.norm(tensor), tensor[main]))
         own = [found.parameter_names.index(n) for n in names]
         axis = tensor / scale
         u = float(np.sqrt(axis @ found.covariance[np.ix_(own, own)] @ axis))
         rows.append(
             [
                 f"{gyro + 1}",
+                "xyz"[main],
                 rounded(scale * per_degree, u * per_degree),
                 rounded(float(found.triad.offset[0, gyro]), sd[f"gyro.offset[{gyro}]"]),
                 f"{found.sd[gyro]:.3g}",
             ]
         )
     unit = found.triad.unit
-    header = ["gyro", f"scale, {unit} per deg/s", f"offset, {unit}", f"noise, {unit}"]
+    header = ["gyro", "nearest axis", f"scale, {unit} per deg/s", f"offset, {unit}", f"noise, {unit}"]
     output.table("gyros, with standard uncertainty", header, rows)
     if found.g_sensitivity is not None:
         _show_sensitivity(found.g_sensitivity, sd, unit)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,8 +34,10 @@ class RateSteps:
     signals, sd : (K, m) of the gyros and, where the file has it, the standard deviation of each; else None.
     temperature : (K,) degC, or None.
     unit : of the signals.
+    names : of the m columns of the gyros.
+    lines : (K,) of the file, from 1.
     notes : findings of the reader.
-    digest : SHA-256 of the file.
+    path, digest : of the file, SHA-256.
     """
 
     station: tuple[str, ...]
@@ -47,11 +49,28 @@ class RateSteps:
     sd: Array | None
     temperature: Array | None
     unit: str
+    names: tuple[str, ...]
+    lines: tuple[int, ...]
     notes: tuple[str, ...]
+    path: Path
     digest: str
 
     def __len__(self) -> int:
         return len(self.rate)
+
+    @property
+    def axes(self) -> str | None:
+        """ "xyz" or "xy" where the columns are named after the tool's axes; None where they are numbered."""
+        letters = "".join(name.split("_")[1] for name in self.names)
+        return letters if set(letters) <= set("xyz") else None
+
+    def without(self, rows: Sequence[int]) -> RateSteps:
+        """The other steps."""
+        kept = np.delete(np.arange(len(self)), list(rows))
+        arrays = ("inclination", "toolface", "azimuth", "rate", "signals", "sd", "temperature")
+        given = {name: values[kept] for name in arrays if (values := getattr(self, name)) is not None}
+        station, lines = tuple(self.station[row] for row in kept), tuple(self.lines[row] for row in kept)
+        return replace(self, station=station, lines=lines, **given)
 
 
 def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> RateSteps:
@@ -106,7 +125,10 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
         _stated(signals.sd),
         read_temperature(table),
         signals.units["gyro"],
+        signals.names["gyro"],
+        tuple(table.lines.tolist()),
         tuple(notes),
+        table.path,
         table.digest,
     )
 

@@ -10,28 +10,32 @@ import numpy as np
 
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration.rate_table import RateCalibration, calibrate_rates, table_rates
-from inclinometry.calibration.result import UNSTATED, Calibration, Residuals, Rig
+from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.calibration.temperature import soaks
 from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import InputError
+from inclinometry.core.errors import IdentifiabilityError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.rate_csv import RateSteps
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.workflow._rate_checks import check_plausible
 
-PER_RADIAN = {"rad/s": 1.0, "deg/s": np.degrees(1.0), "deg/h": np.degrees(3600.0)}
-"""Signals in these units for a true rate of 1 rad/s."""
+KEPT = "it is still in the fit, whose uncertainties are wrong: take it again"
 
 
 @dataclass(frozen=True, eq=False)
 class RateTable:
-    """What a run on a rate table gave: the regression, and the calibration with the gyro triad in it."""
+    """What a run on a rate table gave: the regression, and the calibration with the gyro triad in it.
+
+    notes : what a person should know, steps left out included.
+    steps : number of steps in the fit.
+    """
 
     rates: RateCalibration
     calibration: Calibration
+    notes: tuple[str, ...]
+    steps: int
 
 
 def calibrate_on_table(
@@ -62,7 +66,8 @@ def calibrate_on_table(
     Raises
     ------
     InputError
-        A site without latitude, rates in other units than they are said to be.
+        A site without latitude; a FileError for rates or signals in other units, or of another sign, than they are
+        said to be.
     IdentifiabilityError
         Steps that leave something undetermined.
     """
@@ -71,23 +76,55 @@ def calibrate_on_table(
     if temperature_degree and steps.temperature is None:
         raise InputError(f"temperature degree {temperature_degree} asked for; the steps lack temperature_degC: add it")
     old = None if calibration is None else read_calibration(calibration)
-    found = calibrate_rates(
+    used, found, told = _fitted(steps, site.latitude, temperature_degree, g_sensitive)
+    before = None if old is None else old.tool.triads.get("gyro")
+    odd = check_plausible(used, found, site.latitude, before)
+    notes = [*steps.notes, *told, *odd, *found.notes, *_heat_notes(used, temperature_degree)]
+    if old is None:
+        return RateTable(found, _alone(found, used, name, notes), tuple(notes), len(used))
+    whole = with_gyro(old, found, {"rate table": steps.digest, "tool": digest_file(calibration or "")}, notes)
+    return RateTable(found, whole, tuple(notes), len(used))
+
+
+def _fitted(
+    steps: RateSteps, latitude: float, degree: int, g_sensitive: bool
+) -> tuple[RateSteps, RateCalibration, list[str]]:
+    """The fit, the steps it is made from and sentences on those that the others contradict.
+
+    They are left out where the others determine everything without them.
+    """
+    found = _regression(steps, latitude, degree, g_sensitive)
+    if not found.suspects:
+        return steps, found, []
+    rest = steps.without([suspect.row for suspect in found.suspects])
+    try:
+        again = _regression(rest, latitude, degree, g_sensitive)
+    except IdentifiabilityError:
+        return steps, found, _suspected(steps, found, KEPT)
+    return rest, again, [*_suspected(steps, found, "it was left out"), *_suspected(rest, again, KEPT)]
+
+
+def _regression(steps: RateSteps, latitude: float, degree: int, g_sensitive: bool) -> RateCalibration:
+    return calibrate_rates(
         steps.signals,
-        table_rates(steps.inclination, steps.toolface, steps.rate, site.latitude, steps.azimuth),
+        table_rates(steps.inclination, steps.toolface, steps.rate, latitude, steps.azimuth),
         gravity=dcm(0.0, steps.inclination, steps.toolface) @ [0.0, 0.0, 1.0],
         temperature=steps.temperature,
-        degree=temperature_degree,
+        degree=degree,
         sd=steps.sd,
         g_sensitive=g_sensitive,
         unit=steps.unit,
     )
-    before = None if old is None else old.tool.triads.get("gyro")
-    _check_scale(found.triad, before)
-    notes = [*steps.notes, *found.notes, *_heat_notes(steps, temperature_degree)]
-    if old is None:
-        return RateTable(found, _alone(found, steps, name, notes))
-    whole = with_gyro(old, found, {"rate table": steps.digest, "tool": digest_file(calibration or "")}, notes)
-    return RateTable(found, whole)
+
+
+def _suspected(steps: RateSteps, found: RateCalibration, fate: str) -> list[str]:
+    """One sentence for each step that the others contradict."""
+    sentences = []
+    for suspect in found.suspects:
+        off = ", ".join(f"{steps.names[gyro]} by {value:+.3g}" for gyro, value in suspect.off.items())
+        where = f"line {steps.lines[suspect.row]} (step {steps.station[suspect.row]})"
+        sentences.append(f"{where} disagrees with the other steps, {off} {steps.unit}; {fate}")
+    return sentences
 
 
 def with_gyro(
@@ -164,26 +201,6 @@ def _blocks(one: Array, other: Array) -> Array:
     whole = np.zeros((size + len(other),) * 2)
     whole[:size, :size], whole[size:, size:] = one, other
     return whole
-
-
-def _check_scale(triad: Triad, before: Triad | None) -> None:
-    """InputError where the scale found differs from the unit's, or from the earlier calibration's, by 180 / pi."""
-    scale = _scale(triad)
-    if triad.unit in PER_RADIAN:
-        ratio, than = scale / (PER_RADIAN[triad.unit] * EARTH_RATE), f"that of signals in {triad.unit}"
-    elif before is not None and (before.unit == triad.unit or UNSTATED in (before.unit, triad.unit)):
-        ratio, than = scale / _scale(before), "that of the calibration"
-    else:
-        return
-    if np.degrees(0.5) < ratio < np.degrees(2.0):
-        raise InputError(f"the scale factor comes out {ratio:.3g} times {than}: rate_deg_s is in rad/s; convert it")
-    if np.radians(0.5) < ratio < np.radians(2.0):
-        raise InputError(f"the scale factor comes out {ratio:.3g} times {than}: are the gyro columns in another unit?")
-
-
-def _scale(triad: Triad) -> float:
-    """Typical signal of one gyro along the field."""
-    return float(np.exp(np.mean(np.log(np.linalg.norm(triad.tensor[0], axis=1)))))
 
 
 def _heat_notes(steps: RateSteps, degree: int) -> list[str]:
