@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.arrays import Array, Index, Mask
 from inclinometry.core.errors import ConvergenceError
 
 _TOUCH: Final = 1e-9  # m
-_ROUNDS: Final = 30  # changes of contact allowed for each node
+_PULL: Final = 1e-9  # of the largest load of a node: rounding
+_ROUNDS: Final = 2  # changes of contact for each degree of freedom before the slower way
+_PATIENCE: Final = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,26 +70,77 @@ def bent(beam: Beam, share: float, curvature: float, touching: Sequence[int] | A
         The contacts do not settle.
     """
     band, force = _assembled(beam, share, curvature)
-    contact = np.zeros(2 * len(beam.x), dtype=np.intp)
-    contact[::2] = np.where(np.isfinite(beam.gap), np.asarray(touching, dtype=np.intp), 0)
-    wall = np.zeros(len(contact))
+    bounded = np.zeros(2 * len(beam.x), dtype=bool)
+    bounded[::2] = np.isfinite(beam.gap)
+    wall = np.zeros(len(bounded))
     wall[::2] = np.where(np.isfinite(beam.gap), beam.gap, 0.0)
-    held = np.zeros(len(contact), dtype=bool)
+    # without play the low side and the high side are one place
+    held = bounded & (wall == 0.0)
+    side = np.zeros(len(bounded), dtype=np.intp)
+    side[::2] = np.where(bounded[::2], np.asarray(touching, dtype=np.intp), 0)
     if beam.clamped:
-        held[-2:], contact[-2] = True, 1
-    for _ in range(_ROUNDS * len(beam.x)):
-        values = _solved(band, force, held | (contact != 0), contact * wall)
-        pressed = force - _times(band, values)
-        past = np.where(np.isfinite(beam.gap), np.abs(values[::2]) - wall[::2], 0.0)
+        held[-2:], side[-2] = True, 1
+    problem = _Problem(band, force, wall, bounded & ~held, held)
+    values, side = _settled(problem, side) or _descended(problem, side * held)
+    pressed = force - _times(band, values)
+    contact = np.where(held, np.sign(pressed), side)[::2]
+    return Shape(beam.x, values[::2], values[1::2], np.where(bounded[::2], contact, 0.0), pressed[::2])
+
+
+class _Problem(NamedTuple):
+    """Stiffness, load, walls (2n,), which deflections they bound, and what is held in place."""
+
+    band: Array
+    force: Array
+    wall: Array
+    bounded: Mask
+    held: Mask
+
+    def loosest(self, values: Array, side: Index) -> int | None:
+        """The contact that would have to pull hardest, None where all push."""
+        pull = np.where(self.bounded, -side * (self.force - _times(self.band, values)), 0.0)
+        worst = int(np.argmax(pull))
+        return worst if pull[worst] > _PULL * np.abs(self.force).max(initial=1e-12) else None
+
+
+def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
+    """Close the contact passed furthest, else open the one that pulls hardest; None where that goes in circles."""
+    side = start.copy()
+    for _ in range(_ROUNDS * len(side)):
+        values = _solved(problem.band, problem.force, problem.held | (side != 0), side * problem.wall)
+        past = np.where(problem.bounded, np.abs(values) - problem.wall, 0.0)
         worst = int(np.argmax(past))
         if past[worst] > _TOUCH:
-            contact[2 * worst] = 1 if values[2 * worst] > 0.0 else -1
+            side[worst] = 1 if values[worst] > 0.0 else -1
             continue
-        pull = np.where(held, 0.0, -contact * pressed)
-        loose = int(np.argmax(pull))
-        if pull[loose] <= 1e-9 * np.abs(force).max(initial=1.0):
-            return Shape(beam.x, values[::2], values[1::2], contact[::2].astype(float), pressed[::2])
-        contact[loose] = 0
+        loose = problem.loosest(values, side)
+        if loose is None:
+            return values, side
+        side[loose] = 0
+    return None
+
+
+def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
+    """The same by steps that stay between the walls and never gain energy: slower, but it ends."""
+    side, values = start.copy(), start * problem.wall
+    for _ in range(_PATIENCE * len(side)):
+        fixed = problem.held | (side != 0)
+        aim = _solved(problem.band, problem.force, fixed, values)
+        step = aim - values
+        beyond = problem.bounded & ~fixed & (np.abs(aim) > problem.wall + _TOUCH)
+        if beyond.any():
+            room = np.where(beyond, np.sign(aim) * problem.wall - values, 0.0)
+            share = np.divide(room, step, out=np.full(len(step), np.inf), where=beyond)
+            first = int(np.argmin(share))
+            values = values + share[first] * step
+            side[first] = int(np.sign(aim[first]))
+            values[first] = side[first] * problem.wall[first]
+            continue
+        values = aim
+        loose = problem.loosest(values, side)
+        if loose is None:
+            return values, side
+        side[loose] = 0
     raise ConvergenceError(
         "the contacts of the assembly with the wall do not settle; check diameters and positions of the stabilisers"
     )

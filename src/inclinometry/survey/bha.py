@@ -29,6 +29,7 @@ MATERIALS: Final[Mapping[str, Material]] = MappingProxyType(
 """Alloy steel, and austenitic steel of non-magnetic collars (28e6 psi); densities of steel in both."""
 
 _BIT: Final = 0.8  # of the hole's diameter; an under-reamer above opens a hole by less
+_BEYOND: Final = 25.0  # m above the last stabiliser; there any string has found the low side
 _MESH: Final = 0.4  # m; the elements are exact at nodes, the mesh only says where the body may touch the wall
 
 
@@ -123,9 +124,11 @@ class Bha:
 
 
 def _mesh(bha: Bha) -> Beam:
-    """Nodes at the joints, stabilisers and sensor, and between them every 0.4 m."""
+    """Nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be."""
     ends = np.cumsum([0.0, *(one.length for one in bha.elements)])
-    marks = np.unique(np.round([*ends, bha.sensor, *(blade.position for blade in bha.stabilisers)], 6))
+    ends[-1] = max(ends[-1], _BEYOND + max((blade.position for blade in bha.stabilisers), default=0.0))
+    # to the centimetre: much shorter pieces would be too stiff beside the others for the digits of a double
+    marks = np.unique(np.round([*ends, bha.sensor, *(blade.position for blade in bha.stabilisers)], 2))
     pieces = [np.linspace(a, b, int(np.ceil((b - a) / _MESH)) + 1)[:-1] for a, b in pairwise(marks)]
     x = np.concatenate([*pieces, marks[-1:]])
     which = np.clip(np.searchsorted(ends, 0.5 * (x[1:] + x[:-1])) - 1, 0, len(bha.elements) - 1)

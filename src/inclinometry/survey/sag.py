@@ -96,8 +96,8 @@ def sag_angles(bha: Bha, inclination: ArrayLike, curvature: ArrayLike = 0.0) -> 
     Notes
     -----
     Euler-Bernoulli beam: E I v'''' = q sin I (1 - mud/metal) between contacts |v| <= clearance at the bit, the centres
-    of the stabilisers and wherever the body touches; the upper end lies on the low side, along the hole: let the
-    elements reach some 20 m beyond the last stabiliser. Weight on bit, torque and the turn of the hole are left out.
+    of the stabilisers and wherever the body touches; the upper end lies on the low side, along the hole; the
+    last element is taken to go on to 25 m above the last stabiliser. Weight on bit, torque and turn are left out.
     Exactly vertical there is no low side and sag counts as 0.
 
     Examples
