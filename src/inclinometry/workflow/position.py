@@ -176,11 +176,16 @@ def well_position(
         uncertainty,
         stations.azimuth_reference,
         model.code,
-        None if calibration is None else calibration.tool.name or "the tool",
+        None if calibration is None else _name(calibration),
         [*_notes(stations, tie_on, uncertainty is not None), *model.notes],
         (*_doubts(stations, path), *_declination_doubt(site), *model.warnings),
         {"survey": stations.digest},
     )
+
+
+def _name(calibration: Calibration) -> str:
+    name = calibration.tool.name
+    return "the tool" if name in ("", "unnamed") else name
 
 
 def _placed(
