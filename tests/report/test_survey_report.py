@@ -38,7 +38,7 @@ def test_page(size):
     assert f"{size} station" in page.text
     assert "true north" in page.text
     assert "+2.865°" in page.text  # 0.05 rad of declination
-    assert page.tags.count("svg") == 6
+    assert page.tags.count("svg") == 7  # three angles, three fields, the norths
     assert survey_report(found, site=SITE) == survey_report(found, site=SITE)
 
 

@@ -163,3 +163,17 @@ _add(
     "Where the well is and how sure: minimum curvature, covariance by a tool code or the tool's certificate.",
     "position survey.csv --tool-code iscwsa-mwd-rev5.1 --site site.toml -o position.csv --report position.html",
 )
+_add(
+    app,
+    "six_axis:quality",
+    "quality",
+    "Judge gravity, field and dip of each station against the site: exit status 0 pass, 1 fail, 2 bad input.",
+    "quality raw.csv --site site.toml --calibration tool.json",
+)
+_add(
+    app,
+    "six_axis:msa",
+    "msa",
+    "Multi-station analysis: the sensor errors that the stations of one run have in common.",
+    "msa raw.csv --site site.toml -o corrections.json --report msa.html",
+)

@@ -11,14 +11,14 @@ from inclinometry.calibration.acceptance import JUDGED, Verification
 from inclinometry.calibration.summary import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output
+from inclinometry.cli.six_axis import Convention, SixAxisForm
 from inclinometry.io.atomic import write_text
 from inclinometry.io.bench_csv import read_bench
 from inclinometry.io.limits_toml import read_limits
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.survey_csv import read_raw_survey
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.survey.reduce import Survey
-from inclinometry.workflow.survey import survey_with, write_survey
+from inclinometry.workflow.six_axis import SixAxisSurvey
+from inclinometry.workflow.survey import survey_file, write_survey
 
 
 def verify(
@@ -118,10 +118,14 @@ def survey(
     raw: Path,
     /,
     *,
-    calibration: Path,
     output_: Output,
+    calibration: Path | None = None,
     site: Path | None = None,
+    correct: str | None = None,
+    bha: Path | None = None,
     azimuth_from: Literal["magnetometer", "gyro"] | None = None,
+    from_: SixAxisForm = None,
+    convention: Convention = None,
     report: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -130,52 +134,83 @@ def survey(
     Parameters
     ----------
     raw
-        CSV with md_m and the channels.
-    calibration
-        tool.json
+        With a calibration: CSV with md_m and the raw channels. Without: gravity and magnetic field in any format of
+        convert, units in the column names (md_m, gx_m_s2 .. gz_m_s2, bx_nT .. bz_nT).
     output_
         Survey CSV.
+    calibration
+        tool.json; without it the readings are fields already and --site is needed.
     site
         site.toml: north_reference, declination_deg, convergence_deg, g, b_nT, dip_deg and their sigmas; latitude_deg.
+    correct
+        Corrections in their order, with commas: axial, msa, sag; a corrections.json may stand for msa.
+    bha
+        bha.toml: the assembly, for sag.
     azimuth_from
         Triad that gives the azimuth: the magnetometer where there is one, else the gyro (true north).
+    from_
+        Format of the readings; by the file's ending when not given.
+    convention
+        Axes and signs of the sensors in the file, without a calibration; the house's when not given.
     report
         Write an HTML report.
     json
         Print a JSON summary.
     """
-    output.claim(
-        {"--output": output_, "--report": report},
-        {"the raw channels": raw, "--calibration": calibration, "--site": site},
-    )
-    place = None if site is None else read_site(site)
+    output.claim({"--output": output_, "--report": report}, _inputs(raw, calibration, site, bha, correct))
     with output.reading(raw) as progress:
-        data = read_raw_survey(raw, progress=progress)
-    page = None
-    with output.busy(f"reducing and writing {output.counted(len(data), 'station')}"):
-        found = survey_with(data, calibration, place, second=azimuth_from)
+        done = survey_file(
+            raw,
+            site,
+            calibration,
+            correct=correct,
+            bha=bha,
+            second=azimuth_from,
+            form=from_,
+            convention=convention,
+            charts=report is not None,
+            progress=progress,
+        )
+    found, page = done.survey, None
+    with output.busy(f"writing {output.counted(len(found), 'station')}"):
         if report is not None:
             from inclinometry.report.survey import survey_report
 
-            page = survey_report(found, site=place)
+            place = None if site is None else done.site
+            quality = [None if judged is None else judged.quality for judged in (done.judged, done.before)]
+            page = survey_report(found, site=place, quality=quality[0], before=quality[1], notes=done.notes)
         write_survey(found, output_)
     if page is not None:
         write_text(page, report or "")
     output.warnings(found.warnings)
     if json:
-        output.print_json(
-            {
-                "stations": len(found),
-                "azimuth_reference": found.azimuth_reference,
-                "flagged": sum(bool(row) for row in found.flags),
-                "warnings": found.warnings,
-                "output": output_,
-            }
-        )
+        output.print_json(_summary(done, output_))
     else:
+        for sentence in (*done.notes, *found.history):
+            output.say(sentence)
         show_survey(found)
-        written = f"{output.counted(len(found), 'station')} written to {output_}"
-        output.say(written + (f", report to {report}" if report else ""))
+
+
+def _inputs(
+    raw: Path, calibration: Path | None, site: Path | None, bha: Path | None, correct: str | None
+) -> dict[str, Path | None]:
+    stored = {name.strip() for name in (correct or "").split(",") if name.strip().lower().endswith(".json")}
+    named = {f"--correct {name}": Path(name) for name in sorted(stored)}
+    return {"the raw channels": raw, "--calibration": calibration, "--site": site, "--bha": bha, **named}
+
+
+def _summary(done: SixAxisSurvey, path: Path) -> dict[str, object]:
+    found = done.survey
+    return {
+        "stations": len(found),
+        "azimuth_reference": found.azimuth_reference,
+        "flagged": sum(bool(row) for row in found.flags),
+        "quality": None if done.judged is None else done.judged.verdict,
+        "history": found.history,
+        "notes": done.notes,
+        "warnings": found.warnings,
+        "output": path,
+    }
 
 
 def show_survey(found: Survey, most: int = 12) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from inclinometry.core.arrays import Array
@@ -10,15 +12,29 @@ from inclinometry.report import survey_figures as draw
 from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, rounded, significant
 from inclinometry.report.expected import EXPANDED
+from inclinometry.report.norths import chain_of_norths, compass
 from inclinometry.report.page import render
+from inclinometry.report.quality import check_table, quality_pictures
 from inclinometry.report.words import listed
+from inclinometry.survey.axial import SOURCE as AXIAL
 from inclinometry.survey.flags import FLAGS
+from inclinometry.survey.multistation import SOURCE as ANALYSIS
+from inclinometry.survey.quality import FieldQuality
+from inclinometry.survey.quality_sensors import SOURCE as SENSORS
 from inclinometry.survey.reduce import Survey
+from inclinometry.survey.sag import SOURCE as SAG
 
 ANGLES = ("inclination", "azimuth", "toolface")
 
 
-def survey_report(survey: Survey, *, site: Site | None = None) -> str:
+def survey_report(
+    survey: Survey,
+    *,
+    site: Site | None = None,
+    quality: FieldQuality | None = None,
+    before: FieldQuality | None = None,
+    notes: Sequence[str] = (),
+) -> str:
     """A survey as one self-contained HTML page: what it is worth, curves over depth, flags in words, table.
 
     Parameters
@@ -27,6 +43,12 @@ def survey_report(survey: Survey, *, site: Site | None = None) -> str:
         As `inclinometry.survey.reduce.reduce_survey` returns it.
     site : Site, optional
         Draws the references of gravity, field strength and dip, and states the declination used.
+    quality : FieldQuality, optional
+        Of the survey's stations: draws gravity, field and dip against their limits.
+    before : FieldQuality, optional
+        Of the same stations before they were corrected.
+    notes : sequence of str
+        What was taken for granted.
 
     Returns
     -------
@@ -59,11 +81,15 @@ def survey_report(survey: Survey, *, site: Site | None = None) -> str:
         if troubles
         else "No flags",
         verdict=_sentence(survey),
-        notes=[_covers(survey)],
+        notes=[_covers(survey), *notes],
         warnings=list(survey.warnings),
         summary=_summary(survey),
         angle_figures=_angle_figures(survey),
-        magnitude_figures=_magnitude_figures(survey, site),
+        history=list(survey.history),
+        magnitude_figures=_magnitude_figures(survey, site) if quality is None else quality_pictures(quality, before),
+        checks=None if quality is None else check_table(quality.checks),
+        chain=chain_of_norths(survey, site),
+        compass=compass(survey, site),
         flags=_flags(survey),
         table=cut(_table(survey)),
         facts=_facts(survey, site),
@@ -88,8 +114,12 @@ def _sentence(survey: Survey) -> str:
 
 def _covers(survey: Survey) -> str:
     names = listed([f"“{name}”" for name in survey.components])
+    seen = set(survey.components)
+    missing = ["misalignment of the tool in the hole"]
+    missing += [] if SAG in seen else ["sag"]
+    missing += [] if seen & {AXIAL, ANALYSIS, SENSORS} else ["magnetic interference"]
     return (
-        f"Components included: {names}. Not included: misalignment of the tool in the hole, sag, magnetic interference."
+        f"Components included: {names}. Not included: {', '.join(missing)}."
         f" Azimuth counts from {survey.azimuth_reference} north."
     )
 

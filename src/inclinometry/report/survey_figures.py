@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 1500
 """Points a curve is drawn from; a longer survey is thinned evenly, its extremes are in the table and the file."""
+NEGLIGIBLE = 1e-3
+"""Share of the largest uncertainty below which a component is not drawn."""
 COLUMN = {"inclination": 0, "azimuth": 1, "toolface": 2}
 
 
@@ -72,18 +74,25 @@ def _uncertainty(axes: Axes, survey: Survey, name: str, rows: Array, u: Array) -
         axes.text(0.5, 0.5, "no uncertainty known", transform=axes.transAxes, ha="center", va="center")
         return
     axes.plot(md, EXPANDED * u, color=INK, label="U, all")
-    low = float(u[u > 0.0].min())
+    low, least = float(u[u > 0.0].min()), NEGLIGIBLE * float(u.max())
     for n, (component, parts) in enumerate(survey.components.items()):
         variance = parts[rows, COLUMN[name]]
         part = np.degrees(np.sqrt(np.where(np.isfinite(variance) & (variance > 0.0), variance, np.nan)))
+        part[part < least] = np.nan
         if np.isfinite(part).any():
             low = min(low, float(np.nanmin(part)))
             axes.plot(
-                md, EXPANDED * part, color=SERIES[n + 1], linestyle=DASHES[(n + 1) % len(DASHES)], label=component
+                md,
+                EXPANDED * part,
+                color=SERIES[(n + 1) % len(SERIES)],
+                linestyle=DASHES[(n + 1) % len(DASHES)],
+                label=component,
             )
     log_scale(axes, EXPANDED * low, EXPANDED * float(u.max()))
     axes.set_ylabel("U, deg")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2, columnspacing=1.2)
+    # two long names side by side are as much as the width bears
+    wide = 3 if len(survey.components) < 4 else 2
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.2)
 
 
 def _unbroken(value: Array) -> Array:

@@ -7,10 +7,24 @@ from pathlib import Path
 
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.core.digest import digest_file
+from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.survey_csv import RawSurvey, write_survey_csv
+from inclinometry.io._lines import Progress
+from inclinometry.io.site_toml import read_site
+from inclinometry.io.survey_csv import RawSurvey, read_raw_survey, write_survey_csv
 from inclinometry.io.tool_json import read_calibration
+from inclinometry.survey.from_tool import KINDS, stations_from_tool
 from inclinometry.survey.reduce import Survey, reduce_survey
+from inclinometry.workflow.field import completed
+from inclinometry.workflow.six_axis import (
+    Judged,
+    SixAxisSurvey,
+    declination_doubts,
+    has_reference,
+    judge,
+    read_six_axis,
+    survey_six_axis,
+)
 
 
 def survey_raw(
@@ -47,6 +61,65 @@ def survey_with(raw: RawSurvey, tool: str | Path, site: Site | None = None, *, s
     """`survey_raw` with a tool.json, whose own digest is recorded too."""
     found = survey_raw(raw, read_calibration(tool), site, second=second)
     return replace(found, inputs={**found.inputs, "tool": digest_file(tool)})
+
+
+def survey_file(
+    raw: str | Path,
+    site: str | Path | None = None,
+    calibration: str | Path | None = None,
+    *,
+    correct: str | None = None,
+    bha: str | Path | None = None,
+    second: str | None = None,
+    form: str | None = None,
+    convention: str | None = None,
+    charts: bool = False,
+    progress: Progress | None = None,
+) -> SixAxisSurvey:
+    """A survey from files, with what is needed to report on it.
+
+    Parameters
+    ----------
+    raw, site, calibration, form, convention, progress
+        As `read_six_axis`; with a calibration the site is optional.
+    correct, bha
+        As `survey_six_axis`.
+    second : {"magnetometer", "gyro"}, optional
+        As `survey_raw`; corrections are of the magnetometer's survey only.
+    charts : bool
+        Judge the fields even where the survey does not need it, for a report.
+
+    Raises
+    ------
+    InputError, FileError, IdentifiabilityError
+        As these.
+    """
+    if calibration is None or correct is not None or bha is not None:
+        if second is not None:
+            option = f"--azimuth-from {second}"
+            raise InputError(f"{option} is for raw channels of a calibrated tool without corrections; leave it out")
+        run = read_six_axis(raw, site, calibration, form=form, convention=convention, progress=progress)
+        return survey_six_axis(run, correct, bha)
+    if convention is not None or form not in (None, "csv"):
+        raise InputError("with --calibration the readings are a CSV of raw channels; leave --from and --convention out")
+    place, notes = (None, []) if site is None else completed(read_site(site))
+    data = read_raw_survey(raw, progress=progress)
+    record = read_calibration(calibration)
+    found = survey_raw(data, record, place, second=second)
+    doubts = [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
+    inputs = {**found.inputs, "tool": digest_file(calibration)}
+    found = replace(found, inputs=inputs, warnings=(*doubts, *found.warnings))
+    judged = _judged(data, record, place) if charts and second != "gyro" and place is not None else None
+    return SixAxisSurvey(found, place or Site(), judged, notes=notes)
+
+
+def _judged(raw: RawSurvey, record: Calibration, site: Site) -> Judged | None:
+    """Quality of the stations where site and calibration know the strengths of both fields."""
+    triads = [record.tool.triads.get(kind) for kind in KINDS]
+    strong = all(triad is not None and triad.full and triad.field_strength for triad in triads)
+    if not (strong and has_reference(site) and all(kind in raw.channels for kind in KINDS)):
+        return None
+    return judge(stations_from_tool(raw.md, raw.channels, record.tool, temperature=raw.temperature), site)
 
 
 def write_survey(survey: Survey, path: str | Path) -> None:

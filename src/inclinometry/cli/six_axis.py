@@ -1,0 +1,220 @@
+"""Commands on six-axis stations: quality, msa."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json, Output
+from inclinometry.cli.quality import show_checks
+from inclinometry.core.errors import InputError
+from inclinometry.io.atomic import write_text
+from inclinometry.io.corrections_json import write_corrections
+from inclinometry.io.quality_toml import read_quality_limits
+from inclinometry.survey.quality import FieldQuality
+from inclinometry.survey.quality_words import QUANTITIES
+from inclinometry.workflow.gyro_quality import check_json
+from inclinometry.workflow.six_axis import Analysis, SixAxis, analyse, judge, read_six_axis
+
+SixAxisForm: TypeAlias = Annotated[
+    Literal["csv", "xlsx", "parquet", "las", "witsml", "p7", "wits"] | None, Parameter(name="--from")
+]
+Convention: TypeAlias = Literal["house", "iscwsa", "specific-force", "z-up"] | None
+
+
+def quality(
+    raw: Path,
+    /,
+    *,
+    site: Path,
+    limits: str | None = None,
+    calibration: Path | None = None,
+    from_: SixAxisForm = None,
+    convention: Convention = None,
+    json: Json = False,
+) -> int:
+    """Judge gravity, magnetic field and dip of each station against the site; exit status 0 pass, 1 fail, 2 bad input.
+
+    Parameters
+    ----------
+    raw
+        Raw channels of a calibrated tool, six axes in m/s2 and nT in any format, or a survey with totals and dip.
+    site
+        site.toml with g, b_nT, dip_deg and their sigmas, or latitude_deg, longitude_deg and date.
+    limits
+        Name of a preset or a TOML file; without limits 3 standard uncertainties of tool and site at each attitude.
+    calibration
+        tool.json; without it the sensors' errors are those of the ISCWSA MWD model.
+    from_
+        Format of the file; by its ending when not given.
+    convention
+        Axes and signs of the sensors in the file, without a calibration; the house's when not given.
+    json
+        Print JSON.
+    """
+    fixed = None if limits is None else read_quality_limits(limits)
+    with output.reading(raw) as progress:
+        run = read_six_axis(raw, site, calibration, form=from_, convention=convention, progress=progress)
+    judged = judge(run.stations, run.site, fixed)
+    output.warnings(run.warnings)
+    if json:
+        output.print_json(
+            {
+                "verdict": judged.verdict,
+                "limits": None if fixed is None else {"name": fixed.name, "source": fixed.source},
+                "checks": list(map(check_json, judged.checks)),
+                "stations": [station_json(judged.quality, row) for row in range(len(run.stations))],
+                "notes": [*run.notes, *judged.quality.notes],
+            }
+        )
+    else:
+        show_checks(f"{judged.verdict.upper()}: {raw.name}", judged.checks)
+        show_failures(judged.quality)
+        for sentence in (*run.notes, *judged.quality.notes):
+            output.say(sentence)
+    return 0 if judged.verdict == "pass" else 1
+
+
+def station_json(found: FieldQuality, row: int) -> dict[str, object]:
+    """One station as plain data: m/s2, nT, degrees."""
+    content: dict[str, object] = {"station": row + 1, "md_m": found.md[row], "verdict": found.verdicts[row]}
+    for column, (name, unit) in enumerate((("g", "m_s2"), ("b", "nT"), ("dip", "deg"))):
+        factor = QUANTITIES[column].factor
+        judged = bool(found.judged[row, column])
+        content |= {
+            f"{name}_{unit}": factor * found.found[row, column],
+            f"{name}_difference_{unit}": factor * found.difference[row, column],
+            f"{name}_limit_{unit}": factor * found.limit[row, column] if judged else None,
+        }
+    return content | {
+        "distance_sigma": found.distance[row],
+        "distance_limit_sigma": found.distance_limit[row],
+        "undetected_azimuth_deg": np.degrees(found.undetected_azimuth[row]),
+        "reason": found.reasons[row],
+        "action": found.actions[row],
+    }
+
+
+def show_failures(found: FieldQuality, most: int = 12) -> None:
+    """The stations that do not pass, with their differences from the reference."""
+    failed = [row for row, verdict in enumerate(found.verdicts) if verdict == "fail"]
+    if not failed:
+        return
+    rows = []
+    for row in failed[:most]:
+        cells = [f"{found.md[row]:.2f}"]
+        for column, quantity in enumerate(QUANTITIES):
+            f, places = quantity.factor, quantity.digits
+            limit = f"{f * found.limit[row, column]:.{places}f}" if found.judged[row, column] else "-"
+            cells.append(f"{f * found.difference[row, column]:+.{places}f} ({limit})")
+        rows.append([*cells, f"{found.distance[row]:.2f} ({found.distance_limit[row]:.2f})"])
+    title = f"{output.counted(len(failed), 'station')} beyond a limit"
+    title += f", the first {most}" if len(failed) > most else ""
+    header = ["md m", *(f"{quantity.name} {quantity.shown}" for quantity in QUANTITIES), "together sigma"]
+    output.table(f"{title}; difference (allowed)", header, rows)
+
+
+def msa(
+    raw: Path,
+    /,
+    *,
+    site: Path,
+    output_: Output,
+    calibration: Path | None = None,
+    priors: Literal["iscwsa", "unknown"] | None = None,
+    axial_sigma_nt: float | None = None,
+    from_: SixAxisForm = None,
+    convention: Convention = None,
+    report: Path | None = None,
+    json: Json = False,
+) -> None:
+    """Multi-station analysis: the errors that the sensors of one run have in common, with uncertainty.
+
+    Parameters
+    ----------
+    raw
+        Raw channels of a calibrated tool, or six axes in m/s2 and nT in any format: one run, 4 stations or more.
+    site
+        site.toml with g, b_nT, dip_deg and their sigmas, or latitude_deg, longitude_deg and date.
+    output_
+        corrections.json, for survey --correct corrections.json.
+    calibration
+        tool.json, whose covariance is then the prior.
+    priors
+        What is known of a tool without a calibration: iscwsa (kept to the ISCWSA model; when not given) or unknown.
+    axial_sigma_nt
+        Standard deviation of the axial magnetic interference, nT; 2000 when not given.
+    from_
+        Format of the file; by its ending when not given.
+    convention
+        Axes and signs of the sensors in the file, without a calibration; the house's when not given.
+    report
+        Write an HTML report.
+    json
+        Print a JSON summary.
+    """
+    output.claim(
+        {"--output": output_, "--report": report},
+        {"the raw channels": raw, "--calibration": calibration, "--site": site},
+    )
+    if priors is not None and calibration is not None:
+        raise InputError("--priors is given with --calibration, whose covariance is the prior; leave one of them out")
+    with output.reading(raw) as progress:
+        run = read_six_axis(raw, site, calibration, form=from_, convention=convention, progress=progress)
+    with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
+        done = analyse(run, priors or "iscwsa", axial_sigma_nt)
+        page = None if report is None else _page(run, done)
+    write_corrections(done.correction, output_)
+    if page is not None:
+        write_text(page, report or "")
+    output.warnings((*run.warnings, *done.found.warnings))
+    if json:
+        output.print_json(_summary(run, done, output_))
+        return
+    for sentence in (*run.notes, done.found.corrected.history[-1]):
+        output.say(sentence)
+    show_parameters(done)
+
+
+def _page(run: SixAxis, done: Analysis) -> str:
+    from inclinometry.report.msa import msa_report
+
+    return msa_report(
+        done.found,
+        run.stations,
+        done.judged.quality,
+        tool=done.correction.tool,
+        notes=run.notes,
+        warnings=run.warnings,
+        inputs=run.inputs,
+    )
+
+
+def _summary(run: SixAxis, done: Analysis, path: Path) -> dict[str, object]:
+    found = done.found
+    return {
+        "stations": len(run.stations),
+        "parameters": {name: p._asdict() | {"significance": p.significance} for name, p in found.parameters.items()},
+        "chi_square": found.chi_square,
+        "degrees_of_freedom": found.freedom,
+        "priors": found.priors,
+        "influence_deg": np.degrees(found.influence),
+        "notes": run.notes,
+        "warnings": [*run.warnings, *found.warnings],
+        "output": path,
+    }
+
+
+def show_parameters(done: Analysis) -> None:
+    """Every estimate with its uncertainty before and after, on the terminal."""
+    rows = [
+        [name, f"{p.value:+.4g}", f"{p.u:.2g}", f"{p.prior:.2g}", p.unit, f"{p.significance:.1f}"]
+        for name, p in done.found.parameters.items()
+        if p.prior > 0.0
+    ]
+    header = ["parameter", "estimate", "u", "u before", "unit", "estimate / u"]
+    output.table("errors of the sensors and the reference, SI and rad", header, rows, f"priors: {done.found.priors}")

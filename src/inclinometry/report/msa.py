@@ -1,0 +1,227 @@
+"""The report of a multi-station analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from inclinometry.attitude.orientation import angles, angles_jacobian
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.arrays import Array
+from inclinometry.report import msa_figures as draw
+from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
+from inclinometry.report.digits import plain, significant, with_uncertainty
+from inclinometry.report.expected import EXPANDED
+from inclinometry.report.msa_words import blind_spots, described, labels, unit_of
+from inclinometry.report.page import render
+from inclinometry.report.quality import quality_pictures
+from inclinometry.survey.multistation import MultiStation
+from inclinometry.survey.quality import FieldQuality, judge_fields
+from inclinometry.survey.quality_words import QUANTITIES
+from inclinometry.survey.stations import Stations
+
+_STRONG = 0.7  # correlation from which a pair is listed
+_PAIRS = 12
+
+
+def msa_report(
+    found: MultiStation,
+    before: Stations,
+    quality: FieldQuality,
+    *,
+    tool: str = "",
+    notes: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+    inputs: Mapping[str, str] | None = None,
+) -> str:
+    """A multi-station analysis as one self-contained HTML page.
+
+    Parameters
+    ----------
+    found : MultiStation
+    before : Stations
+        The stations it was given.
+    quality : FieldQuality
+        Of these, against the reference of the analysis.
+    tool : str
+    notes, warnings : sequences of sentences
+        Besides the analysis' own.
+    inputs : mapping of name to digest, optional
+
+    Returns
+    -------
+    str
+        HTML without any reference outside itself. The same input gives the same text.
+    """
+    after = judge_fields(found.corrected, quality.reference, k=quality.k, limits=quality.limits)
+    u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
+    names = labels(found)
+    said = [*warnings, *found.warnings]
+    return render(
+        "msa.html",
+        title="Multi-station analysis",
+        kind="Multi-station analysis",
+        heading=f"Sensor errors of {tool} in one run" if tool else "Sensor errors of one run",
+        conventions=CONVENTIONS,
+        state="warn" if said else "good",
+        badge="Read the warnings" if said else f"{len(before)} stations, nothing against it",
+        verdict=_verdict(found, before, u_before, u_after),
+        notes=list(notes),
+        warnings=said,
+        fields=_fields(quality, after, found),
+        field_figures=quality_pictures(after, quality, quality.reference.values + _reference_shift(found)),
+        azimuth_figures=_azimuths(found, before, u_before, u_after),
+        parameters=_parameters(found),
+        parameter_figures=[
+            picture(draw.estimate_figure(found, names), "estimates", "Estimates; squares: more than 2 u from zero"),
+            picture(
+                draw.correlation_figure(found, names),
+                "correlation",
+                "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05",
+            ),
+        ],
+        pairs=_pairs(found, names),
+        blind=blind_spots(found, after, u_after),
+        stations=cut(_stations(found, before, quality, after)),
+        facts=_facts(found, quality, tool, inputs or {}),
+    )
+
+
+def azimuth_u(stations: Stations) -> Array:
+    """Standard uncertainty (n,) of azimuth from all that is uncertain about the stations, rad; inf where vertical."""
+    rows = angles_jacobian(stations.g, stations.b)[:, 1]
+    variance = np.einsum("na,nab,nb->n", rows, stations.field_covariance(), rows)
+    return np.asarray(np.sqrt(np.where(np.isfinite(variance), variance, np.inf)))
+
+
+def _reference_shift(found: MultiStation) -> Array:
+    return np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
+
+
+def _verdict(found: MultiStation, before: Stations, u_before: Array, u_after: Array) -> str:
+    """One sentence: what was wrong, what that did to azimuth, how sure it is now."""
+    sure = sorted(
+        (
+            name
+            for name, p in found.parameters.items()
+            if p.significance > EXPANDED and not name.startswith("reference")
+        ),
+        key=lambda name: -found.parameters[name].significance,
+    )[:3]
+    parts = [f"{described(name)} {_value(found, name)}" for name in sure]
+    what = "; ".join(parts) if parts else "no sensor error stands out"
+    old, new = (angles(s.g, s.b).azimuth for s in (before, found.corrected))
+    moved = np.abs(np.degrees(wrap_signed(new - old)))
+    left = EXPANDED * float(np.degrees(np.median(np.minimum(u_after, np.pi))))
+    return (
+        f"{what[0].upper()}{what[1:]}. Azimuth changes by {significant(float(np.median(moved)))}° at half of the "
+        f"{len(before)} stations, at most by {significant(float(moved.max()))}°, and is then known to "
+        f"±{significant(left)}° at half of them (expanded, k = {EXPANDED:g})."
+    )
+
+
+def _value(found: MultiStation, name: str) -> str:
+    p = found.parameters[name]
+    unit, factor = unit_of(p.unit)
+    return f"{with_uncertainty(factor * p.value, factor * p.u)} {unit}".rstrip()
+
+
+def _fields(before: FieldQuality, after: FieldQuality, found: MultiStation) -> Table:
+    """Root mean squares against the reference, and verdicts, before and after."""
+    rows = []
+    own = found.after
+    for column, quantity in enumerate(QUANTITIES):
+        f = quantity.factor
+        sizes = [
+            f"{f * float(np.sqrt(np.mean(values[:, column] ** 2))):.{quantity.digits}f}"
+            for values in (before.difference, after.difference, own)
+        ]
+        verdicts = [quality.checks[column].verdict for quality in (before, after)]
+        state = "warn" if verdicts[1] != "pass" else ""
+        unit = quantity.shown.replace("m/s^2", "m/s²")
+        rows.append(TableRow([f"{quantity.name}, {unit}", *sizes, " → ".join(verdicts)], state))
+    head = ["quantity", "before", "after", "after, from the corrected reference", "verdict"]
+    note = "Passing after the analysis is no independent proof: it was fitted to this reference."
+    return Table("Root mean square of the differences from the reference", head, rows, note)
+
+
+def _azimuths(found: MultiStation, before: Stations, u_before: Array, u_after: Array) -> list[Picture]:
+    return [
+        picture(
+            draw.azimuth_figure(found, before, u_before, u_after), "azimuth", "Change of azimuth by the correction"
+        ),
+        picture(
+            draw.influence_figure(found),
+            "influence",
+            "Largest change of azimuth at any station if this one were left out of the analysis",
+        ),
+    ]
+
+
+def _parameters(found: MultiStation) -> Table:
+    rows = []
+    for name, p in found.parameters.items():
+        if p.prior <= 0.0:
+            continue
+        unit, f = unit_of(p.unit)
+        value = [significant(f * p.value, 3) if p.value >= 0.0 else f"−{significant(-f * p.value, 3)}"]
+        cells = [*value, significant(f * p.u), significant(f * p.prior), unit or "-"]
+        learned = f"{100.0 * p.learned:.0f} %"
+        word = "yes" if p.significance > EXPANDED else ""
+        rows.append(TableRow([name, described(name), *cells, f"{p.significance:.1f}", word, learned]))
+    head = ["parameter", "meaning", "estimate", "u", "u before", "unit", "estimate / u", "stands out", "learned"]
+    note = (
+        "Estimate: what the sensors measure too much, and what has to be added to the reference. Learned: share of the "
+        "prior variance that the run has removed; near 0 % the value is the prior's, not the run's."
+    )
+    return Table("Estimates with their standard uncertainty", head, rows, note, text_columns=2)
+
+
+def _pairs(found: MultiStation, names: Mapping[str, str]) -> Table | None:
+    """The pairs of which the run sees little more than a sum or difference."""
+    keys, matrix = list(found.parameters), found.correlation
+    strong = [
+        (abs(matrix[i, j]), i, j)
+        for i in range(len(keys))
+        for j in range(i)
+        if abs(matrix[i, j]) >= _STRONG and keys[i] in names and keys[j] in names
+    ]
+    rows = []
+    for size, i, j in sorted(strong, key=lambda pair: (-pair[0], pair[1:]))[:_PAIRS]:
+        only = "their sum" if matrix[i, j] < 0.0 else "their difference"
+        rows.append(TableRow([f"{keys[j]} and {keys[i]}", only, f"{matrix[i, j]:+.2f}"], "warn" if size > 0.95 else ""))
+    head = ["pair", "well known is rather", "correlation"]
+    return Table("Parameters that go together", head, rows, text_columns=2) if rows else None
+
+
+def _stations(found: MultiStation, before: Stations, was: FieldQuality, now: FieldQuality) -> Table:
+    old, new = (np.degrees(angles(s.g, s.b).azimuth) for s in (before, found.corrected))
+    rows = []
+    for k in range(len(before)):
+        cells = [plain(float(before.md[k]), 2), f"{old[k]:.3f}", f"{new[k]:.3f}"]
+        for column, quantity in enumerate(QUANTITIES):
+            for quality in (was, now):
+                cells.append(f"{quality.difference[k, column] * quantity.factor:+.{quantity.digits}f}")
+        cells += [significant(float(np.degrees(found.influence[k]))), f"{found.surprise[k]:.1f}"]
+        rows.append(TableRow(cells, "warn" if now.verdicts[k] == "fail" else ""))
+    head = ["md, m", "azimuth before", "after"]
+    for quantity in QUANTITIES:
+        head += [f"{quantity.name} − reference, {quantity.shown.replace('m/s^2', 'm/s²')}", "after"]
+    caption = "Stations; magnetic azimuth and influence in deg; surprise: squared error against the others, expected 3"
+    return Table(caption, [*head, "influence", "surprise"], rows)
+
+
+def _facts(found: MultiStation, quality: FieldQuality, tool: str, inputs: Mapping[str, str]) -> list[tuple[str, str]]:
+    reference, md = quality.reference, found.corrected.md
+    dip = with_uncertainty(float(np.degrees(reference.dip)), float(np.degrees(reference.dip_sigma)))
+    return [
+        ("Tool", tool or "not named"),
+        ("Stations", f"{len(md)}, {md[0]:g} to {md[-1]:g} m"),
+        ("Priors", found.priors),
+        ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
+        ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
+        ("Reference b", f"{with_uncertainty(reference.b, reference.b_sigma)} nT"),
+        ("Reference dip", f"{dip}°"),
+        *((f"Digest of {name}", digest) for name, digest in inputs.items()),
+    ]

@@ -1,0 +1,159 @@
+"""The quality of six-axis stations on a page: gravity, magnetic field and dip against their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from inclinometry.core.arrays import Array, Mask
+from inclinometry.report.content import Picture, Table, TableRow, picture
+from inclinometry.report.digits import plain, significant
+from inclinometry.report.figure import BAD, INK, SERIES, new_figure, styled
+from inclinometry.report.survey_figures import thinned
+from inclinometry.survey.checks import Check
+from inclinometry.survey.quality import FieldQuality
+from inclinometry.survey.quality_words import QUANTITIES, Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_NAMES = ("gravity", "b", "dip")
+_AXES = ("total gravity, m/s²", "total field, nT", "dip, deg")
+_UNITS = {"rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/h", 180.0 / np.pi * 3600.0), "m/s^2": ("m/s²", 1.0)}
+_FEW = 80  # points up to which each is marked
+
+
+def quality_pictures(
+    quality: FieldQuality, before: FieldQuality | None = None, corrected: Array | None = None
+) -> list[Picture]:
+    """Gravity, magnetic field, dip and the three together over measured depth, against their limits.
+
+    Parameters
+    ----------
+    quality : FieldQuality
+    before : FieldQuality, optional
+        The same stations before they were corrected, drawn beside.
+    corrected : (3,) array_like, optional
+        The reference as an analysis corrects it: g (m/s^2), b (nT), dip (rad).
+    """
+    moved = [None] * 3 if corrected is None else [float(value) for value in corrected]
+    found = []
+    for column, name in enumerate(_NAMES):
+        what = QUANTITIES[column].name
+        caption = f"{what[0].upper()}{what[1:]} against the reference; shaded: what is allowed"
+        figure = fields_figure(quality, column, before, moved[column])
+        found.append(picture(figure, f"quality{name}", caption))
+    if np.isfinite(quality.distance).any():
+        caption = "The three together: distance from the reference in standard deviations"
+        found.append(picture(distance_figure(quality, before), "qualitydistance", caption))
+    return found
+
+
+@styled
+def fields_figure(
+    quality: FieldQuality, column: int, before: FieldQuality | None = None, corrected: float | None = None
+) -> Figure:
+    """One of the three quantities with its reference and the band of what is allowed at each station."""
+    figure = new_figure(3.0)
+    axes = figure.add_subplot()
+    factor = QUANTITIES[column].factor
+    rows = thinned(len(quality.md))
+    md, reference = quality.md[rows], factor * float(quality.reference.values[column])
+    allowed = factor * np.where(quality.judged[rows, column], quality.limit[rows, column], np.nan)
+    if len(md) > 1:
+        axes.fill_between(md, reference - allowed, reference + allowed, color=SERIES[2], alpha=0.17, linewidth=0.0)
+    else:
+        axes.errorbar(md, [reference], yerr=np.nan_to_num(allowed), color=SERIES[2], alpha=0.5, linewidth=6.0)
+    axes.axhline(reference, color=SERIES[2], linestyle="--", label="reference")
+    if corrected is not None:
+        axes.axhline(factor * corrected, color=INK, linestyle=":", linewidth=1.2, label="reference, corrected")
+    mark = len(md) <= _FEW
+    if before is not None:
+        look: dict[str, Any] = {"color": SERIES[1], "linestyle": "-." if mark else ":", "marker": "s" if mark else None}
+        axes.plot(md, factor * before.found[rows, column], label="before", markersize=3.0, alpha=0.8, **look)
+    label = "measured" if before is None else "corrected"
+    axes.plot(md, factor * quality.found[rows, column], color=SERIES[0], marker="o" if mark else None, label=label)
+    _crosses(axes, quality, factor * quality.found[:, column], _beyond(quality, column))
+    axes.ticklabel_format(axis="y", useOffset=False)
+    axes.set_ylabel(_AXES[column])
+    axes.set_xlabel("measured depth, m")
+    wide = 2 if before is not None and corrected is not None else 3
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.0)
+    return figure
+
+
+@styled
+def distance_figure(quality: FieldQuality, before: FieldQuality | None = None) -> Figure:
+    """Mahalanobis distance of the three quantities from their reference, with its limit."""
+    figure = new_figure(3.0)
+    axes = figure.add_subplot()
+    rows = thinned(len(quality.md))
+    md, mark = quality.md[rows], len(rows) <= _FEW
+    if before is not None:
+        look: dict[str, Any] = {"color": SERIES[1], "linestyle": "-." if mark else ":", "marker": "s" if mark else None}
+        axes.plot(md, before.distance[rows], label="before", markersize=3.0, alpha=0.8, **look)
+    label = "measured" if before is None else "corrected"
+    axes.plot(md, quality.distance[rows], color=SERIES[0], marker="o" if mark else None, label=label)
+    axes.plot(md, quality.distance_limit[rows], color=SERIES[2], linestyle="--", label="allowed")
+    _crosses(axes, quality, quality.distance, quality.distance > quality.distance_limit)
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel("distance, σ")
+    axes.set_xlabel("measured depth, m")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.0)
+    return figure
+
+
+def _beyond(quality: FieldQuality, column: int) -> Mask:
+    check = quality.checks[column]
+    failed = np.zeros(len(quality.md), dtype=bool)
+    failed[list(check.stations if check.verdict == "fail" else ())] = True
+    return failed
+
+
+def _crosses(axes: Any, quality: FieldQuality, values: Array, failed: Mask) -> None:
+    if failed.any():
+        look: dict[str, Any] = {"linestyle": "none", "marker": "X", "color": BAD, "markersize": 6.5, "label": "beyond"}
+        axes.plot(quality.md[failed], values[failed], **look)
+
+
+def check_table(checks: Sequence[Check]) -> Table:
+    """Every check with its figures, reason and next action."""
+    states = {"pass": "", "not judged": "warn", "fail": "bad"}
+    body = []
+    for check in checks:
+        unit, factor = _UNITS.get(check.unit, (check.unit, 1.0))
+        value, limit = (_shown(x * factor) for x in (check.value, check.limit))
+        action = check.action if check.verdict != "pass" else ""
+        cells = [check.name, check.verdict, check.reason, action, value, limit, unit]
+        body.append(TableRow(cells, states[check.verdict]))
+    head = ["check", "verdict", "what was found", "what to do", "value", "limit", "unit"]
+    return Table("Checks of the run", head, body, text_columns=4)
+
+
+def _shown(value: float) -> str:
+    return significant(value, 3) if np.isfinite(value) else "-"
+
+
+def station_quality_table(quality: FieldQuality) -> Table:
+    """Differences from the reference at every station, what is allowed, and the verdict."""
+    head = ["md, m"]
+    for quantity in QUANTITIES:
+        head += [f"{quantity.name} − reference, {quantity.shown.replace('m/s^2', 'm/s²')}", "allowed"]
+    rows = []
+    for k, verdict in enumerate(quality.verdicts):
+        cells = [plain(float(quality.md[k]), 2)]
+        for column, quantity in enumerate(QUANTITIES):
+            cells += _cells(quality, k, column, quantity)
+        distance = quality.distance[k]
+        cells += [f"{distance:.2f}" if np.isfinite(distance) else "-", verdict]
+        rows.append(TableRow(cells, {"fail": "bad", "not judged": "warn"}.get(verdict, "")))
+    return Table("Stations against the reference", [*head, "distance, σ", "verdict"], rows)
+
+
+def _cells(quality: FieldQuality, row: int, column: int, quantity: Quantity) -> list[str]:
+    difference = f"{quality.difference[row, column] * quantity.factor:+.{quantity.digits}f}"
+    if not quality.judged[row, column]:
+        return [difference, "-"]
+    return [difference, f"{quality.limit[row, column] * quantity.factor:.{quantity.digits}f}"]

@@ -1,0 +1,339 @@
+"""From a six-axis file to stations, their quality, their corrections and the survey."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.digest import digest_file
+from inclinometry.core.errors import FileError, InclinometryError, InputError
+from inclinometry.earth.magnetic import complete_site
+from inclinometry.earth.site import Site
+from inclinometry.io._lines import Progress
+from inclinometry.io.corrections_json import read_corrections
+from inclinometry.io.site_toml import read_site
+from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.io.tool_json import read_calibration
+from inclinometry.sensors.tool import Tool
+from inclinometry.survey.checks import Check, worst
+from inclinometry.survey.from_stations import survey_from_stations
+from inclinometry.survey.multistation import (
+    FieldReference,
+    MultiStation,
+    multistation,
+    priors_from_tool,
+    published_priors,
+    reference_of_site,
+)
+from inclinometry.survey.quality import FieldLimits, FieldQuality, judge_fields
+from inclinometry.survey.quality_sensors import with_sensors
+from inclinometry.survey.quality_wiring import wiring_check
+from inclinometry.survey.reduce import Survey
+from inclinometry.survey.sensor_correction import SensorCorrection, apply_correction, correction_of
+from inclinometry.survey.stations import Stations
+from inclinometry.workflow.corrections import Means, apply_corrections, correction_names
+from inclinometry.workflow.field import completed, model_of
+from inclinometry.workflow.six_axis_file import plain_stations, tool_stations
+
+SENSORS: Final = "iscwsa-mwd-rev5.1"
+"""Tool code whose sensor errors stand for those of a tool without a calibration."""
+
+_SIGN: Final = np.radians(1.0)  # declinations nearer to zero than this have no wrong sign worth a word
+
+
+@dataclass(frozen=True, eq=False)
+class SixAxis:
+    """Stations of a run and what is known beside them.
+
+    stations : Stations, with the calibration or a tool code's sensor errors as their sources.
+    site : Site, completed; tool : Tool, or None without a calibration; dip : rad at the calibration stand, or None.
+    notes : what was taken for granted; warnings : what may be wrong.
+    inputs : name -> digest.
+    """
+
+    stations: Stations
+    site: Site
+    tool: Tool | None = None
+    dip: float | None = None
+    notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def reference(self) -> FieldReference | None:
+        """What the site says of gravity, field and dip; None where it lacks one of them."""
+        return reference_of_site(self.site) if has_reference(self.site) else None
+
+
+def has_reference(site: Site) -> bool:
+    """Whether a site knows gravity, field strength and dip."""
+    return all(value is not None for value in (site.gravity, site.b, site.dip))
+
+
+def read_six_axis(
+    raw: str | Path,
+    site: str | Path | None,
+    calibration: str | Path | None = None,
+    *,
+    form: str | None = None,
+    convention: str | None = None,
+    progress: Progress | None = None,
+) -> SixAxis:
+    """Read the stations of a run.
+
+    Parameters
+    ----------
+    raw : str or Path
+        With a calibration, CSV of raw channels; without one, fields in any of the formats, their units in the names. A
+        survey file without sensors, of which totals, dip and angles are known, serves too: these give the same fields.
+    site : str or Path, optional
+        site.toml; what it lacks is filled from models where place and date are known. Required without a calibration.
+    calibration : str or Path, optional
+        tool.json
+    form : str, optional
+        Format of `raw`; by its ending when not given.
+    convention : str, optional
+        Axes and signs of the sensors in `raw`, where there is no calibration.
+    progress : callable, optional
+
+    Raises
+    ------
+    InputError, FileError
+        As the readers; no site; a site without gravity, b or dip where a tool lacks its field strengths.
+    """
+    if site is None and calibration is None:
+        raise InputError(
+            "without a calibration nothing but the site can tell whether the readings are right; give --site site.toml "
+            "with g, b_nT, dip_deg, or latitude_deg, longitude_deg and date"
+        )
+    place, said = completed(Site() if site is None else read_site(site))
+    inputs = {} if site is None else {"site": digest_file(site)}
+    doubts = declination_doubts(place)
+    if calibration is None:
+        stations, digest, notes = plain_stations(raw, place, form, convention, progress)
+        code = load_tool_code(SENSORS)
+        stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
+        said = [*said, f"no calibration: the sensors' errors are taken from the tool code {SENSORS}"]
+        return SixAxis(stations, place, None, None, (*said, *notes), doubts, {"raw": digest, **inputs})
+    if convention is not None:
+        raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
+    record = read_calibration(calibration)
+    stations, digest, notes = tool_stations(raw, record, place, form, progress)
+    inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
+    inputs |= {"raw": digest, "tool": digest_file(calibration)}
+    inherited = [f"calibration: {sentence}" for sentence in record.warnings]
+    return SixAxis(stations, place, record.tool, record.dip, (*said, *notes), (*inherited, *doubts), inputs)
+
+
+def declination_doubts(site: Site) -> list[str]:
+    """A warning where the declination stated has the sign opposite to the model's of the same place and date.
+
+    Examples
+    --------
+    >>> import datetime
+    >>> place = {"latitude": 0.9, "longitude": -1.4, "height_m": 0.0, "date": datetime.date(2026, 5, 1)}
+    >>> said = declination_doubts(Site(declination=np.radians(13.0), **place))
+    >>> "wrong sign" in said[0], declination_doubts(Site(declination=np.radians(-13.0), **place))
+    (True, [])
+    """
+    place = (site.latitude, site.longitude, site.date)
+    if site.declination is None or site.date is None or None in place or site.origin("declination") != "given":
+        return []
+    bare = replace(site, declination=None, declination_sigma=None)
+    try:
+        model = complete_site(bare, model_of(site.date))
+    except InclinometryError:
+        return []  # a date no model covers
+    expected, given = float(model.declination or 0.0), site.declination
+    as_it_is, turned = abs(wrap_signed(given - expected)), abs(wrap_signed(-given - expected))
+    if min(abs(expected), abs(given)) < _SIGN or turned >= as_it_is / 3.0:
+        return []
+    return [
+        f"the declination is {np.degrees(given):+.2f} deg, {model.origin('declination')} has "
+        f"{np.degrees(expected):+.2f} at this place: a wrong sign? East is positive; azimuths would be off by "
+        f"{np.degrees(as_it_is):.1f} deg and no check of gravity, field or dip shows it"
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Quality of a run: the fields against the reference, axes and signs, and the verdict on all."""
+
+    quality: FieldQuality
+    wiring: Check
+
+    @property
+    def checks(self) -> list[Check]:
+        """Of the fields, then axes and signs."""
+        return [*self.quality.checks, self.wiring]
+
+    @property
+    def verdict(self) -> str:
+        """On the whole."""
+        return worst(self.checks)
+
+
+def judge(stations: Stations, site: Site, limits: FieldLimits | None = None) -> Judged:
+    """Judge stations against their site.
+
+    Raises
+    ------
+    InputError
+        The site knows no gravity, b or dip.
+    """
+    reference = reference_of_site(site)
+    return Judged(judge_fields(stations, reference, limits=limits), wiring_check(stations, reference.dip))
+
+
+@dataclass(frozen=True, eq=False)
+class SixAxisSurvey:
+    """A survey, its completed site, the quality of its stations after and before corrections, results of these.
+
+    judged, before : None without references; `before` also without corrections.
+    """
+
+    survey: Survey
+    site: Site
+    judged: Judged | None = None
+    before: Judged | None = None
+    results: Mapping[str, Any] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+
+
+def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | None = None) -> SixAxisSurvey:
+    """Correct the stations of a run and reduce them.
+
+    Parameters
+    ----------
+    run : SixAxis
+    correct : str, optional
+        Names of corrections with commas, in their order; a corrections.json may stand for "msa".
+    bha : str or Path, optional
+        bha.toml, for sag.
+
+    Raises
+    ------
+    InputError, FileError, IdentifiabilityError
+        As the corrections; an assembly without the correction that needs it.
+    """
+    stations, results = _corrected(run, correct, bha)
+    digests = {f"correction {Path(name).name}": digest_file(name) for name in _files(correct)}
+    inputs = {**run.inputs, **digests, **({} if bha is None else {"bha": digest_file(bha)})}
+    survey = survey_from_stations(stations, site=run.site, tool=run.tool, calibration_dip=run.dip, inputs=inputs)
+    judged = before = None
+    if run.reference is not None:
+        judged = judge(stations, run.site)
+        before = judge(run.stations, run.site) if correct else None
+    told = [*run.warnings, *_of_results(results), *_of_checks(judged, survey)]
+    survey = replace(survey, warnings=(*told, *survey.warnings))
+    return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
+
+
+def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tuple[Stations, dict[str, Any]]:
+    parts = _parts(correct)
+    # a file does what "msa" does, so the rules on the order hold for it
+    names = correction_names(",".join("msa" if _is_file(part) else part for part in parts)) if correct else ()
+    if bha is not None and "sag" not in names:
+        raise InputError("--bha is given without the correction that needs it; add sag to --correct")
+    assembly = None
+    if bha is not None:
+        from inclinometry.io.bha_toml import read_bha
+
+        assembly = read_bha(bha)
+    means = Means(reference=run.reference, calibration=run.tool, bha=assembly)
+    stations = run.stations
+    results: dict[str, Any] = {}
+    for part, name in zip(parts, names, strict=True):
+        if _is_file(part):
+            stations = apply_correction(stations, _matching(run, part))
+            continue
+        done = apply_corrections(stations, (name,), means)
+        stations, results = done.stations, {**results, **done.results}
+    return stations, results
+
+
+def _parts(correct: str | None) -> list[str]:
+    return [part.strip() for part in (correct or "").split(",") if part.strip()]
+
+
+def _is_file(part: str) -> bool:
+    return part.lower().endswith(".json")
+
+
+def _files(correct: str | None) -> list[str]:
+    return [part for part in _parts(correct) if _is_file(part)]
+
+
+def _matching(run: SixAxis, path: str) -> SensorCorrection:
+    """A stored correction, of the same tool."""
+    correction = read_corrections(path)
+    tool = "" if run.tool is None else run.tool.name
+    digests = (correction.inputs.get("tool"), run.inputs.get("tool"))
+    if correction.tool != tool or digests[0] != digests[1]:
+        mine, other = (f"tool {name}" if name else "a tool without calibration" for name in (tool, correction.tool))
+        what = "another calibration of it" if mine == other else other
+        raise FileError(f"was made for {what}, these stations are of {mine}; use the same --calibration", path=path)
+    return correction
+
+
+def _of_results(results: Mapping[str, Any]) -> list[str]:
+    """What corrections have to say against themselves."""
+    said = []
+    for name, result in results.items():
+        if isinstance(result, MultiStation):
+            said += [f"multi-station analysis: {sentence}" for sentence in result.warnings]
+        check = getattr(result, "check", None)
+        if isinstance(check, Check) and check.verdict != "pass":
+            said.append(f"{name}: {check.reason}; {check.action}")
+    return said
+
+
+def _of_checks(judged: Judged | None, survey: Survey) -> list[str]:
+    """Failures that the flags of the stations do not tell already."""
+    if judged is None:
+        return []
+    said = [judged.wiring] if judged.wiring.verdict == "fail" else []
+    if not any(survey.flags):
+        said += [check for check in judged.quality.checks if check.verdict == "fail"]
+    return [f"{check.name}: {check.reason}; {check.action}" for check in said]
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """A multi-station analysis, what it started from, and the correction to be kept."""
+
+    found: MultiStation
+    correction: SensorCorrection
+    judged: Judged
+
+
+def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) -> Analysis:
+    """Multi-station analysis of a run.
+
+    Parameters
+    ----------
+    run : SixAxis
+    priors : {"iscwsa", "unknown"}
+        What is known of a tool without a calibration; with one its covariance is the prior.
+    axial_sigma : float, optional
+        Standard deviation of the axial interference, nT.
+
+    Raises
+    ------
+    InputError, IdentifiabilityError, ConvergenceError
+        As `multistation`; a site without g, b or dip.
+    """
+    reference = run.reference or reference_of_site(run.site)
+    if run.tool is None:
+        chosen = published_priors(priors, axial_sigma=axial_sigma)
+    else:
+        chosen = priors_from_tool(run.tool, axial_sigma=axial_sigma)
+    found = multistation(run.stations, reference, chosen)
+    tool = "" if run.tool is None else run.tool.name
+    correction = correction_of(found, reference, chosen, tool, run.inputs)
+    return Analysis(found, correction, judge(run.stations, run.site))
