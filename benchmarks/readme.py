@@ -29,7 +29,13 @@ def update(results: dict, readme: Path) -> None:
 
 def table(results: dict) -> list[tuple[str, str, str]]:
     """Rows of what, found, beside."""
-    accuracy = [*_joint(results["joint"]), *_closed(results), *_real(results["real_data"]), *_gyro(results)]
+    accuracy = [
+        *_joint(results["joint"]),
+        *_closed(results),
+        *_real(results["real_data"]),
+        *_gyro(results),
+        *_wells(results),
+    ]
     return [*accuracy, *_speed(results)]
 
 
@@ -128,6 +134,33 @@ def _gyro(results: dict) -> list[tuple[str, str, str]]:
         )
     )
     return rows
+
+
+def _wells(results: dict) -> list[tuple[str, str, str]]:
+    found = results["msa"]["wells"]
+    worst = results["certificate"]["worst"]
+    return [
+        (
+            "multi-station analysis, median azimuth error, build / E-W / N-S / 3-D turn",
+            " / ".join(f"{well['msa_deg']:.3f}°" for well in found.values()),
+            "raw " + " / ".join(f"{well['raw_deg']:.2f}°" for well in found.values()),
+        ),
+        (
+            "certificate to bottom-hole ellipse: worst principal axis against 10 000 drawn tools",
+            f"{100.0 * worst:.1f} %",
+            "3 % wanted",
+        ),
+        (
+            "minimum curvature, 1 000 000 stations",
+            f"{results['path']['stations']['1000000']['times_fastest_peer']:.1f} × the fastest peer",
+            "wellpathpy, welleng, same run",
+        ),
+        (
+            "ISCWSA covariance, 10 000 stations × 35 sources",
+            f"{results['position']['ratio']:.1f} × welleng",
+            "same run",
+        ),
+    ]
 
 
 def _speed(results: dict) -> list[tuple[str, str, str]]:

@@ -64,7 +64,7 @@ def certificate_model(
     InputError
         As `inclinometry.position.certificate`.
     """
-    beside = None if code is None else with_terms(code, [t.name for t in code.terms if not is_sensor_term(t.name)])
+    beside, told = (None, []) if code is None else _beside(code, well)
     notes: list[str] = []
     warnings = []
     if raw is None:
@@ -81,13 +81,35 @@ def certificate_model(
         )
         sources = calibration_sources(seen, well)
         warnings += _uncovered(well, raw)
+    notes = [*notes, *told]
     reference = () if _knows_declination(beside) else reference_sources(well)
     warnings += [] if beside is not None else [_alone(bool(reference))]
     return CertificateModel((*sources, *reference), beside, notes, warnings)
 
 
+def _beside(code: ToolCode, well: WellSurvey) -> tuple[ToolCode, list[str]]:
+    """The terms of a tool code that are not the sensors', the declination counted once; what was left out, said.
+
+    A published list names several magnetic models side by side (-OS, -OH, -OI: standard, high definition, in-field);
+    a well uses one of them.
+    """
+    names = [term.name for term in code.terms if not is_sensor_term(term.name)]
+    declination = [name for name in names if name.upper().startswith(_DECLINATION)]
+    if well.site.declination_sigma is not None and declination:
+        left = declination
+        said = f"the site states the declination's uncertainty: terms {', '.join(left)} of {code.name} are left out"
+    else:
+        models = [name for name in declination if name.upper().endswith(("-OS", "-OH", "-OI"))]
+        left = [name for name in models if not name.upper().endswith("-OS")] if len(models) > 2 else []
+        said = f"{code.name} lists several magnetic models; the standard one is counted, not {', '.join(left)}"
+    return with_terms(code, [name for name in names if name not in left]), [said] if left else []
+
+
+_DECLINATION = ("DEC", "DBH")
+
+
 def _knows_declination(code: ToolCode | None) -> bool:
-    return code is not None and any(term.name.upper().startswith(("DEC", "DBH")) for term in code.terms)
+    return code is not None and any(term.name.upper().startswith(_DECLINATION) for term in code.terms)
 
 
 def _uncovered(well: WellSurvey, raw: RawSurvey) -> list[str]:
