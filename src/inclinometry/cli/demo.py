@@ -14,6 +14,7 @@ from inclinometry.cli.options import Json
 from inclinometry.cli.survey import show_survey, show_verification
 from inclinometry.core.errors import FileError
 from inclinometry.workflow.demo import HOT_RUNS, HOT_SEED, PUBLISHED_XSENS, Demo, steps
+from inclinometry.workflow.demo_well import well_sentences
 from inclinometry.workflow.hot_run import rms_degrees
 
 Folder = Annotated[Path, Parameter(name=["--output", "-o"])]
@@ -60,6 +61,10 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
             f"inclination {rms[0]:.3f}, azimuth {rms[1]:.3f}"
         )
     show_hot_run(found)
+    if found.well is not None:
+        output.say("\na well drilled with a magnetised string, surveyed by the tool calibrated above:")
+        for sentence in well_sentences(found.well):
+            output.say(f"  {sentence}")
     output.say(f"\nOpen {output_ / 'index.html'} for the reports.")
 
 
@@ -128,6 +133,13 @@ def summary(found: Demo) -> dict[str, object]:
     }
     if found.verification is not None:
         content["verification"] = found.verification.verdict
+    if found.well is not None:
+        content["magnetised_well"] = {
+            "rms_azimuth_error_deg": dict(found.well.error_deg),
+            "quality": [judged.verdict for judged in found.well.judged],
+            "ellipse_95_m": found.well.ellipse_m,
+            "off_m": found.well.off_m,
+        }
     if found.hot_run is not None:
         content["hot_run"] = {"rms_deg": rms_degrees([found.hot_run]), f"rms_deg_{HOT_RUNS}_runs": found.hot_runs_rms}
     if found.survey_error is not None:

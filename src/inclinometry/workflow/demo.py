@@ -34,6 +34,7 @@ from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.workflow import simulate
 from inclinometry.workflow.calibrate import Comparison, compare, true_errors
+from inclinometry.workflow.demo_well import DemoWell, survey_demo_well, well_sentences
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
 from inclinometry.workflow.hot_run import JOINT, HotRunMethods, many_hot_runs, reduce_hot_run, rms_degrees
 from inclinometry.workflow.methods import METHODS
@@ -78,6 +79,7 @@ class Demo:
     survey_error: Array | None = None  # (n, 2) inclination, azimuth, rad
     hot_run: HotRunMethods | None = None  # the run that is pictured
     hot_runs_rms: dict[str, float] = field(default_factory=dict)  # method -> deg, over HOT_RUNS runs
+    well: DemoWell | None = None
     pages: list[tuple[str, Path]] = field(default_factory=list)
 
     def page(self, title: str, name: str, text: str) -> None:
@@ -97,6 +99,7 @@ def steps() -> Iterator[tuple[str, Callable[[Demo], None]]]:
     yield "verifying the tool at independent positions", _verify
     yield "surveying a simulated well with it", _well
     yield "a hot gyro run, 20 to 140 degC", _hot_run
+    yield "quality, multi-station analysis and ellipse of a well drilled with a magnetised string", _magnetised
     yield "drawing the methods side by side", _picture
 
 
@@ -184,6 +187,33 @@ def _well(demo: Demo) -> None:
     off = [found.inclination - run.inclination, (found.azimuth - run.azimuth + np.pi) % (2.0 * np.pi) - np.pi]
     demo.survey, demo.survey_error = found, np.stack(off, axis=1)
     demo.page("simulated well: survey", "well/survey.html", survey_report(found))
+
+
+def _magnetised(demo: Demo) -> None:
+    from inclinometry.report.msa import msa_report
+    from inclinometry.report.position import position_report
+
+    stand = demo.folder / "orthogonal"
+    truth, _ = simulate.read_truth(stand / "truth.json")
+    tensor = truth.triads["magnetometer"].tensor[0]
+    found = survey_demo_well(simulate.well(truth, SEED + 2), tensor, stand / "tool.json", demo.folder / "magnetised")
+    demo.well, at = found, found.position
+    page = msa_report(found.analysis.found, found.stations, found.judged[0].quality, tool=found.survey.tool)
+    demo.page("magnetised string: multi-station analysis and quality", "magnetised/msa.html", page)
+    page = survey_report(found.corrected)
+    demo.page("magnetised string: survey after the analysis", "magnetised/survey.html", page)
+    page = position_report(
+        at.path,
+        at.survey,
+        at.uncertainty,
+        azimuth_reference=at.azimuth_reference,
+        tool_code=at.tool_code,
+        calibration=at.calibration,
+        notes=[*well_sentences(found), *at.notes],
+        warnings=at.warnings,
+        inputs=at.inputs,
+    )
+    demo.page("magnetised string: quality, analysis and where the well is", "magnetised/position.html", page)
 
 
 def _hot_run(demo: Demo) -> None:
