@@ -9,7 +9,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from sphinx.util.inspect import TypeAliasForwardRef
-from support import api, docstrings, drawing, figures, gyro_figures
+from support import api, docstrings, drawing, figures, gyro_figures, position_figures, survey_figures
 
 project = "inclinometry"
 author = "the authors of inclinometry"
@@ -77,7 +77,8 @@ nitpick_ignore_regex = [("py:class", r"numpy\._typing\..*")]
 
 api.write(HERE / "generated")
 drawing.conventions(HERE / "generated" / "conventions.svg")
-myst_substitutions = figures.everything() | gyro_figures.everything() | drawing.example_attitude()
+parts = (figures, gyro_figures, position_figures, survey_figures)
+myst_substitutions = drawing.example_attitude() | {key: text for one in parts for key, text in one.everything().items()}
 
 
 def setup(app: object) -> None:

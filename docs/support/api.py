@@ -16,6 +16,7 @@ FLOORS = (
     ("workflow",),
     ("report",),
     ("io",),
+    ("position",),
     ("survey",),
     ("calibration", "gyro", "simulate"),
     ("sensors",),

@@ -33,7 +33,7 @@ def reset(gallery: dict[str, Any], script: str) -> None:
 
 ORDER = (
     "twelve_positions", "methods_compared", "erratum", "two_face", "aimed_plan", "xsens", "well_survey",
-    "gyro_closed_form", "gyro_two_valleys", "gyro_hot_run",
+    "gyro_closed_form", "gyro_two_valleys", "gyro_hot_run", "msa", "ellipse_along_a_well",
 )  # fmt: skip
 
 

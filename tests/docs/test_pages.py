@@ -43,7 +43,8 @@ def test_every_option_named_in_a_page_exists(capsys):
     with pytest.raises(SystemExit):
         main(["calibrate", "--help"])
     known = capsys.readouterr().out
-    for command in ("plan", "readings", "verify", "survey", "compare"):
+    commands = ("plan", "readings", "verify", "survey", "compare", "quality", "msa", "position", "field", "convert")
+    for command in commands:
         with pytest.raises(SystemExit):
             main([command, "--help"])
         known += capsys.readouterr().out
