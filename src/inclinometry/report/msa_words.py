@@ -19,6 +19,7 @@ LEARNED: Final = 0.2
 _TERM: Final = re.compile(r"([AM])([BS])([XYZ])")
 _CROSS: Final = re.compile(r"M([XYZ])([XYZ])")
 _REFERENCE: Final = re.compile(r"reference (g|b|dip)")
+_TOOL: Final = re.compile(r"\w+\.(tensor|offset)\[(\d+)(?:,([012]))?\](?:\.T(\d+))?")
 _TOGETHER: Final = 0.95  # correlation from which two parameters are one to the run
 
 
@@ -29,8 +30,8 @@ def described(name: str) -> str:
     --------
     >>> described("MBZ"), described("ASX"), described("MXY")
     ('axial magnetometer bias (interference included)', 'accelerometer x scale', 'magnetometer x reads of y')
-    >>> described("reference dip"), described("accelerometer.offset[0]")
-    ('dip of the reference', 'of the calibration')
+    >>> described("reference dip"), described("accelerometer.offset[0]"), described("magnetometer.tensor[2,0].T1")
+    ('dip of the reference', 'offset of sensor 1', 'sensor 3 per field along x, per (degC)^1')
     """
     if name == "MBZ":
         return "axial magnetometer bias (interference included)"
@@ -42,7 +43,18 @@ def described(name: str) -> str:
         return f"magnetometer {cross[1].lower()} reads of {cross[2].lower()}"
     if reference:
         return f"{reference[1]} of the reference"
-    return "axial magnetic interference of the assembly" if name == "axial interference" else "of the calibration"
+    return _calibrated(name)
+
+
+def _calibrated(name: str) -> str:
+    """A parameter of a calibration in words."""
+    found = _TOOL.fullmatch(name)
+    if found is None:
+        return "axial magnetic interference of the assembly" if name == "axial interference" else "of the calibration"
+    heat = f", per (degC)^{found[4]}" if found[4] else ""
+    if found[3] is not None:
+        return f"sensor {int(found[2]) + 1} per field along {'xyz'[int(found[3])]}{heat}"
+    return f"offset of sensor {int(found[2]) + 1}{heat}"
 
 
 def unit_of(unit: str) -> tuple[str, float]:
@@ -71,13 +83,17 @@ def labels(found: MultiStation) -> dict[str, str]:
     return names
 
 
+def _counted(names: list[str], size: int, most: int = 6) -> str:
+    return listed(names) if len(names) <= most else f"{len(names)} of {size} parameters (the table says which)"
+
+
 def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> list[str]:
     """What the stations do not determine, a sentence each."""
     known = {name: p for name, p in found.parameters.items() if p.prior > 0.0}
     lines = []
     untold = [name for name, p in known.items() if p.learned < LEARNED]
     if untold:
-        names = "all parameters" if len(untold) == len(known) else listed(untold)
+        names = "all parameters" if len(untold) == len(known) else _counted(untold, len(known))
         lines.append(
             f"The run removed less than {100.0 * LEARNED:.0f} % of the prior variance of {names}: their values and "
             "uncertainties are those of the priors, not of the run."

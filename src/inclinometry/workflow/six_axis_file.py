@@ -13,7 +13,7 @@ from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.errors import FileError
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.io._lines import Progress
-from inclinometry.io.columns import RAW_SURVEY, channel, numbers_among
+from inclinometry.io.columns import channel
 from inclinometry.io.exchange import SurveyFile
 from inclinometry.io.survey_csv import read_raw_survey
 from inclinometry.io.table import read_table
@@ -28,7 +28,16 @@ def plain_stations(
     path: str | Path, site: Site, form: str | None, convention: str | None, progress: Progress | None
 ) -> tuple[Stations, str, tuple[str, ...]]:
     """Stations of a file of any format without a calibration, its digest and its reader's notes."""
-    found = _survey_file(path, form, convention, progress)
+    try:
+        found = _survey_file(path, form, convention, progress)
+    except FileError:
+        if format_of(path, form) == "csv" and _has_channels(path, "counts"):
+            raise FileError(
+                "raw channels whose names state no unit need --calibration tool.json; fields need their units in the "
+                "names, as in gx_m_s2 and bx_nT",
+                path=path,
+            ) from None
+        raise
     if found.g is None and found.b is None:
         g, b, temperature = fields_of_survey(found, site, path)
         line = "fields rebuilt from the survey's totals, dip and angles"
@@ -111,9 +120,11 @@ def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
     )
 
 
-def _has_channels(path: str | Path) -> bool:
-    table = read_table(path, numeric=numbers_among(RAW_SURVEY))
-    return any(channel(name) is not None for name in table.columns)
+def _has_channels(path: str | Path, unit: str | None = None) -> bool:
+    """Whether a CSV has columns of raw channels (in a unit)."""
+    table = read_table(path, numeric=lambda name: False)
+    found = [channel(name) for name in table.columns]
+    return any(one is not None and unit in (None, one.unit) for one in found)
 
 
 def _vectors(found: SurveyFile, name: str, path: str | Path) -> Array:

@@ -1,0 +1,308 @@
+"""survey, quality and msa on six-axis files as a user runs them: the azimuths improve, faults are named."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+DATA = Path(__file__).parents[1] / "reference" / "msa" / "msa_runs.csv"
+AXES = ("gx", "gy", "gz", "bx", "by", "bz")
+HEADER = ("md_m", *(f"{name}_m_s2" if name[0] == "g" else f"{name}_nT" for name in AXES))
+# to the house's axes: the runs are in ISCWSA axes (y along the index mark, x against the house's y)
+HOUSE = {
+    "gx": ("gy", 1.0),
+    "gy": ("gx", -1.0),
+    "gz": ("gz", 1.0),
+    "bx": ("by", 1.0),
+    "by": ("bx", -1.0),
+    "bz": ("bz", 1.0),
+}
+
+
+def shipped(geometry, number):
+    with DATA.open(newline="") as stream:
+        return [row for row in csv.DictReader(stream) if (row["geometry"], row["run"]) == (geometry, str(2 * number))]
+
+
+def table(rows, change=None):
+    """(n, 7) depth and six axes in the house's convention; `change` edits them."""
+    columns = [[float(row["md"]) for row in rows]]
+    columns += [[sign * float(row[name]) for row in rows] for name, sign in (HOUSE[axis] for axis in AXES)]
+    values = np.transpose(columns)
+    return values if change is None else change(values)
+
+
+def write(path, values, header=HEADER):
+    lines = [",".join(header), *(",".join(f"{v:.10g}" for v in row) for row in values)]
+    Path(path).write_text("\n".join(lines) + "\n")
+
+
+def site(rows, more='north_reference = "magnetic"'):
+    first = rows[0]
+    Path("site.toml").write_text(
+        f"{more}\ng = {first['g_ref']}\nsigma_g = 0.01\nb_nT = {first['b_ref']}\nsigma_b_nT = 130\n"
+        f"dip_deg = {first['dip_ref_deg']}\nsigma_dip_deg = 0.2\n"
+    )
+
+
+def given(geometry="build", number=1, change=None, more='north_reference = "magnetic"'):
+    rows = shipped(geometry, number)
+    write("raw.csv", table(rows, change))
+    site(rows, more)
+    return rows
+
+
+def read(path):
+    with Path(path).open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def azimuth_errors(path, truth):
+    found = np.array([float(row["azimuth_deg"]) for row in read(path)])
+    true = np.array([float(row["azi_mag_true"]) for row in truth])
+    return (found - true + 180.0) % 360.0 - 180.0
+
+
+def refused(done, *words, written=("survey.csv", "corrections.json", "page.html")):
+    assert done.status == 2, done.out + done.err
+    assert len(done.err.strip().splitlines()) == 1, done.err
+    for word in words:
+        assert word in done.err, done.err
+    assert not any(Path(name).exists() for name in written)
+
+
+SURVEY = ("survey", "raw.csv", "--site", "site.toml", "-o", "survey.csv")
+QUALITY = ("quality", "raw.csv", "--site", "site.toml")
+MSA = ("msa", "raw.csv", "--site", "site.toml", "-o", "corrections.json")
+
+
+@pytest.mark.parametrize(
+    ("geometry", "part"), [("build", 0.5), ("horiz_EW", 0.85), ("horiz_NS", 0.75), ("turn3d", 0.4)]
+)
+def test_analysis_makes_azimuths_better(run, geometry, part):
+    before, after, promised = [], [], []
+    for number in range(4):
+        truth = given(geometry, number)
+        assert run(*SURVEY).status == 0
+        before.append(azimuth_errors("survey.csv", truth))
+        done = run(*SURVEY, "--correct", "msa")
+        assert done.status == 0, done.err
+        after.append(azimuth_errors("survey.csv", truth))
+        promised.append([float(row["u_azimuth_deg"]) for row in read("survey.csv")])
+    rms = [float(np.sqrt(np.mean(np.square(np.concatenate(errors))))) for errors in (before, after)]
+    # medians of forty runs are .12, .56, .43 and .11 of what was; four runs scatter about that
+    assert rms[1] < part * rms[0]
+    # the errors of a run are common to its stations: four runs are four draws, 3.3 u is exceeded once in a thousand
+    worst = np.abs(np.concatenate(after) / np.concatenate(promised)).max()
+    assert worst < 4.0
+
+
+def test_survey_says_what_was_done(run):
+    given(more='north_reference = "true"\ndeclination_deg = 5.0\nsigma_declination_deg = 0.3')
+    done = run(*SURVEY, "--correct", "axial", "--report", "page.html", "--json")
+    assert done.status == 0, done.err
+    assert done.json["quality"] == "pass"
+    assert any("axial correction to b" in line for line in done.json["history"])
+    assert any("no calibration" in line for line in done.json["notes"])
+    page = Path("page.html").read_text(encoding="utf-8")
+    for words in ("What was done to the stations", "axial correction to b", "From which north", "declination +5.000"):
+        assert words in page
+    assert run(*SURVEY, "--correct", "axial", "--report", "again.html").status == 0
+    assert Path("again.html").read_bytes() == Path("page.html").read_bytes()
+
+
+def test_stored_correction_gives_the_same_survey(run):
+    given()
+    done = run(*MSA, "--report", "page.html", "--json")
+    assert done.status == 0, done.err
+    assert done.json["parameters"]["MBZ"]["u"] < 200.0
+    stored = json.loads(Path("corrections.json").read_text())
+    assert (stored["schema"], stored["version"]) == ("inclinometry/corrections", 1)
+    assert stored["inputs"]["raw"].startswith("sha256:")
+    assert run(*SURVEY, "--correct", "msa").status == 0
+    direct = read("survey.csv")
+    assert run(*SURVEY, "--correct", "corrections.json").status == 0
+    for one, other in zip(direct, read("survey.csv"), strict=True):
+        for name in ("inclination_deg", "azimuth_deg", "toolface_deg", "b_total_nT"):
+            # rounding of the stored numbers
+            assert float(one[name]) == pytest.approx(float(other[name]), abs=1e-6)
+    done = run(*SURVEY[:-1], "corrections.json", "--correct", "corrections.json")
+    assert done.status == 2
+    assert "same file" in done.err
+
+
+@pytest.mark.parametrize("ending", ["xlsx", "parquet", "las"])
+def test_any_format_gives_the_same_verdict(run, ending):
+    given()
+    wanted = run(*QUALITY, "--json").json
+    assert run("convert", "raw.csv", f"raw.{ending}").status == 0
+    done = run("quality", f"raw.{ending}", "--site", "site.toml", "--json")
+    assert done.status == 0, done.err
+    for one, other in zip(done.json["checks"], wanted["checks"], strict=True):
+        assert one["value"] == pytest.approx(other["value"], rel=1e-6)
+
+
+def test_quality_of_a_survey_is_that_of_its_axes(run):
+    given(more='north_reference = "grid"\ndeclination_deg = 5.0\nconvergence_deg = 2.0\nsigma_declination_deg = 0.3')
+    axes = run(*QUALITY, "--json").json
+    assert run(*SURVEY).status == 0
+    survey = run("quality", "survey.csv", "--site", "site.toml", "--json").json
+    assert survey["verdict"] == axes["verdict"]
+    for one, other in zip(survey["stations"], axes["stations"], strict=True):
+        for name in ("b_difference_nT", "b_limit_nT", "dip_difference_deg", "dip_limit_deg", "distance_sigma"):
+            # decimals of the survey file
+            assert one[name] == pytest.approx(other[name], rel=1e-5, abs=1e-5)
+
+
+def test_a_calibrated_tool_by_its_certificate(run, bench):
+    bench("orthogonal")
+    assert run("calibrate", "readings.csv", "-o", "tool.json").status == 0
+    assert run("simulate", "well", "--truth", "truth.json", "-o", "raw.csv", "--path", "path.csv").status == 0
+    Path("site.toml").write_text(
+        "g = 9.80665\nsigma_g = 0.001\nb_nT = 50000\nsigma_b_nT = 100\ndip_deg = 70\nsigma_dip_deg = 0.2\n"
+    )
+    tool = ("--calibration", "tool.json")
+    done = run(*QUALITY, *tool, "--json")
+    assert (done.status, done.json["verdict"]) == (0, "pass"), done.err
+    assert run(*SURVEY, *tool, "--report", "page.html").status == 0
+    assert "against the reference" in Path("page.html").read_text(encoding="utf-8")
+    again = run("quality", "survey.csv", "--site", "site.toml", *tool, "--json").json
+    limits = [[station["b_limit_nT"] for station in found["stations"]] for found in (done.json, again)]
+    np.testing.assert_allclose(*limits, rtol=1e-6)
+    done = run(*MSA, *tool, "--json")
+    assert done.status == 0, done.err
+    assert "axial interference" in done.json["parameters"]
+    assert done.json["priors"].startswith("calibration of tool")
+    assert run(*SURVEY, *tool, "--correct", "corrections.json").status == 0
+    for found, true in zip(read("survey.csv"), read("path.csv"), strict=True):
+        turn = (float(found["azimuth_deg"]) - float(true["azimuth_deg"]) + 180.0) % 360.0 - 180.0
+        assert abs(turn) < 4.5 * float(found["u_azimuth_deg"])
+    stored = Path("corrections.json").read_text().replace('"tool": "sha256:', '"tool": "sha256:0')
+    Path("other.json").write_text(stored)
+    Path("survey.csv").unlink()
+    refused(run(*SURVEY, *tool, "--correct", "other.json"), "another calibration", written=("survey.csv",))
+    given()
+    refused(run(*SURVEY, *tool, "--correct", "msa"), "raw channels", written=("survey.csv",))
+
+
+def test_a_station_beside_casing_fails(run):
+    def spoil(values):
+        values[7, 4] += 3000.0
+        return values
+
+    given(change=spoil)
+    done = run(*QUALITY, "--json")
+    assert done.status == 1
+    assert [s["station"] for s in done.json["stations"] if s["verdict"] == "fail"] == [8]
+    assert done.json["stations"][7]["action"]
+    done = run(*QUALITY)
+    assert done.status == 1
+    assert done.out.startswith("FAIL: raw.csv")
+    assert "repeat these stations" in done.out
+    assert run(*QUALITY, "--limits", "iscwsa-ebook", "--json").json["limits"]["name"] == "iscwsa-ebook"
+    refused(run(*QUALITY, "--limits", "no-such"), "iscwsa-ebook")
+    done = run(*SURVEY)
+    assert done.status == 0
+    assert read("survey.csv")[7]["flags"]
+
+
+def test_swapped_magnetometer_axes_are_named(run):
+    given(change=lambda values: values[:, [0, 1, 2, 3, 5, 4, 6]])
+    done = run(*QUALITY)
+    assert done.status == 1
+    assert "x and y swapped" in done.out
+    refused(run(*MSA, "--report", "page.html"), "axes swapped")
+    done = run(*SURVEY)
+    assert done.status == 0
+    assert "x and y swapped" in done.err
+
+
+PLACE = "latitude_deg = 40.0\nlongitude_deg = -80.0\nheight_m = 0.0\ndate = 2026-05-01"
+
+
+def test_a_declination_of_the_wrong_sign_is_drawn_and_doubted(run):
+    # WMM2025 there: 9 deg west
+    given(more=f'north_reference = "true"\ndeclination_deg = 9.0\nsigma_declination_deg = 0.3\n{PLACE}')
+    done = run(*SURVEY, "--report", "page.html")
+    assert done.status == 0
+    assert "wrong sign" in done.err
+    page = Path("page.html").read_text(encoding="utf-8")
+    assert "Norths seen from above" in page
+    assert "wrong sign" in page
+    # gravity, field and dip do not depend on it, and the report of quality says so
+    done = run(*QUALITY)
+    assert done.status == 0
+    assert "do not depend on declination" in done.out
+    given(more=f'north_reference = "true"\ndeclination_deg = -9.0\nsigma_declination_deg = 0.3\n{PLACE}')
+    assert "wrong sign" not in run(*SURVEY).err
+
+
+def test_a_singular_axial_correction_is_said(run):
+    given("horiz_EW", 1)
+    assert run(*SURVEY).status == 0
+    before = Path("survey.csv").read_text()
+    done = run(*SURVEY, "--correct", "axial")
+    assert done.status == 0
+    assert "25 of 25 stations lie too near to horizontal east-west" in done.err
+    assert [line.split(",")[:3] for line in before.splitlines()] == [
+        line.split(",")[:3] for line in Path("survey.csv").read_text().splitlines()
+    ]
+
+
+def test_four_stations_at_one_toolface_are_refused(run):
+    truth = given()
+    values = table(truth)[:4]
+    toolface = np.arctan2(values[:, 2], -values[:, 1])
+    c, s = np.cos(toolface), np.sin(toolface)
+    for first in (1, 4):
+        x, y = values[:, first].copy(), values[:, first + 1].copy()
+        values[:, first], values[:, first + 1] = c * x - s * y, s * x + c * y
+    write("raw.csv", values)
+    refused(run(*MSA, "--report", "page.html"), "toolfaces", "rotation shots")
+    refused(run(*SURVEY, "--correct", "msa"), "toolfaces")
+    write("raw.csv", values[:3])
+    refused(run(*MSA), "at least 4")
+
+
+def test_readings_that_are_none(run):
+    truth = given()
+    values = table(truth)
+    for change, words in (
+        ({(3, 0): values[2, 0]}, ("must increase",)),
+        ({(3, 4): np.nan}, ("is empty at 90 m",)),
+    ):
+        spoilt = values.copy()
+        for place, value in change.items():
+            spoilt[place] = value
+        write("raw.csv", spoilt)
+        if np.isnan(next(iter(change.values()))):
+            Path("raw.csv").write_text(Path("raw.csv").read_text().replace("nan", ""))
+        refused(run(*SURVEY), *words)
+    write("raw.csv", values, ("md_m", "accel_x", "accel_y", "accel_z", "mag_x", "mag_y", "mag_z"))
+    refused(run(*SURVEY), "--calibration")
+    write("raw.csv", values[:, :4], HEADER[:4])
+    refused(run(*SURVEY), "bx, by, bz")
+    angles = np.column_stack([values[:, 0], 10.0 + values[:, 0] / 10.0, 20.0 + values[:, 0] / 10.0])
+    write("raw.csv", angles, ("md_m", "inclination_deg", "azimuth_deg"))
+    refused(run(*QUALITY), "azimuth_reference")
+    write("raw.csv", angles[:, :2], ("md_m", "inclination_deg"))
+    refused(run(*QUALITY), "no six axes")
+
+
+def test_options_that_do_not_go_together(run):
+    given()
+    refused(run("survey", "raw.csv", "-o", "survey.csv"), "--site")
+    refused(run(*SURVEY, "--correct", "magic"), "magic", "axial, msa, sag")
+    refused(run(*SURVEY, "--correct", "sag"), "--bha")
+    Path("bha.toml").write_text("")
+    refused(run(*SURVEY, "--bha", "bha.toml"), "add sag")
+    refused(run(*SURVEY, "--azimuth-from", "gyro"), "--azimuth-from gyro")
+    refused(run(*SURVEY, "--correct", "none.json"), "no such file")
+    refused(run(*MSA, "--priors", "iscwsa", "--calibration", "tool.json"), "leave one of them out")
+    Path("site.toml").write_text("g = 9.81\n")
+    refused(run(*MSA), "no b, dip")
+    refused(run(*SURVEY, "--correct", "axial"), "dip")
