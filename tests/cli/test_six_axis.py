@@ -304,5 +304,6 @@ def test_options_that_do_not_go_together(run):
     refused(run(*SURVEY, "--correct", "none.json"), "no such file")
     refused(run(*MSA, "--priors", "iscwsa", "--calibration", "tool.json"), "leave one of them out")
     Path("site.toml").write_text("g = 9.81\n")
-    refused(run(*MSA), "no b, dip")
+    refused(run(*MSA), "no b_nT, dip_deg")
+    refused(run(*QUALITY), "no b_nT, dip_deg")
     refused(run(*SURVEY, "--correct", "axial"), "dip")

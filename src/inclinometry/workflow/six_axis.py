@@ -186,6 +186,13 @@ def judge(stations: Stations, site: Site, limits: FieldLimits | None = None) -> 
     InputError
         The site knows no gravity, b or dip.
     """
+    if not has_reference(site):
+        known = {"g": site.gravity, "b_nT": site.b, "dip_deg": site.dip}
+        lacking = ", ".join(name for name, value in known.items() if value is None)
+        raise InputError(
+            f"the site has no {lacking}; stations are judged against them: give them, or latitude_deg, longitude_deg "
+            "and date, from which models fill them"
+        )
     reference = reference_of_site(site)
     return Judged(judge_fields(stations, reference, limits=limits), wiring_check(stations, reference.dip))
 
@@ -328,7 +335,7 @@ def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = No
     InputError, IdentifiabilityError, ConvergenceError
         As `multistation`; a site without g, b or dip.
     """
-    reference = run.reference or reference_of_site(run.site)
+    before, reference = judge(run.stations, run.site), reference_of_site(run.site)
     if run.tool is None:
         chosen = published_priors(priors, axial_sigma=axial_sigma)
     else:
@@ -336,4 +343,4 @@ def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = No
     found = multistation(run.stations, reference, chosen)
     tool = "" if run.tool is None else run.tool.name
     correction = correction_of(found, reference, chosen, tool, run.inputs)
-    return Analysis(found, correction, judge(run.stations, run.site))
+    return Analysis(found, correction, before)
