@@ -5,7 +5,7 @@ Ellipses along a well, by a tool code and by the tool's own certificate
 One well, surveyed by one simulated tool that was calibrated in 24 positions. The ISCWSA's error model says what tools
 of its kind may be off by; the certificate says what *this* tool may be off by. First of the sensors alone: the terms of
 the error model that are about accelerometers and magnetometers against the covariance of the calibration. Then of
-everything: a certificate knows nothing of depth, declination, sag or interference, and takes these from the error model.
+everything: a certificate knows nothing of depth, declination, sag or interference; these stay the error model's.
 """
 
 import matplotlib.pyplot as plt
@@ -54,25 +54,24 @@ for name, one in found.items():
     print(f"{name}: {ellipse.major:.2f} x {ellipse.minor:.2f} m at {np.degrees(ellipse.direction):.0f} deg")
 
 # %%
-# Every tenth station in plan, ellipses drawn 10 times as large as one standard deviation.
+# Every tenth station in plan; the ellipses are one standard deviation, drawn larger by the factor in the title.
 
 path = minimum_curvature(survey.md, survey.inclination, survey.azimuth)
 round_ = np.linspace(0.0, 2.0 * np.pi, 100)
-figure, panels = plt.subplots(1, 2, figsize=(9, 5), sharex=True, sharey=True)
-for axes, names in zip(panels, (list(found)[:2], list(found)[2:]), strict=True):
+figure, panels = plt.subplots(1, 2, figsize=(9, 3.4), sharex=True, sharey=True)
+for axes, times, names in zip(panels, (30.0, 10.0), (list(found)[:2], list(found)[2:]), strict=True):
     axes.plot(path.east, path.north, color="0.3", lw=1)
     for colour, name in zip(("C0", "C3"), names, strict=True):
         for row in range(len(path) - 1, 0, -10):
             e = horizontal_ellipse(found[name].covariance[row])
-            along, across = 10.0 * e.major * np.cos(round_), 10.0 * e.minor * np.sin(round_)
+            along, across = times * e.major * np.cos(round_), times * e.minor * np.sin(round_)
             north = path.north[row] + along * np.cos(e.direction) - across * np.sin(e.direction)
             east = path.east[row] + along * np.sin(e.direction) + across * np.cos(e.direction)
             axes.plot(east, north, color=colour, lw=1, label=name if row == len(path) - 1 else None)
     axes.set(aspect="equal", xlabel="east, m")
     axes.legend(fontsize=8, loc="upper left")
-panels[0].set(ylabel="north, m", title="the sensors")
-panels[1].set_title("everything")
-figure.tight_layout()
+panels[0].set(ylabel="north, m", title="the sensors, 30 times")
+panels[1].set_title("everything, 10 times")
 
 # %%
 # What the bottom-hole ellipse is made of, largest first. Noise of single readings averages out along the well; what the

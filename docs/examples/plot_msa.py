@@ -77,5 +77,4 @@ learned = [100.0 * found.parameters[name].learned for name in names]
 axes.bar(range(len(names)), learned)
 axes.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=7)
 axes.set(ylabel="variance removed, %", ylim=(0.0, 100.0))
-figure.tight_layout()
 plt.show()

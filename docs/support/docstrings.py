@@ -19,7 +19,7 @@ def prepare(app: object, what: str, name: str, thing: object, options: object, l
             line = line.replace(stripped, "Fields")
         example = stripped.startswith(">>>") or (example and bool(stripped))
         result.append(line if example else _escaped(line))
-    result = _listed(result)
+    result = _listed(_aligned(result))
     if what in ("attribute", "data", "property") and result:
         # napoleon would read "type: meaning" into a first line with a colon; `restore` brings it back
         result[0] = result[0].replace(":", _COLON)
@@ -67,6 +67,20 @@ def _escaped(line: str) -> str:
         text = re.sub(r"([|*])", r"\\\1", parts[index])
         parts[index] = re.sub(r"(\w)_(?=$|[\s.,;:)\]'/-])", r"\1\\_", text)
     return "".join(parts)
+
+
+def _aligned(lines: list[str]) -> list[str]:
+    """Lines of a formula that go on deeper than they began, at one margin: reStructuredText takes no step there."""
+    result: list[str] = []
+    margin = 0
+    for line in lines:
+        depth = len(line) - len(line.lstrip())
+        if result and result[-1].strip() and 4 <= margin < depth:
+            line = " " * margin + line.lstrip()
+        else:
+            margin = depth
+        result.append(line)
+    return result
 
 
 def _listed(lines: list[str]) -> list[str]:

@@ -151,9 +151,8 @@ def layers() -> dict[str, str]:
     """Rev 5.1's parts of declination together, to hold against Rev 4's one."""
     terms = load_tool_code("iscwsa-mwd-rev5.1").terms
     parts = ("-U", "-OS", "-OH", "-OI")
-    dec, dbh = (
-        np.hypot.reduce([t.magnitude for t in terms if t.name in {k + p for p in parts}]) for k in ("DEC", "DBH")
-    )
+    every = ([t.magnitude for t in terms if t.name in {kind + part for part in parts}] for kind in ("DEC", "DBH"))
+    dec, dbh = map(np.hypot.reduce, every)
     return {"layers_dec": f"{dec:.3f}", "layers_dbh": f"{dbh:.0f}"}
 
 
