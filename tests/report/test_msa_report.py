@@ -66,6 +66,16 @@ def test_warnings_are_shown():
     assert "Read the warnings" in page.text
 
 
+def test_a_vertical_run_promises_no_azimuth():
+    toolface = np.radians([0.0, 70.0, 140.0, 210.0, 280.0])
+    g, b = fields(0.0, 0.0, toolface, 1.2)
+    steep = with_sensors(Stations(30.0 * np.arange(5), 9.81 * g, 5e4 * b), SENSORS)
+    page = page_of(steep)
+    assert "No station is inclined enough for an azimuth" in page.text
+    assert "Change of azimuth" not in page.text
+    assert azimuth_u(steep).max() < 1.9  # uniform over the circle: pi / sqrt 3
+
+
 def test_uncertainty_of_azimuth_is_that_of_one_bias():
     g, b = fields([0.0], [np.pi / 2], [0.0], 0.0)
     level = with_sensors(Stations([0.0], 9.81 * g, 5e4 * b), {"MBY": 50.0})

@@ -13,12 +13,13 @@ from inclinometry.report import msa_figures as draw
 from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, significant, with_uncertainty
 from inclinometry.report.expected import EXPANDED
-from inclinometry.report.msa_words import blind_spots, described, labels, unit_of
+from inclinometry.report.msa_words import VAGUE, blind_spots, described, labels, unit_of
 from inclinometry.report.page import render
 from inclinometry.report.quality import quality_pictures
 from inclinometry.survey.multistation import MultiStation
 from inclinometry.survey.quality import FieldQuality, judge_fields
 from inclinometry.survey.quality_words import QUANTITIES
+from inclinometry.survey.reduce import UNKNOWN
 from inclinometry.survey.stations import Stations
 
 _STRONG = 0.7  # correlation from which a pair is listed
@@ -66,7 +67,7 @@ def msa_report(
         conventions=CONVENTIONS,
         state="warn" if said else "good",
         badge="Read the warnings" if said else f"{len(before)} stations, nothing against it",
-        verdict=_verdict(found, before, u_before, u_after),
+        verdict=_verdict(found, before, u_after),
         notes=list(notes),
         warnings=said,
         fields=_fields(quality, after, found),
@@ -89,17 +90,17 @@ def msa_report(
 
 
 def azimuth_u(stations: Stations) -> Array:
-    """Standard uncertainty (n,) of azimuth from all that is uncertain about the stations, rad; inf where vertical."""
+    """Standard uncertainty (n,) of azimuth from all that is uncertain about the stations, rad; at most `UNKNOWN`."""
     rows = angles_jacobian(stations.g, stations.b)[:, 1]
     variance = np.einsum("na,nab,nb->n", rows, stations.field_covariance(), rows)
-    return np.asarray(np.sqrt(np.where(np.isfinite(variance), variance, np.inf)))
+    return np.asarray(np.sqrt(np.where(np.isfinite(variance), np.minimum(variance, UNKNOWN**2), UNKNOWN**2)))
 
 
 def _reference_shift(found: MultiStation) -> Array:
     return np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
 
 
-def _verdict(found: MultiStation, before: Stations, u_before: Array, u_after: Array) -> str:
+def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     """One sentence: what was wrong, what that did to azimuth, how sure it is now."""
     sure = sorted(
         (
@@ -111,13 +112,17 @@ def _verdict(found: MultiStation, before: Stations, u_before: Array, u_after: Ar
     )[:3]
     parts = [f"{described(name)} {_value(found, name)}" for name in sure]
     what = "; ".join(parts) if parts else "no sensor error stands out"
-    old, new = (angles(s.g, s.b).azimuth for s in (before, found.corrected))
+    able = u_after < VAGUE
+    if not able.any():
+        return f"{what[0].upper()}{what[1:]}. No station is inclined enough for an azimuth."
+    old, new = (angles(s.g, s.b).azimuth[able] for s in (before, found.corrected))
     moved = np.abs(np.degrees(wrap_signed(new - old)))
-    left = EXPANDED * float(np.degrees(np.median(np.minimum(u_after, np.pi))))
+    left = EXPANDED * float(np.degrees(np.median(u_after[able])))
+    which = f"the {len(before)} stations" if able.all() else f"the {int(able.sum())} stations that are not vertical"
+    half, most = significant(float(np.median(moved))), significant(float(moved.max()))
     return (
-        f"{what[0].upper()}{what[1:]}. Azimuth changes by {significant(float(np.median(moved)))}° at half of the "
-        f"{len(before)} stations, at most by {significant(float(moved.max()))}°, and is then known to "
-        f"±{significant(left)}° at half of them (expanded, k = {EXPANDED:g})."
+        f"{what[0].upper()}{what[1:]}. Azimuth changes by {half}° at half of {which}, at most by {most}°, and is then "
+        f"known to ±{significant(left)}° at half of them (expanded, k = {EXPANDED:g})."
     )
 
 
@@ -147,10 +152,12 @@ def _fields(before: FieldQuality, after: FieldQuality, found: MultiStation) -> T
 
 
 def _azimuths(found: MultiStation, before: Stations, u_before: Array, u_after: Array) -> list[Picture]:
+    change = []
+    if (u_after < VAGUE).any():
+        figure = draw.azimuth_figure(found, before, u_before, np.where(u_after < VAGUE, u_after, np.nan))
+        change = [picture(figure, "azimuth", "Change of azimuth by the correction")]
     return [
-        picture(
-            draw.azimuth_figure(found, before, u_before, u_after), "azimuth", "Change of azimuth by the correction"
-        ),
+        *change,
         picture(
             draw.influence_figure(found),
             "influence",

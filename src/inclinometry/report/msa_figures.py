@@ -110,7 +110,7 @@ def influence_figure(found: MultiStation) -> Figure:
 
 @styled
 def azimuth_figure(found: MultiStation, before: Stations, u_before: Array, u_after: Array) -> Figure:
-    """Change of azimuth by the correction, with the uncertainty that remains, and that before."""
+    """Change of azimuth by the correction, with the uncertainty that remains (NaN: not drawn), and that before."""
     figure = new_figure(3.0)
     axes = figure.add_subplot()
     rows = thinned(len(before))
@@ -118,12 +118,13 @@ def azimuth_figure(found: MultiStation, before: Stations, u_before: Array, u_aft
     old, new = (angles(s.g, s.b).azimuth for s in (before, found.corrected))
     moved = np.degrees(wrap_signed(new - old))[rows]
     was, left = (EXPANDED * np.minimum(np.degrees(u[rows]), 90.0) for u in (u_before, u_after))
-    if np.isfinite(was).any():
-        axes.fill_between(md, -was, was, color=SERIES[7], alpha=0.15, linewidth=0.0, label="U before")
+    moved[np.isnan(left)] = np.nan
+    axes.fill_between(md, -was, was, color=SERIES[7], alpha=0.15, linewidth=0.0, label="U before")
     axes.fill_between(md, moved - left, moved + left, color=SERIES[0], alpha=0.3, linewidth=0.0, label="U after")
     axes.plot(md, moved, color=SERIES[0], marker="o" if len(md) <= 80 else None, label="change")
     axes.axhline(0.0, color=INK, alpha=0.5, linewidth=0.8)
     shown = np.concatenate([moved - left, moved + left, [0.0]])
+    shown = shown[np.isfinite(shown)]
     room = 0.15 * max(float(np.ptp(shown)), 0.1)
     axes.set_ylim(float(shown.min()) - room, float(shown.max()) + room)
     axes.set_ylabel("azimuth, deg")

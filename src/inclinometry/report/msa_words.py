@@ -11,7 +11,10 @@ from inclinometry.core.arrays import Array
 from inclinometry.report.digits import significant
 from inclinometry.report.words import listed
 from inclinometry.survey.multistation import MultiStation
-from inclinometry.survey.quality import FieldQuality
+from inclinometry.survey.quality import BLIND, FieldQuality
+
+VAGUE: Final = float(np.radians(30.0))
+"""Standard uncertainty from which an azimuth is none: the station is vertical."""
 
 LEARNED: Final = 0.2
 """Share of its prior variance below which a parameter counts as not told by the run."""
@@ -108,19 +111,20 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
     if pairs:
         lines.append(f"The run sees but one combination of {listed(pairs[:6])}.")
     hidden = after.undetected_azimuth
-    if not np.isnan(hidden).all():
-        worst = float(np.nanmax(hidden))
-        size = f"{significant(float(np.degrees(worst)))}°" if np.isfinite(worst) else "any size"
+    if (np.nan_to_num(hidden) > BLIND).any():
         row = int(np.nanargmax(hidden))
+        size = f"{significant(float(np.degrees(hidden[row])))}°" if np.isfinite(hidden[row]) else "any size"
         lines.append(
             f"At {after.md[row]:g} m, one station by itself, an axial interference that turns azimuth by {size} would "
             "pass the checks of field and dip; the run as a whole sees more, as the uncertainty of azimuth says."
         )
-    worst_u = int(np.argmax(np.where(np.isfinite(u_azimuth), u_azimuth, -1.0)))
-    lines.append(
-        f"Azimuth remains least known at {after.md[worst_u]:g} m: u = "
-        f"{significant(float(np.degrees(u_azimuth[worst_u])))}° (sensors and their correction; declination, "
-        "misalignment in the hole and sag are not in it)."
-    )
+    able = u_azimuth < VAGUE
+    if able.any():
+        row = int(np.argmax(np.where(able, u_azimuth, -1.0)))
+        u = significant(float(np.degrees(u_azimuth[row])))
+        lines.append(
+            f"Azimuth remains least known at {after.md[row]:g} m: u = {u}° "
+            "(sensors and their correction; declination, misalignment in the hole and sag are not in it)."
+        )
     lines.append("The declination does not show in gravity, field strength or dip: no analysis of these can check it.")
     return lines
