@@ -100,6 +100,7 @@ def read_six_axis(
     convention : str, optional
         Axes and signs of the sensors in `raw`, where there is no calibration.
     progress : callable, optional
+        Called with the number of bytes of raw channels read so far.
 
     Raises
     ------
@@ -115,7 +116,7 @@ def read_six_axis(
     inputs = {} if site is None else {"site": digest_file(site)}
     doubts = declination_doubts(place)
     if calibration is None:
-        stations, digest, notes = plain_stations(raw, place, form, convention, progress)
+        stations, digest, notes = plain_stations(raw, place, form, convention)
         code = load_tool_code(SENSORS)
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
         said = [*said, f"no calibration: the sensors' errors are taken from the tool code {SENSORS}"]
@@ -236,7 +237,7 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
     if run.reference is not None:
         judged = judge(stations, run.site)
         before = judge(run.stations, run.site) if correct else None
-    told = [*run.warnings, *_of_results(results), *_of_checks(judged, survey)]
+    told = [*run.warnings, *_of_order(correct), *_of_results(results), *_of_checks(judged, survey)]
     survey = replace(survey, warnings=(*told, *survey.warnings))
     return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
 
@@ -286,6 +287,17 @@ def _matching(run: SixAxis, path: str) -> SensorCorrection:
         what = "another calibration of it" if mine == other else other
         raise FileError(f"was made for {what}, these stations are of {mine}; use the same --calibration", path=path)
     return correction
+
+
+def _of_order(correct: str | None) -> list[str]:
+    """A warning where the axial field that an analysis could estimate was made from the reference before it."""
+    parts = _parts((correct or "").lower())
+    if "axial" not in parts or not any(part == "msa" or _is_file(part) for part in parts):
+        return []
+    return [
+        "axial before msa: the axial field is then made from the reference, so that the analysis cannot find its error "
+        "and leans on the reference twice; on simulated runs azimuths come out up to four times worse than by msa alone"
+    ]
 
 
 def _of_results(results: Mapping[str, Any]) -> list[str]:

@@ -25,11 +25,11 @@ _AXES = {"g": "gx, gy, gz", "b": "bx, by, bz"}
 
 
 def plain_stations(
-    path: str | Path, site: Site, form: str | None, convention: str | None, progress: Progress | None
+    path: str | Path, site: Site, form: str | None, convention: str | None
 ) -> tuple[Stations, str, tuple[str, ...]]:
     """Stations of a file of any format without a calibration, its digest and its reader's notes."""
     try:
-        found = _survey_file(path, form, convention, progress)
+        found = _survey_file(path, form, convention)
     except FileError:
         if format_of(path, form) == "csv" and _has_channels(path, "counts"):
             raise FileError(
@@ -53,7 +53,7 @@ def tool_stations(
 ) -> tuple[Stations, str, tuple[str, ...]]:
     """Stations of a calibrated tool from its raw channels, or from a survey made with it."""
     if format_of(path, form) != "csv" or not _has_channels(path):
-        return _surveyed(path, record, site, form, progress)
+        return _surveyed(path, record, site, form)
     raw = read_raw_survey(path, progress=progress)
     same_units(raw.units, record)
     stations = stations_from_tool(
@@ -63,10 +63,10 @@ def tool_stations(
 
 
 def _surveyed(
-    path: str | Path, record: Calibration, site: Site, form: str | None, progress: Progress | None
+    path: str | Path, record: Calibration, site: Site, form: str | None
 ) -> tuple[Stations, str, tuple[str, ...]]:
     """Stations of a survey by the signals the tool must have given there."""
-    found = _survey_file(path, form, None, progress)
+    found = _survey_file(path, form, None)
     if found.g is not None or found.b is not None:
         problem = "holds fields in m/s^2 and nT; with --calibration raw channels (accel_x, ...) as CSV are needed"
         raise FileError(f"{problem}, or leave --calibration out", path=path)
@@ -83,11 +83,10 @@ def _surveyed(
     return replace(stations, history=(line, *stations.history[1:])), found.digest, found.notes
 
 
-def _survey_file(path: str | Path, form: str | None, convention: str | None, progress: Progress | None) -> SurveyFile:
+def _survey_file(path: str | Path, form: str | None, convention: str | None) -> SurveyFile:
     """The stations a file calls used."""
     name = format_of(path, form)
     found = read_survey_file(path, name, {"convention": convention})
-    del progress  # the formats' readers are quick
     if found.used is None or found.used.all():
         return found
     rows = np.asarray(found.used)
