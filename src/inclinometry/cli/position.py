@@ -28,6 +28,7 @@ def position(
     tool_code: str | None = None,
     calibration: Path | None = None,
     raw: Path | None = None,
+    corrections: Path | None = None,
     tie_on: Metres = None,
     tie_sigma: Metres = None,
     north: Literal["true", "grid"] | None = None,
@@ -51,6 +52,8 @@ def position(
         tool.json: its covariance is the error model of the sensors; --tool-code then adds its terms for the rest.
     raw
         With --calibration: the raw channels of the stations; else the fields are those of the site.
+    corrections
+        With --raw: corrections.json of the multi-station analysis the survey was corrected with.
     tie_on
         North, east, true vertical depth of the first station in m.
     tie_sigma
@@ -73,9 +76,12 @@ def position(
             "--site": site,
             "--calibration": calibration,
             "--raw": raw,
+            "--corrections": corrections,
             "--tool-code": None if tool_code is None else Path(tool_code),
         },
     )
+    if corrections is not None and raw is None:
+        raise InputError("--corrections needs --raw, the raw channels of the run it was made from, and --calibration")
     _check(tool_code, calibration, raw, sources)
     with output.reading(survey) as progress, output.busy("positions and their uncertainty"):
         found = read_position(
@@ -84,6 +90,7 @@ def position(
             tool_code,
             calibration,
             raw,
+            corrections,
             tie_on=_metres(tie_on, "--tie-on"),
             tie_sigma=_metres(tie_sigma, "--tie-sigma", 0.0),
             north=north,

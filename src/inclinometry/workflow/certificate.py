@@ -9,6 +9,7 @@ import numpy as np
 
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
 from inclinometry.io.position_csv import WellStations
 from inclinometry.io.survey_csv import RawSurvey
 from inclinometry.position.certificate import (
@@ -25,6 +26,7 @@ from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey
 from inclinometry.sensors.tool import Tool
 from inclinometry.survey.from_tool import stations_from_tool
+from inclinometry.survey.sensor_correction import SensorCorrection, apply_correction
 
 TRIED = np.radians(np.arange(0.0, 360.0, 15.0))
 """Toolfaces of which the worst is taken where the survey states none."""
@@ -45,6 +47,7 @@ def certificate_model(
     stations: WellStations,
     raw: RawSurvey | None = None,
     code: ToolCode | None = None,
+    correction: SensorCorrection | None = None,
 ) -> CertificateModel:
     """The error model that a calibration is.
 
@@ -58,16 +61,21 @@ def certificate_model(
         Raw channels of these stations; else they are computed from the site's fields and the attitudes.
     code : ToolCode, optional
         What its terms say of other things than the sensors stands beside the certificate.
+    correction : SensorCorrection, optional
+        The multi-station analysis the survey was corrected with: what it leaves open takes the place of the certificate
+        and of the tool code's axial interference. The raw channels are needed.
 
     Raises
     ------
     InputError
         As `inclinometry.position.certificate`.
     """
-    beside, told = (None, []) if code is None else _beside(code, well)
+    beside, told = (None, []) if code is None else _beside(code, well, correction is not None)
     notes: list[str] = []
     warnings = []
     if raw is None:
+        if correction is not None:
+            raise InputError("--corrections needs --raw, the raw channels of the run it was made from")
         sources, notes = _computed(calibration.tool, well, stations)
     else:
         same_units(raw.units, calibration)
@@ -79,6 +87,7 @@ def certificate_model(
             g=well.site.gravity,
             b=well.site.b,
         )
+        seen = seen if correction is None else apply_correction(seen, correction)
         sources = calibration_sources(seen, well)
         warnings += _uncovered(well, raw)
     notes = [*notes, *told]
@@ -87,25 +96,24 @@ def certificate_model(
     return CertificateModel((*sources, *reference), beside, notes, warnings)
 
 
-def _beside(code: ToolCode, well: WellSurvey) -> tuple[ToolCode, list[str]]:
-    """The terms of a tool code that are not the sensors', the declination counted once; what was left out, said.
-
-    A published list names several magnetic models side by side (-OS, -OH, -OI: standard, high definition, in-field);
-    a well uses one of them.
-    """
+def _beside(code: ToolCode, well: WellSurvey, analysed: bool) -> tuple[ToolCode, list[str]]:
+    """Terms of a tool code that neither certificate, site nor an analysis knows better; and what is left out."""
     names = [term.name for term in code.terms if not is_sensor_term(term.name)]
+    left: list[str] = []
+    told = []
     declination = [name for name in names if name.upper().startswith(_DECLINATION)]
     if well.site.declination_sigma is not None and declination:
-        left = declination
-        said = f"the site states the declination's uncertainty: terms {', '.join(left)} of {code.name} are left out"
-    else:
-        models = [name for name in declination if name.upper().endswith(("-OS", "-OH", "-OI"))]
-        left = [name for name in models if not name.upper().endswith("-OS")] if len(models) > 2 else []
-        said = f"{code.name} lists several magnetic models; the standard one is counted, not {', '.join(left)}"
-    return with_terms(code, [name for name in names if name not in left]), [said] if left else []
+        left += declination
+        told.append(f"the site states the declination's uncertainty: {', '.join(declination)} of {code.name} left out")
+    axial = [name for name in names if analysed and name.upper().startswith(_AXIAL)]
+    if axial:
+        left += axial
+        told.append(f"the axial interference was estimated by the analysis: {', '.join(axial)} of {code.name} left out")
+    return with_terms(code, [name for name in names if name not in left]), told
 
 
 _DECLINATION = ("DEC", "DBH")
+_AXIAL = ("AMI",)
 
 
 def _knows_declination(code: ToolCode | None) -> bool:

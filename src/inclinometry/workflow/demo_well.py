@@ -85,7 +85,14 @@ def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: P
     before, analysis = survey_six_axis(six), analyse(six, axial_sigma=STEEL_NT)
     after = survey_six_axis(six, _stored(analysis, folder / "corrections.json"))
     write_survey(after.survey, folder / "survey.csv")
-    position = read_position(folder / "survey.csv", folder / "site.toml", "iscwsa-mwd-rev5.1", tool, folder / "raw.csv")
+    position = read_position(
+        folder / "survey.csv",
+        folder / "site.toml",
+        "iscwsa-mwd-rev5.1",
+        tool,
+        folder / "raw.csv",
+        folder / "corrections.json",
+    )
     write_position_csv(folder / "position.csv", position.path, position.uncertainty, position.survey.north)
     errors = {"as it is": _rms(before.survey, run), "multi-station analysis": _rms(after.survey, run)}
     truth = minimum_curvature(run.md, run.inclination, run.azimuth + _declination(), start=(0.0, 0.0, float(run.md[0])))

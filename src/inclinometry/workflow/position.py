@@ -14,6 +14,7 @@ from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.io._lines import Progress
+from inclinometry.io.corrections_json import read_corrections
 from inclinometry.io.position_csv import WellStations, read_well
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.survey_csv import RawSurvey, read_raw_survey
@@ -24,6 +25,7 @@ from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
+from inclinometry.survey.sensor_correction import SensorCorrection
 from inclinometry.workflow.certificate import CertificateModel, certificate_model
 from inclinometry.workflow.field import completed, field_at, model_of
 
@@ -63,6 +65,7 @@ def read_position(
     tool_code: str | Path | None = None,
     tool: str | Path | None = None,
     raw: str | Path | None = None,
+    corrections: str | Path | None = None,
     *,
     tie_on: tuple[float, float, float] | None = None,
     tie_sigma: tuple[float, float, float] | None = None,
@@ -83,6 +86,8 @@ def read_position(
         tool.json, whose covariance is the error model, of the sensors where a tool code is named too.
     raw : str or Path, optional
         Raw channels of the same stations, for the fields that the tool saw.
+    corrections : str or Path, optional
+        corrections.json of the multi-station analysis that the survey was corrected with.
     tie_on, tie_sigma, north
         As `well_position`.
     progress : callable, optional
@@ -103,12 +108,13 @@ def read_position(
         code,
         calibration,
         channels,
+        None if corrections is None else read_corrections(corrections),
         tie_on=tie_on,
         tie_sigma=tie_sigma,
         north=north,
         site_path=site_path,
     )
-    files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw}
+    files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw, "corrections": corrections}
     read = {name: path for name, path in files.items() if path is not None and Path(path).is_file()}
     digests = {name: digest_file(path) for name, path in read.items()}
     return replace(found, notes=(*said, *found.notes), inputs={**found.inputs, **digests})
@@ -120,6 +126,7 @@ def well_position(
     tool_code: ToolCode | None = None,
     calibration: Calibration | None = None,
     raw: RawSurvey | None = None,
+    correction: SensorCorrection | None = None,
     *,
     tie_on: tuple[float, float, float] | None = None,
     tie_sigma: tuple[float, float, float] | None = None,
@@ -140,6 +147,8 @@ def well_position(
         Its covariance is the error model, beside which the tool code tells of other things than the sensors.
     raw : RawSurvey, optional
         The raw channels of the same stations; without them the fields are those of the site.
+    correction : SensorCorrection, optional
+        Of the multi-station analysis that the survey was corrected with.
     tie_on : (3,) floats, optional
         North, east and true vertical depth of the first station, m; 0, 0 and its measured depth where not given.
     tie_sigma : (3,) floats, optional
@@ -164,7 +173,7 @@ def well_position(
     uncertainty = None
     try:
         if calibration is not None:
-            model = certificate_model(calibration, well, stations, raw, tool_code)
+            model = certificate_model(calibration, well, stations, raw, tool_code, correction)
         if model.code is not None or model.sources:
             uncertainty = propagate(well, model.code, model.sources)
     except InputError as error:
