@@ -135,7 +135,7 @@ def test_stored_correction_gives_the_same_survey(run):
     assert "same file" in done.err
 
 
-@pytest.mark.parametrize("ending", ["xlsx", "parquet", "las"])
+@pytest.mark.parametrize("ending", ["xlsx", "parquet", "las", "witsml", "p7"])
 def test_any_format_gives_the_same_verdict(run, ending):
     given()
     wanted = run(*QUALITY, "--json").json
@@ -268,8 +268,48 @@ def test_four_stations_at_one_toolface_are_refused(run):
     refused(run(*MSA), "at least 4")
 
 
+def test_sag_is_corrected_and_said(run):
+    given()
+    Path("bha.toml").write_text(BHA)
+    assert run(*SURVEY).status == 0
+    before = read("survey.csv")
+    done = run(*SURVEY, "--correct", "sag", "--bha", "bha.toml", "--json")
+    assert done.status == 0, done.err
+    assert "sag" in done.json["history"][-1]
+    moved = [
+        float(a["inclination_deg"]) - float(b["inclination_deg"])
+        for a, b in zip(read("survey.csv"), before, strict=True)
+    ]
+    # the assembly bends under its weight the more, the more it lies: a tenth of a degree or so
+    assert abs(moved[0]) < abs(moved[-1]) < 1.0
+    assert abs(moved[-1]) > 0.01
+
+
+BHA = """sensor_to_bit_m = 12.0
+hole_diameter_m = 0.2159
+mud_density_kg_m3 = 1200.0
+[[element]]
+length_m = 0.3
+od_m = 0.2159
+id_m = 0.05
+[[element]]
+length_m = 30.0
+od_m = 0.165
+id_m = 0.07
+material = "nonmagnetic"
+[[stabiliser]]
+to_bit_m = 1.0
+blade_od_m = 0.2128
+[[stabiliser]]
+to_bit_m = 20.0
+blade_od_m = 0.2128
+"""
+
+
 def test_readings_that_are_none(run):
     truth = given()
+    Path("raw.wits").write_text("&&\n07221.0\n!!\n")
+    refused(run("quality", "raw.wits", "--site", "site.toml"), "convert with --map")
     values = table(truth)
     for change, words in (
         ({(3, 0): values[2, 0]}, ("must increase",)),

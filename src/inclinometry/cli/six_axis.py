@@ -21,7 +21,7 @@ from inclinometry.workflow.gyro_quality import check_json
 from inclinometry.workflow.six_axis import Analysis, SixAxis, analyse, judge, read_six_axis
 
 SixAxisForm: TypeAlias = Annotated[
-    Literal["csv", "xlsx", "parquet", "las", "witsml", "p7", "wits"] | None, Parameter(name="--from")
+    Literal["csv", "xlsx", "parquet", "las", "witsml", "p7"] | None, Parameter(name="--from")
 ]
 Convention: TypeAlias = Literal["house", "iscwsa", "specific-force", "z-up"] | None
 

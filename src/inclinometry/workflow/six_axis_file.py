@@ -86,6 +86,9 @@ def _surveyed(
 def _survey_file(path: str | Path, form: str | None, convention: str | None) -> SurveyFile:
     """The stations a file calls used."""
     name = format_of(path, form)
+    if name == "wits":
+        problem = "WITS names neither quantities nor units; turn it into CSV first: inclinometry convert with --map"
+        raise FileError(problem, path=path)
     found = read_survey_file(path, name, {"convention": convention})
     if found.used is None or found.used.all():
         return found
