@@ -16,7 +16,7 @@ from inclinometry.report.expected import EXPANDED
 from inclinometry.report.msa_words import VAGUE, blind_spots, described, labels, unit_of
 from inclinometry.report.page import render
 from inclinometry.report.quality import quality_pictures
-from inclinometry.survey.multistation import MultiStation
+from inclinometry.survey.multistation import SOURCE, MultiStation
 from inclinometry.survey.quality import FieldQuality, judge_fields
 from inclinometry.survey.quality_words import QUANTITIES
 from inclinometry.survey.reduce import UNKNOWN
@@ -102,14 +102,9 @@ def _reference_shift(found: MultiStation) -> Array:
 
 def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     """One sentence: what was wrong, what that did to azimuth, how sure it is now."""
-    sure = sorted(
-        (
-            name
-            for name, p in found.parameters.items()
-            if p.significance > EXPANDED and not name.startswith("reference")
-        ),
-        key=lambda name: -found.parameters[name].significance,
-    )[:3]
+    moves = _azimuth_moves(found)
+    stand_out = (name for name in moves if found.parameters[name].significance > EXPANDED)
+    sure = sorted(stand_out, key=lambda name: -moves[name])[:3]
     parts = [f"{described(name)} {_value(found, name)}" for name in sure]
     what = "; ".join(parts) if parts else "no sensor error stands out"
     able = u_after < VAGUE
@@ -124,6 +119,16 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
         f"{what[0].upper()}{what[1:]}. Azimuth changes by {half}° at half of {which}, at most by {most}°, and is then "
         f"known to ±{significant(left)}° at half of them (expanded, k = {EXPANDED:g})."
     )
+
+
+def _azimuth_moves(found: MultiStation) -> dict[str, float]:
+    """Median change of azimuth, rad, that each sensor's estimate makes."""
+    stations = found.corrected
+    by_field = stations.sources[SOURCE].by_field
+    shifts = np.einsum("na,nap->np", angles_jacobian(stations.g, stations.b)[:, 1], by_field)
+    sizes = np.median(np.abs(np.where(np.isfinite(shifts), shifts, 0.0)), axis=0)
+    names = list(found.parameters)[: len(sizes)]
+    return {name: float(size) * abs(found.parameters[name].value) for name, size in zip(names, sizes, strict=True)}
 
 
 def _value(found: MultiStation, name: str) -> str:
