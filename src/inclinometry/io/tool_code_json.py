@@ -141,6 +141,9 @@ def _degrees(low: float, high: float) -> tuple[float, float]:
 def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
     singular = [cells.get(key) or "0" for key in _SINGULAR] if any(cells.get(key) for key in _SINGULAR) else None
     course = cells.get("course", cells["name"] in _COURSE)
+    for key in ("depth_factor", "inclination_factor", "azimuth_factor"):
+        if cells.get(key, 1) not in (0, 1):  # published files mark with 0 and 1 what the formulas say anyway
+            raise FileError(f"{where}.{key} is {cells[key]}; write it into the formula, and leave it out", path=path)
     if cells["name"] == "XCLA" and "course" not in cells:
         singular = list(_COURSE_SINGULAR)
     try:

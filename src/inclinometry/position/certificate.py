@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -22,8 +23,8 @@ from inclinometry.survey.from_tool import KINDS, stations_from_tool
 from inclinometry.survey.path import directions
 from inclinometry.survey.stations import Stations
 
-SENSOR_TERMS: Final = ("ABX", "ABY", "ABZ", "ASX", "ASY", "ASZ", "MBX", "MBY", "MBZ", "MSX", "MSY", "MSZ")
-"""Beginnings of the names of terms that a certificate replaces: biases and scales of the six sensors."""
+SENSOR_TERMS: Final = re.compile(r"[AM][BS](I?)(XY?|Y|Z)(?![A-Z])", re.IGNORECASE)
+"""Names of terms that a certificate replaces: biases and scales of the six sensors, I where corrected axially."""
 
 NEAR_VERTICAL: Final = np.radians(1.0)
 """Below this (and above 180 deg less it) sources tell of the direction of the hole, not of inclination and azimuth."""
@@ -329,4 +330,36 @@ def is_sensor_term(name: str) -> bool:
     >>> [is_sensor_term(name) for name in ("ABXY-TI1S", "MSZ", "AMIL", "DEC-U")]
     [True, True, False, False]
     """
-    return name.upper().startswith(SENSOR_TERMS)
+    return SENSOR_TERMS.match(name) is not None
+
+
+_GYRO_UNITS: Final = ("deg/hr", "deg/sqr(hr)")
+
+
+def fits_certificate(code: ToolCode) -> None:
+    """Refuse a tool code that cannot stand beside the certificate of a magnetic tool.
+
+    Raises
+    ------
+    InputError
+        A gyro's code; a code for surveys corrected axially.
+
+    Examples
+    --------
+    >>> from inclinometry.position.tool_code import term
+    >>> drift = term("GB1", 0.1, "deg/hr", "systematic", ("0", "0", "1 / EarthRate"))
+    >>> fits_certificate(ToolCode(name="gyro", terms=(drift,), source="example"))
+    Traceback (most recent call last):
+    inclinometry.core.errors.InputError: tool code gyro is of a gyro; ...
+    """
+    if any(one.unit in _GYRO_UNITS for one in code.terms):
+        raise InputError(
+            f"tool code {code.name} is of a gyro; the certificate of a magnetic tool says nothing of it: give one of "
+            "the two"
+        )
+    axial = [one.name for one in code.terms if (found := SENSOR_TERMS.match(one.name)) and found[1]]
+    if axial:
+        raise InputError(
+            f"tool code {code.name} is for surveys corrected for axial interference ({axial[0]} ...); the certificate "
+            "is of the tool as it is: give the code without that correction"
+        )

@@ -92,6 +92,10 @@ class Formula:
             return self._value(variables, {} if memory is None else memory)
 
 
+LARGEST: Final = 1e100
+"""Of the numbers in a formula."""
+
+
 def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula:
     """Check a formula and make it ready for evaluation.
 
@@ -134,6 +138,8 @@ def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula
 
 def _check(node: ast.expr, source: str, names: set[str]) -> None:
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+        if abs(node.value) > LARGEST:
+            raise InputError(f"formula {source!r} has a number beyond {LARGEST:g}; no weight is so large")
         return
     if isinstance(node, ast.Name):
         if node.id.lower() not in _CONSTANTS:
@@ -163,7 +169,7 @@ def _arguments(node: ast.Call, function: str, source: str) -> list[ast.expr]:
 def _built(node: ast.expr) -> Compute:
     """A checked expression as a function of the variables."""
     if isinstance(node, ast.Constant):
-        number = node.value
+        number = np.float64(str(node.value))  # integers would overflow silently, or refuse negative powers
         return lambda variables, memory: number
     if isinstance(node, ast.Name):
         name = node.id.lower()

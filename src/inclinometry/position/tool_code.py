@@ -101,6 +101,11 @@ class Term:
             raise InputError(f"term {self.name} has the propagation {self.propagation!r}; allowed: {allowed}")
         if float(finite(self.magnitude, f"magnitude of {self.name}")) < 0.0:
             raise InputError(f"term {self.name} has magnitude {self.magnitude}; a standard deviation is not negative")
+        if all(formula.is_zero for formula in self.formulas) and not self.course:
+            raise InputError(f"term {self.name} has no formula that is not 0; say what it does, or leave it out")
+        if not self.inclinations[0] <= self.inclinations[1]:
+            low, high = np.degrees(self.inclinations)
+            raise InputError(f"term {self.name} is for inclinations {low:g} to {high:g} deg; the lower comes first")
         if self.hold and self.start:
             raise InputError(f"term {self.name} both holds its last and keeps its first weight; choose one")
 

@@ -135,8 +135,8 @@ def well_survey(
     north : {"true", "grid"}, optional
         The north of the results; grid where the azimuths are from grid north, else true.
     tie : (3, 3) array_like, optional
-        Covariance, m^2, of the first station's position. Where it is not given and md starts at 0 the first station is
-        the wellhead, whose depth has the error of a measured depth.
+        Covariance, m^2, of the first station's position. Where md starts at 0 the first station is the wellhead, whose
+        depth has the error of a measured depth too.
 
     Returns
     -------
@@ -170,6 +170,6 @@ def well_survey(
         finite(tvd, "tvd"),
         site,
         target,
-        tie is None and bool(len(depths)) and depths[0] == 0.0,
+        bool(len(depths)) and depths[0] == 0.0,
         np.zeros((3, 3)) if tie is None else finite(tie, "tie", (3, 3)),
     )

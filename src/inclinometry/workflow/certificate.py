@@ -15,6 +15,7 @@ from inclinometry.io.survey_csv import RawSurvey
 from inclinometry.position.certificate import (
     calibration_sources,
     error_model,
+    fits_certificate,
     is_sensor_term,
     reference_sources,
     with_terms,
@@ -93,16 +94,22 @@ def certificate_model(
     notes = [*notes, *told]
     reference = () if _knows_declination(beside) else reference_sources(well)
     warnings += [] if beside is not None else [_alone(bool(reference))]
+    if beside is not None and not reference and not _knows_declination(beside):
+        warnings.append("no uncertainty of the declination is in the ellipses: give the site's sigma_declination_deg")
     return CertificateModel((*sources, *reference), beside, notes, warnings)
 
 
 def _beside(code: ToolCode, well: WellSurvey, analysed: bool) -> tuple[ToolCode, list[str]]:
     """Terms of a tool code that neither certificate, site nor an analysis knows better; and what is left out."""
+    fits_certificate(code)
     names = [term.name for term in code.terms if not is_sensor_term(term.name)]
     left: list[str] = []
     told = []
-    declination = [name for name in names if name.upper().startswith(_DECLINATION)]
-    if well.site.declination_sigma is not None and declination:
+    # random parts are each station's own, which no statement about the place covers
+    declination = [
+        term.name for term in code.terms if term.name.upper().startswith(_DECLINATION) and term.propagation != "random"
+    ]
+    if well.site.declination_sigma and declination:
         left += declination
         told.append(f"the site states the declination's uncertainty: {', '.join(declination)} of {code.name} left out")
     axial = [name for name in names if analysed and name.upper().startswith(_AXIAL)]
@@ -117,7 +124,9 @@ _AXIAL = ("AMI",)
 
 
 def _knows_declination(code: ToolCode | None) -> bool:
-    return code is not None and any(term.name.upper().startswith(_DECLINATION) for term in code.terms)
+    return code is not None and any(
+        term.name.upper().startswith(_DECLINATION) and term.propagation != "random" for term in code.terms
+    )
 
 
 def _uncovered(well: WellSurvey, raw: RawSurvey) -> list[str]:

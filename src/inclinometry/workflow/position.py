@@ -32,7 +32,11 @@ from inclinometry.workflow.field import completed, field_at, model_of
 SHARPEST = 60.0
 """Dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below."""
 STANDS = (80.0, 100.0)
-"""Median spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft."""
+"""Spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft."""
+
+
+STANDING = 0.6
+"""Share of such intervals from which the question is asked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,9 +254,11 @@ def _doubts(stations: WellStations, path: WellPath) -> list[str]:
             f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
             "a typing error, or depths in another unit?"
         )
-    spacing = float(np.median(np.diff(stations.md)))
-    # the unit of the file, not the metres it became
-    if STANDS[0] <= spacing <= STANDS[1] and np.ptp(np.diff(stations.md)) < 0.5 * spacing:
+    intervals = np.diff(stations.md)
+    alike = (intervals >= STANDS[0]) & (intervals <= STANDS[1])
+    spacing = float(np.median(intervals[alike])) if alike.any() else 0.0
+    # the unit of the file, not the metres it became; a long first interval proves nothing
+    if np.mean(alike) >= STANDING:
         found.append(
             f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
             "feet, name their column md_ft"
