@@ -183,14 +183,7 @@ def north_run(
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
     checks = [replace(c, reason=_labelled(c.reason, readings)) for c in checks]
-    notes = [
-        *_remarks(readings, heat, chosen),
-        *readings.notes,
-        *averages.gravity.notes,
-        *averages.rate.notes,
-        *known.notes,
-    ]
-    notes += [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
+    notes = _notes(readings, averages, known, calibration, _remarks(readings, heat, chosen))
     notes += misfit_hint(found.get("joint", north), stations.rate, site.latitude)
     notes += [f"{c.name}: {c.reason}; {c.action}" for c in checks if c.verdict == "fail"]
     total = np.linalg.norm(averages.gravity.field, axis=1)
@@ -202,6 +195,14 @@ def north_run(
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
     return GyroRun(survey, north, readings.md, heat, track, found, checks, name, digests)
+
+
+def _notes(
+    readings: GyroReadings, averages: Averages, known: Known, calibration: Calibration | None, remarks: list[str]
+) -> list[str]:
+    """What reader, averages and calibration have to say."""
+    inherited = [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
+    return [*remarks, *readings.notes, *averages.gravity.notes, *averages.rate.notes, *known.notes, *inherited]
 
 
 def _labelled(reason: str, readings: GyroReadings) -> str:

@@ -284,17 +284,7 @@ def _two_passes(
         for _ in range(2):
             size = bias_across(average(everything, known), everything)
             known[along] = size
-        if kind == "accelerometer":
-            notes = (
-                f"the bias of the accelerometer along the tool cannot be turned away; taken as {size * strength:.2g} "
-                "m/s2 (standard uncertainty), as large as those across",
-            )
-        else:
-            degrees = np.degrees(size * strength / np.linalg.norm(mean, axis=1).max()) * 3600.0
-            notes = (
-                f"the bias of the gyro along the tool cannot be turned away; taken as {degrees:.2g} deg/h (standard "
-                "uncertainty), as large as those across: state it with --z-bias-sd-deg-h",
-            )
+        notes = (_axial_note(kind, size * strength / np.linalg.norm(mean, axis=1).max()),)
     elif bias is not None:
         known[along] = bias[along]
     found = average(everything, known)
@@ -305,6 +295,16 @@ def _two_passes(
         notes=(*_notes(readings, found, kind), *notes),
     )
     return scaled, known
+
+
+def _axial_note(kind: str, size: float) -> str:
+    """What was taken for the bias of a sensor along the tool; `size` in SI."""
+    taken = f"{size:.2g} m/s2" if kind == "accelerometer" else f"{np.degrees(size) * 3600.0:.2g} deg/h"
+    stated = "" if kind == "accelerometer" else ": state it with --z-bias-sd-deg-h"
+    return (
+        f"the bias of the {kind} along the tool cannot be turned away; taken as {taken} (standard uncertainty), as large "
+        f"as those across{stated}"
+    )
 
 
 def _notes(readings: GyroReadings, found: IndexAverage, kind: str) -> list[str]:
