@@ -302,8 +302,8 @@ def _axial_note(kind: str, size: float) -> str:
     taken = f"{size:.2g} m/s2" if kind == "accelerometer" else f"{np.degrees(size) * 3600.0:.2g} deg/h"
     stated = "" if kind == "accelerometer" else ": state it with --z-bias-sd-deg-h"
     return (
-        f"the bias of the {kind} along the tool cannot be turned away; taken as {taken} (standard uncertainty), as large "
-        f"as those across{stated}"
+        f"the bias of the {kind} along the tool cannot be turned away; taken as {taken} (standard uncertainty), as "
+        f"large as those across{stated}"
     )
 
 
