@@ -192,3 +192,13 @@ def test_a_bomb_is_not_unpacked(tmp_path, monkeypatch):
     monkeypatch.setattr(excel, "_UNPACKED", 1000)
     with pytest.raises(FileError, match="unpacks to"):
         read_excel(tmp_path / "a.xlsx")
+
+
+def test_standard_uncertainties_are_numbers(tmp_path):
+    file = SurveyFile(md=[0.0, 30.0], sigma={"azimuth": [0.01, np.nan], "inclination": [0.001, 0.002]})
+    write_excel(file, tmp_path / "a.xlsx")
+    rows = list(openpyxl.load_workbook(tmp_path / "a.xlsx")["survey"].iter_rows(values_only=True))
+    assert rows[0] == ("md_m", "u_inclination_deg", "u_azimuth_deg")
+    assert [type(cell) for cell in rows[1][1:]] == [float, float]
+    assert rows[2][2] is None
+    assert read_excel(tmp_path / "a.xlsx").same_as(file, atol=2e-12)

@@ -222,3 +222,23 @@ def test_flags_and_times_as_curves(tmp_path):
     (tmp_path / "a.las").write_text(text)
     with pytest.raises(FileError, match="line 26: column 'USED' is ''"):
         read_las(tmp_path / "a.las", azimuth_reference="true")
+
+
+def test_contradictory_units_are_said_once(tmp_path, caplog):
+    """The library's own words on them would stand on the terminal beside the program's."""
+    write_las(survey(), tmp_path / "a.las")
+    text = (tmp_path / "a.las").read_text()
+    start = next(line for line in text.splitlines() if line.startswith("STRT"))
+    (tmp_path / "a.las").write_text(text.replace(start, start.replace(".m ", ".ft", 1)))
+    with pytest.raises(FileError, match="STRT is in 'ft', the depth curve in 'm'"):
+        read_las(tmp_path / "a.las")
+    assert caplog.records == []
+
+
+def test_standard_uncertainties_have_a_unit(tmp_path):
+    write_las(survey(sigma={"azimuth": np.radians([0.5, np.nan, 400.0])}, extra={}), tmp_path / "a.las")
+    names, units, _, _ = dumb((tmp_path / "a.las").read_text())
+    assert units[names.index("UAZI")] == "deg"
+    np.testing.assert_allclose(
+        read_las(tmp_path / "a.las").sigma["azimuth"], np.radians([0.5, np.nan, 400.0]), rtol=1e-12
+    )

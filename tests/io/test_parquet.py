@@ -132,3 +132,21 @@ def test_a_million_stations(tmp_path):
     md = np.arange(1_000_000) * 0.01
     write_parquet(SurveyFile(md=md, inclination=np.full(len(md), 0.5)), tmp_path / "a.parquet")
     assert len(read_parquet(tmp_path / "a.parquet")) == 1_000_000
+
+
+def test_reading_in_one_thread_changes_nothing(tmp_path):
+    write_parquet(survey(), tmp_path / "a.parquet")
+    plain = pq.read_table(tmp_path / "a.parquet")
+    assert pq.read_table(tmp_path / "a.parquet", use_threads=False, pre_buffer=False).equals(plain)
+    np.testing.assert_array_equal(read_parquet(tmp_path / "a.parquet").md, plain.column("md_m").to_numpy())
+
+
+def test_standard_uncertainties_are_numbers(tmp_path):
+    sigma = {name: np.radians([0.1, 0.2, np.nan]) for name in ("inclination", "azimuth", "toolface")}
+    file = SurveyFile(md=[0.0, 30.0, 60.0], sigma=sigma)
+    write_parquet(file, tmp_path / "a.parquet")
+    schema = pq.read_schema(tmp_path / "a.parquet")
+    for name in sigma:
+        field = schema.field(f"u_{name}_deg")
+        assert (field.type, field.metadata) == (pa.float64(), {b"unit": b"deg"})
+    assert read_parquet(tmp_path / "a.parquet").same_as(file, atol=2e-12)

@@ -14,7 +14,7 @@ import numpy as np
 
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
-from inclinometry.io.columns import KNOWN, channel, closest
+from inclinometry.io.columns import channel, closest
 
 EXTRA = "extra_"
 """Begins the name of a column the house does not read, where it would be taken for one the house reads."""
@@ -171,7 +171,7 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     Traceback (most recent call last):
     inclinometry.core.errors.InputError: column 'Gx' has no unit; write gx_m_s2 or the like
     """
-    if name.startswith(EXTRA) or (name in KNOWN and name.startswith("u_")) or name == "flags":
+    if name.startswith(EXTRA) or name == "flags":
         return None
     if _squashed(name) in _texts():
         return Meaning(_texts()[_squashed(name)], None)

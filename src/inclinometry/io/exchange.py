@@ -30,6 +30,9 @@ REFERENCE: Final = ("g", "b", "dip", "declination", "convergence", "latitude", "
 CORRECTIONS: Final = ("gx", "gy", "gz", "bx", "by", "bz", "sag_inclination", "sag_azimuth", "sensor_offset")
 """Names in `SurveyFile.corrections`, added to what was measured: m/s^2, nT, rad, rad, m."""
 
+SIGMA: Final = ("inclination", "azimuth", "toolface")
+"""Names in `SurveyFile.sigma`: rad, at one standard deviation."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SurveyFile:
@@ -45,6 +48,7 @@ class SurveyFile:
     measured : name of `MEASURED` -> (n,), what the file says was found.
     reference : name of `REFERENCE` -> (n,), what was expected, or the correction between norths.
     corrections : name of `CORRECTIONS` -> (n,).
+    sigma : name of `SIGMA` -> (n,), standard uncertainty of that angle.
     covariance : (n, 3, 3) of the position in north, east, vertical (down), m^2, at one standard deviation.
     used, valid : (n,) bool, or None where the file does not say: taken into the definitive survey; passed its checks.
     times : (n,) ISO 8601 texts, empty where unknown.
@@ -85,6 +89,7 @@ class SurveyFile:
     measured: Mapping[str, Array] = field(default_factory=dict)
     reference: Mapping[str, Array] = field(default_factory=dict)
     corrections: Mapping[str, Array] = field(default_factory=dict)
+    sigma: Mapping[str, Array] = field(default_factory=dict)
     covariance: Array | None = None
     used: Mask | None = None
     valid: Mask | None = None
@@ -108,8 +113,9 @@ class SurveyFile:
             shape = (size, 3, 3) if name == "covariance" else (size, 3) if name in VECTORS else (size,)
             value = getattr(self, name)
             keep[name] = None if value is None else frozen(_shaped(value, name, shape))
-        for name, allowed in (("measured", MEASURED), ("reference", REFERENCE), ("corrections", CORRECTIONS)):
-            keep[name] = _named(getattr(self, name), name, allowed, size)
+        allowed = {"measured": MEASURED, "reference": REFERENCE, "corrections": CORRECTIONS, "sigma": SIGMA}
+        for name, names in allowed.items():
+            keep[name] = _named(getattr(self, name), name, names, size)
         for name, texts in (("times", self.times), *self.extra.items()):
             if texts is not None and len(texts) != size:
                 raise InputError(f"{name} has {len(texts)} texts; md has {size} stations")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -89,7 +91,8 @@ def _header(path: Path, head: str) -> Any:
     import lasio
 
     try:
-        las = lasio.read(io.StringIO(head), ignore_data=True, mnemonic_case="preserve")
+        with _quiet("lasio"):
+            las = lasio.read(io.StringIO(head), ignore_data=True, mnemonic_case="preserve")
     except MemoryError:
         raise
     except Exception as error:  # LASHeaderError, but also key and index errors of what it did not foresee
@@ -101,6 +104,18 @@ def _header(path: Path, head: str) -> Any:
     if not len(las.curves):
         raise FileError("no curves in the ~Curve section; a depth and one more are needed", path=path)
     return las
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """A library's log silent; what it doubts is said here, in one place and with the file's name."""
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 def _value(section: Any, name: str) -> Any:

@@ -76,7 +76,8 @@ def _table(path: Path) -> Any:
 
     try:
         with path.open("rb") as stream:
-            return pq.read_table(stream, page_checksum_verification=True)
+            # threads of its own that still run when the process ends have aborted it; a survey needs none
+            return pq.read_table(stream, page_checksum_verification=True, use_threads=False, pre_buffer=False)
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
     except (pa.ArrowException, OSError, ValueError) as error:
