@@ -170,6 +170,32 @@ def test_one_error_with_its_line(tmp_path, old, new, words):
     assert caught.value.line in ((None,) if "aziRef" in old else (own, own + 1, station))
 
 
+def test_depths_in_two_units(tmp_path):
+    path = changed(tmp_path, '<md uom="ft">1</md>', '<md uom="m">1</md>')
+    with pytest.raises(FileError, match="md of station 2 is in 'm', of the first in 'ft'") as caught:
+        read_witsml(path)
+    assert caught.value.line == FINE[: FINE.index('<md uom="ft">1</md>')].count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('<mdMx uom="ft">1', '<mdMx uom="m">1', "mdMx is 1 m, the stations' 1 ft"),
+        ('<mdMn uom="ft">0', '<mdMn uom="ft">100', "mdMn is 100 ft, the stations' 0 ft"),
+        ('<mdMx uom="ft">1', "<mdMx>1", "mdMx has no uom"),
+    ],
+)
+def test_head_and_stations_contradict_each_other(tmp_path, old, new, words):
+    with pytest.raises(FileError, match=words) as caught:
+        read_witsml(changed(tmp_path, old, new))
+    assert caught.value.line == FINE[: FINE.index(old)].count("\n") + 1
+
+
+def test_head_in_another_unit_or_rounded_agrees(tmp_path):
+    assert len(read_witsml(changed(tmp_path, '<mdMx uom="ft">1', '<mdMx uom="m">0.3048'))) == 2
+    assert len(read_witsml(changed(tmp_path, '<mdMx uom="ft">1', '<mdMx uom="ft">1.4'))) == 2
+
+
 def test_truncated_anywhere(tmp_path):
     path = tmp_path / "a.xml"
     end = FINE.rindex("</trajectorys>")
@@ -220,7 +246,9 @@ def test_too_large_a_file_is_not_parsed(tmp_path, monkeypatch):
 
 def test_rejected_station_may_repeat_a_depth(tmp_path):
     path = changed(tmp_path, '<md uom="ft">1</md>', '<md uom="ft">0</md>')
-    path.write_text(path.read_text().replace(">position<", ">rejected<"))
+    path.write_text(
+        path.read_text().replace(">position<", ">rejected<").replace('<mdMx uom="ft">1', '<mdMx uom="ft">0')
+    )
     np.testing.assert_array_equal(read_witsml(path).used, [True, False])
 
 

@@ -9,8 +9,10 @@ contradicts `gtf`.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -30,6 +32,7 @@ from inclinometry.io.atomic import write_bytes
 from inclinometry.io.exchange import SurveyFile
 
 _APART: Final = 5.0  # deg between two toolfaces that a turned convention, 90 deg or more, exceeds and noise does not
+_ENDS: Final[Mapping[str, Callable[[list[float]], float]]] = MappingProxyType({"mdMn": min, "mdMx": max})
 _OF_ALL: Final = {"magDeclUsed": "stnMagDeclUsed", "gridConUsed": "stnGridConUsed", "gridCorUsed": "stnGridCorUsed"}
 
 
@@ -64,7 +67,7 @@ def read_witsml(
     FileError
         Not well-formed; a document type or entity; another namespace or version; no station; a uom that is missing or
         unknown, naming the element; an element twice; text, NaN or infinity in a number's place; depths that do not
-        increase; azimuths without a north; each with its line.
+        increase, that are in several units or not what mdMn and mdMx say; azimuths without a north; each with its line.
 
     Examples
     --------
@@ -85,6 +88,7 @@ def read_witsml(
     sheet = _sheet(where, stations, shared, convention)
     sheet = replace(sheet, north=north, header=header, digest=digest_bytes(data))
     survey = survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+    _depth_units(where, chosen, stations)
     unread = sorted({name for station in stations for name in station.unread})
     notes = [f"not read: {', '.join(unread)}"] if unread else []
     return replace(survey, notes=(*survey.notes, *notes, *_toolface_notes(survey, convention)))
@@ -137,6 +141,7 @@ class _Station:
         self.values: dict[str, float] = {}
         self.texts: dict[str, str] = {"uid": uid}
         self.unread: set[str] = set()
+        self.md_uom, self.md_line = "", line
 
 
 def _station(path: Path, element: Any) -> _Station:
@@ -151,6 +156,8 @@ def _station(path: Path, element: Any) -> _Station:
             station.texts[name] = text_of(child)
         else:
             _quantities_of(path, station, "station", [(name, child)])
+            if name == "md":
+                station.md_uom, station.md_line = child.get("uom", ""), child.sourceline
     if "md" not in station.values:
         raise FileError("a station without md; add it or remove the station", path=path, line=station.line)
     return station
@@ -165,6 +172,30 @@ def _quantities_of(path: Path, station: _Station, group: str, found: Any) -> Non
             raise FileError(f"{name} appears twice in a station; remove one", path=path, line=child.sourceline)
         else:
             station.values[name] = quantity_of(path, name, child, known[name].kind)
+
+
+def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
+    """FileError where one trajectory's depths are in two units, or its mdMn and mdMx are not its stations'."""
+    first = stations[0]
+    for count, station in enumerate(stations, 1):
+        if station.md_uom != first.md_uom:
+            problem = f"md of station {count} is in {station.md_uom!r}, of the first in {first.md_uom!r}"
+            raise FileError(f"{problem}; use one unit in a trajectory", path=path, line=station.md_line)
+    unit = schema.factor("length", first.md_uom)
+    kept = [station.values["md"] for station in stations if station.texts.get("statusTrajStation") != "rejected"]
+    for name, child in children(chosen):
+        if name in _ENDS:
+            stated = quantity_of(path, name, child, "length")
+            # of all stations or of those not rejected: programs differ
+            ends = [_ENDS[name](depths) for depths in (kept, [s.values["md"] for s in stations]) if depths]
+            found = min(ends, key=lambda end: abs(end - stated))
+            # a head may be rounded to whole units; a wrong unit is far beyond that
+            if abs(stated - found) > 0.501 * unit + 1e-3 * abs(found):
+                said = (
+                    f"{name} is {text_of(child)} {child.get('uom')}, the stations' {found / unit:.10g} {first.md_uom}"
+                )
+                problem = f"{said}: is a unit wrong, is the file cut? Correct {name} or remove it"
+                raise FileError(problem, path=path, line=child.sourceline)
 
 
 def _sheet(path: Path, stations: list[_Station], shared: dict[str, float], convention: str) -> Sheet:
