@@ -14,6 +14,8 @@ from inclinometry.survey.stations import Stations
 
 REFERENCE = FieldReference(g=9.81, b=5e4, dip=1.2, g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
 
+NOISE = np.diag([1e-6, 1e-6, 4e-6, 100.0, 100.0, 225.0])
+
 
 def correction(power=0.0):
     """A bias of bx that may depend on temperature, and a scale of gz."""
@@ -33,6 +35,7 @@ def correction(power=0.0):
         offset=offset,
         power=np.array([power, 0.0]),
         reference_temperature=np.array([20.0 if power else 0.0, 0.0]),
+        noise=NOISE,
         reference=REFERENCE,
         priors="iscwsa",
         tool="A7",
@@ -52,7 +55,7 @@ def test_round_trip(tmp_path, power):
     write_corrections(wanted, path)
     found = read_corrections(path)
     assert found.parameters == wanted.parameters
-    for name in ("covariance", "gain", "offset", "power", "reference_temperature"):
+    for name in ("covariance", "gain", "offset", "power", "reference_temperature", "noise"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
     for name in ("priors", "tool", "md", "stations", "chi_square", "freedom", "warnings"):
         assert getattr(found, name) == getattr(wanted, name)
@@ -69,10 +72,12 @@ def test_applied_by_hand():
     found = apply_correction(Stations([0.0, 30.0], g, b), correction())
     np.testing.assert_allclose(found.b, b - [40.0, 0.0, 0.0], rtol=1e-15)
     np.testing.assert_allclose(found.g, g / [1.0, 1.0, 1.001], rtol=1e-14)
-    # what remains: 5 nT of the bias, 2e-4 of gz
+    # what remains: 5 nT of the bias, 2e-4 of gz, and the noise, of stations that bring none
     spread = np.sqrt(np.diagonal(found.field_covariance(), axis1=1, axis2=2))
-    np.testing.assert_allclose(spread[:, 3], 5.0, rtol=1e-12)
-    np.testing.assert_allclose(spread[:, 2], 2e-4 * found.g[:, 2] / 1.001, rtol=1e-12)
+    np.testing.assert_allclose(spread[:, 3], np.hypot(5.0, 10.0), rtol=1e-12)
+    np.testing.assert_allclose(spread[:, 2], np.hypot(2e-4 * found.g[:, 2], 2e-3) / 1.001, rtol=1e-12)
+    own = apply_correction(Stations([0.0, 30.0], g, b, noise=np.broadcast_to(4.0 * NOISE, (2, 6, 6))), correction())
+    np.testing.assert_allclose(own.noise[:, 3, 3], 400.0, rtol=1e-12)
     assert "0 to 90 m" in found.history[-1]
     with pytest.raises(InputError, match="before it"):
         apply_correction(found, correction())
@@ -120,6 +125,14 @@ def _reference(content):
     content["reference"]["b_nT"] = 5.0
 
 
+def _no_noise(content):
+    del content["noise"]
+
+
+def _noise(content):
+    content["noise"][2][2] = -1.0
+
+
 def _channel(content):
     content["parameters"][1]["gain"][0][0] = 6
 
@@ -135,6 +148,8 @@ def _channel(content):
         (_order, "end in the three of the reference"),
         (_short, "has 5 rows"),
         (_reference, "reference b is 5"),
+        (_no_noise, "noise"),
+        (_noise, "variance must be 0 or more"),
         (_channel, "a channel, 0 to 5"),
     ],
 )
@@ -150,7 +165,8 @@ def test_refused(tmp_path, change, words):
 
 def test_shapes_that_do_not_go_together():
     fields = {
-        name: getattr(correction(), name) for name in ("parameters", "gain", "offset", "power", "reference_temperature")
+        name: getattr(correction(), name)
+        for name in ("parameters", "gain", "offset", "power", "reference_temperature", "noise")
     }
     with pytest.raises(InputError, match="covariance"):
         SensorCorrection(covariance=np.eye(3), reference=REFERENCE, priors="", **fields)

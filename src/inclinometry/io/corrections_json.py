@@ -18,6 +18,7 @@ from inclinometry.survey.sensor_correction import SensorCorrection
 
 SCHEMA = "inclinometry/corrections"
 VERSION = 1
+_CHANNELS = ("gx", "gy", "gz", "bx", "by", "bz")
 _REFERENCE = ("g", "b", "dip", "g_sigma", "b_sigma", "dip_sigma", "g_random", "b_random", "dip_random")
 _KEYS = (
     "g_m_s2", "b_nT", "dip_deg", "sigma_g_m_s2", "sigma_b_nT", "sigma_dip_deg", "random_g_m_s2", "random_b_nT",
@@ -46,6 +47,7 @@ def write_corrections(correction: SensorCorrection, path: str | Path) -> None:
         "model": "measured = field + sum of value * dT^power * (gain field + offset); field = gx gy gz bx by bz",
         "parameters": [_entry(name, correction, row) for row, name in enumerate(names)],
         "covariance": {"parameters": names, "matrix": correction.covariance},
+        "noise": correction.noise,
         "reference": reference,
         "run": {
             "stations": correction.stations,
@@ -93,6 +95,7 @@ def read_corrections(path: str | Path) -> SensorCorrection:
     if content["covariance"]["parameters"] != names or len(set(names)) < len(names):
         raise FileError("$.covariance.parameters are not the names of $.parameters, each once", path=path)
     matrix = covariance(content["covariance"], path, "$.covariance")
+    noise = covariance({"parameters": list(_CHANNELS), "matrix": content["noise"]}, path, "$.noise")
     sensors = [entry for entry in entries if "offset" in entry]
     if entries[: len(sensors)] != sensors or len(entries) != len(sensors) + 3:
         raise FileError("$.parameters must end in the three of the reference, which have no offset", path=path)
@@ -108,6 +111,7 @@ def read_corrections(path: str | Path) -> SensorCorrection:
             offset=np.array([entry["offset"] for entry in sensors], dtype=np.float64),
             power=np.array([entry.get("power", 0) for entry in sensors], dtype=np.float64),
             reference_temperature=np.array([e.get("reference_temperature_degC", 0.0) for e in sensors]),
+            noise=noise,
             reference=FieldReference(**dict(zip(_REFERENCE, values, strict=True))),
             priors=content["priors"],
             tool=content["tool"],

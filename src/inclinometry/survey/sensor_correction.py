@@ -23,6 +23,7 @@ class SensorCorrection:
     parameters : name -> Parameter, p of the sensors, then "reference g", "reference b", "reference dip".
     covariance : (p + 3, p + 3) of all of them.
     gain (p, 6, 6), offset (p, 6), power (p,), reference_temperature (p,) : as in `Priors`, of the sensors' parameters.
+    noise (6, 6) : covariance of one station's readings, for stations that do not bring their own.
     reference : what the fields were compared with.
     priors : where the priors come from.
     tool : name of the calibrated tool the stations were reduced with, "" without one.
@@ -37,6 +38,7 @@ class SensorCorrection:
     offset: Array
     power: Array
     reference_temperature: Array
+    noise: Array
     reference: FieldReference
     priors: str
     tool: str = ""
@@ -55,6 +57,7 @@ class SensorCorrection:
             "offset": (size, 6),
             "power": (size,),
             "reference_temperature": (size,),
+            "noise": (6, 6),
         }
         for name, shape in shapes.items():
             value = finite(getattr(self, name), name)
@@ -91,6 +94,7 @@ def correction_of(
         offset=priors.offset,
         power=priors.power,
         reference_temperature=priors.reference_temperature,
+        noise=priors.noise,
         reference=reference,
         priors=priors.source,
         tool=tool,
@@ -109,7 +113,7 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     Parameters
     ----------
     stations : Stations
-        Of the same tool and run, reduced in the same way.
+        Of the same tool and run, reduced in the same way. Without noise of their own they take the analysis'.
     correction : SensorCorrection
 
     Returns
@@ -155,7 +159,8 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
         f"sensor errors found by a multi-station analysis of {correction.stations} stations, {first:g} to {last:g} m, "
         f"priors {correction.priors}"
     )
-    noise = inverse @ stations.noise @ np.swapaxes(inverse, 1, 2)
+    own = stations.noise if stations.noise.any() else correction.noise  # as the analysis does
+    noise = inverse @ own @ np.swapaxes(inverse, 1, 2)
     return stations.corrected(fields[:, :3], fields[:, 3:], line, sources, noise)
 
 
