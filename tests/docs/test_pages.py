@@ -48,7 +48,11 @@ def test_every_option_named_in_a_page_exists(capsys):
         with pytest.raises(SystemExit):
             main([command, "--help"])
         known += capsys.readouterr().out
-    groups = {"simulate": ("bench", "well", "log", "gyro"), "gyro": ("north", "scale", "plan", "quality", "table")}
+    groups = {
+        "simulate": ("bench", "well", "log", "gyro"),
+        "gyro": ("north", "scale", "plan", "quality", "table"),
+        "shots": ("rotation", "repeat", "dual-depth"),
+    }
     for words in [["allan"], *([group, name] for group, names in groups.items() for name in names)]:
         with pytest.raises(SystemExit):
             main([*words, "--help"])

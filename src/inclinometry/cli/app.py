@@ -28,6 +28,12 @@ gyro = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
+shots = App(
+    name="shots",
+    help="One place surveyed more than once: rotation shots, repeated stations, two measurements of depth.",
+    help_format="plaintext",
+    suppress_keyboard_interrupt=False,
+)
 
 _HERE = "inclinometry.cli"
 
@@ -41,6 +47,7 @@ def _add(to: App, where: str, name: str, summary: str, example: str) -> None:
 
 app.command(simulate)
 app.command(gyro)
+app.command(shots)
 _add(app, "plan:plan", "plan", "Write the rig settings of a calibration plan.", "plan twelve -o plan.csv")
 _add(
     app,
@@ -176,4 +183,25 @@ _add(
     "msa",
     "Multi-station analysis: the sensor errors that the stations of one run have in common.",
     "msa raw.csv --site site.toml -o corrections.json --report msa.html",
+)
+_add(
+    shots,
+    "shots:rotation",
+    "rotation",
+    "Judge shots at one depth and several toolfaces: exit status 0 pass, 1 fail, 2 bad input.",
+    "shots rotation shots.csv --site site.toml --calibration tool.json",
+)
+_add(
+    shots,
+    "shots:repeat",
+    "repeat",
+    "Judge stations surveyed twice: exit status 0 pass, 1 fail, 2 bad input.",
+    "shots repeat first.csv second.csv --site site.toml",
+)
+_add(
+    shots,
+    "shots:dual_depth",
+    "dual-depth",
+    "Judge two measurements of depth against each other: exit status 0 pass, 1 fail, 2 bad input.",
+    "shots dual-depth pipe.csv wireline.csv --sigma-first-m 0.5 --sigma-second-m 1.1",
 )

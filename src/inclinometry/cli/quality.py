@@ -77,8 +77,9 @@ def show_checks(title: str, checks: Sequence[Check]) -> None:
     """Every check with its verdict; reason and action of those that did not pass."""
     rows = []
     for shown in map(check_json, checks):
-        value, limit = shown["value"], shown["limit"]
-        rows.append([str(shown["name"]), f"{value:.4g}", f"{limit:.4g}", str(shown["unit"]), str(shown["verdict"])])
+        # what was not judged has no figures
+        figures = [f"{shown[key]:.4g}".replace("nan", "-") for key in ("value", "limit")]
+        rows.append([str(shown["name"]), *figures, str(shown["unit"]), str(shown["verdict"])])
     output.table(title, ["check", "value", "limit", "unit", "verdict"], rows)
     for check in checks:
         if check.verdict != "pass":

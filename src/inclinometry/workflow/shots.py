@@ -1,0 +1,202 @@
+"""From files to the checks of a place surveyed more than once: rotation shots, repeated stations, two depths."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.core.digest import digest_file
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.io._quantities import is_number, meaning
+from inclinometry.io.columns import channel
+from inclinometry.io.table import Table, read_table
+from inclinometry.survey.checks import Check
+from inclinometry.survey.quality_repeats import dual_depth, repeated_stations, rotation_shots
+from inclinometry.workflow.convert import format_of
+from inclinometry.workflow.six_axis import SixAxis, read_six_axis
+
+APART_M: Final = 1.0
+"""How far, m, shots of one place may lie apart along the hole."""
+
+_STEP_M: Final = 0.001
+
+
+def read_shots(
+    raw: str | Path,
+    site: str | Path,
+    calibration: str | Path | None = None,
+    *,
+    form: str | None = None,
+    convention: str | None = None,
+) -> SixAxis:
+    """Read rotation shots: as `read_six_axis`, but in CSV the depth may repeat from row to row, or step back.
+
+    Raises
+    ------
+    InputError, FileError
+        As `read_six_axis`; depths more than `APART_M` apart.
+    """
+
+    def read(path: str | Path) -> SixAxis:
+        return read_six_axis(path, site, calibration, form=form, convention=convention)
+
+    table = _depth_table(raw) if format_of(raw, form) == "csv" else None
+    if table is None or (np.diff(_metres(table)) > 0.0).all():
+        run = read(raw)
+        _one_place(run.stations.md, raw)
+        return run
+    _one_place(_metres(table), raw)
+    # survey readers want depths that increase; shots have none to speak of, so they read a copy with steps of 1 mm
+    with TemporaryDirectory() as folder:
+        copy = Path(folder, Path(raw).name)
+        _write_stepped(table, copy)
+        try:
+            run = read(copy)
+        except FileError as error:
+            if error.path != copy:
+                raise
+            raise FileError(error.problem, path=raw, line=error.line) from None
+    return replace(run, inputs={**run.inputs, "raw": digest_file(raw)})
+
+
+def rotation_checks(run: SixAxis) -> list[Check]:
+    """The checks of `rotation_shots` on shots read."""
+    return rotation_shots(run.stations)
+
+
+def repeat_checks(
+    first: SixAxis, second: SixAxis, *, other_tool: bool = False, apart_m: float = APART_M
+) -> list[Check]:
+    """The checks of `repeated_stations` on two surveys.
+
+    Parameters
+    ----------
+    first, second : SixAxis
+    other_tool : bool
+        Whether the second was made with another tool; two calibrations count as two tools.
+    apart_m : float
+        How far, m, depths of a pair may differ.
+
+    Raises
+    ------
+    InputError
+        One file given twice; as `repeated_stations`.
+    """
+    if first.inputs["raw"] == second.inputs["raw"]:
+        raise InputError("both files hold the same readings; one survey given twice proves nothing")
+    same = not other_tool and first.inputs.get("tool") == second.inputs.get("tool")
+    return repeated_stations(first.stations, second.stations, same_tool=same, apart_m=apart_m)
+
+
+def depth_check(first: str | Path, second: str | Path, first_sigma_m: float, second_sigma_m: float) -> Check:
+    """Whether the depths of two files, row by row, agree.
+
+    Parameters
+    ----------
+    first, second : str or Path
+        CSV with a depth (md_m, MD (ft), ...); rows of the same points in the same order. Where both have a column
+        `station` it must say the same.
+    first_sigma_m, second_sigma_m : float
+        Standard deviations of the depths, m.
+
+    Raises
+    ------
+    FileError
+        As `table.read_table`; no depth, other stations, one file given twice.
+    InputError
+        As `dual_depth`.
+
+    Examples
+    --------
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "a.csv").write_text("md_m\\n1000\\n")
+    ...     _ = Path(folder, "b.csv").write_text("md_m\\n1011\\n")
+    ...     depth_check(Path(folder, "a.csv"), Path(folder, "b.csv"), 0.5, 1.1).verdict
+    'fail'
+    """
+    if digest_file(first) == digest_file(second):
+        raise FileError(f"this is {Path(first).name} again; one measurement given twice proves nothing", path=second)
+    tables = [_depth_table(first), _depth_table(second)]
+    one, two = (_given(table, path) for table, path in zip(tables, (first, second), strict=True))
+    if len(one) != len(two):
+        problem = f"{len(two)} depths, {Path(first).name} has {len(one)}; give the same points in the same order"
+        raise FileError(problem, path=second)
+    if "station" in one and "station" in two:
+        for row, names in enumerate(zip(one.text("station"), two.text("station"), strict=True)):
+            if names[0] != names[1]:
+                problem = f"station {names[1]!r} where {Path(first).name} has {names[0]!r}; give the same order"
+                raise two.error(problem, row)
+    return dual_depth(_metres(one), _metres(two), first_sigma_m, second_sigma_m)
+
+
+def _given(table: Table | None, path: str | Path) -> Table:
+    if table is None:
+        raise FileError("one column with the depth is needed, md_m or md_ft", path=path)
+    return table
+
+
+def _depth_table(path: str | Path) -> Table | None:
+    """A CSV with its numbers, or None unless exactly one column is the depth."""
+    names = read_table(path, numeric=lambda name: False).header
+    depths = [name for name in names if _is_depth(name)]
+    if len(depths) != 1:
+        return None
+    return read_table(path, numeric=lambda name: is_number(name) or channel(name) is not None,
+                      gaps=set(names) - set(depths))  # fmt: skip
+
+
+def _depth_column(table: Table) -> tuple[str, float]:
+    """The name of the depth, and how many metres its unit is."""
+    name = next(name for name in table.header if _is_depth(name))
+    found = meaning(name)
+    if found is None or found.unit is None:
+        raise table.error(f"the depth {name!r} has no unit; name it md_m or md_ft")
+    return name, found.unit.factor
+
+
+def _is_depth(name: str) -> bool:
+    try:
+        found = meaning(name)
+    except InputError:
+        return False
+    return found is not None and found.key == "md"
+
+
+def _metres(table: Table) -> Array:
+    name, factor = _depth_column(table)
+    return table.number(name) * factor
+
+
+def _one_place(md: Array, path: str | Path) -> None:
+    apart = float(np.ptp(md))
+    if apart > APART_M:
+        problem = f"the shots lie {apart:.2f} m apart, allowed {APART_M:g} m; give the shots of one depth"
+        raise FileError(problem, path=path)
+
+
+def _write_stepped(table: Table, path: Path) -> None:
+    """The table with depths that increase from the first, each row on the line it stood in."""
+    name, factor = _depth_column(table)
+    depths = table.number(name)[0] + _STEP_M / factor * np.arange(len(table))
+    columns = []
+    for column, values in table.columns.items():
+        numbers = depths if column == name else values
+        if isinstance(numbers, tuple):
+            columns.append(list(numbers))
+        else:
+            columns.append(["" if np.isnan(value) else repr(value) for value in numbers.tolist()])
+    rows = {table.header_line: list(table.header)}
+    rows |= dict(zip(table.lines.tolist(), map(list, zip(*columns, strict=True)), strict=True))
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, quoting=csv.QUOTE_ALL, lineterminator="\n")
+        for line in range(1, max(rows) + 1):
+            if line in rows:
+                writer.writerow(rows[line])
+            else:
+                stream.write("\n")
