@@ -37,6 +37,39 @@ def test_doubtful_fields_are_said(run):
     assert "gravity comes out at 1 m/s^2" in done.err
 
 
+def test_a_target_that_cannot_be_read_back(run):
+    Path("u.csv").write_text("md_m,u_inclination_deg\n0,0.1\n30,0.1\n")
+    done = run("convert", "u.csv", "u.xml")
+    assert (done.status, done.out) == (2, "")
+    assert "u.xml: what witsml holds of this survey cannot be read back" in done.err
+    assert not Path("u.xml").exists()
+
+
+SURVEY = """\
+md_m,inclination_deg,azimuth_deg,azimuth_reference,toolface_deg,magnetic_toolface_deg,g_total,b_total_nT,dip_deg,\
+u_inclination_deg,u_azimuth_deg,u_toolface_deg,flags
+0,0.53163,73.79247,magnetic,341.71199,55.50446,9.81055338,49937.9356,70.00793,0.0273,2.955,2.9704,
+30,0.50303,76.31822,magnetic,156.75386,233.07208,9.80813834,50013.8916,70.00797,0.02738,3.1196,3.1317,vertical
+60,10.25,75.5,magnetic,109.47724,182.5949,9.81042151,50018.1336,69.97712,0.02785,0.2114,0.2253,
+"""
+"""As `survey` writes it."""
+
+
+@pytest.mark.parametrize("target", ["s.las", "s.xlsx", "s.parquet", "s.xml"])
+def test_a_survey_goes_through_every_format_to_its_position(run, target):
+    Path("survey.csv").write_text(SURVEY)
+    Path("site.toml").write_text("declination_deg = 2\n")
+    run("position", "survey.csv", "--site", "site.toml", "-o", "p.csv")
+    assert run("convert", "survey.csv", target).status == 0
+    assert run("convert", target, "back.csv").status == 0
+    done = run("position", "back.csv", "--site", "site.toml", "-o", "back-p.csv")
+    assert done.status == 0
+    assert Path("back-p.csv").read_text() == Path("p.csv").read_text()
+    if target != "s.xml":  # which has no uncertainties
+        columns = [row.split(",")[9:12] for row in SURVEY.splitlines()]
+        assert [row.split(",")[9:12] for row in Path("back.csv").read_text().splitlines()] == columns
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -105,13 +105,36 @@ def test_a_file_with_place_and_date_is_completed(tmp_path):
 def test_what_the_file_states_wins(tmp_path):
     own = ("b_nT = 51000", "sigma_b_nT = 45", "dip_deg = 73", "declination_deg = 4", "convergence_deg = -2")
     stated = site(tmp_path, *WHERE, "date = 2026-05-01", 'crs = "EPSG:32632"', *own)
-    assert completed(stated) == (stated, [])
+    done, said = completed(stated)
+    assert done == stated
+    assert len(said) == 1  # on the convergence, see below
     done, said = completed(site(tmp_path, *WHERE, "date = 2018-05-01", "height_m = 0", *own[:2]))
     assert (done.b, done.b_sigma, done.origin("dip")) == (51000.0, 45.0, "IGRF-14")
     assert len(said) == 1
     assert "b " not in said[0]
     # explicit values need no model, whatever the date
     assert completed(site(tmp_path, "date = 2050-01-01", *WHERE, *own))[1] == []
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        (0.866, None),
+        (0.90, None),
+        (0.7, None),  # of another place along the well
+        (-0.866, "convergence -0.866 deg is stated, EPSG:32632 gives 0.866 deg at the site: the sign is opposite"),
+        (1.2, "convergence 1.200 deg is stated, EPSG:32632 gives 0.866 deg at the site: correct"),
+        (0.0, "convergence 0.000 deg is stated"),
+    ],
+)
+def test_a_convergence_that_contradicts_the_grid_is_doubted(tmp_path, stated, words):
+    own = ("b_nT = 51000", "dip_deg = 73", "declination_deg = 4", f"convergence_deg = {stated}", 'crs = "EPSG:32632"')
+    before = site(tmp_path, *WHERE, *own)
+    done, said = completed(before)
+    assert done == before  # what is stated wins
+    assert len(said) == (words is not None)
+    assert words is None or said[0].startswith(words)
+    assert completed(site(tmp_path, *own))[1] == []  # without a place nothing can be compared
 
 
 def test_nothing_is_guessed(tmp_path):

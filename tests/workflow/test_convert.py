@@ -89,9 +89,10 @@ def test_lost_digits_and_columns(tmp_path):
 
 
 @pytest.mark.usefixtures("narrow")
-def test_what_cannot_be_read_back_is_said(tmp_path):
+def test_what_cannot_be_read_back_is_refused(tmp_path):
     (tmp_path / "a.nar").write_text("nonsense\n")
-    assert "cannot be read back" in lost(survey(), tmp_path / "a.nar", "narrow")[0]
+    with pytest.raises(FileError, match=r"a\.nar: what narrow holds of this survey cannot be read back"):
+        lost(survey(), tmp_path / "a.nar", "narrow")
     (tmp_path / "a.nar").write_text("md_m,inclination_deg\n1,1\n")
     assert lost(survey(), tmp_path / "a.nar", "narrow") == ("stations: 3 were read, 1 are in the file",)
     (tmp_path / "a.csv").write_text("md_m,tvd_m,crew\n0,0,A\n30.1,,A\n60.2,1,B\n")
@@ -100,6 +101,18 @@ def test_what_cannot_be_read_back_is_said(tmp_path):
         "column 'tvd_m': 1 of 3 values",
         "column 'crew': 1 of 3 values differ",
     )
+
+
+def test_a_target_nobody_can_read_is_not_left(tmp_path):
+    """WITSML has no place for the uncertainties; a depth alone is no survey."""
+    (tmp_path / "a.csv").write_text("md_m,u_inclination_deg\n0,0.1\n30,0.1\n")
+    with pytest.raises(FileError, match=r"^\S*b\.xml: what witsml holds of this survey cannot be read back"):
+        convert(tmp_path / "a.csv", tmp_path / "b.xml")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+    (tmp_path / "b.xml").write_text("of before")
+    with pytest.raises(FileError, match="cannot be read back"):
+        convert(tmp_path / "a.csv", tmp_path / "b.xml")
+    assert (tmp_path / "b.xml").read_text() == "of before"
 
 
 def test_formats_by_ending():

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
+from shutil import copyfileobj
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -14,6 +16,7 @@ import numpy as np
 
 from inclinometry.core.errors import FileError, InclinometryError, InputError
 from inclinometry.io._columns_out import OutColumn, columns_of
+from inclinometry.io.atomic import replacing
 from inclinometry.io.exchange import SurveyFile
 
 
@@ -129,7 +132,8 @@ def convert(
     Raises
     ------
     FileError, InputError
-        As the formats' readers and writers; an option that the source's format has no use for.
+        As the formats' readers and writers; what was written cannot be read back, and nothing is left of it; an option
+        that the source's format has no use for.
 
     Examples
     --------
@@ -147,8 +151,24 @@ def convert(
         raise InputError(f"--map is of no use from {start} to {end}; leave it out")
     reader: Options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
     survey = read_survey_file(source, start, {**reader, "depth_unit": depth_unit, **_known(FORMATS[start].read, items)})
-    _function(FORMATS[end].write)(survey, target, **_known(FORMATS[end].write, items))
-    return Conversion(survey, start, end, lost(survey, target, end, _known(FORMATS[end].read, items)))
+    return Conversion(survey, start, end, _write(survey, Path(target), end, items))
+
+
+def _write(survey: SurveyFile, target: Path, name: str, items: Options) -> tuple[str, ...]:
+    """Write a survey that can be read back; what is lost. The target is touched last, when the file has proved good."""
+    place = FORMATS[name]
+    with TemporaryDirectory(prefix="inclinometry-") as folder:
+        scratch = Path(folder, target.name)
+        try:
+            _function(place.write)(survey, scratch, **_known(place.write, items))
+            sentences = lost(survey, scratch, name, _known(place.read, items))
+        except FileError as error:
+            if error.path != scratch:
+                raise  # of another file, the map
+            raise FileError(error.problem, path=target, line=error.line) from None
+        with scratch.open("rb") as source, replacing(target) as stream:
+            copyfileobj(source, stream)
+    return sentences
 
 
 def read_survey_file(path: str | Path, name: str, options: Options = MappingProxyType({})) -> SurveyFile:
@@ -192,11 +212,17 @@ def lost(survey: SurveyFile, path: str | Path, name: str, options: Options = Map
         Format of the file.
     options : mapping
         What its reader needs besides.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read.
     """
     try:
         found = _read_back(survey, path, name, options)
     except InclinometryError as error:
-        return (f"what was written cannot be read back for comparison: {error}",)
+        reason = getattr(error, "problem", error)
+        raise FileError(f"what {name} holds of this survey cannot be read back ({reason})", path=path) from None
     if len(found) != len(survey):
         return (f"stations: {len(survey)} were read, {len(found)} are in the file",)
     there = {column.name: column for column in columns_of(found)}

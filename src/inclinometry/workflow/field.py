@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
 from inclinometry.earth.magnetic import (
     MagneticField,
     Model,
@@ -26,6 +28,8 @@ _PLACE = ("latitude", "longitude", "date")
 _WMM_FROM = 2025.0
 # the WMM's own limits: caution zone and blackout zone
 _WEAK, _WEAKEST = 6000.0, 2000.0
+# deg: rounding and the place of the origin change a convergence by less than _SAME, along a well by less than _APART
+_SAME, _APART = 0.05, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +121,8 @@ def completed(site: Site) -> tuple[Site, list[str]]:
     ----------
     site : Site
         What it states wins, in-field values with their own sigmas included. The field is filled when latitude,
-        longitude and date are known, the convergence when latitude, longitude and crs are. Nothing is guessed.
+        longitude and date are known, the convergence when latitude, longitude and crs are. Nothing is guessed. A
+        convergence stated that is not the crs' is doubted in a sentence.
 
     Returns
     -------
@@ -162,8 +167,10 @@ def _with_field(site: Site) -> tuple[Site, list[str]]:
 
 
 def _with_convergence(site: Site) -> tuple[Site, list[str]]:
-    if site.crs is None or site.convergence is not None:
+    if site.crs is None or site.origin("convergence") == site.crs:
         return site, []
+    if site.convergence is not None:
+        return site, _doubted(site, site.crs, site.convergence)
     if site.latitude is None or site.longitude is None:
         return site, [f"convergence unknown: {site.crs} gives it only with the site's latitude and longitude"]
     convergence = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
@@ -171,6 +178,24 @@ def _with_convergence(site: Site) -> tuple[Site, list[str]]:
     origins = (*site.origins, ("convergence", site.crs))
     done = replace(site, convergence=convergence, convergence_sigma=0.0, origins=origins)
     return done, [f"{_shown(done, 'convergence')} from {site.crs}", *_outside(done)]
+
+
+def _doubted(site: Site, crs: str, stated: float) -> list[str]:
+    """A sentence where the convergence stated is not the grid's, or is the grid's with the other sign."""
+    if site.latitude is None or site.longitude is None:
+        return []
+    try:
+        grid = float(grid_convergence(crs, site.latitude, site.longitude).convergence)
+    except InputError as error:
+        return [f"convergence {np.degrees(stated):.3f} deg is stated and used, unchecked: {error}"]
+    apart, mirrored = (abs(float(np.degrees(wrap_signed(value - grid)))) for value in (stated, -stated))
+    flipped = apart > _SAME and mirrored <= _SAME
+    if not flipped and apart <= _APART:
+        return []
+    said = f"convergence {np.degrees(stated):.3f} deg is stated, {crs} gives {np.degrees(grid):.3f} deg at the site"
+    if flipped:
+        return [f"{said}: the sign is opposite; positive is grid north east of true north. The one stated is used"]
+    return [f"{said}: correct the convergence, the place or the crs. The one stated is used"]
 
 
 def _shown(site: Site, name: str) -> str:
