@@ -137,6 +137,15 @@ def test_a_convergence_that_contradicts_the_grid_is_doubted(tmp_path, stated, wo
     assert completed(site(tmp_path, *own))[1] == []  # without a place nothing can be compared
 
 
+def test_a_stated_convergence_where_the_grid_cannot_show_the_place():
+    far = Site(
+        latitude=0.0, longitude=np.radians(99.0), crs="EPSG:32632", convergence=0.01, b=5e4, dip=1, declination=0
+    )
+    done, said = completed(far)
+    assert done == far
+    assert "stated and used, unchecked: EPSG:32632 cannot show" in said[0]
+
+
 def test_nothing_is_guessed(tmp_path):
     for lines, sentences in (((), 0), (WHERE[:1], 0), (WHERE, 1), ((*WHERE[1:], "date = 2026-01-01"), 1)):
         before = site(tmp_path, *lines)
