@@ -215,7 +215,7 @@ def test_swapped_magnetometer_axes_are_named(run):
     done = run(*QUALITY)
     assert done.status == 1
     assert "x and y swapped" in done.out
-    refused(run(*MSA, "--report", "page.html"), "axes swapped")
+    refused(run(*MSA, "--report", "page.html"), "x and y swapped", "before any correction")
     done = run(*SURVEY)
     assert done.status == 0
     assert "x and y swapped" in done.err

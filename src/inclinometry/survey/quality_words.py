@@ -37,6 +37,13 @@ DECLINATION: Final = (
 )
 """What these checks cannot tell."""
 
+MIRROR: Final = (
+    "nor do they see a mistake of axes common to both triads, as y reversed in both or x and y swapped in both: it "
+    "turns azimuth and toolface into their mirror images; compare one station with a heading and a toolface known "
+    "otherwise"
+)
+"""What they cannot tell of axes and signs."""
+
 EVENT: Final = 0.2
 """Share of stations beyond a limit from which it is the tool and not an event."""
 
@@ -180,7 +187,7 @@ def _seen_check(hidden: Array, blind: float) -> Check:
 
 def notes_of(axial: bool, multistation: bool, fixed: bool) -> Sequence[str]:
     """What a reader of the verdicts must know."""
-    notes = [DECLINATION]
+    notes = [DECLINATION, MIRROR]
     if axial:
         notes.append("the axial correction has used up one of the two magnetic tests: they are no longer independent")
     if multistation:

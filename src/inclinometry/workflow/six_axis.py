@@ -11,11 +11,10 @@ import numpy as np
 
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import FileError, InclinometryError, InputError
+from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.earth.magnetic import complete_site
 from inclinometry.earth.site import Site
 from inclinometry.io._lines import Progress
-from inclinometry.io.corrections_json import read_corrections
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.tool_code_json import load_tool_code
 from inclinometry.io.tool_json import read_calibration
@@ -36,9 +35,14 @@ from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import Survey
 from inclinometry.survey.sensor_correction import SensorCorrection, apply_correction, correction_of
 from inclinometry.survey.stations import Stations
+from inclinometry.workflow.analysis_checks import (
+    matching_correction,
+    refuse_beyond,
+    refuse_uncorrectable,
+)
 from inclinometry.workflow.corrections import Means, apply_corrections, correction_names
 from inclinometry.workflow.field import completed, model_of
-from inclinometry.workflow.six_axis_file import plain_stations, tool_stations
+from inclinometry.workflow.six_axis_file import REBUILT, plain_stations, tool_stations
 
 SENSORS: Final = "iscwsa-mwd-rev5.1"
 """Tool code whose sensor errors stand for those of a tool without a calibration."""
@@ -105,7 +109,8 @@ def read_six_axis(
     Raises
     ------
     InputError, FileError
-        As the readers; no site; a site without gravity, b or dip where a tool lacks its field strengths.
+        As the readers; without a calibration, no site or a site without gravity, b or dip; with one, the same where
+        the tool lacks its field strengths.
     """
     if site is None and calibration is None:
         raise InputError(
@@ -116,6 +121,7 @@ def read_six_axis(
     inputs = {} if site is None else {"site": digest_file(site)}
     doubts = declination_doubts(place)
     if calibration is None:
+        _refuse_unknown(place)
         stations, digest, notes = plain_stations(raw, place, form, convention)
         code = load_tool_code(SENSORS)
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
@@ -187,15 +193,21 @@ def judge(stations: Stations, site: Site, limits: FieldLimits | None = None) -> 
     InputError
         The site knows no gravity, b or dip.
     """
-    if not has_reference(site):
-        known = {"g": site.gravity, "b_nT": site.b, "dip_deg": site.dip}
-        lacking = ", ".join(name for name, value in known.items() if value is None)
-        raise InputError(
-            f"the site has no {lacking}; stations are judged against them: give them, or latitude_deg, longitude_deg "
-            "and date, from which models fill them"
-        )
+    _refuse_unknown(site)
     reference = reference_of_site(site)
     return Judged(judge_fields(stations, reference, limits=limits), wiring_check(stations, reference.dip))
+
+
+def _refuse_unknown(site: Site) -> None:
+    """Refuse a site that lacks one of the three references."""
+    if has_reference(site):
+        return
+    known = {"g": site.gravity, "b_nT": site.b, "dip_deg": site.dip}
+    lacking = ", ".join(name for name, value in known.items() if value is None)
+    raise InputError(
+        f"the site has no {lacking}; stations are judged against them: give them, or latitude_deg, longitude_deg "
+        "and date, from which models fill them"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,9 +239,10 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
     Raises
     ------
     InputError, FileError, IdentifiabilityError
-        As the corrections; an assembly without the correction that needs it.
+        As the corrections; an assembly without the correction that needs it; a correction of a survey without
+        sensors; units, axes or signs that are wrong before axial or msa; an estimate beyond ten times its prior.
     """
-    stations, results = _corrected(run, correct, bha)
+    stations, results, doubts = _corrected(run, correct, bha)
     digests = {f"correction {Path(name).name}": digest_file(name) for name in _files(correct)}
     inputs = {**run.inputs, **digests, **({} if bha is None else {"bha": digest_file(bha)})}
     survey = survey_from_stations(stations, site=run.site, tool=run.tool, calibration_dip=run.dip, inputs=inputs)
@@ -237,12 +250,15 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
     if run.reference is not None:
         judged = judge(stations, run.site)
         before = judge(run.stations, run.site) if correct else None
-    told = [*run.warnings, *_of_order(correct), *_of_results(results), *_of_checks(judged, survey)]
+        if before is not None and before.wiring.verdict == judged.wiring.verdict == "fail":
+            # a correction has bent the dips: what they say of the axes they said before it
+            judged = replace(judged, wiring=before.wiring)
+    told = [*run.warnings, *_of_order(correct), *doubts, *_of_results(results), *_of_checks(judged, survey)]
     survey = replace(survey, warnings=(*told, *survey.warnings))
     return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
 
 
-def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tuple[Stations, dict[str, Any]]:
+def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tuple[Stations, dict[str, Any], list[str]]:
     parts = _parts(correct)
     # a file does what "msa" does, so the rules on the order hold for it
     names = correction_names(",".join("msa" if _is_file(part) else part for part in parts)) if correct else ()
@@ -253,16 +269,27 @@ def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tup
         from inclinometry.io.bha_toml import read_bha
 
         assembly = read_bha(bha)
+    if names and REBUILT in run.stations.history:
+        raise InputError(
+            "--correct needs the sensors' readings: these fields are rebuilt from a survey, which does not say what "
+            "has been corrected already; give the raw channels or six axes it was made from"
+        )
+    if run.reference is not None and not {"axial", "msa"}.isdisjoint(names):
+        refuse_uncorrectable(run.stations, run.reference)
     means = Means(reference=run.reference, calibration=run.tool, bha=assembly)
-    stations = run.stations
+    stations, doubts = run.stations, list[str]()
     results: dict[str, Any] = {}
     for part, name in zip(parts, names, strict=True):
         if _is_file(part):
-            stations = apply_correction(stations, _matching(run, part))
+            tool = "" if run.tool is None else run.tool.name
+            correction, doubts = matching_correction(part, tool, run.inputs, run.stations)
+            stations = apply_correction(stations, correction)
             continue
         done = apply_corrections(stations, (name,), means)
         stations, results = done.stations, {**results, **done.results}
-    return stations, results
+        if name == "msa":
+            refuse_beyond(done.results[name].parameters)
+    return stations, results, doubts
 
 
 def _parts(correct: str | None) -> list[str]:
@@ -275,18 +302,6 @@ def _is_file(part: str) -> bool:
 
 def _files(correct: str | None) -> list[str]:
     return [part for part in _parts(correct) if _is_file(part)]
-
-
-def _matching(run: SixAxis, path: str) -> SensorCorrection:
-    """A stored correction, of the same tool."""
-    correction = read_corrections(path)
-    tool = "" if run.tool is None else run.tool.name
-    digests = (correction.inputs.get("tool"), run.inputs.get("tool"))
-    if correction.tool != tool or digests[0] != digests[1]:
-        mine, other = (f"tool {name}" if name else "a tool without calibration" for name in (tool, correction.tool))
-        what = "another calibration of it" if mine == other else other
-        raise FileError(f"was made for {what}, these stations are of {mine}; use the same --calibration", path=path)
-    return correction
 
 
 def _of_order(correct: str | None) -> list[str]:
@@ -345,14 +360,17 @@ def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = No
     Raises
     ------
     InputError, IdentifiabilityError, ConvergenceError
-        As `multistation`; a site without g, b or dip.
+        As `multistation`; a site without g, b or dip; units, axes or signs that are wrong; an estimate beyond ten
+        times its prior.
     """
     before, reference = judge(run.stations, run.site), reference_of_site(run.site)
+    refuse_uncorrectable(run.stations, reference)
     if run.tool is None:
         chosen = published_priors(priors, axial_sigma=axial_sigma)
     else:
         chosen = priors_from_tool(run.tool, axial_sigma=axial_sigma)
     found = multistation(run.stations, reference, chosen)
+    refuse_beyond(found.parameters)
     tool = "" if run.tool is None else run.tool.name
     correction = correction_of(found, reference, chosen, tool, run.inputs)
     return Analysis(found, correction, before)

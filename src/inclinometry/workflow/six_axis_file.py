@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from inclinometry.workflow.convert import format_of, read_survey_file
 
 _AXES = {"g": "gx, gy, gz", "b": "bx, by, bz"}
 
+REBUILT: Final = "fields rebuilt from the survey's totals, dip and angles"
+"""First line of the history of stations that come from a survey file without sensors."""
+
 
 def plain_stations(
     path: str | Path, site: Site, form: str | None, convention: str | None
@@ -40,7 +44,7 @@ def plain_stations(
         raise
     if found.g is None and found.b is None:
         g, b, temperature = fields_of_survey(found, site, path)
-        line = "fields rebuilt from the survey's totals, dip and angles"
+        line = REBUILT
     else:
         g, b, temperature = *(_vectors(found, name, path) for name in _AXES), _temperature(found)
         line = f"six axes as read from {Path(path).name}"
@@ -79,7 +83,7 @@ def _surveyed(
         if kind in record.tool.triads
     }
     stations = stations_from_tool(found.md, channels, record.tool, temperature=temperature, g=site.gravity, b=site.b)
-    line = "fields rebuilt from the survey's totals, dip and angles"
+    line = REBUILT
     return replace(stations, history=(line, *stations.history[1:])), found.digest, found.notes
 
 
