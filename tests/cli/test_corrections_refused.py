@@ -89,6 +89,16 @@ def test_a_strong_interference_is_still_corrected(run):
         assert done.json["quality"] == "pass"
 
 
+@pytest.mark.parametrize("signs", [[1, 1, 1, 1, 1, 1], [1, 1, 1, 1, 1, -1]])
+def test_axes_that_cannot_be_judged_are_said(run, signs):
+    # level at one azimuth neither |b| nor dip depends on the sign of bz
+    random = np.random.default_rng(5)
+    g, b = fields(*np.radians([np.full(12, 40.0), np.full(12, 90.0), random.uniform(0.0, 360.0, 12)]), np.radians(70.0))
+    given(lambda axes: np.column_stack([9.81 * g, 5e4 * b]) * signs)
+    for command in (MSA, (*SURVEY, "--correct", "msa")):
+        assert warned(run(*command), "axes and signs before the correction not judged"), command
+
+
 def test_a_stored_warning_is_repeated(run):
     given()
     assert run(*MSA).status == 0

@@ -171,7 +171,7 @@ def msa(
     write_corrections(done.correction, output_)
     if page is not None:
         write_text(page, report or "")
-    output.warnings((*run.warnings, *done.found.warnings))
+    output.warnings((*run.warnings, *done.warnings))
     if json:
         output.print_json(_summary(run, done, output_))
         return
@@ -204,7 +204,7 @@ def _summary(run: SixAxis, done: Analysis, path: Path) -> dict[str, object]:
         "priors": found.priors,
         "influence_deg": np.degrees(found.influence),
         "notes": run.notes,
-        "warnings": [*run.warnings, *found.warnings],
+        "warnings": [*run.warnings, *done.warnings],
         "output": path,
     }
 

@@ -71,6 +71,15 @@ def explained(wiring: Check) -> bool:
     return "they fit with" in wiring.reason
 
 
+def unsettled(wiring: Check) -> list[str]:
+    """A warning where axes and signs are not known to be right before a correction that takes them for right."""
+    if wiring.verdict == "pass":
+        return []
+    if wiring.verdict == "fail":
+        return [f"{wiring.name} before the correction: {wiring.reason}; {wiring.action}"]
+    return [f"{wiring.name} before the correction not judged: {wiring.reason}"]
+
+
 def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
     """Refuse an estimate beyond ten times its prior.
 

@@ -39,6 +39,7 @@ from inclinometry.workflow.analysis_checks import (
     matching_correction,
     refuse_beyond,
     refuse_uncorrectable,
+    unsettled,
 )
 from inclinometry.workflow.corrections import Means, apply_corrections, correction_names
 from inclinometry.workflow.field import completed, model_of
@@ -253,6 +254,8 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
         if before is not None and before.wiring.verdict == judged.wiring.verdict == "fail":
             # a correction has bent the dips: what they say of the axes they said before it
             judged = replace(judged, wiring=before.wiring)
+        if before is not None and not {"axial", "msa"}.isdisjoint(_names(correct)) and judged.wiring.verdict != "fail":
+            doubts = [*unsettled(before.wiring), *doubts]
     told = [*run.warnings, *_of_order(correct), *doubts, *_of_results(results), *_of_checks(judged, survey)]
     survey = replace(survey, warnings=(*told, *survey.warnings))
     return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
@@ -260,8 +263,7 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
 
 def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tuple[Stations, dict[str, Any], list[str]]:
     parts = _parts(correct)
-    # a file does what "msa" does, so the rules on the order hold for it
-    names = correction_names(",".join("msa" if _is_file(part) else part for part in parts)) if correct else ()
+    names = _names(correct)
     if bha is not None and "sag" not in names:
         raise InputError("--bha is given without the correction that needs it; add sag to --correct")
     assembly = None
@@ -290,6 +292,11 @@ def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tup
         if name == "msa":
             refuse_beyond(done.results[name].parameters)
     return stations, results, doubts
+
+
+def _names(correct: str | None) -> tuple[str, ...]:
+    """The corrections; a file does what "msa" does, so the rules on the order hold for it."""
+    return correction_names(",".join("msa" if _is_file(one) else one for one in _parts(correct))) if correct else ()
 
 
 def _parts(correct: str | None) -> list[str]:
@@ -344,6 +351,11 @@ class Analysis:
     found: MultiStation
     correction: SensorCorrection
     judged: Judged
+
+    @property
+    def warnings(self) -> list[str]:
+        """Of the analysis, and what axes and signs were like before it."""
+        return [*self.found.warnings, *unsettled(self.judged.wiring)]
 
 
 def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) -> Analysis:
