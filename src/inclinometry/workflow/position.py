@@ -14,7 +14,6 @@ from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.io._lines import Progress
-from inclinometry.io.corrections_json import read_corrections
 from inclinometry.io.position_csv import WellStations, read_well
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.survey_csv import RawSurvey, read_raw_survey
@@ -23,9 +22,11 @@ from inclinometry.io.tool_json import read_calibration
 from inclinometry.position.propagation import PositionUncertainty, propagate
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
+from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
 from inclinometry.survey.sensor_correction import SensorCorrection
+from inclinometry.workflow.analysis_checks import matching_correction
 from inclinometry.workflow.certificate import CertificateModel, certificate_model
 from inclinometry.workflow.field import completed, field_at, model_of
 
@@ -106,13 +107,17 @@ def read_position(
     code = None if tool_code is None else load_tool_code(tool_code)
     calibration = None if tool is None else read_calibration(tool)
     channels = None if raw is None else read_raw_survey(raw)
+    correction: SensorCorrection | None = None
+    doubts: list[str] = []
+    if corrections is not None and calibration is not None and channels is not None and tool is not None:
+        correction, doubts = _correction(corrections, calibration, channels, site, digest_file(tool))
     found = well_position(
         stations,
         site,
         code,
         calibration,
         channels,
-        None if corrections is None else read_corrections(corrections),
+        correction,
         tie_on=tie_on,
         tie_sigma=tie_sigma,
         north=north,
@@ -121,7 +126,18 @@ def read_position(
     files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw, "corrections": corrections}
     read = {name: path for name, path in files.items() if path is not None and Path(path).is_file()}
     digests = {name: digest_file(path) for name, path in read.items()}
-    return replace(found, notes=(*said, *found.notes), inputs={**found.inputs, **digests})
+    warnings = (*doubts, *found.warnings)
+    return replace(found, notes=(*said, *found.notes), warnings=warnings, inputs={**found.inputs, **digests})
+
+
+def _correction(
+    path: str | Path, calibration: Calibration, raw: RawSurvey, site: Site, tool: str
+) -> tuple[SensorCorrection, list[str]]:
+    """A stored correction that may be used for these raw channels, and what speaks against it."""
+    seen = stations_from_tool(
+        raw.md, raw.channels, calibration.tool, temperature=raw.temperature, g=site.gravity, b=site.b
+    )
+    return matching_correction(path, calibration.tool.name, {"tool": tool, "raw": raw.digest}, seen)
 
 
 def well_position(
