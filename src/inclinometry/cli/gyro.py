@@ -101,20 +101,7 @@ def north(
         hole=hole,
     )
     found = _run(raw, site, calibration, options)
-    page = None
-    if report is not None:
-        from inclinometry.report.gyro import gyro_report
-
-        page = gyro_report(
-            found.survey,
-            found.north,
-            md=found.md,
-            temperature=found.temperature,
-            track=found.track,
-            others=found.others,
-            checks=found.checks,
-            site=read_site(site),
-        )
+    page = None if report is None else _page(found, site)
     write_run(found, output_)
     if page is not None:
         write_text(page, report or "")
@@ -125,6 +112,22 @@ def north(
     show_run(found)
     written = f"{output.counted(len(found), 'station')} written to {output_}"
     output.say(written + (f", report to {report}" if report else ""))
+
+
+def _page(found: GyroRun, site: Path) -> str:
+    """The report of a run."""
+    from inclinometry.report.gyro import gyro_report
+
+    return gyro_report(
+        found.survey,
+        found.north,
+        md=found.md,
+        temperature=found.temperature,
+        track=found.track,
+        others=found.others,
+        checks=found.checks,
+        site=read_site(site),
+    )
 
 
 def scale(

@@ -108,10 +108,6 @@ def _chosen(path: Path, root: Any, wanted: str | None) -> Any:
     return fits[0]
 
 
-def _name_of(trajectory: Any) -> str:
-    return next((text_of(child) for name, child in children(trajectory) if name == "name"), "")
-
-
 def _head(path: Path, trajectory: Any) -> tuple[dict[str, str], str | None, dict[str, float]]:
     """Texts of the trajectory, the north of its azimuths, and the values it states for all stations."""
     header = {name: str(trajectory.get(name)) for name in ("uid", "uidWell", "uidWellbore") if trajectory.get(name)}

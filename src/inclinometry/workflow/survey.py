@@ -57,12 +57,6 @@ def survey_raw(
     return replace(found, warnings=(*raw.notes, *inherited, *found.warnings))
 
 
-def survey_with(raw: RawSurvey, tool: str | Path, site: Site | None = None, *, second: str | None = None) -> Survey:
-    """`survey_raw` with a tool.json, whose own digest is recorded too."""
-    found = survey_raw(raw, read_calibration(tool), site, second=second)
-    return replace(found, inputs={**found.inputs, "tool": digest_file(tool)})
-
-
 def survey_file(
     raw: str | Path,
     site: str | Path | None = None,
