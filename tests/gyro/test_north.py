@@ -15,7 +15,8 @@ from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.earth.rate import earth_rate
 from inclinometry.gyro.north import estimate_north, estimate_north_fixed
-from inclinometry.gyro.result import FLAGS, UNKNOWN
+from inclinometry.gyro.result import FLAGS
+from inclinometry.uncertainty.propagation import UNKNOWN
 
 G = 9.81
 G_SD = 1e-4 * G

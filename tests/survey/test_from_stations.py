@@ -11,8 +11,9 @@ from inclinometry.earth.site import Site
 from inclinometry.simulate.tool import random_tool
 from inclinometry.survey.from_stations import NOISE, survey_from_stations
 from inclinometry.survey.from_tool import NOTHING_STATED, stations_from_tool, stations_plain
-from inclinometry.survey.reduce import UNKNOWN, reduce_survey
+from inclinometry.survey.reduce import reduce_survey
 from inclinometry.survey.stations import Source
+from inclinometry.uncertainty.propagation import UNKNOWN
 
 from .test_from_tool import DIP, surveyed, uncertain
 

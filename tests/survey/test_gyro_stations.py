@@ -12,7 +12,8 @@ from inclinometry.earth.site import Site
 from inclinometry.gyro.joint import earth_in_tool
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.result import FLAGS
-from inclinometry.survey.gyro import flag_sentences, gyro_survey
+from inclinometry.survey.flags import summary
+from inclinometry.survey.gyro import gyro_survey
 
 LATITUDE = np.radians(50.0)
 INCLINATION, AZIMUTH = np.radians([10.0, 30.0, 60.0]), np.radians([1.0, 120.0, 300.0])
@@ -92,7 +93,7 @@ def test_one_station_is_a_survey():
 
 def test_each_kind_of_flag_has_its_sentence_once():
     assert set(FLAGS) >= {"temperature", "spike"}
-    sentences = flag_sentences([("spike", "temperature"), ("spike",), ()])
+    sentences = summary([("spike", "temperature"), ("spike",), ()], FLAGS)
     assert [s.split(":")[0] for s in sentences] == [
         "2 of 3 stations flagged spike",
         "1 of 3 stations flagged temperature",

@@ -13,7 +13,8 @@ from inclinometry.sensors.triad import Triad
 from inclinometry.simulate.hole import simulate_survey
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.survey.flags import FLAGS
-from inclinometry.survey.reduce import UNKNOWN, reduce_survey
+from inclinometry.survey.reduce import reduce_survey
+from inclinometry.uncertainty.propagation import UNKNOWN
 
 LATITUDE, DECLINATION, DIP = np.radians(50.0), np.radians(7.0), np.radians(65.0)
 KINDS = {"accelerometer": 3, "magnetometer": 3, "gyro": 3}

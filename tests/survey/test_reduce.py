@@ -16,7 +16,8 @@ from inclinometry.sensors.triad import Triad
 from inclinometry.simulate.hole import WellProfile, simulate_survey, well_path
 from inclinometry.simulate.tool import random_tool, realistic_tool
 from inclinometry.survey.flags import FLAGS
-from inclinometry.survey.reduce import UNKNOWN, reduce_survey
+from inclinometry.survey.reduce import reduce_survey
+from inclinometry.uncertainty.propagation import UNKNOWN
 
 BOTH = ("accelerometer", "magnetometer")
 DIP = np.radians(65.0)

@@ -12,6 +12,7 @@ from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json, Output, angle
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
 from inclinometry.io.atomic import write_text
 from inclinometry.io.gyro_csv import read_gyro_run
 from inclinometry.io.scale_json import read_scale, write_scale
@@ -100,8 +101,9 @@ def north(
         sweep=angle(sweep_deg, "--sweep-deg", 0.0, 180.0),
         hole=hole,
     )
-    found = _run(raw, site, calibration, options)
-    page = None if report is None else _page(found, site)
+    place = read_site(site)
+    found = _run(raw, site, place, calibration, options)
+    page = None if report is None else _page(found, place)
     write_run(found, output_)
     if page is not None:
         write_text(page, report or "")
@@ -114,7 +116,7 @@ def north(
     output.say(written + (f", report to {report}" if report else ""))
 
 
-def _page(found: GyroRun, site: Path) -> str:
+def _page(found: GyroRun, site: Site) -> str:
     """The report of a run."""
     from inclinometry.report.gyro import gyro_report
 
@@ -126,7 +128,7 @@ def _page(found: GyroRun, site: Path) -> str:
         track=found.track,
         others=found.others,
         checks=found.checks,
-        site=read_site(site),
+        site=site,
     )
 
 
@@ -187,7 +189,7 @@ def scale(
         gyro_sd=_rate(gyro_sd_deg_h, "--gyro-sd-deg-h"),
         hole=hole,
     )
-    found = _run(run, site, calibration, options)
+    found = _run(run, site, read_site(site), calibration, options)
     record = found.record()
     page = None
     if report is not None and found.track is not None:
@@ -216,8 +218,7 @@ def scale(
     output.say(f"scale factor of {output.counted(len(found), 'station')} written to {output_}")
 
 
-def _run(raw: Path, site: Path, calibration: Path | None, options: GyroOptions) -> GyroRun:
-    place = read_site(site)
+def _run(raw: Path, site: Path, place: Site, calibration: Path | None, options: GyroOptions) -> GyroRun:
     with output.reading(raw) as progress:
         data = read_gyro_run(raw, progress=progress)
     tool = None if calibration is None else read_calibration(calibration)

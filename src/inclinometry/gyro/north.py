@@ -23,8 +23,9 @@ from inclinometry.gyro.joint import (
     posterior_sd,
     solve_joint,
 )
-from inclinometry.gyro.result import UNKNOWN, North
+from inclinometry.gyro.result import North
 from inclinometry.gyro.tilt import Tilt, settle_vertical, tilt, upward
+from inclinometry.uncertainty.propagation import UNKNOWN
 
 HOLES = ("down", "up")
 MISFIT = 16.0

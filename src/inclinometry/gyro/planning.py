@@ -11,8 +11,8 @@ from inclinometry.core.arrays import Array, Mask, frozen, within
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.gyro.formulas import expected_rates
-from inclinometry.gyro.result import UNKNOWN
 from inclinometry.sensors.noise import FLAT
+from inclinometry.uncertainty.propagation import UNKNOWN
 
 VERTICAL = float(np.radians(1.0))
 """Inclination nearer to the vertical than which azimuth is no use and the gyro toolface is planned for, rad."""

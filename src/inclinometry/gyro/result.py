@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from inclinometry.core.arrays import Array
-
-UNKNOWN = np.pi / np.sqrt(3.0)
-"""Standard uncertainty of an angle about which nothing is known (uniform over the circle), rad."""
+from inclinometry.uncertainty.propagation import angle_sd
 
 FLAGS = {
     "vertical": "azimuth and toolface are hardly defined; use the gyro toolface (azimuth + toolface)",
@@ -101,5 +97,4 @@ class North:
         Never more than that of an angle about which nothing is known.
         """
         column = ("inclination", "azimuth", "toolface", "gyro_toolface").index(name)
-        total = np.asarray(sum(part[:, column] for part in self.components.values()))
-        return np.asarray(np.minimum(np.sqrt(np.where(np.isfinite(total), total, np.inf)), UNKNOWN))
+        return angle_sd(self.components, column)

@@ -19,8 +19,8 @@ from inclinometry.report.quality import quality_pictures
 from inclinometry.survey.multistation import SOURCE, MultiStation
 from inclinometry.survey.quality import FieldQuality, judge_fields
 from inclinometry.survey.quality_words import QUANTITIES
-from inclinometry.survey.reduce import UNKNOWN
 from inclinometry.survey.stations import Stations
+from inclinometry.uncertainty.propagation import UNKNOWN
 
 _STRONG = 0.7  # correlation from which a pair is listed
 _PAIRS = 12

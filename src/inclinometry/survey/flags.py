@@ -190,10 +190,10 @@ def reference_in(units: Mapping[str, float], site: Site | None, calibration_dip:
     return Reference(strength, None if calibration_dip is None else (calibration_dip, np.radians(3.0)), latitude)
 
 
-def summary(flags: Sequence[Sequence[str]]) -> list[str]:
-    """One sentence for each kind of flag that occurs."""
+def summary(flags: Sequence[Sequence[str]], meanings: Mapping[str, str] = FLAGS) -> list[str]:
+    """One sentence for each kind of flag that occurs, in the order of the `meanings`."""
     return [
         f"{sum(name in row for row in flags)} of {len(flags)} stations flagged {name}: {meaning}"
-        for name, meaning in FLAGS.items()
+        for name, meaning in meanings.items()
         if any(name in row for row in flags)
     ]

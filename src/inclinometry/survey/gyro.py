@@ -11,6 +11,7 @@ from inclinometry.core.arrays import finite
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site, azimuth_sigma, convert_azimuth
 from inclinometry.gyro.result import FLAGS, North
+from inclinometry.survey.flags import summary
 from inclinometry.survey.reduce import Survey
 
 
@@ -93,14 +94,5 @@ def gyro_survey(
         [joined[n] for n in order],
         tool,
         dict(inputs or {}),
-        (*north.notes, *notes, *turned, *flag_sentences(joined)),
+        (*north.notes, *notes, *turned, *summary(joined, FLAGS)),
     )
-
-
-def flag_sentences(flags: Sequence[Sequence[str]]) -> list[str]:
-    """One sentence for each kind of flag that occurs."""
-    return [
-        f"{sum(name in row for row in flags)} of {len(flags)} stations flagged {name}: {meaning}"
-        for name, meaning in FLAGS.items()
-        if any(name in row for row in flags)
-    ]

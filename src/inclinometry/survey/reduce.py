@@ -17,10 +17,7 @@ from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.sensors.tool import Tool
 from inclinometry.survey.flags import magnitudes, reference_of, reversed_field, reversed_rate, station_flags, summary
-
-UNKNOWN = np.pi / np.sqrt(3.0)
-"""Standard uncertainty of an angle about which nothing is known (uniform over the circle), rad."""
-
+from inclinometry.uncertainty.propagation import angle_sd
 
 _SHOWN = ("inclination", "azimuth", "toolface")
 DEAD = 1e-6
@@ -78,8 +75,7 @@ class Survey:
         Azimuth and toolface of a vertical tool are unknown: the uncertainty never exceeds that of a uniform angle.
         """
         column = ("inclination", "azimuth", "toolface", "magnetic_toolface").index(name)
-        total = np.asarray(sum(part[:, column] for part in self.components.values()))
-        return np.asarray(np.minimum(np.sqrt(np.where(np.isfinite(total), total, np.inf)), UNKNOWN))
+        return angle_sd(self.components, column)
 
     @property
     def u_inclination(self) -> Array:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import InputError
+
+UNKNOWN = np.pi / np.sqrt(3.0)
+"""Standard uncertainty of an angle about which nothing is known (uniform over the circle), rad."""
 
 
 def covariance_matrix(value: ArrayLike, name: str = "covariance") -> Array:
@@ -168,3 +171,17 @@ def numerical_jacobian(function: Callable[[Array], Array], x: ArrayLike, steps: 
 
     columns = [(4.0 * slope(k, h[k] / 2.0) - slope(k, h[k])) / 3.0 for k in range(at.size)]
     return np.stack(columns, axis=-1)
+
+
+def angle_sd(components: Mapping[str, Array], column: int) -> Array:
+    """Standard uncertainty (n,) of an angle, rad, from the variances (n, m) that each cause gives to m angles.
+
+    Never more than that of an angle about which nothing is known; causes that are not finite count as that.
+
+    Examples
+    --------
+    >>> angle_sd({"noise": np.array([[9.0e-6]]), "calibration": np.array([[1.6e-5]])}, 0)
+    array([0.005])
+    """
+    total = np.asarray(sum(part[:, column] for part in components.values()))
+    return np.asarray(np.minimum(np.sqrt(np.where(np.isfinite(total), total, np.inf)), UNKNOWN))
