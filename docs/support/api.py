@@ -17,7 +17,7 @@ FLOORS = (
     ("report",),
     ("io",),
     ("position",),
-    ("survey",),
+    ("survey", "motion"),
     ("calibration", "gyro", "simulate"),
     ("sensors",),
     ("attitude", "earth", "uncertainty"),

@@ -1,0 +1,224 @@
+"""What every method of the motion room returns: attitude over time with covariance, quality and flags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inclinometry.attitude.orientation import Angles, angles
+from inclinometry.attitude.rotations import dcm_from_quaternion
+from inclinometry.core.arrays import Array, finite
+from inclinometry.core.errors import InputError
+from inclinometry.uncertainty.propagation import UNKNOWN
+
+METHODS: Final = (
+    "static",  # mean gravity and field of a tool at rest
+    "magnetic",  # de-rotated by the magnetic phase
+    "mean",  # plain mean in the de-rotated frame
+    "gyro",  # strapdown quaternion, gravity and Earth rate
+    "complementary",  # strapdown with gravity and field filtered in the almost-inertial frame
+    "filter",  # 15-state filter with gravity and field
+    "robust",  # robust adaptive filter of windows
+    "smoother",  # backward pass
+    "survey",  # gyro-only continuous survey closed at two stations
+)
+"""Names of the methods; `Attitude.method` holds places in this list."""
+
+FLAGS: Final = {
+    "clipped": "a channel stood at the end of its range; a mean of clipped samples is biased",
+    "stuck": "a channel did not change while the others did",
+    "gap": "samples are missing",
+    "aliased": "sampled too slowly for the rotation: the phase between samples is ambiguous",
+    "no-field": "no usable magnetic field: inside casing, disturbed, or no magnetometer",
+    "little-arc": "the tool turned too little for the centre of the magnetic circle to be seen",
+    "offset": "transverse magnetic offsets were not removed: too little arc, and no calibration states them",
+    "disturbed": "the strength or dip of the field is off its reference or changes",
+    "vibration": "vibration so strong that its mean no longer vanishes within the uncertainty wanted",
+    "not-still": "the tool moved in a window treated as still",
+    "step": "magnetometer and accelerometer are out of step in time",
+    "axes": "the magnetometer's and accelerometer's axes contradict each other: a wrong axis map",
+    "misfit": "the residuals are larger than the uncertainty allows",
+    "start": "the filter had not settled",
+    "drift": "azimuth rests on the gyro alone since its last update; its uncertainty grows",
+    "vertical": "azimuth and toolface are hardly defined; use azimuth + toolface",
+    "unobservable": "nothing in the data determines the azimuth",
+}
+"""What a flag means; bit k of `Attitude.flags` is the k-th name."""
+
+BITS: Final = {name: 1 << place for place, name in enumerate(FLAGS)}
+
+
+@dataclass(frozen=True, eq=False)
+class Attitude:
+    """Attitude of a moving tool, one row a window or a sample (k).
+
+    Attributes
+    ----------
+    time : (k,) ndarray
+        s, the instant the row's attitude is valid for; strictly increasing.
+    quaternion : (k, 4) ndarray
+        Scalar first, of the rotation from north-east-down to tool components (as `quaternion_from_dcm(dcm(A, I, T))`);
+        NaN in a row that was refused.
+    covariance : (k, 3, 3) ndarray
+        Of the small rotation vector e in tool axes, rad^2: dcm = (1 + [e x]) true dcm. NaN where refused; a direction
+        about which nothing is known has a variance of `UNKNOWN`^2 or more, never infinity.
+    rate : (k,) ndarray
+        Mean rotation speed about the tool axis, rad/s, positive clockwise looking down hole; NaN where unknown.
+    quality : (k,) ndarray
+        1 far inside all limits of the method, 0 at one of them or refused: the least of clip(1 - value / limit, 0, 1).
+    flags : (k,) ndarray of uint32
+        Bits of `FLAGS`; `names` lists them.
+    method : (k,) ndarray of uint8
+        Places in `METHODS`.
+    north : {"magnetic", "true", "grid"}
+        What azimuth is counted from.
+    notes : tuple of str
+        Sentences for the user: what was chosen and why, what was found and removed.
+    """
+
+    time: Array
+    quaternion: Array
+    covariance: Array
+    rate: Array
+    quality: Array
+    flags: NDArray[np.uint32]
+    method: NDArray[np.uint8]
+    north: str
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        size = len(self.time)
+        wanted = {"quaternion": (size, 4), "covariance": (size, 3, 3)}
+        for field in fields(self):
+            if field.name in ("time", "north", "notes"):
+                continue
+            shape = wanted.get(field.name, (size,))
+            if getattr(self, field.name).shape != shape:
+                raise InputError(f"{field.name} has shape {getattr(self, field.name).shape}; expected {shape}")
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def refused(self) -> NDArray[np.bool_]:
+        """Rows (k,) without an attitude; their flags say why."""
+        return np.asarray(np.isnan(self.quaternion[:, 0]))
+
+    @property
+    def angles(self) -> Angles:
+        """Inclination, azimuth, toolface and azimuth + toolface (k,), rad; NaN where refused."""
+        good = ~self.refused
+        matrix = dcm_from_quaternion(self.quaternion[good])
+        found = angles(matrix[:, :, 2], matrix[:, :, 0]) if good.any() else ()
+        columns = [np.full(len(self), np.nan) for _ in Angles._fields]
+        for column, values in zip(columns, found, strict=False):
+            column[good] = values
+        return Angles(*columns)
+
+    @property
+    def u(self) -> Angles:
+        """Standard uncertainty (k,) of the `angles`, rad; never more than that of an angle nothing is known of."""
+        good = ~self.refused
+        columns = [np.full(len(self), np.nan) for _ in Angles._fields]
+        if good.any():
+            rows = angle_rows(self.quaternion[good])
+            variance = np.einsum("kai,kij,kaj->ka", rows, self.covariance[good], rows)
+            spread = np.minimum(np.sqrt(np.where(np.isfinite(variance), variance, np.inf)), UNKNOWN)
+            for place, column in enumerate(columns):
+                column[good] = spread[:, place]
+        return Angles(*columns)
+
+    def names(self, row: int) -> tuple[str, ...]:
+        """Names of the flags of one row."""
+        return tuple(name for name, bit in BITS.items() if int(self.flags[row]) & bit)
+
+
+def angle_rows(quaternion: ArrayLike) -> Array:
+    """Derivatives (k, 4, 3) of inclination, azimuth, toolface and azimuth + toolface by the rotation vector e.
+
+    Parameters
+    ----------
+    quaternion : (k, 4) array_like
+        Of north-east-down to tool; dcm = (1 + [e x]) true dcm.
+
+    Notes
+    -----
+    With h = (-cos T, sin T, 0) and n = (sin T, cos T, 0):
+
+        dI = -n.e,  dA = -h.e / sin I,  dT = -e_z + cot I h.e,  d(A + T) = -e_z - tan(I/2) h.e.
+
+    Exactly vertical the rows of azimuth and toolface are infinite.
+
+    Examples
+    --------
+    >>> angle_rows([[1.0, 0.0, 0.0, 0.0]])[0, 3] + 0.0
+    array([ 0.,  0., -1.])
+    """
+    matrix = dcm_from_quaternion(finite(quaternion, "quaternion", (4,)))
+    down = matrix[:, :, 2]
+    sine = np.hypot(down[:, 0], down[:, 1])
+    plumb = sine < 1e-12
+    safe = np.where(plumb, 1.0, sine)
+    h = np.stack(
+        [np.where(plumb, -1.0, down[:, 0] / safe), np.where(plumb, 0.0, down[:, 1] / safe), 0.0 * sine], axis=1
+    )
+    n = np.stack([h[:, 1], -h[:, 0], 0.0 * sine], axis=1)
+    z = np.broadcast_to([0.0, 0.0, 1.0], h.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        upright = down[:, 2] > 0.0
+        half = np.where(upright, sine / (1.0 + np.where(upright, down[:, 2], 0.0)), (1.0 - down[:, 2]) / sine)[:, None]
+        by_azimuth = np.where(plumb[:, None], np.inf, -h / np.where(plumb, 1.0, sine)[:, None])
+        by_toolface = np.where(plumb[:, None], np.inf, -z + (down[:, 2] / safe)[:, None] * h)
+    return np.stack([-n, by_azimuth, by_toolface, -z - half * h], axis=1)
+
+
+def joined(parts: Sequence[Attitude]) -> Attitude:
+    """Rows of several results of one run, in order of time; notes that repeat are given once.
+
+    Raises
+    ------
+    InputError
+        Nothing to join, parts that count azimuth from different norths, rows out of order.
+    """
+    if not parts:
+        raise InputError("there are no results to join")
+    norths = {part.north for part in parts}
+    if len(norths) > 1:
+        raise InputError(f"the parts count azimuth from {' and '.join(sorted(norths))} north; convert them first")
+    columns = {
+        field.name: np.concatenate([getattr(part, field.name) for part in parts])
+        for field in fields(Attitude)
+        if field.name not in ("north", "notes")
+    }
+    if (np.diff(columns["time"]) <= 0.0).any():
+        raise InputError("the parts are not in order of time")
+    notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
+    return Attitude(**columns, north=parts[0].north, notes=notes)
+
+
+def refusals(time: ArrayLike, names: Sequence[str], method: str, north: str) -> Attitude:
+    """Rows without an attitude at the times (k,), all for the same reasons.
+
+    Examples
+    --------
+    >>> row = refusals([5.0], ["clipped"], "magnetic", "magnetic")
+    >>> row.names(0), bool(row.refused[0])
+    (('clipped',), True)
+    """
+    at = finite(time, "time", (None,))
+    size = len(at)
+    bits = sum(BITS[name] for name in names)
+    return Attitude(
+        time=at,
+        quaternion=np.full((size, 4), np.nan),
+        covariance=np.full((size, 3, 3), np.nan),
+        rate=np.full(size, np.nan),
+        quality=np.zeros(size),
+        flags=np.full(size, bits, dtype=np.uint32),
+        method=np.full(size, METHODS.index(method), dtype=np.uint8),
+        north=north,
+    )
