@@ -1,0 +1,210 @@
+"""Raw stamps: every defect found and said, pieces the same whatever the blocks, stretches the methods accept."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from inclinometry.core.errors import InputError
+from inclinometry.motion.grid import fit_grid
+from inclinometry.motion.timing import GATHERED, StretchCutter, TimingSettings, cut_stretches, rejoined
+
+RATE = 200.0
+
+
+def readings(size: int, seed: int = 0) -> np.ndarray:
+    """Noise, so that no reading repeats."""
+    return np.random.default_rng(seed).normal(size=(size, 3))
+
+
+def damaged(seed: int, size: int = 3000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Jitter, small and large gaps, repeated rows, missing values."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(size) / RATE + rng.uniform(-0.2, 0.2, size) / RATE
+    keep = rng.random(size) > 0.01
+    keep[1500:1700] = False
+    index = np.sort(np.concatenate([np.flatnonzero(keep), rng.choice(np.flatnonzero(keep), 7)]))
+    accel, mag = readings(size, seed)[index], readings(size, seed + 1)[index]
+    mag[rng.random(len(index)) < 0.005] = np.nan
+    return time[index], accel, mag
+
+
+def test_clean_record_is_one_stretch_without_notes() -> None:
+    accel = readings(5000)
+    found = cut_stretches(np.arange(5000) / RATE, accel)
+    (one,) = found.samples
+    assert one.interval == 1.0 / RATE
+    assert np.array_equal(one.accel, accel)
+    assert not one.clipped.any()
+    assert found.report.notes() == ()
+
+
+@pytest.mark.parametrize("rate", [50.0, 285.7142857, 100.0, 1000.0 / 3.0, 400.0, 2000.0, 104.17])
+def test_interval_from_stamps_rounded_and_jittered(rate: float) -> None:
+    """Slope of 1024 stamps with a fifth of an interval: 0.2 sqrt(12 / 1024^3) / sqrt(3) = 1.2e-5 intervals, 4 sigma."""
+    rng = np.random.default_rng(1)
+    time = 100.0 + np.arange(1024) / rate + rng.uniform(-0.2, 0.2, 1024) / rate
+    grid = fit_grid(time)
+    assert grid is not None
+    assert grid.interval * rate == pytest.approx(1.0, abs=5e-5)
+    # a rate people choose is found exactly
+    if float(f"{rate:.4g}") == rate:
+        assert grid.interval == pytest.approx(1.0 / rate, rel=1e-12)
+
+
+def test_small_gap_keeps_the_grid_and_a_large_one_cuts() -> None:
+    time = np.arange(400) / RATE
+    keep = np.ones(400, bool)
+    keep[100:103] = False
+    keep[200:206] = False
+    accel = readings(400)
+    found = cut_stretches(time[keep], accel[keep])
+    first, second = found.samples
+    assert len(first) == 200
+    assert np.flatnonzero(first.clipped).tolist() == [100, 101, 102]
+    assert np.array_equal(first.accel[100:103], np.repeat(accel[99:100], 3, axis=0))
+    assert np.array_equal(second.accel, accel[206:])
+    assert second.time[0] == pytest.approx(206 / RATE, abs=1e-12)
+    assert found.report.filled == 3
+    assert "about 6 samples are missing" in " ".join(found.report.notes())
+
+
+def test_repeated_rows_are_dropped_and_counted() -> None:
+    index = np.sort(np.concatenate([np.arange(500), [3, 3, 77, 499]]))
+    accel = readings(500)
+    accel[77, 1] = np.nan  # a missing value repeats as well
+    found = cut_stretches(index / RATE, accel[index])
+    assert len(found.samples[0]) == 500
+    assert found.report.repeats == 4
+    assert "4 of 504 rows repeat" in found.report.notes()[0]
+
+
+def test_one_stamp_with_two_readings_is_refused() -> None:
+    time = np.arange(100) / RATE
+    time[50] = time[49]
+    with pytest.raises(InputError, match=r"rows 49 and 50 have one time, 0\.245 s"):
+        cut_stretches(time, readings(100))
+
+
+def test_time_that_runs_backwards_is_refused_with_row_and_value() -> None:
+    time = np.arange(100) / RATE
+    time[60:] -= 0.1
+    cutter = StretchCutter()
+    cutter.push(time[:60], readings(60))
+    with pytest.raises(InputError, match=r"row 60 is 0\.2 s.*before 0\.295 s.*backwards"):
+        cutter.push(time[60:], readings(40))
+    with pytest.raises(InputError, match="finite"):
+        cut_stretches([0.0, np.nan], readings(2))
+
+
+def test_clock_that_drifts_is_followed_and_said() -> None:
+    """Rate off by 300 ppm after the first rows were even: half a place after 1500 rows, cut, then followed."""
+    step = np.full(20000, 1.0 / RATE)
+    step[2000:] *= 1.0 + 3e-4
+    time = np.cumsum(step)
+    found = cut_stretches(time, readings(20000))
+    assert len(found.samples) == 2
+    assert found.samples[1].interval == pytest.approx((1.0 + 3e-4) / RATE, rel=1e-7)
+    assert sum(len(one) for one in found.samples) == 20000
+    assert "leave the grid" in " ".join(found.report.notes())
+    for one in found.samples:
+        at = np.searchsorted(time, one.time + 0.5 * one.interval) - 1
+        assert np.abs(time[at] - one.time).max() <= 0.46 / RATE
+
+
+def test_rate_that_changes_is_cut() -> None:
+    time = np.concatenate([np.arange(700) / 100.0, 7.0 + np.arange(3000) / 200.0])
+    found = cut_stretches(time, readings(3700))
+    assert [round(1.0 / one.interval, 6) for one in found.samples][-1] == 200.0
+    assert found.samples[0].interval == 0.01
+    assert "sampling interval changes" in " ".join(found.report.notes())
+    assert sum(len(one) - int(one.clipped.sum()) for one in found.samples) == 3700
+
+
+def test_stamps_without_a_grid_are_refused() -> None:
+    with pytest.raises(InputError, match="no even grid"):
+        cut_stretches(np.cumsum(np.random.default_rng(0).exponential(1.0, 2000)), readings(2000))
+
+
+def test_missing_values_hold_the_last_and_are_counted() -> None:
+    accel, mag = readings(300), readings(300, 1)
+    mag[0] = np.nan
+    mag[100:103, 2] = np.nan
+    accel[7, 0] = np.inf
+    (one,) = cut_stretches(np.arange(300) / RATE, accel, mag).samples
+    assert np.flatnonzero(one.clipped).tolist() == [0, 7, 100, 101, 102]
+    assert np.array_equal(one.mag[0], mag[1])  # before the first value, the first value
+    assert (one.mag[100:103, 2] == mag[99, 2]).all()
+    assert one.accel[7, 0] == accel[6, 0]
+    report = cut_stretches(np.arange(300) / RATE, accel, mag).report
+    assert report.missing == {"accel_x": 1, "mag_x": 1, "mag_y": 1, "mag_z": 4}
+
+
+def test_triad_without_values_is_left_out_and_a_slower_one_refused() -> None:
+    time, accel = np.arange(300) / RATE, readings(300)
+    found = cut_stretches(time, accel, np.full((300, 3), np.nan))
+    assert not found.samples[0].has("mag")
+    assert found.report.absent == ("mag",)
+    assert not found.samples[0].clipped.any()
+    slow = np.full((300, 3), np.nan)
+    slow[::4] = 1.0
+    with pytest.raises(InputError, match="mag has no value in 75 %"):
+        cut_stretches(time, accel, slow)
+    with pytest.raises(InputError, match="no triad has a value"):
+        cut_stretches(time, np.full((300, 3), np.nan))
+
+
+def test_blocks_must_have_the_same_columns() -> None:
+    cutter = StretchCutter()
+    cutter.push([0.0], accel=[[0.0, 0.0, 9.8]])
+    with pytest.raises(InputError, match="blocks before had accel"):
+        cutter.push([0.1], gyro=[[0.0, 0.0, 9.8]])
+    with pytest.raises(InputError, match="no triad"):
+        StretchCutter().push([0.0])
+    with pytest.raises(InputError, match="a sampling interval needs 2"):
+        cut_stretches([0.0], accel=[[0.0, 0.0, 9.8]])
+
+
+@settings(max_examples=25, deadline=None)
+@given(cuts=st.lists(st.integers(0, 2800), max_size=12), seed=st.integers(0, 50))
+@example(cuts=[0, 0, 1, GATHERED, GATHERED + 1], seed=0)
+def test_same_pieces_for_any_blocks(cuts: list[int], seed: int) -> None:
+    """To the last bit, the report included; blocks of no and of one sample among them."""
+    time, accel, mag = damaged(seed)
+    whole = cut_stretches(time, accel, mag)
+    cutter = StretchCutter()
+    edges = [0, *sorted(cuts), len(time)]
+    pieces = []
+    for start, stop in pairwise(edges):
+        pieces += cutter.push(time[start:stop], accel[start:stop], mag[start:stop])
+    pieces += cutter.finish()
+    assert cutter.report == whole.report
+    numbers = list(dict.fromkeys(piece.number for piece in pieces))
+    assert len(numbers) == len(whole.samples)
+    for number, one in zip(numbers, whole.samples, strict=True):
+        again = rejoined([piece.samples for piece in pieces if piece.number == number])
+        for name in ("time", "accel", "mag", "clipped"):
+            assert np.array_equal(getattr(again, name), getattr(one, name))
+
+
+def test_damaged_record_loses_nothing() -> None:
+    """Every row that was kept is in the stretches at its own time: 0.2 of jitter and the fit leave a quarter."""
+    time, accel, mag = damaged(4)
+    found = cut_stretches(time, accel, mag)
+    assert len(found.samples) == 2
+    kept = sum(len(one) for one in found.samples) - found.report.filled
+    assert kept + found.report.repeats == len(time)
+    one = found.samples[0]
+    good = ~one.clipped
+    for moment, value in zip(one.time[good][::50], one.accel[good][::50], strict=True):
+        row = int(np.flatnonzero((accel == value).all(axis=1))[0])
+        assert abs(time[row] - moment) < 0.25 / RATE
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(InputError, match="fill"):
+        TimingSettings(fill=-1)
