@@ -42,21 +42,19 @@ def angle_figure(survey: Survey, name: str) -> Figure:
     rows = thinned(len(survey))
     md, value = survey.md[rows], np.degrees(getattr(survey, name)[rows])
     u = np.degrees(survey.u(name)[rows])
-    _course(upper, md, value if name == "inclination" else _unbroken(value), EXPANDED * u)
+    course(upper, md, value if name == "inclination" else unbroken(value), EXPANDED * u)
     upper.set_ylabel(f"{name}, deg")
     _uncertainty(lower, survey, name, rows, u)
     lower.set_xlabel("measured depth, m")
     return figure
 
 
-def _course(axes: Axes, md: Array, path: Array, spread: Array) -> None:
+def course(axes: Axes, md: Array, path: Array, spread: Array) -> None:
     """The angle itself: a curve with its band, or dots between 0 and 360 where it went round more than twice."""
     good = path[np.isfinite(path)]
     span = float(np.ptp(good)) if len(good) else 0.0
     if span > 720.0:
-        axes.plot(md, path % 360.0, linestyle="none", marker="o", color=SERIES[0], markersize=3.0)
-        axes.set_ylim(0.0, 360.0)
-        axes.set_yticks(range(0, 361, 90))
+        compass_dots(axes, md, path)
         return
     # a band no wider than a turn: where nothing is known the axis must not be lost
     wide = np.minimum(spread, 180.0)
@@ -66,6 +64,13 @@ def _course(axes: Axes, md: Array, path: Array, spread: Array) -> None:
         room = max(1.0, 0.06 * span)
         axes.set_ylim(float(good.min()) - room, float(good.max()) + room)
     _turn_ticks(axes)
+
+
+def compass_dots(axes: Axes, place: Array, angle: Array) -> None:
+    """Angles in degrees as dots between 0 and 360, for what no curve can follow."""
+    axes.plot(place, angle % 360.0, linestyle="none", marker="o", color=SERIES[0], markersize=3.0)
+    axes.set_ylim(0.0, 360.0)
+    axes.set_yticks(range(0, 361, 90))
 
 
 def _uncertainty(axes: Axes, survey: Survey, name: str, rows: Array, u: Array) -> None:
@@ -95,7 +100,7 @@ def _uncertainty(axes: Axes, survey: Survey, name: str, rows: Array, u: Array) -
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.2)
 
 
-def _unbroken(value: Array) -> Array:
+def unbroken(value: Array) -> Array:
     """Angles in degrees continued over north; nan where there is none."""
     path = np.full(len(value), np.nan)
     good = np.isfinite(value)
