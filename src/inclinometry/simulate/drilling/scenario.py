@@ -1,0 +1,210 @@
+"""What happens in the hole: where the tool points, how it turns, how it shakes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.errors import InputError
+from inclinometry.simulate.drilling.checks import inside
+from inclinometry.simulate.drilling.faults import Fault
+from inclinometry.simulate.drilling.instrument import Instrument
+
+MOST_SPEED: Final = 2000.0 * math.tau / 60.0
+"""rad/s: 2000 rpm, several times what a motor and rotary table reach together."""
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Where the tool is.
+
+    inclination, azimuth : rad at time 0; azimuth from magnetic north.
+    dip : rad; field : nT; gravity : m/s^2.
+    latitude, declination : rad; place the Earth rate, whose north is true north.
+    depth : m at time 0; penetration : m/s; build, turn : rad/m, changes of inclination and azimuth with depth.
+    temperature : degC at time 0; heating : K/s.
+    """
+
+    inclination: float = math.radians(30.0)
+    azimuth: float = math.radians(60.0)
+    dip: float = math.radians(65.0)
+    field: float = 50_000.0
+    gravity: float = STANDARD_GRAVITY
+    latitude: float = math.radians(50.0)
+    declination: float = 0.0
+    depth: float = 2000.0
+    penetration: float = 0.0
+    build: float = 0.0
+    turn: float = 0.0
+    temperature: float = 80.0
+    heating: float = 0.0
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, math.pi, inclination="rad")
+        inside(self, -math.tau, math.tau, azimuth="rad", declination="rad")
+        inside(self, -math.pi / 2, math.pi / 2, dip="rad", latitude="rad")
+        inside(self, 0.0, 1e6, field="nT")
+        inside(self, 0.0, 100.0, gravity="m/s^2")
+        inside(self, 0.0, 20_000.0, depth="m")
+        inside(self, -1.0, 1.0, penetration="m/s", build="rad/m", turn="rad/m", heating="K/s")
+        inside(self, -80.0, 400.0, temperature="degC")
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Speed swinging as a sine about its mean: mean (1 + depth sin(2 pi rate t + phase)); the phase is drawn."""
+
+    depth: float
+    rate: float
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, 1.0, depth="of the mean speed")
+        inside(self, 0.001, 10.0, rate="Hz")
+
+
+@dataclass(frozen=True)
+class StickSlip:
+    """Stuck for `stick` of each period, then one raised-cosine turn of speed that keeps the mean; the phase is drawn.
+
+    The highest speed is 2 mean / (1 - stick): three times the mean for the third of a period that is the default.
+    """
+
+    stick: float = 1.0 / 3.0
+    rate: float = 0.2
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, 0.9, stick="of the period")
+        inside(self, 0.001, 10.0, rate="Hz")
+
+
+@dataclass(frozen=True)
+class Band:
+    """Gaussian noise of flat spectrum between `low` and `high` (Hz), each edge at half amplitude; `rms` of one axis."""
+
+    low: float
+    high: float
+    rms: float
+
+    def __post_init__(self) -> None:
+        inside(self, 0.1, 1e5, low="Hz", high="Hz")
+        inside(self, 0.0, 1e5, rms="")
+        if self.high <= self.low:
+            raise InputError(f"the band ends at {self.high} Hz, before it begins at {self.low} Hz")
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """How the string turns the tool.
+
+    speed : rad/s, mean; swing : what slow torsion does to it; ripple : fast torsion, part of the mean speed, a sine at
+        `ripple_rate` Hz (it dies away while the string sticks).
+    toolface : rad at time 0; drawn when None.
+    wander : rad rms, slow wandering of the toolface (5 to 50 mHz) as the reactive torque changes while sliding.
+    torsion : band of torsional vibration, rms in rad; the gyro and the lever arm feel its derivatives.
+    """
+
+    speed: float = 0.0
+    swing: Swing | StickSlip | None = None
+    ripple: float = 0.0
+    ripple_rate: float = 7.0
+    toolface: float | None = None
+    wander: float = 0.0
+    torsion: Band | None = None
+
+    def __post_init__(self) -> None:
+        inside(self, -MOST_SPEED, MOST_SPEED, speed="rad/s")
+        inside(self, 0.0, 1.0, ripple="of the mean speed")
+        inside(self, 0.1, 100.0, ripple_rate="Hz")
+        inside(self, 0.0, math.tau, wander="rad")
+        if self.toolface is not None:
+            inside(self, -math.tau, math.tau, toolface="rad")
+        if isinstance(self.swing, Swing) and self.swing.depth + self.ripple > 1.0:
+            raise InputError(
+                f"swing {self.swing.depth} and ripple {self.ripple} of the mean speed would turn the string backwards; "
+                "their sum may reach 1 (StickSlip sticks)"
+            )
+
+
+@dataclass(frozen=True)
+class Shocks:
+    """Blows at random instants, `rate` a second, peak uniform between `low` and `high` (m/s^2).
+
+    Each is one full sine of `length` s: it leaves no velocity behind.
+    """
+
+    rate: float
+    low: float
+    high: float
+    length: float = 0.003
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, 1000.0, rate="Hz")
+        inside(self, 0.0, 1e5, low="m/s^2", high="m/s^2")
+        inside(self, 1e-4, 0.1, length="s")
+        if self.high < self.low:
+            raise InputError(f"the highest peak, {self.high} m/s^2, is below the lowest, {self.low} m/s^2")
+
+
+@dataclass(frozen=True)
+class Whirl:
+    """The axis of the tool circles in the hole.
+
+    ratio : whirl rate over rotation rate: 1 forward synchronous, negative backward; a tool of diameter d rolling
+        without slip in a hole of diameter D whirls at -d / (D - d).
+    eccentricity : m, radius of the circle.
+    contacts : blows of the wall, towards the middle of the hole.
+    """
+
+    ratio: float
+    eccentricity: float
+    contacts: Shocks | None = None
+
+    def __post_init__(self) -> None:
+        inside(self, -100.0, 100.0, ratio="")
+        inside(self, 0.0, 0.5, eccentricity="m")
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """Accelerations of the tool in the hole: lateral on each of two axes, axial, m/s^2."""
+
+    lateral: Band | None = None
+    axial: Band | None = None
+    shocks: Shocks | None = None
+    whirl: Whirl | None = None
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything `simulate_drilling` needs besides the seed: `summary` in one sentence, `duration` in s.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from inclinometry.simulate.drilling import SCENARIOS
+    >>> steep = replace(SCENARIOS["vibration-5g"], hole=Hole(inclination=1.2))
+    >>> steep.rotation.speed == SCENARIOS["vibration-5g"].rotation.speed
+    True
+    """
+
+    summary: str = ""
+    hole: Hole = field(default_factory=Hole)
+    rotation: Rotation = field(default_factory=Rotation)
+    vibration: Vibration = field(default_factory=Vibration)
+    instrument: Instrument = field(default_factory=Instrument)
+    faults: tuple[Fault, ...] = ()
+    duration: float = 60.0
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, math.inf, duration="s")
+        object.__setattr__(self, "faults", tuple(self.faults))
+        bands = (self.vibration.lateral, self.vibration.axial, self.rotation.torsion)
+        rate = self.instrument.rate
+        for band in bands:
+            if band is not None and not (band.low >= rate / 1000.0 and band.high <= 0.45 * rate):
+                raise InputError(
+                    f"a vibration band of {band.low:g} to {band.high:g} Hz cannot be made at {rate:g} Hz; allowed "
+                    f"{rate / 1000.0:g} to {0.45 * rate:g} Hz; change the band or the instrument's internal rate"
+                )
