@@ -14,7 +14,7 @@ import inclinometry
 
 FLOORS = (
     ("workflow",),
-    ("report",),
+    ("store", "report"),
     ("io",),
     ("position",),
     ("survey", "motion"),

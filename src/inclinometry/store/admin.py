@@ -1,0 +1,60 @@
+"""Making a ledger and bringing an old one up to date."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import SQLAlchemyError
+
+from inclinometry.store.ledger import Ledger, LedgerError, engine, shown
+from inclinometry.store.schema import unprotected
+
+
+def create(where: str | Path) -> Ledger:
+    """Make an empty ledger, or bring an existing one up to date, and open it.
+
+    Raises
+    ------
+    LedgerError
+        A folder that cannot be written, a database that is not a ledger or of a newer program.
+    """
+    if "://" not in str(where):
+        path = Path(where)
+        if path.is_dir():
+            raise LedgerError(f"{where} is a folder; name a file in it, e.g. {path / 'ledger.sqlite'}")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise LedgerError(f"{where}: the folder cannot be made ({error.strerror})") from None
+    made = engine(where, create=True)
+    try:
+        if made.dialect.name == "sqlite":
+            raw = made.raw_connection()  # the mode cannot be set inside a transaction
+            raw.cursor().execute("PRAGMA journal_mode = WAL")
+            raw.close()
+        _migrate(made)
+        with made.connect() as connection:
+            bare = unprotected(connection)
+    except SQLAlchemyError as error:
+        cause = " ".join(str(getattr(error, "orig", error)).split())[:200]
+        raise LedgerError(f"{shown(where)}: no ledger can be made here ({cause})") from None
+    finally:
+        made.dispose()
+    if bare:
+        raise LedgerError(f"{shown(where)}: the tables {', '.join(bare)} are not protected against changes")
+    return Ledger(where)
+
+
+def _migrate(made: Engine) -> None:
+    from alembic import command
+    from alembic.config import Config
+    from alembic.util import CommandError
+
+    config = Config()
+    config.set_main_option("script_location", str(Path(__file__).parent / "migrations").replace("%", "%%"))
+    config.attributes["engine"] = made
+    try:
+        command.upgrade(config, "head")
+    except CommandError as error:
+        raise LedgerError(f"the ledger was made by a newer program ({error}); update inclinometry") from None

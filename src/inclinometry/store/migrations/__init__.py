@@ -1,0 +1,1 @@
+"""Migrations of the ledger, one file a revision; none goes back."""
