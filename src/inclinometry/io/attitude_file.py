@@ -1,0 +1,163 @@
+"""Attitude of a moving tool as a table: one row a window, blank where it was refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import FileError
+from inclinometry.earth.site import REFERENCES
+from inclinometry.io import _write
+from inclinometry.io.atomic import replacing
+from inclinometry.io.run_write import checked_ending
+from inclinometry.io.table import read_table
+from inclinometry.motion.result import BITS, METHODS
+from inclinometry.motion.run_result import AttitudeRows
+
+COLUMNS: Final = (
+    "time_s", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "u_inclination_deg",
+    "u_azimuth_deg", "u_toolface_deg", "rpm", "method", "quality", "flags",
+)  # fmt: skip
+"""The contract of the attitude file, in its order."""
+
+SCHEMA: Final = "inclinometry/attitude"
+_TEXT: Final = ("azimuth_reference", "method", "flags")
+_DEGREES: Final = {name: name.removesuffix("_deg") for name in COLUMNS if name.endswith("_deg")}
+_RPM: Final = 30.0 / np.pi
+
+
+def write_attitude(rows: AttitudeRows, path: str | Path, header: Mapping[str, str] | None = None) -> None:
+    """Write attitude.csv or attitude.parquet, by the ending of the name, whole or not at all.
+
+    Parameters
+    ----------
+    rows : AttitudeRows
+    path : str or Path
+    header : name -> text, optional
+        Digests of the inputs and the like: metadata `inclinometry.header` of a Parquet file; CSV has no place for it.
+
+    Raises
+    ------
+    FileError
+        Another ending; the file cannot be written.
+
+    Examples
+    --------
+    See `read_attitude`.
+    """
+    columns = _columns(rows)
+    if checked_ending(path) == ".csv":
+        cells = [_write.column(v) if isinstance(v, np.ndarray) else v for v in columns.values()]
+        _write.write_columns(COLUMNS, cells, path)
+        return
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    fields, arrays = [], []
+    for name, values in columns.items():
+        kind = pa.string() if name in _TEXT else pa.float64()
+        unit = "deg" if name in _DEGREES else {"time_s": "s", "rpm": "1/min"}.get(name)
+        fields.append(pa.field(name, kind, metadata={"unit": unit} if unit else None))
+        arrays.append(pa.array(values, kind, from_pandas=True))
+    text = json.dumps({"schema": SCHEMA, "version": "1", **(header or {})}, ensure_ascii=False).encode()
+    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={b"inclinometry.header": text}))
+    with replacing(path) as stream:
+        pq.write_table(table, stream, compression="zstd", compression_level=1, write_page_checksum=True)
+
+
+def _columns(rows: AttitudeRows) -> dict[str, Array | list[str]]:
+    """Columns of the contract, texts as lists."""
+    found: dict[str, Array | list[str]] = {}
+    for name in COLUMNS:
+        if name in _DEGREES:
+            values = _write.degrees(getattr(rows, _DEGREES[name]))
+            found[name] = np.where(values == 360.0, 0.0, values) if name in ("azimuth_deg", "toolface_deg") else values
+    names = {code: "|".join(_named(int(code))) for code in np.unique(rows.flags)}
+    found |= {
+        "time_s": rows.time,
+        "azimuth_reference": [REFERENCES[n] for n in rows.north],
+        "rpm": np.asarray(np.round(rows.rate * _RPM, 6) + 0.0),
+        "method": [METHODS[n] for n in rows.method],
+        "quality": np.asarray(np.round(rows.quality, 6) + 0.0),
+        "flags": [names[code] for code in rows.flags],
+    }
+    return {name: found[name] for name in COLUMNS}
+
+
+def _named(bits: int) -> list[str]:
+    return [name for name, bit in BITS.items() if bits & bit]
+
+
+def read_attitude(path: str | Path) -> AttitudeRows:
+    """Read what `write_attitude` has written.
+
+    Raises
+    ------
+    FileError
+        Not found or no such table; a column of the contract is missing; a method, flag or reference nobody knows.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> one, none = np.ones(1), np.full(1, np.nan)
+    >>> small = np.zeros(1, dtype=np.uint8)
+    >>> rows = AttitudeRows(5 * one, none, none, none, none, none, none, one, 0 * one,
+    ...                     np.array([1], dtype=np.uint32), small, small)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_attitude(rows, Path(folder, "a.parquet"))
+    ...     back = read_attitude(Path(folder, "a.parquet"))
+    >>> back.names(0), bool(back.refused[0]), round(float(back.rate[0]), 6)
+    (('clipped',), True, 1.0)
+    """
+    where = Path(path)
+    columns = _parquet_columns(where) if checked_ending(where) == ".parquet" else _csv_columns(where)
+    angles = {name: np.radians(columns[column]) for column, name in _DEGREES.items()}
+    north = _places(columns["azimuth_reference"], REFERENCES, where, "azimuth_reference")
+    flags = [sum(_bit(where, name) for name in text.split("|") if name) for text in columns["flags"]]
+    return AttitudeRows(
+        time=columns["time_s"],
+        **angles,
+        rate=columns["rpm"] / _RPM,
+        quality=columns["quality"],
+        flags=np.array(flags, dtype=np.uint32),
+        method=_places(columns["method"], METHODS, where, "method").astype(np.uint8),
+        north=north.astype(np.uint8),
+    )
+
+
+def _csv_columns(path: Path) -> dict[str, Any]:
+    table = read_table(path, numeric=lambda name: name in COLUMNS and name not in _TEXT, gaps=COLUMNS)
+    table.require(COLUMNS)
+    return {name: table.text(name) if name in _TEXT else table.number(name) for name in COLUMNS}
+
+
+def _parquet_columns(path: Path) -> dict[str, Any]:
+    from inclinometry.io.parquet import _table
+
+    table = _table(path)
+    missing = next((name for name in COLUMNS if name not in table.column_names), None)
+    if missing is not None:
+        raise FileError(f"column {missing!r} is missing; columns found: {', '.join(table.column_names)}", path=path)
+    return {
+        name: table.column(name).to_pylist() if name in _TEXT else np.array(table.column(name).to_numpy(), dtype=float)
+        for name in COLUMNS
+    }
+
+
+def _places(texts: Any, known: tuple[str, ...], path: Path, column: str) -> Any:
+    place = {name: n for n, name in enumerate(known)}
+    lost = next((text for text in texts if text not in place), None)
+    if lost is not None:
+        raise FileError(f"{column} is {lost!r}; allowed: {', '.join(known)}", path=path)
+    return np.array([place[text] for text in texts], dtype=np.int64)
+
+
+def _bit(path: Path, name: str) -> int:
+    if name not in BITS:
+        raise FileError(f"flag {name!r} is not known; allowed: {', '.join(BITS)}", path=path)
+    return BITS[name]
