@@ -10,10 +10,27 @@ from numpy.typing import ArrayLike
 from inclinometry.core.arrays import Array, Index, finite
 from inclinometry.core.errors import InputError
 
-MOST_OFF: Final = 0.45
-"""Departure of a stamp from the grid, in intervals, from which its place is no longer certain."""
+MOST_JITTER: Final = 0.3
+"""Root mean square departure of stamps from the grid, in intervals, from which their places are no longer certain."""
+MOST_SHARED: Final = 0.02
+"""Share of stamps that may fall on a place that is taken."""
+FIRST: Final = 64
+"""Stamps the interval is searched with."""
+CERTAIN: Final = 1e-3
+"""Uncertainty of an interval, as a share of it, below which a round one beside it is no chance."""
 _DIGITS: Final = (1, 2, 3, 4)
 """Significant digits of intervals and rates people choose."""
+
+
+class Neighbour(NamedTuple):
+    """The stamp before: the place nearest to it, and whether it was written late."""
+
+    nearest: int
+    late: bool
+
+
+NOBODY: Final = Neighbour(-10, False)
+"""Before the first stamp of a stretch."""
 
 
 class Grid(NamedTuple):
@@ -27,11 +44,22 @@ class Grid(NamedTuple):
     interval: float
     jitter: float
 
-    def places(self, time: Array) -> tuple[Index, Array]:
-        """Nearest place (n,) of each stamp and the departure (n,) from it, in intervals."""
+    def places(self, time: Array, before: Neighbour, *, final: bool) -> tuple[Index, Array, Neighbour]:
+        """Place of each stamp, departure from it in intervals, and what the stamps that follow need to know.
+
+        The last stamp only helps with the one before it, unless it is `final`. A stamp nearest to the place of its
+        neighbour, beside an empty place, belongs to the empty one: it was written late, or early.
+        """
         position = (time - self.start) / self.interval
-        nearest = np.rint(position)
-        return nearest.astype(np.intp), position - nearest
+        nearest = np.rint(position).astype(np.intp)
+        above = np.concatenate([[before.nearest], nearest[:-1]])
+        below = np.concatenate([nearest[1:], nearest[-1:] + 1])
+        late = (nearest - above >= 2) & (below == nearest)
+        early = (nearest == above) & (below - nearest >= 2) & ~np.concatenate([[before.late], late[:-1]])
+        number = nearest - late + early
+        count = time.size if final else time.size - 1
+        after = Neighbour(int(nearest[count - 1]), bool(late[count - 1])) if count else before
+        return number[:count], (position - number)[:count], after
 
 
 def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
@@ -51,9 +79,9 @@ def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
 
     Notes
     -----
-    First interval: mean of the steps within half of their median; stamps are numbered by the rounded steps, a straight
-    line is fitted, the stamps are numbered again by the line. The slope's standard deviation is s sqrt(12 / n^3); an
-    interval or a rate of up to four digits within four of it is taken for what was meant.
+    Of intervals about the median step the one is taken that brings the first stamps' phases closest together; they are
+    numbered, a straight line is fitted and numbers twice as many, until all are. The slope's standard deviation is
+    s sqrt(12 / n^3); an interval or a rate of up to four digits within four of it is taken for what was meant.
 
     Examples
     --------
@@ -66,25 +94,36 @@ def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
     t = finite(time, "time", (None,))
     if t.size < 2:
         raise InputError(f"{t.size} time stamps; a sampling interval needs 2 or more")
-    steps = np.diff(t)
-    usual = float(np.median(steps))
-    usual = float(np.mean(steps[np.abs(steps - usual) <= 0.5 * usual]))
-    places = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(steps / usual), 1.0))])
-    start, interval = t[0], usual
-    for _ in range(2):
-        start, interval = _line(places, t)
-        if interval <= 0.0:
-            return None
-        places = np.rint((t - start) / interval)
+    count = min(t.size, FIRST)
+    start, interval = _coarse(t[:count])
+    while interval > 0.0:
+        places = np.rint((t[:count] - start) / interval)
+        start, interval = _line(places, t[:count])
+        if count == t.size:
+            break
+        count = min(2 * count, t.size)
+    if interval <= 0.0:
+        return None
+    places = np.rint((t - start) / interval)
     start, interval = _line(places, t)
     jitter = float(np.sqrt(np.mean((t - start - interval * places) ** 2)))
     interval = _meant(interval, jitter, t, known)
     start = t[0] + float(np.mean(t - t[0] - interval * places))
     grid = Grid(start, interval, float(np.sqrt(np.mean((t - start - interval * places) ** 2))))
-    numbers, off = grid.places(t)
-    if numbers[0] != 0:  # the fitted start may lie a place beside the first stamp
-        grid = grid._replace(start=grid.start + interval * float(numbers[0]))
-    return grid if (np.diff(numbers) >= 1).all() and np.abs(off).max() <= MOST_OFF else None
+    numbers, off, _ = grid.places(t, NOBODY, final=True)
+    shared = float(np.mean(np.diff(numbers) < 1))
+    good = shared <= MOST_SHARED and float(np.sqrt(np.mean(off**2))) <= MOST_JITTER
+    # the first stamp's place is number 0
+    return grid._replace(start=grid.start + interval * float(numbers[0])) if good else None
+
+
+def _coarse(t: Array) -> tuple[float, float]:
+    """Start and interval that bring the phases of the stamps closest together."""
+    usual = float(np.median(np.diff(t)))
+    tried = usual * np.concatenate([[1.0], np.arange(0.7, 1.3, 0.1 / t.size)])
+    phasor = np.exp(2j * np.pi * (t - t[0]) / tried[:, None]).mean(axis=1)
+    best = int(np.abs(phasor).argmax())
+    return float(t[0] + np.angle(phasor[best]) / (2.0 * np.pi) * tried[best]), float(tried[best])
 
 
 def _line(places: Array, t: Array) -> tuple[float, float]:
@@ -100,6 +139,8 @@ def _meant(interval: float, jitter: float, t: Array, known: float | None) -> flo
     room = 4.0 * noise * np.sqrt(12.0 / t.size**3) + 1e-9 * interval
     if known is not None and abs(known - interval) <= room:
         return known
+    if room > CERTAIN * interval:
+        return interval
     for digits in _DIGITS:
         for candidate in (1.0 / float(f"{1.0 / interval:.{digits - 1}e}"), float(f"{interval:.{digits - 1}e}")):
             if abs(candidate - interval) <= room:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, Mask, finite, within
+from inclinometry.core.arrays import Array, Index, Mask, finite, within
 from inclinometry.core.errors import InputError
-from inclinometry.motion.grid import MOST_OFF, Grid, fit_grid
+from inclinometry.motion.grid import MOST_JITTER, NOBODY, Grid, fit_grid
 from inclinometry.motion.samples import CHANNELS, Samples
 from inclinometry.motion.timing_report import LISTED, Gap, TimingReport
 
@@ -23,6 +23,15 @@ GATHERED: Final = 1024
 """Rows the grid of a stretch is fitted to."""
 FEWEST: Final = 16
 """Rows that can tell a grid from chance."""
+FOLLOWED: Final = 64
+"""Stamps whose mean departure tells that the clock leaves the grid,"""
+MOST_DRIFT: Final = 0.25
+"""by these intervals."""
+MOST_UNEVEN: Final = 0.45
+"""Empty places, and twice the places taken already, for each of these stamps, from which the rate has changed."""
+_NONE: Final = np.zeros((FOLLOWED, 2), dtype=np.int64)
+_FINE: Final = 1 << 20
+"""Departures are summed as whole parts of an interval, so that sums do not depend on the blocks."""
 MOST_RAGGED: Final = 5
 """Stretches in succession that leave their grid within `FEWEST` rows, and the stamps still count as a clock's."""
 
@@ -90,6 +99,8 @@ class StretchCutter:
         self._place = -1  # of the grid, last sample given out
         self._stamp = 0.0  # its stamp
         self._held = np.empty(0)  # its readings, mended
+        self._before = NOBODY
+        self._trace = _NONE  # of the stamps before: departure, places skipped
         self._known: float | None = None
         self._ragged = 0
 
@@ -179,22 +190,24 @@ class StretchCutter:
 
     def _advance(self, *, final: bool) -> list[Piece]:
         pieces: list[Piece] = []
-        while self._time.size:
+        while self._time.size > (0 if final else 1):
             if self._grid is None:
                 if self._time.size < GATHERED and not final:
                     break
-                self._begin()
-            pieces += self._run()
+                self._grid = self._begin()
+            pieces += self._run(self._grid, final=final)
         return pieces
 
-    def _begin(self) -> None:
+    def _begin(self) -> Grid:
         """Grid of the stretch that starts with the first row held back."""
         if self._kept is None:
             self._kept = self._present(self._rows[:GATHERED])
-        self._grid, self._place = self._fitted(self._time[:GATHERED]), -1
-        self.report.add_interval(self._grid.interval)
-        self.report.jitter = max(self.report.jitter, self._grid.jitter)
+        grid, self._place = self._fitted(self._time[:GATHERED]), -1
+        self._before, self._trace = NOBODY, _NONE
+        self.report.add_interval(grid.interval)
+        self.report.jitter = max(self.report.jitter, grid.jitter)
         self.report.stretches += 1
+        return grid
 
     def _fitted(self, t: Array) -> Grid:
         """Grid of the stamps before the first large gap."""
@@ -239,31 +252,31 @@ class StretchCutter:
         self.report.absent = tuple(name for name in self._given or () if name not in kept)
         return tuple(kept)
 
-    def _run(self) -> list[Piece]:
+    def _run(self, grid: Grid, *, final: bool) -> list[Piece]:
         """Rows held back that lie on the grid, given out; the grid is given up at the first that does not."""
-        if self._grid is None:
-            return []
-        places, off = self._grid.places(self._time)
+        places, off, self._before = grid.places(self._time, self._before, final=final)
         step = np.diff(places, prepend=self._place)
-        if self._place < 0:
-            step[0] = 1
-            self._place = int(places[0]) - 1
-        lost = (step < 1) | (step > self.settings.fill + 1) | (np.abs(off) > MOST_OFF)
-        count = int(lost.argmax()) if lost.any() else self._time.size
-        pieces = [self._piece(places[:count], step[:count], off[:count])] if count else []
+        trace = np.stack([np.rint(off * _FINE).astype(np.int64), np.where(step < 1, 2, step - 1)], axis=1)
+        trace[0, 1] = 0 if self._place < 0 else trace[0, 1]
+        trace = np.concatenate([self._trace, trace])
+        total = np.cumsum(trace, axis=0)
+        drift, uneven = ((total[FOLLOWED:] - total[:-FOLLOWED]) / FOLLOWED).T
+        lost = (step > self.settings.fill + 1) | (np.abs(drift) > MOST_DRIFT * _FINE) | (uneven > MOST_UNEVEN)
+        count = int(lost.argmax()) if lost.any() else places.size
+        pieces = self._pieces(grid, step[:count], off[:count])
         if lost.any():
-            self._cut(self._grid, float(self._time[count]), int(places[count]), float(off[count]))
+            self._cut(grid, float(self._time[count]), int(step[count]) - 1, float(drift[count]) / _FINE)
+        self._trace = trace[-FOLLOWED:]
         self._time, self._rows = self._time[count:], self._rows[count:]
         return pieces
 
-    def _cut(self, grid: Grid, after: float, place: int, off: float) -> None:
+    def _cut(self, grid: Grid, after: float, missing: int, off: float) -> None:
         """Give up the grid, and say why."""
-        missing = place - self._place - 1
         if missing > self.settings.fill:
             reason = f"about {missing} samples are missing"
             self._ragged = 0
         else:
-            reason = f"the stamps leave the grid of {grid.interval:.9g} s by {abs(off):.2f} intervals"
+            reason = f"the stamps leave the grid of {grid.interval:.9g} s"
             self._ragged = self._ragged + 1 if self._place < FEWEST else 0
             if self._place >= GATHERED:
                 # a long stretch tells the interval better than its first rows did
@@ -275,13 +288,17 @@ class StretchCutter:
             self.report.gaps.append(Gap(self._stamp, after, reason))
         self._grid = None
 
-    def _piece(self, places: NDArray[np.intp], step: NDArray[np.intp], off: Array) -> Piece:
+    def _pieces(self, grid: Grid, step: Index, off: Array) -> list[Piece]:
         """Samples at every place up to the last, the empty ones holding the reading before."""
-        grid = self._grid
-        if grid is None or self._kept is None:
-            raise InputError("no grid")
-        rows, bad = self._mended(self._rows[: places.size])
-        source = np.repeat(np.arange(1, places.size + 1), step)
+        own = step > 0
+        size = step.size
+        if not own.any():
+            self.report.shared += size
+            return []
+        self.report.shared += int(size - own.sum())
+        step = step[own]
+        rows, bad = self._mended(self._rows[:size][own])
+        source = np.repeat(np.arange(1, step.size + 1), step)
         empty = np.ones(source.size, dtype=np.bool_)
         empty[np.cumsum(step) - 1] = False
         source[empty] -= 1
@@ -290,18 +307,18 @@ class StretchCutter:
         numbers = np.arange(self._place + 1, self._place + 1 + source.size)
         self.report.filled += int(empty.sum())
         self.report.most_jitter = max(self.report.most_jitter, float(np.abs(off).max()) * grid.interval)
-        self._place, self._held, self._stamp = int(places[-1]), rows[-1].copy(), float(self._time[places.size - 1])
+        self._place, self._held, self._stamp = int(numbers[-1]), rows[-1].copy(), float(self._time[:size][own][-1])
         columns: dict[str, Array] = {}
         start = 0
         for name in self._given or ():
             width = 1 if name == "temperature" else 3
-            if name in self._kept:
+            if name in (self._kept or ()):
                 part = values[:, start : start + width]
                 columns[name] = part[:, 0] if name == "temperature" else part
             start += width
         times = np.asarray(grid.start + grid.interval * numbers, dtype=np.float64)
         samples = Samples(times, grid.interval, clipped=clipped, **columns)
-        return Piece(self.report.stretches - 1, samples)
+        return [Piece(self.report.stretches - 1, samples)]
 
     def _mended(self, rows: Array) -> tuple[Array, Mask]:
         """Readings with the last number of their channel where there is none; samples (n,) without a triad's value."""
@@ -328,8 +345,8 @@ class StretchCutter:
 
 def _no_grid(time: float) -> InputError:
     return InputError(
-        f"the stamps about {time:.9g} s lie on no even grid: they depart from it by more than {MOST_OFF} intervals; "
-        "give better stamps or, if no rows are missing, row number times sampling interval"
+        f"the stamps about {time:.9g} s lie on no even grid: they depart from it by more than {MOST_JITTER} of an "
+        "interval (rms); give better stamps or, if no rows are missing, row number times sampling interval"
     )
 
 
@@ -368,14 +385,7 @@ def cut_stretches(
 
 
 def rejoined(parts: list[Samples]) -> Samples:
-    """Samples of pieces that follow each other on one grid.
-
-    Examples
-    --------
-    >>> whole = Samples(np.arange(4.0), 1.0, gyro=np.ones((4, 3)))
-    >>> len(rejoined([whole.part(0, 1), whole.part(1, 4)]))
-    4
-    """
+    """Samples of pieces that follow each other on one grid."""
     if len(parts) == 1:
         return parts[0]
 

@@ -23,8 +23,9 @@ class TimingReport:
 
     Attributes
     ----------
-    rows, repeats, filled : int
-        Rows read; rows dropped because they repeat the row before; places of the grid without a reading.
+    rows, repeats, shared, filled : int
+        Rows read; rows dropped because they repeat the row before; because the place nearest to their stamp was taken;
+        places of the grid without a reading.
     stretches : int
     intervals : list of float
         s, of the stretches, without repetition.
@@ -40,6 +41,7 @@ class TimingReport:
 
     rows: int = 0
     repeats: int = 0
+    shared: int = 0
     filled: int = 0
     stretches: int = 0
     cuts: int = 0
@@ -60,6 +62,8 @@ class TimingReport:
         said = []
         if self.repeats:
             said.append(f"{self.repeats} of {self.rows} rows repeat the row before them (stamp and readings): dropped")
+        if self.shared:
+            said.append(f"the stamps of {self.shared} rows are nearest to a place that is taken: dropped")
         if self.filled:
             said.append(f"{self.filled} samples are missing in small gaps: their places are kept and not used")
         for gap in self.gaps:
