@@ -1,0 +1,1 @@
+"""The calibration laboratory: tools, rigs, guided sessions, verifications and certificates, kept in a ledger."""

@@ -1,0 +1,340 @@
+"""A guided run of positions: opened, captured reading by reading, resumed after anything, closed; all in the ledger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.core.arrays import Array, finite
+from inclinometry.core.constants import KINDS
+from inclinometry.core.errors import InputError
+from inclinometry.store.ledger import ConflictError, Ledger, LedgerError, Record
+
+PURPOSES: Final = ("calibrate", "verify", "temperature")
+MOST_POSITIONS: Final = 5000
+
+
+@dataclass(frozen=True)
+class Position:
+    """One position of the plan: number from 1, dials (azimuth, inclination, toolface) in rad, name of its roll set."""
+
+    number: int
+    dial: tuple[float, float, float]
+    roll_set: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """What the sensors said while the tool stood still.
+
+    channels, sd : kind -> (m,) mean over the window and standard deviation of one sample, in `units`.
+    drift : kind -> (m,) change over the window by a straight line, in `units`.
+    count, duration : samples, s.
+    dial : (3,) azimuth, inclination, toolface the rig was set to, rad.
+    how : "key", "automatic", "api" or "import".
+    """
+
+    channels: Mapping[str, Array]
+    dial: tuple[float, float, float]
+    count: int = 1
+    sd: Mapping[str, Array] = field(default_factory=dict)
+    drift: Mapping[str, Array] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    duration: float = 0.0
+    temperature: float | None = None
+    still: bool = True
+    how: str = "key"
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A reading as the ledger has it: its record, position and attempt, and the capture."""
+
+    record: str
+    number: int
+    attempt: int
+    created: str
+    author: str
+    capture: Capture
+    rejected: str = ""
+
+
+@dataclass(frozen=True)
+class Session:
+    """A session as the ledger has it now.
+
+    taken : position number -> its newest reading.
+    attempts : position number -> how many readings were taken of it.
+    closed : "" while it is open, else what closed it ("finished", "abandoned").
+    settings : what was agreed when it was opened (wanted uncertainty, rig sd, attitude range, limits, environment ...).
+    """
+
+    id: str
+    serial: str
+    purpose: str
+    plan: str
+    positions: tuple[Position, ...]
+    rig: str
+    created: str
+    author: str
+    taken: Mapping[int, Taken]
+    attempts: Mapping[int, int]
+    closed: str
+    settings: Mapping[str, Any]
+
+    @property
+    def next(self) -> Position | None:
+        """The first position of the plan without a valid reading; None when all have one."""
+        return next((p for p in self.positions if not self.has(p.number)), None)
+
+    def has(self, number: int) -> bool:
+        """Whether the position has a reading that was not rejected."""
+        return number in self.taken and not self.taken[number].rejected
+
+    @property
+    def valid(self) -> tuple[Taken, ...]:
+        """The newest reading of each position that was not rejected, in order of position."""
+        return tuple(t for _, t in sorted(self.taken.items()) if not t.rejected)
+
+
+def open_session(
+    ledger: Ledger,
+    serial: str,
+    plan: Plan,
+    *,
+    rig: str,
+    author: str,
+    purpose: str = "calibrate",
+    settings: Mapping[str, Any] | None = None,
+) -> Session:
+    """Begin a run of positions with a registered tool on a registered rig.
+
+    Parameters
+    ----------
+    settings : mapping, optional
+        Further fields of the session record (JSON values; see the schema "session-1").
+
+    Raises
+    ------
+    InputError
+        An unknown purpose, a plan without positions.
+    LedgerError
+        A tool or rig that is not registered.
+    """
+    if purpose not in PURPOSES:
+        raise InputError(f"purpose is {purpose!r}; allowed: {', '.join(PURPOSES)}")
+    if not 1 <= len(plan) <= MOST_POSITIONS:
+        raise InputError(f"the plan has {len(plan)} positions; allowed 1 to {MOST_POSITIONS}")
+    for kind, keys in (("tool", {"serial": serial}), ("rig", {"name": rig})):
+        if ledger.latest(kind, **keys) is None:
+            raise LedgerError(f"{kind} {next(iter(keys.values()))!r} is not registered; register it first")
+    degrees = np.degrees(np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)).round(9)
+    stated: dict[str, Any] = {"name": plan.name, "positions_deg": degrees.tolist()}
+    if plan.roll_set:
+        stated["roll_set"] = list(plan.roll_set)
+    body = {**(settings or {}), "plan": stated, "rig": rig}
+    record = ledger.append("session", {"serial": serial, "purpose": purpose}, body, author=author)
+    return load_session(ledger, record.id)
+
+
+def load_session(ledger: Ledger, session: str) -> Session:
+    """The session as it stands: after a power cut exactly what was acknowledged."""
+    return _assembled(ledger, ledger.get("session", session))
+
+
+def sessions(ledger: Ledger, *, serial: str | None = None, limit: int = 100, before: int = 0) -> list[Record]:
+    """Session records, newest first."""
+    keys = {} if serial is None else {"serial": serial}
+    return ledger.find("session", newest=True, after=before, limit=limit, **keys)
+
+
+def closing(ledger: Ledger, session: str) -> str:
+    """What closed a session: "finished", "abandoned", or "" while it is open."""
+    for record in ledger.find("event", subject_kind="session", subject=session):
+        if record.keys["action"] in ("finished", "abandoned"):
+            return str(record.keys["action"])
+    return ""
+
+
+def capture(
+    ledger: Ledger, session: str, number: int, taken: Capture, *, author: str, attempt: int | None = None
+) -> Taken:
+    """Record the reading of a position; when this returns it survives a power cut.
+
+    Parameters
+    ----------
+    number : int
+        Of the position, from 1; one beyond the plan for an added position.
+    attempt : int, optional
+        Which attempt the caller believes this is; given, a reading somebody else took meanwhile is noticed.
+
+    Raises
+    ------
+    ConflictError
+        Somebody else has just captured this position.
+    LedgerError
+        The session is closed.
+    """
+    if closing(ledger, session):
+        raise LedgerError("this session is closed; open a new one")
+    known = ledger.find("reading", session=session)
+    before = sum(1 for r in known if r.keys["position"] == number)
+    highest = max((r.keys["position"] for r in known), default=0)
+    planned = len(ledger.get("session", session).body["plan"]["positions_deg"])
+    if not 1 <= number <= min(max(highest, planned) + 1, MOST_POSITIONS):
+        raise InputError(f"position is {number}; allowed 1 to {max(highest, planned) + 1}")
+    if attempt is not None and attempt != before + 1:
+        raise ConflictError(f"position {number} has {before} readings already; somebody else captured it meanwhile")
+    keys = {"session": session, "position": number, "attempt": before + 1}
+    return _taken(ledger.append("reading", keys, _capture_body(taken), author=author))
+
+
+def reject(ledger: Ledger, taken: Taken, reason: str, *, author: str) -> None:
+    """Leave a reading out from now on; it stays in the ledger with the reason."""
+    ledger.append(
+        "event",
+        {"subject_kind": "reading", "subject": taken.record, "action": "rejected"},
+        {"reason": reason},
+        author=author,
+    )
+
+
+def close_session(ledger: Ledger, session: str, how: str, *, author: str, reason: str = "") -> None:
+    """Close a session: "finished" or "abandoned"; nothing more is captured in it."""
+    if how not in ("finished", "abandoned"):
+        raise InputError(f"a session is closed as finished or abandoned, not {how!r}")
+    if closing(ledger, session):
+        raise LedgerError("this session is closed already")
+    keys = {"subject_kind": "session", "subject": session, "action": how}
+    ledger.append("event", keys, {"reason": reason}, author=author)
+
+
+def bench_readings(
+    session: Session, *, g: float | None = None, b: float | None = None, dip: float | None = None
+) -> BenchReadings:
+    """The valid readings as a calibration takes them; fields at the stand in m/s^2, nT, rad where known.
+
+    Raises
+    ------
+    InputError
+        No reading yet, or readings with different channels.
+    """
+    rows = session.valid
+    if not rows:
+        raise InputError("the session has no reading yet; capture the first position")
+    kinds = [kind for kind in KINDS if kind in rows[0].capture.channels]
+    for row in rows:
+        shape = {k: len(v) for k, v in row.capture.channels.items()}
+        first = {k: len(v) for k, v in rows[0].capture.channels.items()}
+        if shape != first:
+            raise InputError(f"position {row.number} has the channels {shape}, the first one {first}; take it again")
+    azimuth, inclination, toolface = np.array([row.capture.dial for row in rows]).T
+    heat = [row.capture.temperature for row in rows]
+    names = {p.number: p.roll_set for p in session.positions}
+    roll_set = [names.get(row.number, "") for row in rows]
+    known = {"g": g, "b": b, "dip": dip}
+    return BenchReadings(
+        {kind: np.stack([row.capture.channels[kind] for row in rows]) for kind in kinds},
+        azimuth,
+        inclination,
+        toolface,
+        station=[str(row.number) for row in rows],
+        count=np.array([float(row.capture.count) for row in rows]),
+        temperature=None if None in heat else np.array(heat, dtype=float),
+        roll_set=roll_set if any(roll_set) else (),
+        units=dict(rows[0].capture.units),
+        reference={name: value for name, value in known.items() if value is not None},
+    )
+
+
+def _assembled(ledger: Ledger, record: Record) -> Session:
+    body, plan = record.body, record.body["plan"]
+    sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
+    positions = tuple(
+        Position(i, _radians(row), name)
+        for i, (row, name) in enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
+    )
+    taken: dict[int, Taken] = {}
+    attempts: dict[int, int] = {}
+    for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
+        found = _taken(reading)
+        taken[found.number] = found
+        attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
+    for number, one in taken.items():
+        rejection = ledger.latest("event", subject_kind="reading", subject=one.record, action="rejected")
+        if rejection is not None:
+            taken[number] = Taken(**{**one.__dict__, "rejected": str(rejection.body.get("reason", "")) or "rejected"})
+    return Session(
+        record.id,
+        record.keys["serial"],
+        record.keys["purpose"],
+        plan["name"],
+        positions,
+        body["rig"],
+        record.created,
+        record.author,
+        taken,
+        attempts,
+        closing(ledger, record.id),
+        {name: value for name, value in body.items() if name not in ("plan", "rig")},
+    )
+
+
+def _radians(row: Sequence[float]) -> tuple[float, float, float]:
+    azimuth, inclination, toolface = (float(x) for x in np.radians(np.asarray(row, dtype=float)))
+    return azimuth, inclination, toolface
+
+
+def _capture_body(taken: Capture) -> dict[str, Any]:
+    dial = finite(taken.dial, "dial", (3,))
+    if np.abs(dial).max() > 4.0 * np.pi:
+        raise InputError(f"the dials are {dial.tolist()} rad; they look like degrees")
+    if taken.count < 1:
+        raise InputError(f"count is {taken.count}; a reading is the mean of at least 1 sample")
+    body: dict[str, Any] = {
+        "dial_deg": np.degrees(dial).round(9).tolist(),
+        "count": int(taken.count),
+        "duration_s": float(taken.duration),
+        "temperature_degC": None if taken.temperature is None else float(taken.temperature),
+        "still": bool(taken.still),
+        "captured": taken.how,
+        "units": dict(taken.units),
+    }
+    for name in ("channels", "sd", "drift"):
+        values = {
+            kind: finite(v, f"{name} of the {kind}", (None,)).tolist() for kind, v in getattr(taken, name).items()
+        }
+        if values:
+            body[name] = values
+    if taken.note:
+        body["note"] = taken.note
+    return body
+
+
+def _taken(record: Record) -> Taken:
+    body = record.body
+    vectors = {
+        name: {kind: np.array(values) for kind, values in body.get(name, {}).items()}
+        for name in ("channels", "sd", "drift")
+    }
+    found = Capture(
+        channels=vectors["channels"],
+        dial=_radians(body["dial_deg"]),
+        count=body["count"],
+        sd=vectors["sd"],
+        drift=vectors["drift"],
+        units=body.get("units", {}),
+        duration=body.get("duration_s", 0.0),
+        temperature=body.get("temperature_degC"),
+        still=body.get("still", True),
+        how=body["captured"],
+        note=body.get("note", ""),
+    )
+    keys = record.keys
+    return Taken(record.id, keys["position"], keys["attempt"], record.created, record.author, found)
