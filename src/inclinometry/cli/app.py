@@ -108,6 +108,13 @@ _add(
     "simulate gyro --seed 1 -o raw.csv --site site.toml --truth truth.json",
 )
 _add(
+    simulate,
+    "simulate_drilling:drilling",
+    "drilling",
+    "Simulate a tool that drills: turning, sticking, shaking.",
+    "simulate drilling --scenario stick-slip --seed 1 -o run.parquet --truth truth.parquet",
+)
+_add(
     app,
     "noise:allan",
     "allan",

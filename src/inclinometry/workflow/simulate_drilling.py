@@ -1,0 +1,145 @@
+"""A simulated drilling run as files: readings, the truth beside them, the site; of any length in little memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
+from inclinometry.io._write import degrees, number
+from inclinometry.io.run_write import OutField, writing
+from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, drilling_blocks
+from inclinometry.simulate.drilling.scenario import Hole
+
+BLOCK: Final = 1 << 16
+LONGEST: Final = 1e7
+"""s; at 200 Hz a run of 2e9 samples."""
+
+_TRIADS: Final = {"accel": "m/s^2", "mag": "nT", "gyro": "rad/s"}
+RUN: Final = (
+    OutField("time_s", "s", double=True),
+    *(OutField(f"{prefix}_{axis}", unit) for prefix, unit in _TRIADS.items() for axis in "xyz"),
+    OutField("temperature_degC", "degC"),
+)
+"""Columns of a run: field vectors in tool axes, in the units that need no calibration."""
+TRUTH: Final = (
+    OutField("time_s", "s", double=True),
+    OutField("inclination_deg", "deg", double=True),
+    OutField("azimuth_deg", "deg", double=True),
+    OutField("toolface_deg", "deg", double=True),
+    OutField("rpm", "1/min"),
+    OutField("md_m", "m", double=True),
+)
+"""Columns of the truth; azimuth is magnetic."""
+
+
+@dataclass(frozen=True)
+class DrillingRequest:
+    """What to simulate.
+
+    scenario : a key of `SCENARIOS`.
+    seed : decides all that is random.
+    duration : s; the scenario's own when None.
+    inclination, azimuth : rad; the scenario's own when None.
+    """
+
+    scenario: str
+    seed: int = 1
+    duration: float | None = None
+    inclination: float | None = None
+    azimuth: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.scenario not in SCENARIOS:
+            raise InputError(f"scenario is {self.scenario!r}; allowed: {', '.join(SCENARIOS)}")
+        if self.duration is not None and not 0.0 < self.duration <= LONGEST:
+            raise InputError(f"the duration is {self.duration:g} s; allowed: more than 0, up to {LONGEST:g} s")
+
+    @property
+    def chosen(self) -> Scenario:
+        """The scenario with everything asked for."""
+        base = SCENARIOS[self.scenario]
+        given = {"inclination": self.inclination, "azimuth": self.azimuth}
+        hole = replace(base.hole, **{name: value for name, value in given.items() if value is not None})
+        return replace(base, hole=hole, duration=base.duration if self.duration is None else self.duration)
+
+
+def write_drilling(
+    request: DrillingRequest,
+    run: str | Path,
+    truth: str | Path | None = None,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> int:
+    """Simulate straight into the files, Parquet or CSV by their endings; returns the number of samples.
+
+    Neither file appears before both are complete.
+
+    Parameters
+    ----------
+    request : DrillingRequest
+    run, truth : str or Path
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        A scenario that cannot be simulated.
+    FileError
+        A file that cannot be written.
+    """
+    scenario = request.chosen
+    header = {"scenario": request.scenario, "seed": str(request.seed), "azimuth_reference": "magnetic"}
+    count = 0
+    with ExitStack() as files:
+        write_run = files.enter_context(writing(run, RUN, header))
+        write_truth = None if truth is None else files.enter_context(writing(truth, TRUTH, header))
+        for block in drilling_blocks(scenario, request.seed, block=BLOCK):
+            write_run(_readings(block))
+            if write_truth is not None:
+                write_truth(_truth(block))
+            count += len(block)
+            if progress is not None:
+                progress(min(1.0, count * block.interval / scenario.duration))
+    return count
+
+
+def _readings(block: DrillingSimulation) -> Mapping[str, Array]:
+    found = {"time_s": block.time, "temperature_degC": block.temperature}
+    for prefix in _TRIADS:
+        vectors = getattr(block, prefix)
+        found |= {f"{prefix}_{axis}": vectors[:, place] for place, axis in enumerate("xyz")}
+    return found
+
+
+def _truth(block: DrillingSimulation) -> Mapping[str, Array]:
+    true = block.truth
+    return {
+        "time_s": block.time,
+        "inclination_deg": degrees(true.inclination),
+        "azimuth_deg": degrees(true.azimuth),
+        "toolface_deg": degrees(true.toolface),
+        "rpm": true.rate * 30.0 / np.pi,
+        "md_m": block.depth,
+    }
+
+
+def site_text(hole: Hole) -> str:
+    """The site.toml that goes with a simulated hole; azimuths magnetic, as the truth's."""
+    values = {
+        "latitude_deg": round(np.degrees(hole.latitude), 10),
+        "g": hole.gravity,
+        "b_nT": hole.field,
+        "dip_deg": round(np.degrees(hole.dip), 10),
+        "declination_deg": round(np.degrees(hole.declination), 10),
+        "sigma_declination_deg": 0.0,
+    }
+    lines = [f"{name} = {number(value)}" for name, value in values.items()]
+    return "\n".join([*lines, 'north_reference = "magnetic"']) + "\n"
