@@ -1,0 +1,66 @@
+"""What a run has taught of the tool so far: magnetic offset, accelerometer offset, lever arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.motion.magnetic.band import Complex
+from inclinometry.motion.magnetic.settings import MagneticSettings
+
+OFFSET_WALK: Final = 1.0
+"""nT / sqrt(s): magnetic offset, with temperature and stress."""
+ACCEL_WALK: Final = 1e-4
+"""m/s^2 / sqrt(s)."""
+LEVER_WALK: Final = 1e-5
+"""m / sqrt(s)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ToolConstants:
+    """Estimates with covariance, valid up to the end of the window they come from.
+
+    Attributes
+    ----------
+    offset : complex
+        Transverse magnetic offset, nT.
+    offset_covariance : (2, 2) ndarray
+        nT^2.
+    seen : bool
+        Whether an arc sufficed for the offset to be fitted.
+    motion : (2,) ndarray
+        Transverse accelerometer offset, m/s^2, and lever arm, m, complex.
+    motion_covariance : (2, 2) ndarray
+        Per real component.
+    """
+
+    offset: complex
+    offset_covariance: Array
+    seen: bool
+    motion: Complex
+    motion_covariance: Complex
+
+    def aged(self, seconds: float) -> ToolConstants:
+        """After some time in which they may have wandered."""
+        walk = np.diag([ACCEL_WALK**2, LEVER_WALK**2]) * seconds
+        return ToolConstants(
+            self.offset,
+            self.offset_covariance + OFFSET_WALK**2 * seconds * np.eye(2),
+            self.seen,
+            self.motion,
+            self.motion_covariance + walk,
+        )
+
+
+def beforehand(settings: MagneticSettings) -> ToolConstants:
+    """What is known before the first window."""
+    return ToolConstants(
+        complex(settings.offset_x, settings.offset_y),
+        settings.offset_sigma**2 * np.eye(2),
+        False,
+        np.zeros(2, dtype=np.complex128),
+        np.diag([settings.accel_sigma**2, settings.lever_sigma_m**2]).astype(np.complex128),
+    )

@@ -1,0 +1,130 @@
+"""A window of samples turned back by the magnetic phase and gathered in nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from inclinometry.core.arrays import Array, Mask
+from inclinometry.motion.magnetic.band import Complex
+from inclinometry.motion.magnetic.phase import Track, smooth
+from inclinometry.motion.samples import Samples
+
+MOST_TURN: Final = 1.5
+"""Rotation from one node to the next, rad, beyond which the phase is taken for ambiguous or the series inexact."""
+
+
+@dataclass(frozen=True, eq=False)
+class Demodulated:
+    """Nodes (m,) of one window, in the frame that turns with the transverse field.
+
+    Attributes
+    ----------
+    gravity, field : (m,) ndarray
+        Transverse parts as complex numbers, m/s^2 and nT.
+    axial_gravity, axial_field : (m,) ndarray
+    back : (m,) ndarray
+        The factor by which they were turned, the conjugate of the phasor.
+    phasor : (m,) ndarray
+        At the middle of the node.
+    rate, acceleration : (m,) ndarray
+        Of the rotation about the tool axis, rad/s and rad/s^2.
+    track : Track
+    turn : float
+        Largest rotation from one node to the next, rad.
+    """
+
+    gravity: Complex
+    field: Complex
+    axial_gravity: Array
+    axial_field: Array
+    back: Complex
+    phasor: Complex
+    rate: Array
+    acceleration: Array
+    track: Track
+    turn: float
+
+
+def demodulate(
+    samples: Samples, good: Mask, step: int, offset: complex, *, with_gyro: bool, delay: float
+) -> Demodulated:
+    """Turn a window back.
+
+    Parameters
+    ----------
+    samples : Samples
+        A whole number of nodes.
+    good : (n,) ndarray of bool
+        Samples to use; empty for all.
+    step : int
+        Samples of a node.
+    offset : complex
+        Transverse magnetic offset to take off, nT.
+    with_gyro : bool
+        Whether the gyro carries the phase from sample to sample; the magnetometer then only guides it, slowly.
+    delay : float
+        By how much the magnetometer is late, s.
+    """
+    from inclinometry.motion.magnetic import _kernels
+
+    accel, mag = samples.accel, samples.mag
+    if accel is None or mag is None:  # the callers refuse before
+        raise ValueError("needs accel and mag")
+    count, span = len(samples) // step, step * samples.interval
+    theta, middle = np.empty(0), np.empty(0)
+    means = np.empty((2, count))
+    if with_gyro and samples.gyro is not None:
+        theta = np.empty(len(samples))
+        _kernels.turned(samples.gyro, theta, samples.interval)
+        middle = 0.5 * (theta[(step - 1) // 2 :: step] + theta[step // 2 :: step])
+        _kernels.averaged(mag, theta, middle, offset.real, offset.imag, step, means)
+        turn = float(np.abs(np.diff(middle)).max(initial=0.0))
+    else:
+        _kernels.averaged_as_is(mag, offset.real, offset.imag, step, means)
+    phase = np.angle(means[0] + 1j * means[1])
+    if middle.size:
+        track = smooth(np.unwrap(phase + middle))
+        node_phase = track.phase - middle
+        rate = samples.gyro[:, 2].reshape(count, step).mean(axis=1) - track.slope / span  # type: ignore[index]
+        acceleration = np.gradient(rate, span)
+    else:
+        track = smooth(np.unwrap(phase))
+        node_phase = track.phase
+        rate, acceleration = -track.slope / span, -track.bend / span**2
+        turn = float(np.abs(np.diff(np.unwrap(phase))).max(initial=0.0))
+    phasor = np.exp(1j * node_phase)
+    local = np.empty(len(samples))
+    _kernels.phased(local, np.stack([track.slope / step, track.bend / step**2]), step, theta, middle)
+    table = np.zeros((_kernels.COLUMNS, count))
+    u = np.stack([phasor.real, phasor.imag])
+    _kernels.demodulated(accel, mag, good, local, u, offset.real, offset.imag, step, table)
+    table = _filled(table)
+    late = np.exp(1j * rate * delay)
+    return Demodulated(
+        gravity=(table[0] + 1j * table[1]) * late,
+        field=table[3] + 1j * table[4],
+        axial_gravity=table[2],
+        axial_field=table[5],
+        back=(table[6] + 1j * table[7]) * late,
+        phasor=phasor,
+        rate=rate,
+        acceleration=acceleration,
+        track=track,
+        turn=turn,
+    )
+
+
+def _filled(table: Array) -> Array:
+    """Sums over weights; nodes of which most samples are missing are bridged in a straight line."""
+    weight = table[-1]
+    known = weight > 0.25
+    if known.all():
+        return np.asarray(table / weight)
+    if not known.any():
+        return np.zeros_like(table)
+    places = np.arange(weight.size)
+    rows = [np.interp(places, places[known], row[known] / weight[known]) for row in table]
+    return np.stack(rows)

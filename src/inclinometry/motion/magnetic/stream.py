@@ -1,0 +1,189 @@
+"""Dynamic magnetic attitude of a run, whole or block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from inclinometry.core.errors import InputError
+from inclinometry.motion.magnetic.constants import ToolConstants, beforehand
+from inclinometry.motion.magnetic.judge import Verdict, judge, stuck
+from inclinometry.motion.magnetic.settings import MagneticSettings
+from inclinometry.motion.magnetic.window import fit_window
+from inclinometry.motion.result import BITS, METHODS, Attitude, joined
+from inclinometry.motion.samples import Samples
+
+GAP: Final = 0.9
+"""Intervals by which a block may begin early or late and still continue the one before: stamps jitter."""
+
+
+def magnetic_attitude(samples: Samples, settings: MagneticSettings | None = None) -> Attitude:
+    """Attitude from gravity turned back by the magnetic phase, one row a window at its middle instant.
+
+    Parameters
+    ----------
+    samples : Samples
+        With accelerometer and magnetometer; a gyro, where there is one, carries the phase from sample to sample.
+    settings : MagneticSettings, optional
+
+    Returns
+    -------
+    Attitude
+        Azimuth from magnetic north. Method "magnetic" where lines of the rotation fell into the band of the fit and
+        were removed, "mean" where none did. Rows of a run shorter than a window: none. Not in the covariance: the
+        magnetometer's and accelerometer's scale errors and couplings, and the declination.
+
+    Raises
+    ------
+    InputError
+        No accelerometer or magnetometer, or samples too sparse for the window.
+
+    Notes
+    -----
+    In the frame that turns with the transverse field gravity is constant while lateral vibration, which stands in the
+    hole, has no power near zero frequency; offsets and the lever arm, which turn with the tool, are fitted as
+    [1, omega^2 - i alpha] turned back likewise. See `fit_window` and `fit`.
+
+    Examples
+    --------
+    >>> from inclinometry.attitude.orientation import fields
+    >>> time = np.arange(2000) / 200.0
+    >>> g, b = fields(np.full(2000, 1.0), 0.5, 9.0 * time, 1.1)
+    >>> row = magnetic_attitude(Samples(time, 0.005, accel=9.81 * g, mag=50_000.0 * b), MagneticSettings(window_s=10.0))
+    >>> [round(float(column[0]), 6) for column in row.angles[:2]], round(float(row.rate[0]), 6)
+    ([0.5, 1.0], 9.0)
+    """
+    stream = MagneticStream(settings)
+    return joined([stream.push(samples), stream.finish()])
+
+
+class MagneticStream:
+    """The same block by block, with the same result to the last bit however the run is cut.
+
+    Examples
+    --------
+    >>> stream = MagneticStream(MagneticSettings(window_s=2.0))
+    >>> block = Samples(np.arange(10) / 100.0, 0.01, accel=np.ones((10, 3)), mag=np.ones((10, 3)))
+    >>> len(stream.push(block)), len(stream.finish())
+    (0, 0)
+    """
+
+    def __init__(self, settings: MagneticSettings | None = None) -> None:
+        self.settings = settings or MagneticSettings()
+        self._blocks: list[Samples] = []
+        self._held = 0
+        self._first = 0  # index in the run of the first sample held
+        self._known: list[tuple[int, ToolConstants]] = [(0, beforehand(self.settings))]
+        self._gaps = 0
+        self._rows = 0
+
+    def push(self, samples: Samples) -> Attitude:
+        """Take a block; rows of the windows it completes.
+
+        Raises
+        ------
+        InputError
+            No accelerometer or magnetometer, another interval or other triads than before, a block that overlaps the last.
+        """
+        if not (samples.has("accel") and samples.has("mag")):
+            raise InputError("the magnetic attitude needs an accelerometer and a magnetometer; use the gyro methods")
+        if not len(samples):
+            return _table([], [], [])
+        self._continue(samples)
+        self._blocks.append(samples)
+        self._held += len(samples)
+        step = self.settings.node(samples.interval)
+        size, hop = self.settings.nodes(samples.interval) * step, self.settings.hop(samples.interval) * step
+        if self._held < size:
+            return _table([], [], [])
+        held = _merged(self._blocks)
+        times, rates, verdicts = [], [], []
+        start = 0
+        while start + size <= len(held):
+            part = held.part(start, start + size)
+            rate, verdict = self._window(part, self._first + start, size)
+            times.append(float(part.time.mean()))
+            rates.append(rate)
+            verdicts.append(verdict)
+            start += hop
+        rest = held.part(start, len(held))
+        self._blocks, self._held, self._first = [rest], len(rest), self._first + start
+        self._rows += len(times)
+        return _table(times, rates, verdicts)
+
+    def finish(self) -> Attitude:
+        """End of the run: no rows, but what was found out on the way."""
+        constants = self._known[-1][1]
+        notes = []
+        if constants.seen:
+            sigma = float(np.sqrt(np.trace(constants.offset_covariance) / 2.0))
+            notes.append(
+                f"transverse magnetic offset found and taken off: {constants.offset.real:.0f} and "
+                f"{constants.offset.imag:.0f} nT, standard uncertainty {sigma:.1f} nT"
+            )
+        if self._gaps:
+            notes.append(f"{self._gaps} gaps between blocks: windows were begun anew after each")
+        if not self._rows:
+            notes.append(f"the run is shorter than a window of {self.settings.window_s:g} s: no attitude")
+        return _table([], [], [], tuple(notes))
+
+    def _continue(self, samples: Samples) -> None:
+        """Hold a block against the one before; after a gap begin anew."""
+        if not self._blocks:
+            return
+        last = self._blocks[-1]
+        if last.interval != samples.interval or any(last.has(n) != samples.has(n) for n in ("gyro", "temperature")):
+            raise InputError("a block has another interval or other triads than the one before; begin a new stream")
+        if not self._held:
+            return
+        off = (float(samples.time[0] - last.time[-1]) - samples.interval) / samples.interval
+        if off < -GAP:
+            raise InputError(f"a block begins at {samples.time[0]:.9g} s, before the end of the last; sort the run")
+        if off > GAP:
+            self._gaps += 1
+            self._first += self._held
+            self._blocks, self._held = [], 0
+
+    def _window(self, part: Samples, start: int, size: int) -> tuple[float, Verdict]:
+        """Attitude of a window; the tool's constants come from windows that ended before it begins."""
+        place = max(k for k, (end, _) in enumerate(self._known) if end <= start)
+        end, constants = self._known[place]
+        window = fit_window(part, self.settings, constants.aged((start + size - end) * part.interval))
+        verdict = judge(window, self.settings, stuck(part))
+        self._known = self._known[place:]
+        if not np.isnan(verdict.quaternion[0]):
+            self._known.append((start + size, window.constants))
+        return window.rate, verdict
+
+
+def _merged(blocks: Sequence[Samples]) -> Samples:
+    """One block of several; clipped where any states it."""
+    if len(blocks) == 1:
+        return blocks[0]
+    columns: dict[str, object] = {}
+    for name in ("accel", "mag", "gyro", "temperature"):
+        parts = [getattr(block, name) for block in blocks]
+        columns[name] = None if parts[0] is None else np.concatenate(parts)
+    if any(block.clipped is not None for block in blocks):
+        parts = [np.zeros(len(b), dtype=np.bool_) if b.clipped is None else b.clipped for b in blocks]
+        columns["clipped"] = np.concatenate(parts)
+    time = np.concatenate([block.time for block in blocks])
+    return Samples(time, blocks[0].interval, **columns)  # type: ignore[arg-type]
+
+
+def _table(times: list[float], rates: list[float], verdicts: list[Verdict], notes: tuple[str, ...] = ()) -> Attitude:
+    """Rows from verdicts."""
+    bits = [sum(BITS[name] for name in verdict.flags) for verdict in verdicts]
+    return Attitude(
+        time=np.array(times, dtype=np.float64),
+        quaternion=np.array([v.quaternion for v in verdicts], dtype=np.float64).reshape(-1, 4),
+        covariance=np.array([v.covariance for v in verdicts], dtype=np.float64).reshape(-1, 3, 3),
+        rate=np.array(rates, dtype=np.float64),
+        quality=np.array([v.quality for v in verdicts], dtype=np.float64),
+        flags=np.array(bits, dtype=np.uint32),
+        method=np.array([METHODS.index(v.method) for v in verdicts], dtype=np.uint8),
+        north="magnetic",
+        notes=notes,
+    )
