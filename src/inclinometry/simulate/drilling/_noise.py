@@ -21,6 +21,10 @@ KERNEL: Final = 6.0
 """Half length of the kernel in standard deviations of its Gaussian window: cut off at 1.5e-8."""
 
 
+FORGOTTEN: Final = 1e-10
+"""Where the impulse response of a filter with skirts is cut off."""
+
+
 class Chunked:
     """White Gaussian noise by sample number, negative numbers too, drawn chunk by chunk."""
 
@@ -45,9 +49,9 @@ class Chunked:
 
 
 class BandNoise:
-    """Samples of one continuous band-limited Gaussian process, and of its first two derivatives.
+    """Samples of one continuous band-limited Gaussian process, and of its first two derivatives where edges are sharp.
 
-    The process is white numbers on the internal grid through a kernel that is a smooth function of time: the difference
+    With skirts, white numbers go through a Butterworth filter's impulse response. With sharp edges the process is white numbers on the internal grid through a kernel that is a smooth function of time: the difference
     of two sinc functions under a Gaussian window, so the edges of the spectrum are error functions and at half the
     lower end it is down by 130 dB. Derivatives are those of the kernel, hence exact, and any shift of time is allowed.
     """
@@ -56,10 +60,13 @@ class BandNoise:
         from scipy.fft import next_fast_len
 
         self._name, self._noise = name, noise
-        width = EDGE * band.low
-        self._half = int(np.ceil(KERNEL * rate / (2.0 * np.pi * width)))
-        self._band, self._rate, self._width = band, rate, width
+        self._band, self._rate, self._width = band, rate, EDGE * band.low
         self._gain = 1.0
+        self._skirted = _butterworth(band, rate) if band.order else None
+        if self._skirted is None:
+            self._half = int(np.ceil(KERNEL * rate / (2.0 * np.pi * self._width)))
+        else:
+            self._half = self._skirted.size // 2
         self._gain = band.rms / float(np.sqrt(np.sum(self._kernel(0, 0.0) ** 2)))
         self._size = int(next_fast_len(noise.chunk + 2 * reach + 2 * self._half + 2, real=True))
         self._spectra: dict[tuple[int, float], NDArray[np.complex128]] = {}
@@ -78,6 +85,8 @@ class BandNoise:
 
     def _kernel(self, order: int, shift: float) -> Array:
         """The kernel's derivative at the grid, `shift` s later."""
+        if self._skirted is not None:
+            return self._gain * self._skirted
         t = np.arange(-self._half, self._half + 1) / self._rate + shift
         high, low = (_sinc(2.0 * np.pi * f, t) for f in (self._band.high, self._band.low))
         s = [a - b for a, b in zip(high, low, strict=True)]
@@ -85,6 +94,16 @@ class BandNoise:
         g0 = np.exp(-0.5 * c * t**2)
         g1, g2 = -c * t * g0, (c * c * t**2 - c) * g0
         return self._gain * (g0 * s[0], g1 * s[0] + g0 * s[1], g2 * s[0] + 2.0 * g1 * s[1] + g0 * s[2])[order]
+
+
+def _butterworth(band: Band, rate: float) -> Array:
+    """Impulse response, an odd number of taps, until it has decayed to FORGOTTEN."""
+    from scipy.signal import butter, sos2zpk, sosfilt
+
+    sections = butter(band.order, [band.low, band.high], btype="bandpass", fs=rate, output="sos")
+    slowest = float(np.abs(sos2zpk(sections)[1]).max())
+    half = int(np.ceil(0.5 * np.log(FORGOTTEN) / np.log(slowest)))
+    return np.asarray(sosfilt(sections, np.eye(1, 2 * half + 1)[0]))
 
 
 def _sinc(w: float, t: Array) -> tuple[Array, Array, Array]:

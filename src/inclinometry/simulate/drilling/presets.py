@@ -35,7 +35,9 @@ _TOOL = Instrument(
 
 def _vibration(lateral: float, axial: float) -> Vibration:
     """rms in g, with one shock a second of 20 to 50 g."""
-    return Vibration(Band(15.0, 200.0, lateral * _G), Band(5.0, 80.0, axial * _G), Shocks(1.0, 20.0 * _G, 50.0 * _G))
+    return Vibration(
+        Band(15.0, 200.0, lateral * _G, 2), Band(5.0, 80.0, axial * _G, 2), Shocks(1.0, 20.0 * _G, 50.0 * _G)
+    )
 
 
 _FIVE = Scenario(
