@@ -1,0 +1,70 @@
+"""A state of the filter as a row of the common result: flags and quality."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.rotations import dcm_from_quaternion
+from inclinometry.core.arrays import Array
+from inclinometry.motion.inertial.settings import InertialSettings
+from inclinometry.motion.inertial.window import Model, Seen
+from inclinometry.motion.result import BITS, METHODS, Attitude
+from inclinometry.motion.samples import Samples
+
+SETTLED: Final = 2
+"""Windows after a start of which the rows are flagged."""
+MOST_REFUSED: Final = 0.05
+"""Share of field samples beyond the gate from which the field counts as disturbed."""
+MISFIT: Final = 3.0
+"""Mean squared normalised innovation of the field, 1 where the settings' noise is right, from which it does too."""
+UPRIGHT: Final = float(np.radians(1.0))
+"""Inclination, rad, below which azimuth and toolface are said to be hardly defined."""
+LOST: Final = 0.35
+"""Standard uncertainty of azimuth, rad, from which nothing is said to determine it: no longer small."""
+FASTEST: Final = 1.5
+"""Turn between two samples, rad, from which the integration is no longer trusted."""
+
+
+def row(
+    time: float, quaternion: Array, covariance: Array, seen: Seen, age: int, window: Samples, model: Model, method: str
+) -> Attitude:
+    """One row; `age` counts windows since the start."""
+    names = _names(quaternion, covariance, seen, age, window, model)
+    return Attitude(
+        time=np.array([time]),
+        quaternion=quaternion[None] * (1.0 if quaternion[0] >= 0.0 else -1.0),
+        covariance=covariance[None].copy(),
+        rate=np.array([seen.rate]),
+        quality=np.array([_quality(covariance, seen, model.settings)]),
+        flags=np.array([sum(BITS[name] for name in names)], dtype=np.uint32),
+        method=np.array([METHODS.index(method)], dtype=np.uint8),
+        north="magnetic" if model.magnetic else "true",
+    )
+
+
+def _names(quaternion: Array, covariance: Array, seen: Seen, age: int, window: Samples, model: Model) -> list[str]:
+    down = dcm_from_quaternion(quaternion)[:, 2]
+    disturbed = model.magnetic and not seen.still and (seen.refused > MOST_REFUSED or seen.misfit > MISFIT)
+    fastest = np.abs(np.asarray(window.gyro)).max() * window.interval
+    conditions = {
+        "clipped": seen.clipped,
+        "start": age < SETTLED,
+        "disturbed": disturbed,
+        "misfit": not seen.clipped and seen.gravity < 0.0,
+        "drift": not model.magnetic and not seen.still,
+        "vertical": float(np.hypot(down[0], down[1])) < np.sin(UPRIGHT),
+        "unobservable": float(down @ covariance @ down) > LOST**2,
+        "aliased": fastest > FASTEST,
+    }
+    return [name for name, holds in conditions.items() if holds]
+
+
+def _quality(covariance: Array, seen: Seen, settings: InertialSettings) -> float:
+    """Least of what uncertainty, field and gravity leave of their limits."""
+    spread = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    shares = [spread / settings.u_limit, 1.0 if seen.gravity < 0.0 else seen.gravity / settings.gate]
+    if np.isfinite(seen.refused):
+        shares.append(seen.refused / 0.5)
+    return float(np.clip(1.0 - max(shares), 0.0, 1.0))

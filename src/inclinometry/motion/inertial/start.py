@@ -1,0 +1,141 @@
+"""The attitude a filter starts from: out of the first window's gravity and field or Earth rate, or as given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.rotations import (
+    dcm,
+    dcm_from_quaternion,
+    quaternion_exp,
+    quaternion_from_dcm,
+    quaternion_multiply,
+)
+from inclinometry.attitude.wahba import solve_triad
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.motion.inertial.settings import DIP_SIGMA
+from inclinometry.motion.inertial.state import NOMINAL, STATES, State, corrected
+from inclinometry.motion.inertial.window import Model, blank_tape, hann_mean, reduce_window
+from inclinometry.motion.result import Attitude
+from inclinometry.motion.samples import Samples
+from inclinometry.uncertainty.propagation import UNKNOWN
+
+TILT: Final = 0.3
+"""rad, uncertainty beforehand of a tilt that the first window is only linearised at, not yet measured with."""
+PASSES: Final = 3
+"""Times the first window is linearised again at what its backward pass found: scale x turns bends the first one."""
+STATED_DIP: Final = float(np.radians(0.2))
+"""Standard uncertainty of a dip that is given without one, rad."""
+
+
+def blank(window: Samples, model: Model) -> State:
+    """Nothing known but what the settings and the site say."""
+    site = model.site
+    dip_sigma = DIP_SIGMA if site.dip is None else (STATED_DIP if site.dip_sigma is None else site.dip_sigma)
+    nominal = np.zeros(NOMINAL)
+    nominal[0] = 1.0
+    nominal[16] = 0.0 if site.dip is None else site.dip
+    strength = 0.0
+    if model.magnetic:
+        strength = float(np.sqrt(np.mean(np.sum(np.asarray(window.mag) ** 2, axis=1)))) if site.b is None else site.b
+    covariance = model.settings.prior(np.eye(3), dip_sigma)
+    gyro = np.asarray(window.gyro)
+    return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, np.zeros(3))
+
+
+def sought(state: State, window: Samples, model: Model) -> State:
+    """The state with its attitude found anew from a window, and that of the sample before it.
+
+    Magnetic: gravity and field averaged in the almost-inertial frame. Otherwise gravity and the rate of the window,
+    which is the Earth's when the tool stands; the azimuth is then left to the measurements to judge.
+
+    Raises
+    ------
+    IdentifiabilityError
+        Field and gravity parallel.
+    """
+    gravity = hann_mean(state, window, np.asarray(window.accel))
+    sigmas = [1.0, 1.0]
+    if model.magnetic:
+        field = hann_mean(state, window, np.asarray(window.mag) - state.nominal[13:16])
+        if model.site.dip is None:
+            cosine = gravity @ field
+            dip = float(np.arctan2(cosine, np.linalg.norm(np.cross(gravity, field))))
+            nominal = state.nominal.copy()
+            nominal[16] = dip
+            state = replace(state, nominal=nominal)
+        dip = float(state.nominal[16])
+        matrix = solve_triad([gravity, field], [[0, 0, 1.0], [np.cos(dip), 0.0, np.sin(dip)]], sigmas).dcm
+        attitude = np.eye(3)
+    else:
+        rate = (np.asarray(window.gyro) * (1.0 - state.nominal[7:10])).mean(axis=0) - state.nominal[4:7]
+        try:
+            matrix = solve_triad([gravity, rate], [[0, 0, 1.0], model.spin], sigmas).dcm
+        except (IdentifiabilityError, InputError):  # no latitude, or the rate is along gravity: any azimuth will do
+            matrix = _level(gravity)
+        attitude = matrix @ np.diag([TILT**2, TILT**2, UNKNOWN**2]) @ matrix.T
+    return placed(state, quaternion_from_dcm(matrix), attitude, np.asarray(window.gyro)[0])
+
+
+def placed(state: State, quaternion: Array, attitude: Array, last: Array) -> State:
+    """The state with another attitude of covariance (3, 3), independent of the rest; `last` sample of the gyro."""
+    nominal, covariance, offset = state.nominal.copy(), state.covariance.copy(), state.offset.copy()
+    nominal[:4] = quaternion
+    covariance[:3, :], covariance[:, :3], offset[:3] = 0.0, 0.0, 0.0
+    covariance[:3, :3] = attitude
+    return replace(state, nominal=nominal, covariance=covariance, offset=offset, last=last.copy())
+
+
+def given(state: State, window: Samples, start: Attitude, model: Model) -> State:
+    """The state at a stated attitude (its last row) of the first sample, taken one step back to the one before it.
+
+    Raises
+    ------
+    InputError
+        A row that was refused, counted from another north, or of another time.
+    """
+    north = "magnetic" if model.magnetic else "true"
+    if not len(start) or start.refused[-1]:
+        raise InputError("the start attitude has no row with an attitude; give one that was measured")
+    if start.north != north:
+        raise InputError(f"the start's azimuth counts from {start.north} north; this filter needs {north}: convert it")
+    late = float(window.time[0] - start.time[-1])
+    if abs(late) > model.settings.window:
+        raise InputError(
+            f"the start attitude is of {start.time[-1]:.6g} s, {late:.3g} s before the first sample; allowed are "
+            f"{model.settings.window:g} s either way"
+        )
+    first = np.asarray(window.gyro)[0]
+    rate = first * (1.0 - state.nominal[7:10]) - state.nominal[4:7]
+    back = quaternion_multiply(quaternion_exp(rate * window.interval), start.quaternion[-1])
+    return placed(state, back, start.covariance[-1], first)
+
+
+def linearised(state: State, window: Samples, model: Model) -> State:
+    """The same beliefs, linearised at what the whole window makes of its beginning."""
+    from inclinometry.motion.inertial._recursions import backward
+
+    for _ in range(PASSES):
+        tape = blank_tape(len(window))
+        reduce_window(state, window, model, tape)
+        lam, info = np.zeros(STATES), np.zeros((STATES, STATES))
+        backward(*tape, lam, info)
+        state = corrected(state, state.offset - state.covariance @ lam)
+    return state
+
+
+def _level(gravity: Array) -> Array:
+    """Matrix of a tool at azimuth 0 (toolface 0 when it hangs) that sees gravity so."""
+    g = gravity / np.linalg.norm(gravity)
+    inclination = np.arctan2(np.hypot(g[0], g[1]), g[2])
+    return dcm(0.0, inclination, np.arctan2(g[1], -g[0]))
+
+
+def azimuth_variance(state: State) -> float:
+    """rad^2, about the vertical."""
+    down = dcm_from_quaternion(state.quaternion)[:, 2]
+    return float(down @ state.covariance[:3, :3] @ down)

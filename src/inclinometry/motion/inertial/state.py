@@ -1,0 +1,49 @@
+"""What the filter knows at the end of a window, and the taking out of estimated errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from inclinometry.attitude.rotations import quaternion_exp, quaternion_multiply
+from inclinometry.core.arrays import Array
+
+NOMINAL = 20
+"""Quaternion 0-3, gyro bias 4-6, gyro scale 7-9, accelerometer bias 10-12, hard iron 13-15, dip 16."""
+STATES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Estimates at an instant.
+
+    nominal : (20,) quaternion (north-east-down to tool), gyro bias, gyro scale, accelerometer bias, hard iron, dip.
+    covariance : (16, 16) of estimate minus truth.
+    offset : (16,) expected estimate minus truth; zero but where a start is linearised again.
+    last : (3,) gyro sample before the window.
+    strength : nT, of the reference field.
+    scatter : (3,) m^2/s^4, variance that shaking gives a window's gravity, north, east, down; over `count` windows.
+    """
+
+    nominal: Array
+    covariance: Array
+    offset: Array
+    last: Array
+    strength: float
+    scatter: Array
+    count: int = 0
+
+    @property
+    def quaternion(self) -> Array:
+        """(4,) of north-east-down to tool."""
+        return self.nominal[:4]
+
+
+def corrected(state: State, error: Array) -> State:
+    """The state with an error (16,) taken out; its covariance is that of the rest."""
+    nominal = state.nominal.copy()
+    turned = quaternion_multiply(quaternion_exp(-error[:3]), nominal[:4])
+    nominal[:4] = turned / np.linalg.norm(turned)
+    nominal[4:17] -= error[3:]
+    return replace(state, nominal=nominal, offset=state.offset - error)
