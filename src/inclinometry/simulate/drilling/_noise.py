@@ -17,6 +17,9 @@ from inclinometry.simulate.streams import Streams
 EDGE: Final = 0.1
 """Softness of a band's edges: standard deviation of the Gaussian edge over the band's lower end."""
 
+SOFTEST: Final = 0.01
+"""The same over the rate of the grid, at most."""
+
 KERNEL: Final = 6.0
 """Half length of the kernel in standard deviations of its Gaussian window: cut off at 1.5e-8."""
 
@@ -51,16 +54,18 @@ class Chunked:
 class BandNoise:
     """Samples of one continuous band-limited Gaussian process, and of its first two derivatives where edges are sharp.
 
-    With skirts, white numbers go through a Butterworth filter's impulse response. With sharp edges the process is white numbers on the internal grid through a kernel that is a smooth function of time: the difference
-    of two sinc functions under a Gaussian window, so the edges of the spectrum are error functions and at half the
-    lower end it is down by 130 dB. Derivatives are those of the kernel, hence exact, and any shift of time is allowed.
+    With skirts, white numbers on the internal grid go through the impulse response of a Butterworth filter. With sharp
+    edges they go through a kernel that is a smooth function of time: the difference of two sinc functions under a
+    Gaussian window, so the edges of the spectrum are error functions and at half the lower end it is down by 130 dB.
+    Derivatives are those of the kernel, hence exact, and any shift of time is allowed.
     """
 
     def __init__(self, band: Band, rate: float, name: str, noise: Chunked, reach: int) -> None:
         from scipy.fft import next_fast_len
 
         self._name, self._noise = name, noise
-        self._band, self._rate, self._width = band, rate, EDGE * band.low
+        # a soft upper edge must end before half the rate of the grid
+        self._band, self._rate, self._width = band, rate, min(EDGE * band.low, SOFTEST * rate)
         self._gain = 1.0
         self._skirted = _butterworth(band, rate) if band.order else None
         if self._skirted is None:

@@ -49,10 +49,10 @@ class Physics:
         path = path_at(self._hole, time)
         gyro, accel = self._turned(path, angle, turn)
         accel += _to_tool(_to_hole(self._gravity(), path) - self._shaking.at(start, stop), turn)
+        gyro += _to_tool(_to_hole(self._earth, path), turn)
         if self._lag:
             turn, path = self._lagging(time, start, stop)
         mag = _to_tool(_to_hole(self._field(time - self._lag), path), turn)
-        gyro += _to_tool(_to_hole(self._earth, path_at(self._hole, time)), (np.cos(angle.angle), np.sin(angle.angle)))
         return Felt(accel, mag, gyro, angle.angle, drive.rate)
 
     def _turned(self, path: Path, angle: Angle, turn: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from inclinometry.core.arrays import Array
 from inclinometry.simulate.drilling.faults import Dropped, Fault, Jitter, Repeated, Stuck
+from inclinometry.simulate.drilling.record import DrillingSimulation
 from inclinometry.simulate.streams import Streams
-
-if TYPE_CHECKING:
-    from inclinometry.simulate.drilling.run import DrillingSimulation
 
 
 class Spoiling:

@@ -64,6 +64,8 @@ class Instrument:
         inside(self, 10.0, 100_000.0, rate="Hz")
         inside(self, 1, 1000, factor="")
         inside(self, 1, 4001, taps="")
+        if int(self.factor) != self.factor or int(self.taps) != self.taps:
+            raise InputError(f"factor is {self.factor} and taps is {self.taps}; both must be whole numbers")
         if self.taps % 2 == 0:
             raise InputError(f"taps is {self.taps}; a filter whose middle falls on a sample has an odd number")
         if self.taps > 1 and not 0.0 < self.cutoff < 0.5 * self.rate:

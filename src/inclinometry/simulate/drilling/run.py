@@ -4,69 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, Index, Mask
 from inclinometry.core.errors import InputError
 from inclinometry.simulate.drilling._noise import Chunked
-from inclinometry.simulate.drilling._physics import Physics, path_at
+from inclinometry.simulate.drilling._physics import Felt, Physics, path_at
 from inclinometry.simulate.drilling._reading import Reading
 from inclinometry.simulate.drilling._spoiling import Spoiling
 from inclinometry.simulate.drilling.presets import SCENARIOS
+from inclinometry.simulate.drilling.record import DrillingSimulation, DrillingTruth, joined
 from inclinometry.simulate.drilling.scenario import Scenario
 from inclinometry.simulate.streams import Seed, Streams
 
 CHUNK: Final = 2**15
 """Internal samples simulated at a time; a constant of the numbers drawn, never an option."""
-
-
-@dataclass(frozen=True, eq=False)
-class DrillingTruth:
-    """What was true at each sample, (n,).
-
-    azimuth (from magnetic north), inclination, toolface : rad.
-    rate : rad/s, of the toolface without torsional vibration.
-    clipped : an element was at the end of its range somewhere under the filter.
-    """
-
-    azimuth: Array
-    inclination: Array
-    toolface: Array
-    rate: Array
-    clipped: Mask
-
-
-@dataclass(frozen=True, eq=False)
-class DrillingSimulation:
-    """A run, or a block of one, of n samples.
-
-    time : (n,) s, stamps; interval : s, of the even grid.
-    accel, mag, gyro : (n, 3) m/s^2 of apparent gravity (gravity minus acceleration), nT, rad/s, in tool axes.
-    temperature : (n,) degC; depth : (n,) m.
-    truth : DrillingTruth
-    """
-
-    time: Array
-    interval: float
-    accel: Array
-    mag: Array
-    gyro: Array
-    temperature: Array
-    depth: Array
-    truth: DrillingTruth
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    def rows(self, which: Index | slice) -> DrillingSimulation:
-        """The same of some rows."""
-        cut = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.name not in ("interval", "truth")}
-        truth = DrillingTruth(**{f.name: getattr(self.truth, f.name)[which] for f in fields(DrillingTruth)})
-        return replace(self, **cut, truth=truth)
 
 
 def simulate_drilling(scenario: str | Scenario, seed: Seed, *, duration: float | None = None) -> DrillingSimulation:
@@ -109,7 +63,7 @@ def simulate_drilling(scenario: str | Scenario, seed: Seed, *, duration: float |
     ((400, 3), 0.005)
     """
     blocks = list(_chunks(_scenario(scenario), seed, duration, endless=False))
-    return _joined(blocks)
+    return joined(blocks)
 
 
 def drilling_blocks(
@@ -158,42 +112,40 @@ def _chunks(scenario: Scenario, seed: Seed, duration: float | None, endless: boo
 
 
 def _generate(scenario: Scenario, streams: Streams, length: float) -> Iterator[DrillingSimulation]:
-    tool, hole = scenario.instrument, scenario.hole
+    """Equal chunks, the last cut: it is simulated whole, so that a longer run begins with the same numbers."""
+    tool = scenario.instrument
     rows = max(1, CHUNK // tool.factor)
     noise = Chunked(streams, rows * tool.factor)
     reading = Reading(scenario, streams, rows)
     physics = Physics(scenario, noise, reading.reach)
     spoiling = Spoiling(scenario.faults, streams)
-    done, total = 0, length / tool.interval
-    total = round(total) if math.isfinite(total) else total
-    while done < total:
-        first = done * tool.factor
+    total = round(length / tool.interval) if math.isfinite(length) else math.inf
+    index = 0
+    while index * rows < total:
+        first = index * rows * tool.factor
         felt = physics.at(first - reading.before, first + rows * tool.factor + reading.after)
-        time = np.arange(done, done + rows) * tool.factor / tool.rate
-        warming = hole.heating * time
-        accel, mag, gyro, clipped = reading.read(felt, done // rows, warming)
-        path = path_at(hole, time)
-        middle = slice(reading.before, reading.before + rows * tool.factor, tool.factor)
-        truth = DrillingTruth(
-            azimuth=wrap_positive(np.broadcast_to(path.azimuth, time.shape)),
-            inclination=np.broadcast_to(path.inclination, time.shape).copy(),
-            toolface=wrap_positive(felt.toolface[middle]),
-            rate=felt.rate[middle].copy(),
-            clipped=clipped,
-        )
-        block = DrillingSimulation(
-            time,
-            tool.interval,
-            accel,
-            mag,
-            gyro,
-            hole.temperature + warming,
-            hole.depth + hole.penetration * time,
-            truth,
-        )
-        done += rows
-        left = int(min(rows, total - done + rows))
-        yield spoiling.spoil(block.rows(slice(0, left)), done // rows - 1)
+        block = _recorded(scenario, reading, felt, index, rows)
+        yield spoiling.spoil(block.rows(slice(0, int(min(rows, total - index * rows)))), index)
+        index += 1
+
+
+def _recorded(scenario: Scenario, reading: Reading, felt: Felt, index: int, rows: int) -> DrillingSimulation:
+    """The chunk as read, with its truth."""
+    tool, hole = scenario.instrument, scenario.hole
+    time = np.arange(index * rows, (index + 1) * rows) * tool.factor / tool.rate
+    warming = hole.heating * time
+    accel, mag, gyro, clipped = reading.read(felt, index, warming)
+    path = path_at(hole, time)
+    middle = slice(reading.before, reading.before + rows * tool.factor, tool.factor)
+    truth = DrillingTruth(
+        azimuth=wrap_positive(np.broadcast_to(path.azimuth, time.shape)),
+        inclination=np.broadcast_to(path.inclination, time.shape).copy(),
+        toolface=wrap_positive(felt.toolface[middle]),
+        rate=felt.rate[middle].copy(),
+        clipped=clipped,
+    )
+    depth = hole.depth + hole.penetration * time
+    return DrillingSimulation(time, tool.interval, accel, mag, gyro, hole.temperature + warming, depth, truth)
 
 
 def _blocks(chunks: Iterable[DrillingSimulation], block: int) -> Iterator[DrillingSimulation]:
@@ -204,19 +156,10 @@ def _blocks(chunks: Iterable[DrillingSimulation], block: int) -> Iterator[Drilli
         count += len(chunk)
         if count < block:
             continue
-        whole, start = _joined(waiting), 0
+        whole, start = joined(waiting), 0
         while count >= block:
             yield whole.rows(slice(start, start + block))
             start, count = start + block, count - block
         waiting = [whole.rows(slice(start, None))]
     if count:
-        yield _joined(waiting)
-
-
-def _joined(parts: list[DrillingSimulation]) -> DrillingSimulation:
-    if len(parts) == 1:
-        return parts[0]
-    names = [f.name for f in fields(DrillingSimulation) if f.name not in ("interval", "truth")]
-    joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    truth = {f.name: np.concatenate([getattr(p.truth, f.name) for p in parts]) for f in fields(DrillingTruth)}
-    return replace(parts[0], **joined, truth=DrillingTruth(**truth))
+        yield joined(waiting)

@@ -15,6 +15,9 @@ from inclinometry.simulate.drilling.instrument import Instrument
 MOST_SPEED: Final = 2000.0 * math.tau / 60.0
 """rad/s: 2000 rpm, several times what a motor and rotary table reach together."""
 
+LEAST_WIDTH: Final = 1.2
+"""Of a band, upper end over lower: narrower ones ring longer than a chunk of the run."""
+
 
 @dataclass(frozen=True)
 class Hole:
@@ -99,8 +102,9 @@ class Band:
         inside(self, 0.1, 1e5, low="Hz", high="Hz")
         inside(self, 0.0, 1e5, rms="")
         inside(self, 0, 8, order="")
-        if self.high <= self.low:
-            raise InputError(f"the band ends at {self.high} Hz, before it begins at {self.low} Hz")
+        if not self.high >= LEAST_WIDTH * self.low:
+            least = LEAST_WIDTH * self.low
+            raise InputError(f"the band from {self.low} Hz ends at {self.high} Hz; allowed: {least:g} Hz or more")
 
 
 @dataclass(frozen=True)
