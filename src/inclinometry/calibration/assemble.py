@@ -130,15 +130,15 @@ def _residuals(readings: BenchReadings, fitted: Fitted) -> Residuals:
     return Residuals(tuple(readings.station), values, scaled, leverage)
 
 
-def outlier_warnings(readings: BenchReadings, outliers: Sequence[Outlier], removed: bool) -> list[str]:
-    """One sentence an outlier: which station, what is wrong, by how much."""
+def outlier_warnings(readings: BenchReadings, outliers: Sequence[Outlier], removed: bool) -> dict[str, str]:
+    """Station -> sentence, one an outlier: what is wrong, by how much."""
     channels = [f"{kind} {axis + 1}" for kind, v in readings.channels.items() for axis in range(v.shape[1])]
     fate = (
         "it was left out of the fit"
         if removed
         else "it is still in the fit; retake it, or fit robustly to leave it out"
     )
-    sentences = []
+    sentences = {}
     for outlier in outliers:
         if outlier.dial is not None:
             off = np.degrees(outlier.error)
@@ -147,7 +147,8 @@ def outlier_warnings(readings: BenchReadings, outliers: Sequence[Outlier], remov
             what = f"channel {channels[outlier.channel]} jumped"
         else:
             what = "no single dial or channel explains it; was the tool bumped, or the field disturbed?"
-        sentences.append(f"station {readings.station[outlier.row]} disagrees with the others: {what} ({fate})")
+        station = readings.station[outlier.row]
+        sentences[station] = f"station {station} disagrees with the others: {what} ({fate})"
     return sentences
 
 

@@ -134,12 +134,14 @@ def calibrate_joint(
         if robust and outliers:
             fitted, kept = without, np.delete(kept, [o.row for o in outliers])
     used = readings.take(kept)
-    warnings += assemble.outlier_warnings(readings, outliers, robust)
+    odd = assemble.outlier_warnings(readings, outliers, robust)
+    warnings += odd.values()
     if diagnose:
         # a misread dial would look like an error of the whole rig
         warnings += assemble.rig_warnings(without if outliers else fitted)
     fitted = with_averaged_covariance(fitted, free_noise, rig_sd is None)
-    return assemble.calibration(readings, used, fitted, name, reference, [*readings.notes, *warnings])
+    found = assemble.calibration(readings, used, fitted, name, reference, [*readings.notes, *warnings])
+    return replace(found, odd=odd)
 
 
 def fit_once(readings: BenchReadings, noise_sd: Mapping[str, ArrayLike], rig_sd: ArrayLike, **more: Any) -> Calibration:

@@ -58,6 +58,7 @@ class Calibration:
         rad) and nuisance parameters. It is the inverse Fisher information; it holds when the noise and rig model hold
         and is meaningless along directions named in `warnings` as invisible to the plan.
     warnings : sentences a person can act on.
+    odd : station -> sentence, of stations at odds with the others (also among the warnings); not kept in tool.json.
     """
 
     tool: Tool
@@ -69,6 +70,7 @@ class Calibration:
     rig: Rig
     residuals: Residuals
     warnings: Sequence[str] = ()
+    odd: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def dip(self) -> float | None:
