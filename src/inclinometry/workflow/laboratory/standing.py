@@ -102,7 +102,7 @@ def standing(
 
 
 def worst_uncertainty(calibration: Calibration, goal: Goal) -> tuple[float, float]:
-    """Expanded uncertainties (inclination, azimuth), rad, worst attitude of the goal's range; NaN without both triads."""
+    """Expanded uncertainties (inclination, azimuth), rad, worst attitude of the range; NaN without both triads."""
     tool = calibration.tool
     if not all(kind in tool.triads and tool.triads[kind].full for kind in BOTH):
         return float("nan"), float("nan")
