@@ -1,0 +1,271 @@
+"""Compiled steps of the filter in the almost-inertial frame: error states, covariance, updates. No checks.
+
+The level frame is level as far as the filter knows and turned from north by the direction of the field in it. Error
+states (12): sway (2, m) and its speed (2, m/s) in the level plane, slope (2, horizontal gravity over g), gyro bias (3,
+tool axes, rad/s), field (3, level frame, nT). Vectors and matrices are flat arrays with the places below.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from inclinometry.attitude._kernels import inlined
+from inclinometry.core.arrays import Array
+
+STATES: Final = 12
+SWAY, SPEED, SLOPE, BIAS, FIELD = 0, 2, 4, 6, 9
+
+# places in `nav`, the estimate: quaternion (tool to level), sway, speed, bias, field, hard iron (tool axes)
+N_TURN, N_SWAY, N_SPEED, N_BIAS, N_FIELD, N_IRON, NAV = 0, 4, 6, 8, 11, 14, 17
+
+# places in `block`, sums over the samples since the last update: specific force's first and second integral, matrix,
+# field in level and in tool axes, rate, gravity, their squares, squared field, time bridged
+B_ONE, B_TWO, B_MATRIX, B_LEVEL, B_FIELD, B_RATE, B_GRAVITY = 0, 2, 4, 13, 16, 19, 22
+B_RATE2, B_GRAVITY2, B_FIELD2, B_HELD, BLOCK = 25, 26, 27, 28, 29
+
+# places in `slow`, what lasts longer than a block: low-passed rate and gravity, time at rest, misfit of the field (in
+# its squared unevenness) smoothed and judged, time it was rejected, and the moving sums that find hard iron
+S_RATE, S_GRAVITY, S_READY, S_REST, S_MISFIT, S_JUDGED, S_REJECTED = 0, 3, 6, 7, 8, 9, 10
+S_COUNT, S_MATRIX, S_LEVEL, S_FIELD, S_FIELD2, S_ON, S_SOLVE, SLOW = 11, 12, 21, 24, 27, 28, 29, 30
+
+# places in `par`, settings in the units of the kernels
+(
+    DT, TAU, G, R_SWAY, R_SPEED, R_BIAS, R_FIELD, UNEVEN, FRESH, Q_NOISE, Q_RATE, Q_BIAS, Q_FIELD, GATE, REST_RATE,
+    REST_GRAVITY, REST_BOUND, REST_TIME, A_REST, A_MISFIT, KEEP, IRON, ACCEPT, USE_MAG, START, P_BIAS, P_SPEED,
+    P_SLOPE, BRIDGE, PAR,
+) = range(30)  # fmt: skip
+
+RIDGE: Final = 0.02  # share of the rotation that counts as none: a direction that never turned gets no hard iron
+SOLVE_EVERY: Final = 10  # blocks between two solutions for hard iron
+LEAST_COUNT: Final = 100.0  # blocks in motion before hard iron is believed
+
+
+@inlined
+def turn(q0: float, q1: float, q2: float, q3: float, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Quaternion times exp of the rotation vector whose half is (x, y, z), its length pulled to one.
+
+    Series good to 1e-16 up to a half angle of 0.5 rad; the library's functions beyond.
+    """
+    a = x * x + y * y + z * z
+    s = 1.0 - a / 6.0 * (1.0 - a / 20.0 * (1.0 - a / 42.0 * (1.0 - a / 72.0 * (1.0 - a / 110.0))))
+    c = 1.0 - a / 2.0 * (1.0 - a / 12.0 * (1.0 - a / 30.0 * (1.0 - a / 56.0 * (1.0 - a / 90.0))))
+    if a > 0.25:
+        angle = math.sqrt(a)
+        s, c = math.sin(angle) / angle, math.cos(angle)
+    x, y, z = x * s, y * s, z * s
+    p0 = q0 * c - q1 * x - q2 * y - q3 * z
+    p1 = q0 * x + q1 * c + q2 * z - q3 * y
+    p2 = q0 * y + q2 * c + q3 * x - q1 * z
+    p3 = q0 * z + q3 * c + q1 * y - q2 * x
+    n = 1.5 - 0.5 * (p0 * p0 + p1 * p1 + p2 * p2 + p3 * p3)
+    return p0 * n, p1 * n, p2 * n, p3 * n
+
+
+@inlined
+def level_matrix(q0: float, q1: float, q2: float, q3: float, r: Array) -> None:
+    """Matrix (9, by rows) from tool to level axes of a unit quaternion."""
+    r[0] = 1.0 - 2.0 * (q2 * q2 + q3 * q3)
+    r[1] = 2.0 * (q1 * q2 - q0 * q3)
+    r[2] = 2.0 * (q1 * q3 + q0 * q2)
+    r[3] = 2.0 * (q1 * q2 + q0 * q3)
+    r[4] = 1.0 - 2.0 * (q1 * q1 + q3 * q3)
+    r[5] = 2.0 * (q2 * q3 - q0 * q1)
+    r[6] = 2.0 * (q1 * q3 - q0 * q2)
+    r[7] = 2.0 * (q2 * q3 + q0 * q1)
+    r[8] = 1.0 - 2.0 * (q1 * q1 + q2 * q2)
+
+
+@inlined
+def transition_rows(m: Array, r: Array, nav: Array, par: Array) -> None:
+    """m = F m for the rows of a matrix of the error states; r is the matrix summed over the block."""
+    t, dt, g = par[TAU], par[DT], par[G]
+    bx, by = nav[N_FIELD], nav[N_FIELD + 1]
+    for j in range(STATES):
+        u0 = dt * (r[0] * m[BIAS, j] + r[1] * m[BIAS + 1, j] + r[2] * m[BIAS + 2, j])
+        u1 = dt * (r[3] * m[BIAS, j] + r[4] * m[BIAS + 1, j] + r[5] * m[BIAS + 2, j])
+        u2 = dt * (r[6] * m[BIAS, j] + r[7] * m[BIAS + 1, j] + r[8] * m[BIAS + 2, j])
+        for k in range(2):
+            m[SWAY + k, j] += t * m[SPEED + k, j] - 0.5 * g * t * t * m[SLOPE + k, j]
+            m[SPEED + k, j] -= g * t * m[SLOPE + k, j]
+        m[SLOPE, j] += u1
+        m[SLOPE + 1, j] -= u0
+        m[FIELD, j] -= by * u2
+        m[FIELD + 1, j] += bx * u2
+
+
+@inlined
+def add_noise(p: Array, r: Array, nav: Array, block: Array, par: Array, inverse: float) -> None:
+    """Process noise of a block: rotation (white noise, errors of scale and axes, bridged samples), bias, field, speed."""
+    w0, w1, w2 = block[B_RATE] * inverse, block[B_RATE + 1] * inverse, block[B_RATE + 2] * inverse
+    held = block[B_HELD]
+    # errors of scale and axes turn with the tool: what does not average out over the block is the mean matrix's share
+    rate2 = w0 * w0 + w1 * w1 + w2 * w2
+    scale = par[Q_RATE] * rate2
+    white = par[Q_NOISE] + held * held * block[B_RATE2] * inverse
+    m00 = scale * _dot(r, 0, 0) * inverse * inverse + white
+    m11 = scale * _dot(r, 3, 3) * inverse * inverse + white
+    m22 = scale * _dot(r, 6, 6) * inverse * inverse + white
+    m01 = scale * _dot(r, 0, 3) * inverse * inverse
+    m02 = scale * _dot(r, 0, 6) * inverse * inverse
+    m12 = scale * _dot(r, 3, 6) * inverse * inverse
+    bx, by = nav[N_FIELD], nav[N_FIELD + 1]
+    _add(p, SLOPE, SLOPE, m11)
+    _add(p, SLOPE + 1, SLOPE + 1, m00)
+    _add(p, SLOPE, SLOPE + 1, -m01)
+    _add(p, SLOPE, FIELD, -by * m12)
+    _add(p, SLOPE, FIELD + 1, bx * m12)
+    _add(p, SLOPE + 1, FIELD, by * m02)
+    _add(p, SLOPE + 1, FIELD + 1, -bx * m02)
+    _add(p, FIELD, FIELD, by * by * m22)
+    _add(p, FIELD + 1, FIELD + 1, bx * bx * m22)
+    _add(p, FIELD, FIELD + 1, -bx * by * m22)
+    gap = par[BRIDGE] * held
+    for k in range(2):
+        p[SPEED + k, SPEED + k] += gap * gap
+    for k in range(3):
+        p[BIAS + k, BIAS + k] += par[Q_BIAS]
+        p[FIELD + k, FIELD + k] += par[Q_FIELD]
+
+
+@inlined
+def _dot(r: Array, i: int, j: int) -> float:
+    """Product of two rows of a matrix that start at i and j."""
+    return float(r[i] * r[j] + r[i + 1] * r[j + 1] + r[i + 2] * r[j + 2])
+
+
+@inlined
+def _add(p: Array, i: int, j: int, value: float) -> None:
+    """Add to an element and, off the diagonal, to its mirror."""
+    p[i, j] += value
+    if i != j:
+        p[j, i] += value
+
+
+@inlined
+def update(p: Array, dx: Array, gain: Array, place: int, variance: float, residual: float) -> None:
+    """Direct observation of one error state; `residual` as it was before the block's other observations."""
+    s = p[place, place] + variance
+    left = residual - dx[place]
+    for i in range(STATES):
+        gain[i] = p[i, place]
+    for i in range(STATES):
+        k = gain[i] / s
+        dx[i] += k * left
+        for j in range(i, STATES):
+            p[i, j] -= k * gain[j]
+            p[j, i] = p[i, j]
+
+
+@inlined
+def still(block: Array, slow: Array, par: Array, inverse: float) -> bool:
+    """Whether the tool has rested long enough; keeps the low-passed rate and gravity and the time at rest."""
+    if slow[S_READY] == 0.0:
+        slow[S_READY] = 1.0
+        for k in range(3):
+            slow[S_RATE + k] = block[B_RATE + k] * inverse
+            slow[S_GRAVITY + k] = block[B_GRAVITY + k] * inverse
+    rate, gravity, most = block[B_RATE2] * inverse, block[B_GRAVITY2] * inverse, 0.0
+    for k in range(3):
+        w, a = block[B_RATE + k] * inverse, block[B_GRAVITY + k] * inverse
+        dw, da = w - slow[S_RATE + k], a - slow[S_GRAVITY + k]
+        # mean square about the low-passed value: scatter within the block and departure of its mean
+        rate += dw * dw - w * w
+        gravity += da * da - a * a
+        slow[S_RATE + k] += par[A_REST] * dw
+        slow[S_GRAVITY + k] += par[A_REST] * da
+        most = max(most, abs(slow[S_RATE + k]))
+    calm = rate < par[REST_RATE] and gravity < par[REST_GRAVITY] and most < par[REST_BOUND]
+    slow[S_REST] = slow[S_REST] + par[TAU] if calm and block[B_HELD] == 0.0 else 0.0
+    return bool(slow[S_REST] >= par[REST_TIME])
+
+
+@inlined
+def judge_field(e: Array, nav: Array, p: Array, slow: Array, par: Array, resting: bool) -> float:
+    """Factor on the field's variance: from strength across and along gravity, which say nothing about heading.
+
+    A disturbance has no preferred direction, so its two visible components tell how large the third is. Beyond the
+    gate the variance grows with the fourth power of the misfit: such a field is not a sample of the unevenness.
+    """
+    across = math.sqrt(e[0] * e[0] + e[1] * e[1]) - math.sqrt(nav[N_FIELD] ** 2 + nav[N_FIELD + 1] ** 2)
+    along = e[2] - nav[N_FIELD + 2]
+    misfit = 0.5 * (across * across + along * along) / (par[UNEVEN] + p[FIELD + 2, FIELD + 2])
+    slow[S_MISFIT] += par[A_MISFIT] * (misfit - slow[S_MISFIT])
+    worst = max(misfit, slow[S_MISFIT]) / par[GATE]
+    slow[S_JUDGED] = worst
+    if worst <= 1.0:
+        slow[S_REJECTED] = max(0.0, slow[S_REJECTED] - 2.0 * par[TAU])
+        return 1.0
+    if not resting:
+        slow[S_REJECTED] += par[TAU]
+    if slow[S_REJECTED] > par[ACCEPT]:
+        # the field has been another one for long: let the estimate move there in about the same time again
+        for k in range(3):
+            p[FIELD + k, FIELD + k] += worst * par[UNEVEN] * par[TAU] / par[ACCEPT]
+        return worst
+    return worst * worst
+
+
+@inlined
+def find_iron(block: Array, nav: Array, p: Array, slow: Array, par: Array, count: float) -> None:
+    """Moving sums of field and matrix, and from time to time the field that turns with the tool.
+
+    Level field = field + matrix hard iron: with means over the samples the normal equations are
+    (1 - M'M) h = mean tool field - M' mean level field. It is used when it explains more of the variance than is left.
+    """
+    keep = par[KEEP]
+    slow[S_COUNT] = keep * slow[S_COUNT] + 1.0
+    a, inverse = 1.0 / slow[S_COUNT], 1.0 / count
+    for k in range(9):
+        slow[S_MATRIX + k] += a * (block[B_MATRIX + k] * inverse - slow[S_MATRIX + k])
+    for k in range(3):
+        slow[S_LEVEL + k] += a * (block[B_LEVEL + k] * inverse - slow[S_LEVEL + k])
+        slow[S_FIELD + k] += a * (block[B_FIELD + k] * inverse - slow[S_FIELD + k])
+    slow[S_FIELD2] += a * (block[B_FIELD2] * inverse - slow[S_FIELD2])
+    slow[S_SOLVE] += 1.0
+    if slow[S_SOLVE] >= SOLVE_EVERY and slow[S_COUNT] >= LEAST_COUNT:
+        slow[S_SOLVE] = 0.0
+        _solve_iron(nav, p, slow, par)
+
+
+@inlined
+def _solve_iron(nav: Array, p: Array, slow: Array, par: Array) -> None:
+    m = slow[S_MATRIX : S_MATRIX + 9]
+    y0, y1, y2 = slow[S_LEVEL], slow[S_LEVEL + 1], slow[S_LEVEL + 2]
+    c00 = 1.0 + RIDGE - m[0] * m[0] - m[3] * m[3] - m[6] * m[6]
+    c11 = 1.0 + RIDGE - m[1] * m[1] - m[4] * m[4] - m[7] * m[7]
+    c22 = 1.0 + RIDGE - m[2] * m[2] - m[5] * m[5] - m[8] * m[8]
+    c01 = -(m[0] * m[1] + m[3] * m[4] + m[6] * m[7])
+    c02 = -(m[0] * m[2] + m[3] * m[5] + m[6] * m[8])
+    c12 = -(m[1] * m[2] + m[4] * m[5] + m[7] * m[8])
+    d0 = slow[S_FIELD] - m[0] * y0 - m[3] * y1 - m[6] * y2
+    d1 = slow[S_FIELD + 1] - m[1] * y0 - m[4] * y1 - m[7] * y2
+    d2 = slow[S_FIELD + 2] - m[2] * y0 - m[5] * y1 - m[8] * y2
+    i00, i01, i02 = c11 * c22 - c12 * c12, c02 * c12 - c01 * c22, c01 * c12 - c02 * c11
+    i11, i12, i22 = c00 * c22 - c02 * c02, c01 * c02 - c00 * c12, c00 * c11 - c01 * c01
+    det = c00 * i00 + c01 * i01 + c02 * i02
+    h0 = (i00 * d0 + i01 * d1 + i02 * d2) / det
+    h1 = (i01 * d0 + i11 * d1 + i12 * d2) / det
+    h2 = (i02 * d0 + i12 * d1 + i22 * d2) / det
+    explained = h0 * d0 + h1 * d1 + h2 * d2
+    left = slow[S_FIELD2] - y0 * y0 - y1 * y1 - y2 * y2 - explained
+    wanted = par[IRON] * max(left, par[UNEVEN])
+    on = explained > (0.5 * wanted if slow[S_ON] > 0.0 else wanted)
+    if not on:
+        h0, h1, h2 = 0.0, 0.0, 0.0
+    e0, e1, e2 = h0 - nav[N_IRON], h1 - nav[N_IRON + 1], h2 - nav[N_IRON + 2]
+    nav[N_IRON], nav[N_IRON + 1], nav[N_IRON + 2] = h0, h1, h2
+    # the field was averaged with the old hard iron in it
+    if on == (slow[S_ON] > 0.0):
+        for k in range(3):
+            nav[N_FIELD + k] -= m[3 * k] * e0 + m[3 * k + 1] * e1 + m[3 * k + 2] * e2
+    else:
+        for k in range(3):
+            nav[N_FIELD + k] = slow[S_LEVEL + k] - (m[3 * k] * h0 + m[3 * k + 1] * h1 + m[3 * k + 2] * h2)
+            for j in range(STATES):
+                p[FIELD + k, j] = 0.0
+                p[j, FIELD + k] = 0.0
+            p[FIELD + k, FIELD + k] = par[UNEVEN]
+        slow[S_MISFIT] = 0.0
+        slow[S_REJECTED] = 0.0
+    slow[S_ON] = 1.0 if on else 0.0

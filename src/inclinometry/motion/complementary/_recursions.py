@@ -1,0 +1,392 @@
+"""Compiled recursion over the samples of the filter in the almost-inertial frame. Arrays in and out, no checks."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numba import types
+
+from inclinometry.attitude._kernels import compiled, inlined
+from inclinometry.core.arrays import Array
+from inclinometry.motion.complementary import _kernels as k
+from inclinometry.motion.result import BITS
+from inclinometry.uncertainty.propagation import UNKNOWN
+
+# places in `first`: sums of the start (gravity, field, samples; strapdown axes), last good gravity, field and rate
+F_GRAVITY, F_FIELD, F_COUNT, F_ACCEL, F_MAG, F_GYRO, FIRST = 0, 3, 6, 7, 10, 13, 16
+# places in `count`: samples seen, samples in the block, 1 after the start, blocks done
+C_SEEN, C_BLOCK, C_RUNNING, C_BLOCKS, COUNT = 0, 1, 2, 3, 4
+# places in `shown`, what the rows of a block share: half the turn to north (cosine, sine), covariance of the level
+# frame's error (6), quality, flags
+V_COSINE, V_SINE, V_COVARIANCE, V_QUALITY, V_FLAGS, SHOWN = 0, 1, 2, 8, 9, 10
+# places in a block's record for the smoother: covariance before and after the observations, their correction, matrix,
+# estimate after them
+H_BEFORE: Final = 0
+H_AFTER: Final = k.STATES * k.STATES
+H_CORRECTION: Final = 2 * H_AFTER
+H_MATRIX: Final = H_CORRECTION + k.STATES
+H_ESTIMATE: Final = H_MATRIX + 9
+RECORD: Final = H_ESTIMATE + k.NAV
+
+# places in `state`, all that lasts from sample to sample
+AT_NAV: Final = 0
+AT_BLOCK: Final = AT_NAV + k.NAV
+AT_SLOW: Final = AT_BLOCK + k.BLOCK
+AT_FIRST: Final = AT_SLOW + k.SLOW
+AT_SHOWN: Final = AT_FIRST + FIRST
+AT_COVARIANCE: Final = AT_SHOWN + SHOWN
+STATE: Final = AT_COVARIANCE + k.STATES * k.STATES
+
+START, DISTURBED, DRIFT = BITS["start"], BITS["disturbed"], BITS["drift"]
+CLIPPED, VERTICAL, UNOBSERVABLE = BITS["clipped"], BITS["vertical"], BITS["unobservable"]
+PLUMB: Final = math.sin(math.radians(0.5))  # inclinations below are flagged vertical
+WORST: Final = math.radians(10.0)  # standard uncertainty at which the quality is 0
+UNKNOWN2: Final = UNKNOWN * UNKNOWN
+
+
+@inlined
+def _level(first: Array, nav: Array, out: Array) -> None:
+    """Into `out` the level frame from the sums so far: the shortest turn that brings gravity down, and the field in it."""
+    x, y, z = first[F_GRAVITY], first[F_GRAVITY + 1], first[F_GRAVITY + 2]
+    size = math.sqrt(x * x + y * y + z * z) + 1e-300
+    w = math.sqrt(max(0.5 * (1.0 + z / size), 1e-12))
+    a, b = 0.5 * y / size / w, -0.5 * x / size / w
+    n = 1.0 / math.sqrt(w * w + a * a + b * b)
+    w, a, b = w * n, a * n, b * n
+    p, q, r, s = nav[0], nav[1], nav[2], nav[3]
+    out[0], out[1] = w * p - a * q - b * r, w * q + a * p + b * s
+    out[2], out[3] = w * r + b * p - a * s, w * s + a * r - b * q
+    u, v, t = first[F_FIELD], first[F_FIELD + 1], first[F_FIELD + 2]
+    c0, c1, c2 = 2.0 * b * t, -2.0 * a * t, 2.0 * (a * v - b * u)
+    scale = 1.0 / max(first[F_COUNT], 1.0)
+    out[k.N_FIELD] = (u + w * c0 + b * c2) * scale
+    out[k.N_FIELD + 1] = (v + w * c1 - a * c2) * scale
+    out[k.N_FIELD + 2] = (t + w * c2 + a * c1 - b * c0) * scale
+
+
+@inlined
+def _begin(p: Array, par: Array) -> None:
+    """Covariance after the start."""
+    for i in range(2):
+        p[k.SWAY + i, k.SWAY + i] = par[k.R_SWAY] * par[k.TAU]
+        p[k.SPEED + i, k.SPEED + i] = par[k.P_SPEED]
+        p[k.SLOPE + i, k.SLOPE + i] = par[k.P_SLOPE]
+    for i in range(3):
+        p[k.BIAS + i, k.BIAS + i] = par[k.P_BIAS]
+        p[k.FIELD + i, k.FIELD + i] = par[k.UNEVEN]
+
+
+@inlined
+def _predict(nav: Array, p: Array, block: Array, par: Array, inverse: float) -> None:
+    """Estimate and covariance to the end of the block."""
+    t = par[k.TAU]
+    for i in range(2):
+        nav[k.N_SWAY + i] += t * nav[k.N_SPEED + i] + block[k.B_TWO + i]
+        nav[k.N_SPEED + i] += block[k.B_ONE + i]
+    r = block[k.B_MATRIX : k.B_MATRIX + 9]
+    for _ in range(2):
+        k.transition_rows(p, r, nav, par)
+        for i in range(k.STATES):
+            for j in range(i):
+                p[i, j], p[j, i] = p[j, i], p[i, j]
+    for i in range(k.STATES):
+        for j in range(i):
+            p[i, j] = 0.5 * (p[i, j] + p[j, i])
+            p[j, i] = p[i, j]
+    k.add_noise(p, r, nav, block, par, inverse)
+
+
+@inlined
+def _observe(
+    nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array, resting: bool
+) -> None:
+    """Sway and, at rest, speed are nil; at rest the rate is the bias."""
+    for i in range(2):
+        k.update(p, dx, gain, k.SWAY + i, par[k.R_SWAY], -nav[k.N_SWAY + i])
+    if resting:
+        inverse = par[k.DT] / par[k.TAU]
+        for i in range(2):
+            k.update(p, dx, gain, k.SPEED + i, par[k.R_SPEED], -nav[k.N_SPEED + i])
+        for i in range(3):
+            k.update(p, dx, gain, k.BIAS + i, par[k.R_BIAS], block[k.B_RATE + i] * inverse - nav[k.N_BIAS + i])
+
+
+@inlined
+def _feed_back(nav: Array, dx: Array) -> None:
+    """The correction goes into the estimate; the slope turns the level frame."""
+    for i in range(2):
+        nav[k.N_SWAY + i] += dx[k.SWAY + i]
+        nav[k.N_SPEED + i] += dx[k.SPEED + i]
+    for i in range(3):
+        nav[k.N_BIAS + i] += dx[k.BIAS + i]
+        nav[k.N_FIELD + i] += dx[k.FIELD + i]
+    a, b = 0.5 * dx[k.SLOPE + 1], -0.5 * dx[k.SLOPE]
+    p, q, r, s = nav[0], nav[1], nav[2], nav[3]
+    q0, q1 = p - a * q - b * r, q + a * p + b * s
+    q2, q3 = r + b * p - a * s, s + a * r - b * q
+    n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+    nav[0], nav[1], nav[2], nav[3] = q0 * n, q1 * n, q2 * n, q3 * n
+
+
+@inlined
+def _show(nav: Array, p: Array, slow: Array, par: Array, shown: Array, flags: int) -> None:
+    """What the rows share until the next block: turn to north, covariance of the level frame, quality, flags."""
+    bx, by = nav[k.N_FIELD], nav[k.N_FIELD + 1]
+    beta = 0.5 * math.atan2(by, bx)
+    shown[V_COSINE], shown[V_SINE] = math.cos(beta), -math.sin(beta)
+    across = bx * bx + by * by
+    gx, gy = -by / across, bx / across
+    c = k.SLOPE
+    f = k.FIELD
+    shown[V_COVARIANCE] = p[c + 1, c + 1]
+    shown[V_COVARIANCE + 1] = -p[c, c + 1]
+    shown[V_COVARIANCE + 2] = -(gx * p[c + 1, f] + gy * p[c + 1, f + 1])
+    shown[V_COVARIANCE + 3] = p[c, c]
+    shown[V_COVARIANCE + 4] = gx * p[c, f] + gy * p[c, f + 1]
+    heading = gx * gx * p[f, f] + 2.0 * gx * gy * p[f, f + 1] + gy * gy * p[f + 1, f + 1]
+    if par[k.USE_MAG] == 0.0:
+        flags |= UNOBSERVABLE
+        heading += UNKNOWN2
+    shown[V_COVARIANCE + 5] = min(heading, 2.0 * UNKNOWN2)
+    if slow[k.S_JUDGED] > 1.0:
+        flags |= DISTURBED
+    if slow[k.S_REJECTED] > par[k.ACCEPT]:
+        flags |= DRIFT
+    spread = math.sqrt(max(p[c, c] + p[c + 1, c + 1], 0.0 if par[k.USE_MAG] == 0.0 else heading)) / WORST
+    shown[V_QUALITY] = max(0.0, 1.0 - max(spread, slow[k.S_JUDGED]))
+    shown[V_FLAGS] = flags
+
+
+@inlined
+def _finish_block(
+    nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array, shown: Array, record: Array
+) -> None:
+    """Predict over the block, look for hard iron, judge the field, observe, correct."""
+    inverse = par[k.DT] / par[k.TAU]
+    _predict(nav, p, block, par, inverse)
+    resting = k.still(block, slow, par, inverse)
+    r = block[k.B_MATRIX : k.B_MATRIX + 9]
+    e = gain[k.STATES :]
+    factor = 1.0
+    if par[k.USE_MAG] > 0.0:
+        if not resting:
+            k.find_iron(block, nav, p, slow, par, 1.0 / inverse)
+        h0, h1, h2 = nav[k.N_IRON], nav[k.N_IRON + 1], nav[k.N_IRON + 2]
+        for i in range(3):
+            iron = r[3 * i] * h0 + r[3 * i + 1] * h1 + r[3 * i + 2] * h2
+            e[i] = (block[k.B_LEVEL + i] - iron) * inverse
+        factor = k.judge_field(e, nav, p, slow, par, resting)
+        if resting:
+            # at rest the field is one sample of its unevenness, however long one looks
+            factor *= math.exp(min((slow[k.S_REST] - par[k.REST_TIME]) / par[k.FRESH], 50.0))
+    keep = record.size > 0
+    for i in range(k.STATES):
+        dx[i] = 0.0
+        if keep:
+            for j in range(k.STATES):
+                record[H_BEFORE + i * k.STATES + j] = p[i, j]
+    _observe(nav, p, dx, gain, block, slow, par, resting)
+    if par[k.USE_MAG] > 0.0:
+        for i in range(3):
+            k.update(p, dx, gain, k.FIELD + i, factor * par[k.R_FIELD], e[i] - nav[k.N_FIELD + i])
+    _feed_back(nav, dx)
+    if keep:
+        for i in range(k.STATES):
+            record[H_CORRECTION + i] = dx[i]
+            for j in range(k.STATES):
+                record[H_AFTER + i * k.STATES + j] = p[i, j]
+        for i in range(9):
+            record[H_MATRIX + i] = r[i]
+        for i in range(k.NAV):
+            record[H_ESTIMATE + i] = nav[i]
+    for i in range(k.BLOCK):
+        block[i] = 0.0
+    _show(nav, p, slow, par, shown, 0)
+
+
+@inlined
+def _take(
+    i: int,
+    gyro: Array,
+    accel: Array,
+    mag: Array,
+    good: bool,
+    nav: Array,
+    r: Array,
+    block: Array,
+    first: Array,
+    par: Array,
+) -> None:
+    """One sample: turn the strapdown, add to the sums of the block; a bad sample repeats the last good one."""
+    if good:
+        for c in range(3):
+            first[F_GYRO + c] = gyro[i, c]
+            first[F_ACCEL + c] = accel[i, c]
+        if par[k.USE_MAG] > 0.0:
+            for c in range(3):
+                first[F_MAG + c] = mag[i, c]
+    else:
+        block[k.B_HELD] += par[k.DT]
+    w0, w1, w2 = first[F_GYRO], first[F_GYRO + 1], first[F_GYRO + 2]
+    a0, a1, a2 = first[F_ACCEL], first[F_ACCEL + 1], first[F_ACCEL + 2]
+    m0, m1, m2 = first[F_MAG], first[F_MAG + 1], first[F_MAG + 2]
+    half, dt = 0.5 * par[k.DT], par[k.DT]
+    q0, q1, q2, q3 = k.turn(
+        nav[0],
+        nav[1],
+        nav[2],
+        nav[3],
+        half * (w0 - nav[k.N_BIAS]),
+        half * (w1 - nav[k.N_BIAS + 1]),
+        half * (w2 - nav[k.N_BIAS + 2]),
+    )
+    nav[0], nav[1], nav[2], nav[3] = q0, q1, q2, q3
+    k.level_matrix(q0, q1, q2, q3, r)
+    block[k.B_ONE] += dt * (r[0] * a0 + r[1] * a1 + r[2] * a2)
+    block[k.B_ONE + 1] += dt * (r[3] * a0 + r[4] * a1 + r[5] * a2)
+    block[k.B_TWO] += dt * block[k.B_ONE]
+    block[k.B_TWO + 1] += dt * block[k.B_ONE + 1]
+    for c in range(9):
+        block[k.B_MATRIX + c] += r[c]
+    for c in range(3):
+        block[k.B_LEVEL + c] += r[3 * c] * m0 + r[3 * c + 1] * m1 + r[3 * c + 2] * m2
+    block[k.B_FIELD] += m0
+    block[k.B_FIELD + 1] += m1
+    block[k.B_FIELD + 2] += m2
+    block[k.B_RATE] += w0
+    block[k.B_RATE + 1] += w1
+    block[k.B_RATE + 2] += w2
+    block[k.B_GRAVITY] += a0
+    block[k.B_GRAVITY + 1] += a1
+    block[k.B_GRAVITY + 2] += a2
+    block[k.B_RATE2] += w0 * w0 + w1 * w1 + w2 * w2
+    block[k.B_GRAVITY2] += a0 * a0 + a1 * a1 + a2 * a2
+    block[k.B_FIELD2] += m0 * m0 + m1 * m1 + m2 * m2
+
+
+@inlined
+def _write(
+    place: int, nav: Array, r: Array, shown: Array, quaternion: Array, covariance: Array, quality: Array, flags: Array
+) -> None:
+    """One row: attitude from tool to level turned to north, its covariance in tool axes, quality and flags."""
+    c, s = shown[V_COSINE], shown[V_SINE]
+    q0, q1, q2, q3 = nav[0], nav[1], nav[2], nav[3]
+    w, x, y, z = c * q0 - s * q3, c * q1 - s * q2, c * q2 + s * q1, c * q3 + s * q0
+    sign = -1.0 if w < 0.0 else 1.0
+    q = quaternion[place]
+    q[0], q[1], q[2], q[3] = sign * w, -sign * x, -sign * y, -sign * z
+    s0, s1, s2 = shown[V_COVARIANCE], shown[V_COVARIANCE + 1], shown[V_COVARIANCE + 2]
+    s3, s4, s5 = shown[V_COVARIANCE + 3], shown[V_COVARIANCE + 4], shown[V_COVARIANCE + 5]
+    out = covariance[place]
+    for i in range(3):
+        y0 = s0 * r[i] + s1 * r[3 + i] + s2 * r[6 + i]
+        y1 = s1 * r[i] + s3 * r[3 + i] + s4 * r[6 + i]
+        y2 = s2 * r[i] + s4 * r[3 + i] + s5 * r[6 + i]
+        for j in range(i, 3):
+            value = r[j] * y0 + r[3 + j] * y1 + r[6 + j] * y2
+            out[i, j] = value
+            out[j, i] = value
+    quality[place] = shown[V_QUALITY]
+    flat = r[6] * r[6] + r[7] * r[7] < PLUMB * PLUMB
+    flags[place] = int(shown[V_FLAGS]) | (VERTICAL if flat else 0)
+
+
+@inlined
+def _start(
+    nav: Array, r: Array, p: Array, block: Array, slow: Array, first: Array, shown: Array, par: Array, trial: Array
+) -> bool:
+    """A sample of the start: its attitude from the sums so far, in `trial`; true when the start is over."""
+    for c in range(3):
+        i = 3 * c
+        first[F_GRAVITY + c] += r[i] * first[F_ACCEL] + r[i + 1] * first[F_ACCEL + 1] + r[i + 2] * first[F_ACCEL + 2]
+        first[F_FIELD + c] += r[i] * first[F_MAG] + r[i + 1] * first[F_MAG + 1] + r[i + 2] * first[F_MAG + 2]
+    first[F_COUNT] += 1.0
+    for c in range(k.NAV):
+        trial[c] = nav[c]
+    _level(first, nav, trial)
+    if par[k.USE_MAG] == 0.0:
+        trial[k.N_FIELD], trial[k.N_FIELD + 1], trial[k.N_FIELD + 2] = 1.0, 0.0, 0.0
+    _begin(p, par)
+    _show(trial, p, slow, par, shown, START)
+    shown[V_QUALITY] = 0.0
+    k.level_matrix(trial[0], trial[1], trial[2], trial[3], r)
+    for c in range(k.BLOCK):
+        block[c] = 0.0
+    return bool(first[F_COUNT] >= par[k.START])
+
+
+_ROWS = types.Array(types.float64, 2, "C", readonly=True)
+_GOOD = types.Array(types.boolean, 1, "C", readonly=True)
+_IN = types.Array(types.float64, 1, "C", readonly=True)
+_OUT = types.Array(types.float64, 1, "C")
+_SQUARE = types.Array(types.float64, 2, "C")
+_CUBE = types.Array(types.float64, 3, "C")
+_COUNT = types.Array(types.int64, 1, "C")
+_FLAGS = types.Array(types.uint32, 1, "C")
+_STEPS = (types.int64, types.int64)
+
+
+@compiled(
+    types.int64(
+        _ROWS, _ROWS, _ROWS, _GOOD, _IN, *_STEPS, _OUT, _COUNT, _SQUARE, _CUBE, _OUT, _OUT, _FLAGS, _SQUARE
+    )
+)  # fmt: skip
+def advance(
+    gyro: Array,
+    accel: Array,
+    mag: Array,
+    good: Array,
+    par: Array,
+    size: int,
+    every: int,
+    state: Array,
+    count: Array,
+    quaternion: Array,
+    covariance: Array,
+    rate: Array,
+    quality: Array,
+    flags: Array,
+    history: Array,
+) -> int:
+    """Run over samples, `size` to a block; write every `every`-th row, counted from the run's first sample.
+
+    Returns the number of rows. All that lasts is in `state` and `count`, so a run may be cut anywhere.
+    """
+    nav, block = state[AT_NAV:AT_BLOCK], state[AT_BLOCK:AT_SLOW]
+    slow, first = state[AT_SLOW:AT_FIRST], state[AT_FIRST:AT_SHOWN]
+    shown, p = state[AT_SHOWN:AT_COVARIANCE], state[AT_COVARIANCE:STATE].reshape(k.STATES, k.STATES)
+    r, dx, work, trial = np.empty(9), np.empty(k.STATES), np.empty(k.STATES + 3), np.empty(k.NAV)
+    rows = 0
+    for i in range(gyro.shape[0]):
+        _take(i, gyro, accel, mag, good[i], nav, r, block, first, par)
+        starting = count[C_RUNNING] == 0
+        for c in range(4):
+            trial[c] = nav[c]
+        if starting:
+            if (good[i] or first[F_COUNT] > 0.0) and _start(nav, r, p, block, slow, first, shown, par, trial):
+                count[C_RUNNING] = 1
+                for c in range(k.NAV):
+                    nav[c] = trial[c]
+        else:
+            count[C_BLOCK] += 1
+            if count[C_BLOCK] == size:
+                count[C_BLOCK] = 0
+                at = count[C_BLOCKS]
+                _finish_block(nav, p, dx, work, block, slow, par, shown, history[at if at < history.shape[0] else 0])
+                count[C_BLOCKS] += 1
+        if count[C_SEEN] % every == 0:
+            rate[rows] = first[F_GYRO + 2] - nav[k.N_BIAS + 2]
+            _write(rows, trial, r, shown, quaternion, covariance, quality, flags)
+            if not good[i]:
+                flags[rows] |= CLIPPED
+            if starting and first[F_COUNT] == 0.0:
+                quality[rows] = 0.0
+                for c in range(4):
+                    quaternion[rows, c] = math.nan
+                for c in range(9):
+                    covariance[rows, c // 3, c % 3] = math.nan
+            rows += 1
+        count[C_SEEN] += 1
+    return rows

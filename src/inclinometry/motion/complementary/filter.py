@@ -1,0 +1,170 @@
+"""Attitude of a moving tool in real time: strapdown with gravity and field observed in the almost-inertial frame."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
+from inclinometry.motion.complementary.settings import ComplementarySettings
+from inclinometry.motion.result import METHODS, Attitude
+from inclinometry.motion.samples import Samples
+
+REST_SPEED: Final = 0.02  # m/s that a tool at rest may move
+REST_BIAS: Final = np.radians(0.02)  # rad/s sqrt(s): what a second at rest tells of the bias
+REST_BOUND: Final = np.radians(2.0)  # rad/s: a tool that turns evenly faster than this is not at rest
+START_SPEED: Final = 0.5  # m/s, standard deviation when the filter starts
+START_SLOPE: Final = 0.1  # rad, standard deviation of the level frame when the filter starts
+FRESH: Final = 10.0  # s at rest after which the field tells nothing new
+BRIDGE: Final = 10.0  # m/s^2 that a bridged sample's acceleration may be wrong by
+
+
+class ComplementaryStream:
+    """The filter fed block by block, for a rig that runs it live; see `complementary_attitude`.
+
+    Parameters
+    ----------
+    interval : float
+        s, between samples.
+    settings : ComplementarySettings, optional
+    magnetometer : bool
+        Whether the samples will have the field; without it the azimuth is counted from an arbitrary direction.
+
+    Examples
+    --------
+    >>> stream = ComplementaryStream(0.01, magnetometer=False)
+    >>> part = Samples([0.0, 0.01], 0.01, accel=[[0.0, 0.0, 9.81]] * 2, gyro=[[0.0, 0.0, 0.0]] * 2)
+    >>> len(stream.push(part)), len(stream.finish())
+    (2, 0)
+    """
+
+    def __init__(
+        self, interval: float, settings: ComplementarySettings | None = None, *, magnetometer: bool = True
+    ) -> None:
+        from inclinometry.motion.complementary import _recursions
+
+        self._kernel = _recursions
+        self.interval, self.settings, self.magnetometer = interval, settings or ComplementarySettings(), magnetometer
+        self._par, self._size = parameters(interval, self.settings, magnetometer)
+        self._state = np.zeros(_recursions.STATE)
+        self._state[0] = 1.0
+        self._count = np.zeros(_recursions.COUNT, dtype=np.int64)
+        self._history = np.empty((1, 0))
+
+    def push(self, samples: Samples) -> Attitude:
+        """Take the next samples and return their rows.
+
+        Raises
+        ------
+        InputError
+            Samples at another interval, without gyro or accelerometer, or without the magnetometer announced.
+        """
+        gyro, accel, mag = self._channels(samples)
+        size = len(samples)
+        good = np.ones(size, dtype=np.bool_) if samples.clipped is None else ~samples.clipped
+        every = self.settings.every
+        first = -int(self._count[self._kernel.C_SEEN]) % every
+        rows = len(range(first, size, every))
+        quaternion, covariance = np.empty((rows, 4)), np.empty((rows, 3, 3))
+        rate, quality, flags = np.empty(rows), np.empty(rows), np.empty(rows, dtype=np.uint32)
+        self._kernel.advance(
+            gyro, accel, mag, good, self._par, self._size, every, self._state, self._count,
+            quaternion, covariance, rate, quality, flags, self._history,
+        )  # fmt: skip
+        return Attitude(
+            time=samples.time[first::every].copy(),
+            quaternion=quaternion,
+            covariance=covariance,
+            rate=rate,
+            quality=quality,
+            flags=flags,
+            method=np.full(rows, METHODS.index("complementary"), dtype=np.uint8),
+            north="magnetic",
+        )
+
+    def finish(self) -> Attitude:
+        """No row is held back: nothing more."""
+        return self.push(Samples([], self.interval, **{name: np.empty((0, 3)) for name in ("accel", "mag", "gyro")}))
+
+    def _channels(self, samples: Samples) -> tuple[Array, Array, Array]:
+        if abs(samples.interval - self.interval) > 1e-9 * self.interval:
+            raise InputError(
+                f"samples come every {samples.interval:.9g} s, the stream was opened for {self.interval:.9g} s; resample"
+            )
+        if samples.gyro is None or samples.accel is None:
+            missing = "gyro" if samples.gyro is None else "accel"
+            raise InputError(f"the samples have no {missing}; this method needs gyro and accelerometer")
+        if not self.magnetometer:
+            return samples.gyro, samples.accel, np.empty((0, 3))
+        if samples.mag is None:
+            raise InputError("the samples have no mag; open the stream with magnetometer=False or give the field")
+        return samples.gyro, samples.accel, samples.mag
+
+
+def complementary_attitude(samples: Samples, settings: ComplementarySettings | None = None) -> Attitude:
+    """Attitude of every sample (or every k-th) from gyro, accelerometer and, where there is one, magnetometer.
+
+    Parameters
+    ----------
+    samples : Samples
+        With gyro and accel; mag is optional.
+    settings : ComplementarySettings, optional
+
+    Returns
+    -------
+    Attitude
+        A row for every `settings.every` samples; azimuth from magnetic north, or flagged "unobservable".
+
+    Raises
+    ------
+    InputError
+        Samples without gyro or accelerometer.
+    """
+    stream = ComplementaryStream(samples.interval, settings, magnetometer=samples.has("mag"))
+    return stream.push(samples)
+
+
+def parameters(interval: float, settings: ComplementarySettings, magnetometer: bool) -> tuple[Array, int]:
+    """Settings in the units of the kernels, and the samples in a block."""
+    from inclinometry.motion.complementary import _kernels as k
+
+    s = settings
+    size = max(1, round(s.update_s / interval))
+    t = size * interval
+    par = np.zeros(k.PAR)
+    values = {
+        k.DT: interval,
+        k.TAU: t,
+        k.G: s.gravity,
+        k.R_SWAY: s.sway_m**2 * s.sway_s / t,
+        k.R_SPEED: REST_SPEED**2,
+        k.R_BIAS: REST_BIAS**2 / t,
+        k.R_FIELD: s.unevenness**2 * s.unevenness_s / t,
+        k.UNEVEN: s.unevenness**2,
+        k.FRESH: FRESH,
+        k.Q_NOISE: s.rate_noise**2 * t,
+        k.Q_RATE: s.rate_error**2 * t,
+        k.Q_BIAS: s.bias_walk**2 * t,
+        k.Q_FIELD: s.field_walk**2 * t,
+        k.GATE: s.gate**2,
+        k.REST_RATE: s.rest_rate**2,
+        k.REST_GRAVITY: s.rest_gravity**2,
+        k.REST_BOUND: REST_BOUND,
+        k.REST_TIME: s.rest_s,
+        k.A_REST: -np.expm1(-t / 0.5),
+        k.A_MISFIT: -np.expm1(-t / 1.0),
+        k.KEEP: np.exp(-t / s.iron_s),
+        k.IRON: s.iron_ratio,
+        k.ACCEPT: s.accept_s,
+        k.USE_MAG: float(magnetometer),
+        k.START: max(1.0, round(s.start_s / interval)),
+        k.P_BIAS: s.bias_sigma**2,
+        k.P_SPEED: START_SPEED**2,
+        k.P_SLOPE: START_SLOPE**2,
+        k.BRIDGE: BRIDGE,
+    }
+    for place, value in values.items():
+        par[place] = value
+    return par, size
