@@ -1,0 +1,132 @@
+"""Direction of the hole as a constant-rate motion: what the passes over windows carry, and one step of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.attitude.rotations import quaternion_from_dcm
+from inclinometry.core.arrays import Array
+from inclinometry.motion._hole_direction import azimuth_unknown, clean, turned
+from inclinometry.motion.result import BITS, METHODS, Attitude
+
+DOUBTFUL: Final = sum(
+    BITS[name]
+    for name in ("disturbed", "step", "clipped", "vibration", "misfit", "not-still", "aliased", "axes", "stuck")
+)
+"""Flags of rows that are no evidence for a bend of the hole."""
+
+
+class Row(NamedTuple):
+    """One row as the passes see it; matrix and covariance are None where it was refused."""
+
+    time: float
+    matrix: Array | None
+    covariance: Array | None
+    rate: float
+    quality: float
+    flags: int
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether its own method doubts it."""
+        return bool(self.flags & DOUBTFUL)
+
+    @property
+    def evidence(self) -> bool:
+        """Whether the row may testify to a bend."""
+        if self.matrix is None or self.covariance is None or self.doubtful:
+            return False
+        return not azimuth_unknown(self.matrix, self.covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """Frame of the hole, its rate of turn (2,) rad/s in it, and the covariance (4, 4) of offset and rate."""
+
+    time: float
+    frame: Array
+    rate: Array
+    covariance: Array
+
+
+class Step(NamedTuple):
+    """One row done.
+
+    predicted, belief : before and after the row; None before the first attitude.
+    matrix, covariance : of the tool; None where there is none to give.
+    roll, roll_variance : of the tool in the frame of `belief`.
+    factor : on the row's covariance: doubt, noise scale and weight together.
+    weight : robust weight of the row's measurement; 0 where it had none.
+    """
+
+    row: Row
+    predicted: Belief | None
+    belief: Belief | None
+    matrix: Array | None
+    covariance: Array | None
+    rate: float
+    roll: float
+    roll_variance: float
+    factor: float
+    weight: float
+    quality: float
+
+
+def transition(dt: float) -> Array:
+    """Offset and rate after dt seconds (4, 4)."""
+    f = np.eye(4)
+    f[0, 2] = f[1, 3] = dt
+    return f
+
+
+def process(dt: float, direction_walk: float, rate_walk: float) -> Array:
+    """Covariance (4, 4) that dt seconds add: white noise on the rate's derivative and on the direction's."""
+    q, along = rate_walk**2, direction_walk**2
+    block = q * np.array([[dt**3 / 3.0, 0.5 * dt**2], [0.5 * dt**2, dt]])
+    block[0, 0] += along * dt
+    return np.asarray(np.kron(block, np.eye(2)))
+
+
+def predicted_frame(belief: Belief, dt: float) -> Array:
+    """Frame of the hole dt seconds on."""
+    return clean(turned(belief.frame, belief.rate * dt))
+
+
+def updated(predicted: Belief, offset: Array, noise: Array) -> Belief:
+    """Belief after a measured offset; Joseph's form, and the frame moved so that the offset is 0 again."""
+    p = predicted.covariance
+    gain = np.linalg.solve(p[:2, :2] + noise, p[:2]).T
+    keep = np.eye(4)
+    keep[:, :2] -= gain
+    covariance = keep @ p @ keep.T + gain @ noise @ gain.T
+    change = gain @ offset
+    frame = clean(turned(predicted.frame, change[:2]))
+    return Belief(predicted.time, frame, predicted.rate + change[2:], 0.5 * (covariance + covariance.T))
+
+
+def attitude_of(steps: list[Step], north: str, method: str, low_weight: float, notes: tuple[str, ...]) -> Attitude:
+    """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits."""
+    size = len(steps)
+    quaternion, covariance = np.full((size, 4), np.nan), np.full((size, 3, 3), np.nan)
+    flags = np.array([step.row.flags for step in steps], dtype=np.uint32)
+    for place, step in enumerate(steps):
+        if step.matrix is None or step.covariance is None:
+            continue
+        quaternion[place] = quaternion_from_dcm(step.matrix)
+        covariance[place] = step.covariance
+        if step.belief is not None and step.row.matrix is not None and step.weight < low_weight:
+            flags[place] |= BITS["misfit"]
+    return Attitude(
+        time=np.array([step.row.time for step in steps]),
+        quaternion=quaternion,
+        covariance=covariance,
+        rate=np.array([step.rate for step in steps]),
+        quality=np.array([step.quality for step in steps]),
+        flags=flags,
+        method=np.full(size, METHODS.index(method), dtype=np.uint8),
+        north=north,
+        notes=notes,
+    )

@@ -1,0 +1,208 @@
+"""The forward pass over windows: prediction, adaptive factor, robust weight, update, one row at a time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from inclinometry.core.arrays import Array
+from inclinometry.motion._hole_direction import (
+    azimuth_unknown,
+    carried,
+    offset_of,
+    rolled,
+    see,
+    with_azimuth,
+)
+from inclinometry.motion._window_model import Belief, Row, Step, predicted_frame, process, transition, updated
+from inclinometry.motion.adaptive import fading_factor, sage_husa, sage_husa_share, yang_factor_three, yang_factor_two
+from inclinometry.motion.robust import huber_weight, igg3_weight
+from inclinometry.uncertainty.propagation import UNKNOWN
+
+LEAST_WEIGHT: Final = 1e-6
+"""Of a rejected row: it keeps its roll with a thousandfold standard deviation."""
+PRIOR_WINDOWS: Final = 30
+"""Windows' worth of trust in the rows' own covariance before Sage-Husa has seen any."""
+FADING_MEMORY: Final = 0.95
+LARGEST: Final = 4.0
+"""Normalised innovation that Sage-Husa does not learn from and quality calls hopeless."""
+STEADY: Final = 1e-2
+"""Speed of rotation, rad/s, below which a tool is taken not to rotate in a window that does not tell."""
+ROLL_WANDER: Final = 1e-4
+"""Standard deviation, rad/s, of the mean speed of a tool that does not rotate."""
+
+
+class Tuning(Protocol):
+    """What of `WindowFilterSettings` the recursion needs."""
+
+    @property
+    def huber(self) -> float | None: ...
+    @property
+    def igg3(self) -> tuple[float, float] | None: ...
+    @property
+    def adaptive_two(self) -> float | None: ...
+    @property
+    def adaptive_three(self) -> tuple[float, float] | None: ...
+    @property
+    def forgetting(self) -> float | None: ...
+    @property
+    def least_noise(self) -> float: ...
+    @property
+    def fading(self) -> float | None: ...
+    @property
+    def doubt(self) -> float: ...
+    @property
+    def direction_walk(self) -> float: ...
+    @property
+    def rate_walk(self) -> float: ...
+    @property
+    def rate_sigma(self) -> float: ...
+    @property
+    def roll_share(self) -> float: ...
+    @property
+    def longest_bridge(self) -> float: ...
+
+
+class Recursion:
+    """State of the forward pass; `step` takes a row with the attitudes beside it."""
+
+    def __init__(self, tuning: Tuning) -> None:
+        self._tuning = tuning
+        self._belief: Belief | None = None
+        self._seen_at = 0.0
+        self._roll, self._roll_variance, self._rate = 0.0, UNKNOWN**2, float("nan")
+        self._scale, self._counted = 1.0, 0
+        self._spread: Array | None = None
+        self._noise = np.zeros((2, 2))
+
+    def step(self, row: Row, before: Row | None, after: Row | None) -> Step:
+        """Take one row in; `before` and `after` are the nearest rows that had an attitude."""
+        if self._belief is not None and row.time - self._seen_at > self._tuning.longest_bridge:
+            self._belief = None
+        if self._belief is None:
+            return self._start(row)
+        predicted = self._predict(self._belief, row.time)
+        rate = row.rate if np.isfinite(row.rate) else self._rate
+        self._carry_roll(rate, row.time - self._belief.time, told=bool(np.isfinite(row.rate)))
+        if row.matrix is None or row.covariance is None:
+            return self._bridge(row, predicted, rate)
+        return self._update(row, row.matrix, row.covariance, self._adapted(predicted, row, before, after))
+
+    def _start(self, row: Row) -> Step:
+        matrix, covariance = row.matrix, row.covariance
+        if matrix is None or covariance is None or azimuth_unknown(matrix, covariance):
+            return Step(row, None, None, matrix, covariance, row.rate, 0.0, 0.0, 1.0, 0.0, row.quality)
+        full = np.diag([0.0, 0.0, self._tuning.rate_sigma**2, self._tuning.rate_sigma**2])
+        full[:2, :2] = covariance[:2, :2]
+        belief = Belief(row.time, matrix, np.zeros(2), full)
+        return self._done(Step(row, None, belief, matrix, covariance, row.rate, 0.0, 0.0, 1.0, 1.0, row.quality))
+
+    def _predict(self, belief: Belief, time: float) -> Belief:
+        dt = time - belief.time
+        f = transition(dt)
+        moved = f @ belief.covariance @ f.T
+        added = process(dt, self._tuning.direction_walk, self._tuning.rate_walk)
+        if self._tuning.fading is not None and self._spread is not None:
+            moved = moved * fading_factor(self._spread, added[:2, :2], self._noise, moved[:2, :2], self._tuning.fading)
+        return Belief(time, predicted_frame(belief, dt), belief.rate, moved + added)
+
+    def _carry_roll(self, rate: float, dt: float, *, told: bool) -> None:
+        if not np.isfinite(rate) or (abs(rate) > STEADY and not told):
+            self._roll_variance = UNKNOWN**2
+            return
+        self._roll += rate * dt
+        spread = (self._tuning.roll_share * abs(rate) + ROLL_WANDER) * dt
+        self._roll_variance = min(self._roll_variance + spread**2, UNKNOWN**2)
+
+    def _bridge(self, row: Row, predicted: Belief, rate: float) -> Step:
+        self._belief = predicted
+        matrix, covariance = carried(predicted.frame, predicted.covariance[:2, :2], self._roll, self._roll_variance)
+        quality = max(1.0 - (row.time - self._seen_at) / self._tuning.longest_bridge, 0.0)
+        return Step(
+            row, predicted, predicted, matrix, covariance, rate, self._roll, self._roll_variance, 1.0, 0.0, quality
+        )
+
+    def _adapted(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> Belief:
+        """Prediction with its direction doubted by Yang's factor where three neighbouring rows agree against it."""
+        tuning = self._tuning
+        if tuning.adaptive_two is None and tuning.adaptive_three is None:
+            return predicted
+        if before is None or after is None or not (before.evidence and row.evidence and after.evidence):
+            return predicted
+        offsets = [
+            offset_of(predicted.frame, each.matrix[2]) - predicted.rate * (each.time - row.time)
+            for each in (before, row, after)
+            if each.matrix is not None
+        ]
+        middle = np.median(offsets, axis=0)
+        noise = (
+            np.zeros((2, 2))
+            if row.matrix is None or row.covariance is None
+            else (see(predicted.frame, row.matrix, row.covariance).noise * self._scale)
+        )
+        size = _size(middle, predicted.covariance[:2, :2] + noise)
+        factor = 1.0 if tuning.adaptive_two is None else float(yang_factor_two(size, tuning.adaptive_two))
+        if tuning.adaptive_three is not None:
+            factor = min(factor, float(yang_factor_three(size, *tuning.adaptive_three)))
+        if factor >= 1.0:
+            return predicted
+        # never wider than the bend that was seen: at factor 0 the rows stand alone
+        most = 2.0 * float(middle @ middle)
+        extra = min((1.0 / max(factor, 1e-12) - 1.0) * 0.5 * float(np.trace(predicted.covariance[:2, :2])), most)
+        return replace(predicted, covariance=predicted.covariance + np.diag([extra, extra, 0.0, 0.0]))
+
+    def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
+        matrix = with_azimuth(matrix, covariance, predicted.frame[2])
+        doubt = self._tuning.doubt**2 if row.doubtful else 1.0
+        seen = see(predicted.frame, matrix, covariance)
+        base = seen.noise * (doubt * self._scale)
+        size = _size(seen.offset, predicted.covariance[:2, :2] + base)
+        weight = self._weight(size)
+        factor = doubt * self._scale / max(weight, LEAST_WEIGHT)
+        belief = updated(predicted, seen.offset, seen.noise * factor)
+        self._learn(seen.offset, doubt * seen.noise, predicted.covariance[:2, :2], size)
+        out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
+        roll = see(belief.frame, out, joint).roll
+        quality = min(row.quality, max(1.0 - size / LARGEST, 0.0))
+        measured = row._replace(matrix=matrix)
+        return self._done(
+            Step(measured, predicted, belief, out, joint, row.rate, roll, float(joint[2, 2]), factor, weight, quality)
+        )
+
+    def _done(self, step: Step) -> Step:
+        self._belief, self._seen_at = step.belief, step.row.time
+        self._roll, self._roll_variance = step.roll, step.roll_variance
+        if step.predicted is None and step.covariance is not None:
+            self._roll_variance = float(step.covariance[2, 2])
+        if np.isfinite(step.rate):
+            self._rate = step.rate
+        return step
+
+    def _weight(self, size: float) -> float:
+        weight = 1.0
+        if self._tuning.huber is not None:
+            weight = float(huber_weight(size, self._tuning.huber))
+        if self._tuning.igg3 is not None:
+            weight = float(igg3_weight(size, *self._tuning.igg3))
+        return weight
+
+    def _learn(self, offset: Array, noise: Array, spread: Array, size: float) -> None:
+        """Scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking."""
+        tuning = self._tuning
+        if tuning.forgetting is not None and size < LARGEST:
+            share = sage_husa_share(tuning.forgetting, self._counted + PRIOR_WINDOWS)
+            inverse = np.linalg.inv(noise)
+            innovation, part = np.sqrt(0.5 * offset @ inverse @ offset), 0.5 * np.trace(inverse @ spread)
+            self._scale = float(sage_husa([[self._scale]], [innovation], [[part]], share, tuning.least_noise)[0, 0])
+            self._counted += 1
+        square = np.outer(offset, offset)
+        old = self._spread
+        self._spread = square if old is None else (FADING_MEMORY * old + square) / (1.0 + FADING_MEMORY)
+        self._noise = noise * self._scale
+
+
+def _size(offset: Array, spread: Array) -> float:
+    """Normalised length of an offset: 1 on the average when the spread is right."""
+    return float(np.sqrt(0.5 * offset @ np.linalg.solve(spread, offset)))
