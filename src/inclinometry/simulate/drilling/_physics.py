@@ -38,7 +38,7 @@ class Physics:
         self._lag = sum(fault.delay for fault in scenario.faults if isinstance(fault, MagLag))
         self._casings = [fault for fault in scenario.faults if isinstance(fault, Casing)]
         self._casing_phase = noise.streams["casing"].uniform(0.0, 2.0 * np.pi, (3, 3))
-        self._earth = _about_z(earth_rate(self._hole.latitude)[:, None], -self._hole.declination)
+        self._earth = _about_z(earth_rate(self._hole.latitude)[:, None], self._hole.declination)
 
     def at(self, start: int, stop: int) -> Felt:
         time = np.arange(start, stop) / self._rate

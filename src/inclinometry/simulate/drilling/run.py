@@ -20,7 +20,7 @@ from inclinometry.simulate.drilling.scenario import Scenario
 from inclinometry.simulate.streams import Seed, Streams
 
 CHUNK: Final = 2**15
-"""Internal samples simulated at a time; a constant of the numbers drawn, never an option."""
+"""Internal samples drawn together, and at most simulated together; a constant of the numbers, never an option."""
 
 
 def simulate_drilling(scenario: str | Scenario, seed: Seed, *, duration: float | None = None) -> DrillingSimulation:
@@ -115,7 +115,8 @@ def _generate(scenario: Scenario, streams: Streams, length: float) -> Iterator[D
     """Equal chunks, the last cut: it is simulated whole, so that a longer run begins with the same numbers."""
     tool = scenario.instrument
     rows = max(1, CHUNK // tool.factor)
-    noise = Chunked(streams, rows * tool.factor)
+    # draws go by internal samples: two instruments of the same internal rate feel the same vibration
+    noise = Chunked(streams, CHUNK)
     reading = Reading(scenario, streams, rows)
     physics = Physics(scenario, noise, reading.reach)
     spoiling = Spoiling(scenario.faults, streams)

@@ -1,4 +1,20 @@
-"""What happens in the hole: where the tool points, how it turns, how it shakes."""
+"""What happens in the hole: where the tool points, how it turns, how it shakes.
+
+Where the levels of the named scenarios come from; all of it is plausible, none of it is a record with a reference:
+
+===================== ==================================================================================================
+lateral vibration     5 g rms with peaks of 30 g, shocks of 20 to 50 g: limits for which measuring-while-drilling tools
+                      are commonly built; 15 to 200 Hz covers bending of collars between stabilisers
+stick-slip            bit and tool stop, then reach two to three times the mean speed, at 0.1 to 1 Hz, the first
+                      torsional mode of the string: Kyllingstad and Halsey, SPE Drilling Engineering 3, 1988 (SPE 16659)
+torsional ripple      a higher torsional mode, 7 Hz, 5 % of the speed: assumed
+whirl                 forward at the rate of rotation, or backward, rolling along the wall: Vandiver, Nicholson and
+                      Shyu, SPE Drilling Engineering 5, 1990; Warren, Brett and Sinor, SPE 19572
+lever arm             1 to 2 cm: accelerometers do not fit on the axis beside each other
+sensors               3 mg and 50 nT a sample, gyros with 0.1 deg/s of bias and 0.1 % of scale: those of
+                      micromechanical triads with thermal calibration
+===================== ==================================================================================================
+"""
 
 from __future__ import annotations
 
