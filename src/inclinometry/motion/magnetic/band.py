@@ -1,4 +1,4 @@
-"""Least squares inside a narrow band about zero frequency, where coloured vibration is white."""
+"""Least squares inside a narrow band about zero frequency, with a noise whose slope in that band is found too."""
 
 from __future__ import annotations
 
@@ -13,8 +13,23 @@ from inclinometry.core.arrays import Array
 
 ROUNDING: Final = 1e-7
 """Of a series, what its demodulation leaves of exactness."""
+COUNT: Final = 8
+"""Slepian sequences a window is seen through."""
+HALF_BAND: Final = 7.0
+"""Half width of their band, cycles per window; the last of eight leaves 3e-6 of its energy outside."""
+SLOPES: Final = (0.0, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
+"""Power that rises with the square or fourth power of frequency, averaged over the band, per white power."""
 
 Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """Sequences (k, m) of unit energy, and for each spectrum that is tried what makes its noise white."""
+
+    tapers: Array
+    whiteners: Array
+    log_determinants: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,74 +41,88 @@ class BandFit:
     value : (p,) ndarray
     covariance : (p, p) ndarray
         Per real component, priors included, widened for the degrees of freedom the noise is known with.
-    noise : float
-        Variance of one component of a tapered sum.
-    freedom : float
-        Real degrees of freedom of `noise`.
     taken : float
-        Of the tapered sums, how many the regressors used up; 1 is a plain mean.
+        How many of the sums the regressors used up; 1 is a plain mean.
     """
 
     value: Complex
     covariance: Complex
-    noise: float
-    freedom: float
     taken: float
 
 
 @lru_cache(maxsize=16)
-def tapers(size: int, count: int) -> Array:
-    """Slepian sequences (count, size) of unit energy.
+def basis(size: int) -> Basis:
+    """Slepian sequences for windows of `size` nodes.
 
     Slepian D., Bell System Technical Journal 57, 1978; Thomson D.J., Proceedings IEEE 70, 1982: of all sequences of
-    that length they leave the least energy outside +-(count + 2) / (2 size) cycles per node.
+    that length they leave the least energy outside their band. Under a spectrum f^2 or f^4 the sums are correlated by the
+    products of the sequences' spectra, weighted so.
     """
     from scipy.signal.windows import dpss
 
-    found = np.ascontiguousarray(dpss(size, 0.5 * (count + 2), count))
-    found.flags.writeable = False
-    return found
+    tapers = np.ascontiguousarray(dpss(size, HALF_BAND, COUNT))
+    spectra = np.fft.rfft(tapers, 16 * size)[:, : round(16 * 1.2 * HALF_BAND)]
+    frequency = np.arange(spectra.shape[1])
+    models = [np.eye(COUNT)]
+    for power in (2, 4):
+        coloured = ((spectra * frequency**power) @ spectra.conj().T).real
+        coloured *= COUNT / np.trace(coloured)
+        models += [np.eye(COUNT) + slope * coloured for slope in SLOPES[1:]]
+    factors = np.linalg.cholesky(np.stack(models))
+    logs = 2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+    return Basis(tapers, np.linalg.inv(factors), logs)
 
 
-def fit(y: Complex, regressors: Complex | Array, mean: Complex, precision: Complex, real: bool = False) -> BandFit:
-    """Bayesian least squares of tapered sums with noise of one unknown variance.
+def fit(of: Basis, series: Complex | Array, regressors: Complex | Array, mean: Complex, precision: Complex) -> BandFit:
+    """Bayesian least squares of a series inside the band.
 
     Parameters
     ----------
-    y : (k,) ndarray
-        Sums of the series under each taper.
-    regressors : (k, p) ndarray
-        The same sums of the regressors.
+    of : Basis
+    series : (m,) ndarray
+        Real or complex.
+    regressors : (m, p) ndarray
     mean, precision : (p,), (p, p) ndarray
         Prior of the coefficients, precision per real component; zero where nothing is known.
-    real : bool
-        Whether the series is real.
 
     Notes
     -----
-    The variance is the residual's own, over the sums less those the regressors took, S = |e|^2 / 2 (k - tr H);
-    it and the coefficients are found in turn. A mean of Gaussian errors of estimated variance has Student's distribution, whose
-    variance is freedom / (freedom - 2) times as large: the covariance is widened by that.
+    For every spectrum the noise's variance is the residual's own over the sums less those the regressors took,
+    S = |e|^2 / 2 (k - tr H), found in turn with the coefficients. A mean of Gaussian errors of estimated variance has
+    Student's distribution, whose variance is freedom / (freedom - 2) times as large: the covariance is widened by that.
+    The spectra are averaged with their marginal likelihoods as weights, what lies between them added to the covariance.
     """
-    parts = 1.0 if real else 2.0
-    gram, projected = regressors.conj().T @ regressors, regressors.conj().T @ y
-    count = y.size
+    parts = 2.0 if np.iscomplexobj(series) else 1.0
+    y, x = of.tapers @ series, of.tapers @ regressors
     # series and sums are good to this share; an exact record must not make the noise vanish
-    floor = max(ROUNDING**2 * float(np.vdot(y, y).real) / count, 1e-300)
-    noise, taken = max(float(np.vdot(y, y).real) / (parts * count), floor), 1.0
-    for turn in range(30):
-        inverse = np.linalg.inv(gram / noise + precision)
-        value = inverse @ (projected / noise + precision @ mean)
-        taken = float(np.trace(inverse @ gram).real) / noise
-        error = y - regressors @ value
-        new = max(float(np.vdot(error, error).real) / (parts * max(count - taken, 1.0)), floor)
-        settled = abs(new - noise) < 1e-6 * noise
-        noise = new
-        if settled and turn:
-            break
-    freedom = parts * max(count - taken, 1.0)
+    floor = max(ROUNDING**2 * float(np.vdot(y, y).real) / COUNT, 1e-300)
+    y, x = of.whiteners @ y, of.whiteners @ x
+    gram, projected = x.conj().swapaxes(1, 2) @ x, np.einsum("rkp,rk->rp", x.conj(), y)
+    total = np.einsum("rk,rk->r", y.conj(), y).real
+    noise = np.maximum(total / (parts * COUNT), floor)
+    for _ in range(6):
+        inverse = np.linalg.inv(gram / noise[:, None, None] + precision)
+        value = np.einsum("rpq,rq->rp", inverse, projected / noise[:, None] + precision @ mean)
+        taken = np.einsum("rpq,rqp->r", inverse, gram).real / noise
+        error = y - np.einsum("rkp,rp->rk", x, value)
+        misfit = np.einsum("rk,rk->r", error.conj(), error).real
+        noise = np.maximum(misfit / (parts * np.maximum(COUNT - taken, 1.0)), floor)
+    off = value - mean
+    bill = misfit / noise + np.einsum("rp,pq,rq->r", off.conj(), precision, off).real
+    information = gram / noise[:, None, None] + precision
+    logs = COUNT * np.log(noise) + of.log_determinants + np.linalg.slogdet(information)[1]
+    score = -0.5 * (parts * logs + bill)
+    weight = np.exp(score - score.max())
+    weight /= weight.sum()
+    freedom = parts * np.maximum(COUNT - taken, 1.0)
     # the widening belongs to the noise, not to the prior
-    wide = noise * freedom / max(freedom - 2.0, 1.0)
+    wide = noise * freedom / np.maximum(freedom - 2.0, 1.0)
+    covariance = np.linalg.inv(gram / wide[:, None, None] + precision)
+    middle = weight @ value
+    apart = value - middle
+    between = np.einsum("r,rp,rq->pq", weight, apart, apart.conj()) / parts
     return BandFit(
-        np.asarray(value, dtype=np.complex128), np.linalg.inv(gram / wide + precision), noise, freedom, taken
+        np.asarray(middle, dtype=np.complex128),
+        np.asarray(np.einsum("r,rpq->pq", weight, covariance) + between, dtype=np.complex128),
+        float(weight @ taken),
     )

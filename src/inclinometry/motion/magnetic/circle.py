@@ -10,7 +10,6 @@ import numpy as np
 from inclinometry.core.arrays import Array
 from inclinometry.motion.magnetic.band import Complex
 
-SECTORS: Final = 36
 LEAST_ROUNDNESS: Final = 1e-4
 """Of the radius: what a calibrated magnetometer's scale errors and couplings leave of a circle, a least sigma."""
 
@@ -38,15 +37,14 @@ class Circle:
 
 
 def arc(angle: Array) -> float:
-    """Arc covered by angles (m,), rad: the share of `SECTORS` met.
+    """Arc covered by an angle (m,) that grows or falls without jumps, rad, at most a full turn.
 
     Examples
     --------
-    >>> round(arc(np.linspace(0.01, 1.0, 100)), 3)
-    1.047
+    >>> arc(np.array([0.5, 1.5, 1.0])), round(arc(np.array([0.0, 100.0])), 3)
+    (1.0, 6.283)
     """
-    met = np.unique(np.floor(np.mod(angle, 2.0 * np.pi) * (SECTORS / (2.0 * np.pi))).astype(int) % SECTORS)
-    return float(met.size * 2.0 * np.pi / SECTORS)
+    return float(min(np.ptp(angle), 2.0 * np.pi))
 
 
 def fit_circle(points: Complex, start: complex, prior: Array) -> Circle:

@@ -62,5 +62,5 @@ def beforehand(settings: MagneticSettings) -> ToolConstants:
         settings.offset_sigma**2 * np.eye(2),
         False,
         np.zeros(2, dtype=np.complex128),
-        np.diag([settings.accel_sigma**2, settings.lever_sigma_m**2]).astype(np.complex128),
+        np.diag([settings.accel_sigma**2, settings.lever_sigma**2]).astype(np.complex128),
     )

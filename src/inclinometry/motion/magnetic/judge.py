@@ -76,7 +76,7 @@ def _refusals(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> 
     found = {
         "clipped": window.clipped > settings.clipped_share,
         "stuck": is_stuck,
-        "aliased": window.aliased,
+        "aliased": window.turn > MOST_TURN,
         "no-field": unphased or window.circle.scatter > NO_FIELD * window.circle.radius,
         "axes": window.mirrored,
         "unobservable": unphased or across < LEVEL,

@@ -73,7 +73,7 @@ def smooth(phase: Array) -> Track:
     best: tuple[float, int, Array] | None = None
     for half in HALVES:
         if 0 < half <= max(2, phase.size // 6):
-            value = _filtered(phase, half, 0)
+            value = filtered(phase, half, 0)
             inner = slice(half, phase.size - half)
             error = (phase - value)[inner] / (1.0 - _kernels(half)[0][half])
             score = float(np.mean(error**2))
@@ -89,15 +89,15 @@ def smooth(phase: Array) -> Track:
     rate = max(half, 2)
     return Track(
         value,
-        _filtered(phase, rate, 1),
-        _filtered(phase, rate, 2),
+        filtered(phase, rate, 1),
+        filtered(phase, rate, 2),
         float(np.sqrt(score / (1.0 + gain / (1.0 - weights[half])))),
         half,
         gain,
     )
 
 
-def _filtered(phase: Array, half: int, derivative: int) -> Array:
+def filtered(phase: Array, half: int, derivative: int = 0) -> Array:
     """Convolved with the weights, after continuing both ends."""
     left = 2.0 * phase[0] - phase[half:0:-1]
     right = 2.0 * phase[-1] - phase[-2 : -half - 2 : -1]

@@ -13,16 +13,19 @@ from inclinometry.earth.site import Site
 NODE_RATE_HZ: Final = 100.0
 """Samples are gathered in nodes of at least this rate: 600 rpm turns 0.6 rad between two."""
 
+LEAST_NODES: Final = 40
+"""Of a window, for the band of the fit to lie well inside what the nodes can show."""
+
 _RANGES: Final = {
     "window_s": (0.5, 600.0),
     "overlap": (0.0, 0.9),
-    "tapers": (6, 60),
-    "lever_sigma_m": (1e-6, 1.0),
+    "lever_sigma": (1e-6, 1.0),
     "accel_sigma": (1e-9, 1.0),
     "offset_sigma": (1e-3, 1e5),
     "axial_sigma": (1e-3, 1e5),
     "least_arc": (0.2, 2.0 * np.pi),
     "clipped_share": (0.0, 0.5),
+    "bandwidth_hz": (1.0, 1e6),
     "mag_delay_s": (-0.1, 0.1),
 }
 
@@ -37,9 +40,6 @@ class MagneticSettings:
         Length of a window, s.
     overlap : float
         Share of a window that the next one repeats.
-    tapers : int
-        Slepian sequences a window is seen through: it is fitted in the band +-(tapers + 2) / (2 window_s). More give a
-        surer covariance, fewer keep further away from the vibration.
     offset_x, offset_y : float
         Transverse magnetic offset known from a calibration, nT.
     offset_sigma : float
@@ -48,12 +48,15 @@ class MagneticSettings:
         Standard deviation of the axial magnetic offset, nT: nothing in a window shows it.
     accel_sigma : float
         Standard deviation of the accelerometer's offset per axis, m/s^2; the transverse one is fitted while it turns.
-    lever_sigma_m : float
+    lever_sigma : float
         Standard deviation of the accelerometer's distance from the axis of rotation, per axis, m.
     least_arc : float
         Arc that the transverse field must cover before a circle is fitted to it, rad.
     clipped_share : float
         Share of clipped samples above which a window is refused.
+    bandwidth_hz : float
+        Bandwidth of sensors and filters: what turns with f Hz is thought to be smaller than what stands still by an
+        unknown share of the order of (f / bandwidth_hz)^2 / 2.
     mag_delay_s : float
         By how much the magnetometer's samples are late against the accelerometer's (`clock_offset`).
     use_gyro : bool
@@ -75,15 +78,15 @@ class MagneticSettings:
 
     window_s: float = 10.0
     overlap: float = 0.5
-    tapers: int = 10
     offset_x: float = 0.0
     offset_y: float = 0.0
     offset_sigma: float = 300.0
     axial_sigma: float = 10.0
     accel_sigma: float = 0.01
-    lever_sigma_m: float = 0.03
+    lever_sigma: float = 0.03
     least_arc: float = 4.0
     clipped_share: float = 1e-3
+    bandwidth_hz: float = 250.0
     mag_delay_s: float = 0.0
     use_gyro: bool = True
     site: Site | None = None
@@ -106,13 +109,13 @@ class MagneticSettings:
         Raises
         ------
         InputError
-            Samples so sparse that a window holds fewer nodes than the tapers need.
+            Samples so sparse that a window holds too few nodes.
         """
         count = round(self.window_s / (self.node(interval) * interval))
-        if count < 4 * self.tapers:
+        if count < LEAST_NODES:
             raise InputError(
                 f"a window of {self.window_s:g} s holds {count} samples of {interval:g} s; at least "
-                f"{4 * self.tapers} are needed for {self.tapers} tapers: lengthen it"
+                f"{LEAST_NODES} are needed: lengthen it"
             )
         return count
 

@@ -10,10 +10,11 @@ import numpy as np
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import cross_matrix, dcm, rotation_z
 from inclinometry.core.arrays import Array
-from inclinometry.motion.magnetic.band import BandFit, Complex, fit, tapers
+from inclinometry.motion.magnetic.band import Basis, BandFit, Complex, basis, fit
 from inclinometry.motion.magnetic.circle import Circle, arc, fit_circle
 from inclinometry.motion.magnetic.constants import ToolConstants
-from inclinometry.motion.magnetic.demodulate import MOST_TURN, Demodulated, demodulate
+from inclinometry.motion.magnetic.demodulate import Demodulated, demodulate
+from inclinometry.motion.magnetic.phase import filtered
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.samples import Samples
 from inclinometry.uncertainty.propagation import propagate
@@ -41,7 +42,6 @@ class WindowFit:
     circle: Circle
     taken: float
     clipped: float
-    aliased: bool
     constants: ToolConstants
     offset_sigma: float
     turn: float
@@ -79,7 +79,7 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
     offset = known.offset
     for _ in range(3):
         found = demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=settings.mag_delay_s)
-        covered = arc(np.angle(found.phasor))
+        covered = arc(np.unwrap(np.angle(found.phasor)))
         points = found.field * found.phasor + offset
         circle = fit_circle(points, known.offset, known.offset_covariance)
         if covered < settings.least_arc:
@@ -96,58 +96,76 @@ def _fields(
     d: Demodulated, settings: MagneticSettings, known: ToolConstants, circle: Circle, covered: float, clipped: float
 ) -> WindowFit:
     """Band-limited fits of the four series, put together."""
-    v = tapers(d.rate.size, settings.tapers)
-    one = np.ones(d.rate.size)
-    lever = (d.rate**2 - 1j * d.acceleration) * d.back
-    rows = np.stack([one, d.back, lever], axis=1)
-    mean = np.concatenate([[0.0], known.motion])
-    precision = np.zeros((3, 3), dtype=np.complex128)
-    precision[1:, 1:] = np.linalg.inv(known.motion_covariance)
-    g = fit(v @ d.gravity, v @ rows, mean, precision)
-    free = np.zeros((1, 1), dtype=np.complex128)
-    nothing = np.zeros(1, dtype=np.complex128)
-    weights = (v @ one)[:, None].astype(np.complex128)
-    b, gz, bz = (
-        fit((v @ series).astype(np.complex128), weights, nothing, free, real)
-        for series, real in ((d.field, False), (d.axial_gravity, True), (d.axial_field, True))
+    of = basis(d.rate.size)
+    one = np.ones((d.rate.size, 1))
+    g = fit(of, d.gravity, _regressors(d), np.concatenate([[0.0], known.motion]), _prior(known))
+    free, nothing = np.zeros((1, 1), dtype=np.complex128), np.zeros(1, dtype=np.complex128)
+    b, gz, bz = (fit(of, series, one, nothing, free) for series in (d.field, d.axial_gravity, d.axial_field))
+    covariance = np.diag(
+        [*[g.covariance[0, 0].real] * 2, gz.covariance[0, 0].real + settings.accel_sigma**2] + [0.0] * 3
     )
-    share = complex(weights[:, 0] @ (v @ d.back)) / float(weights[:, 0].real @ weights[:, 0].real)
-    covariance, offset_sigma = _covariance(g, b, gz, bz, share, circle, settings)
+    covariance[3:, 3:] = np.diag([*[b.covariance[0, 0].real] * 2, bz.covariance[0, 0].real + settings.axial_sigma**2])
+    by_offset = _by_offset(of, d, known, complex(b.value[0]))
+    gain = _by_gain(complex(g.value[0]), complex(b.value[0]), d.rate, settings.bandwidth_hz)
+    covariance += by_offset @ circle.covariance @ by_offset.T + np.outer(gain, gain) + _clipping(clipped)
     constants = ToolConstants(
         circle.centre, circle.covariance, known.seen or covered >= settings.least_arc, g.value[1:], g.covariance[1:, 1:]
     )
+    hann = np.hanning(d.rate.size + 2)[1:-1]
     return WindowFit(
         gravity=np.array([g.value[0].real, g.value[0].imag, gz.value[0].real]),
         field=np.array([b.value[0].real, b.value[0].imag, bz.value[0].real]),
-        covariance=covariance + _clipping(clipped),
+        covariance=covariance,
         phase=_middle(np.unwrap(np.angle(d.phasor))),
         phase_sigma=d.track.noise * float(np.sqrt(d.track.gain)),
-        rate=float(np.hanning(d.rate.size + 2)[1:-1] @ d.rate / np.hanning(d.rate.size + 2).sum()),
+        rate=float(hann @ d.rate / hann.sum()),
         arc=covered,
         circle=circle,
         taken=g.taken,
         clipped=clipped,
-        aliased=d.turn > MOST_TURN,
         constants=constants,
-        offset_sigma=offset_sigma,
+        offset_sigma=float(np.sqrt(np.linalg.eigvalsh(by_offset[3:5] @ circle.covariance @ by_offset[3:5].T)[-1])),
         turn=d.turn,
         mirrored=_mirrored(d, covered),
         stepped=False,
     )
 
 
-def _covariance(
-    g: BandFit, b: BandFit, gz: BandFit, bz: BandFit, share: complex, circle: Circle, settings: MagneticSettings
-) -> tuple[Array, float]:
-    """Covariance (6, 6) of gravity and field, and what an unknown magnetic offset does to the field, nT."""
-    covariance = np.zeros((6, 6))
-    covariance[0, 0] = covariance[1, 1] = g.covariance[0, 0].real
-    covariance[2, 2] = gz.covariance[0, 0].real + settings.accel_sigma**2
-    turn = np.array([[share.real, -share.imag], [share.imag, share.real]])
-    offset = turn @ circle.covariance @ turn.T
-    covariance[3:5, 3:5] = b.covariance[0, 0].real * np.eye(2) + offset
-    covariance[5, 5] = bz.covariance[0, 0].real + settings.axial_sigma**2
-    return covariance, float(np.sqrt(np.linalg.eigvalsh(offset)[-1]))
+def _regressors(d: Demodulated) -> Complex:
+    """Columns (m, 3): what stands still in the hole, an accelerometer's offset, its lever arm."""
+    lever = (d.rate**2 - 1j * d.acceleration) * d.back
+    return np.stack([np.ones_like(d.back), d.back, lever], axis=1)
+
+
+def _prior(known: ToolConstants) -> Complex:
+    """Precision (3, 3) of the coefficients of `_regressors`."""
+    precision = np.zeros((3, 3), dtype=np.complex128)
+    precision[1:, 1:] = np.linalg.inv(known.motion_covariance)
+    return precision
+
+
+def _by_offset(of: Basis, d: Demodulated, known: ToolConstants, field: complex) -> Array:
+    """Derivatives (6, 2) of gravity and field by the magnetic offset that was taken off.
+
+    An offset h too large by dh turns the phase by -Im(dh u*) / |field|, as far as the smoother lets it through. At the
+    frequency of rotation this meets the lever arm's centripetal part, which turns just as fast, and leaves a constant.
+    """
+    jacobian = np.zeros((6, 2))
+    columns = _regressors(d)
+    for k, unit in enumerate((1.0, 1j)):
+        turn = filtered(-np.imag(unit * d.back) / max(abs(field), 1.0), d.track.half)
+        gravity = fit(of, -1j * turn * d.gravity, columns, np.zeros(3, dtype=np.complex128), _prior(known)).value[0]
+        change = of.tapers @ (-1j * turn * d.field - unit * d.back)
+        ones = of.tapers.sum(axis=1)
+        magnetic = complex(ones @ change) / float(ones @ ones)
+        jacobian[[0, 1, 3, 4], k] = gravity.real, gravity.imag, magnetic.real, magnetic.imag
+    return jacobian
+
+
+def _by_gain(gravity: complex, field: complex, rate: Array, bandwidth: float) -> Array:
+    """Change (6,) of gravity and field when what turns is seen too small by a standard deviation."""
+    sigma = 0.5 * float(np.mean(rate**2)) / (2.0 * np.pi * bandwidth) ** 2
+    return sigma * np.array([gravity.real, gravity.imag, 0.0, field.real, field.imag, 0.0])
 
 
 def _clipping(share: float) -> Array:
