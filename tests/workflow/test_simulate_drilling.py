@@ -52,7 +52,7 @@ def test_what_is_refused_leaves_nothing(tmp_path):
     for duration in (0.0, -1.0, float("nan"), 1e9):
         with pytest.raises(InputError, match="allowed: more than 0"):
             DrillingRequest("smooth", duration=duration)
-    with pytest.raises(FileError, match="ends in '.txt'"):
+    with pytest.raises(FileError, match=r"ends in .\.txt."):
         write_drilling(SHORT, tmp_path / "run.parquet", tmp_path / "truth.txt")
     assert not list(tmp_path.iterdir())
 

@@ -116,6 +116,13 @@ _add(
 )
 _add(
     app,
+    "dynamic:dynamic",
+    "dynamic",
+    "Attitude while the tool turns and shakes: inclination, azimuth, toolface by window, with uncertainty.",
+    "dynamic run.parquet --site site.toml -o attitude.csv --report dynamic.html",
+)
+_add(
+    app,
     "noise:allan",
     "allan",
     "Allan deviation of a log at rest: angle random walk, bias instability, rate random walk.",

@@ -1,0 +1,146 @@
+"""Command for a tool that turns and shakes: attitude by window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.calibration.summary import rounded
+from inclinometry.cli import output
+from inclinometry.cli.options import Json, Output
+from inclinometry.core.digest import digest_file
+from inclinometry.earth.site import REFERENCES
+from inclinometry.io.atomic import write_text
+from inclinometry.io.run_file import open_run
+from inclinometry.io.run_write import checked_ending
+from inclinometry.io.site_toml import read_site
+from inclinometry.io.tool_json import read_calibration
+from inclinometry.motion.result import FLAGS, METHODS
+from inclinometry.motion.run_result import DynamicRun
+from inclinometry.workflow.dynamic import DEFAULT_WINDOW, DynamicOptions, dynamic_run, write_dynamic
+
+RPM = 30.0 / np.pi
+
+
+def dynamic(
+    run: Path,
+    /,
+    *,
+    site: Path,
+    output_: Output,
+    calibration: Path | None = None,
+    method: str = "auto",
+    window_s: float = DEFAULT_WINDOW,
+    report: Path | None = None,
+    json: Json = False,
+) -> None:
+    """Attitude while the tool turns and shakes.
+
+    Parameters
+    ----------
+    run
+        Parquet or CSV: time_s, accel_x to z, mag_x to z, gyro_x to z, temperature_degC; any triad may be absent.
+    site
+        site.toml; its north_reference is what azimuths are counted from, its field and gravity are references.
+    output_
+        attitude.parquet or attitude.csv: one row a window, angles blank where a window was refused.
+    calibration
+        tool.json; without it channels are in m/s2 (gravity convention), nT and rad/s, or as named.
+    method
+        auto (looks at the data), magnetic, gyro, filter or smoother.
+    window_s
+        Length of a window.
+    report
+        Write an HTML report.
+    json
+        Print a JSON summary.
+    """
+    output.claim(
+        {"--output": output_, "--report": report}, {"the run": run, "--site": site, "--calibration": calibration}
+    )
+    options = DynamicOptions(method, window_s)
+    checked_ending(output_)
+    found = _reduced(run, site, calibration, options)
+    page = None
+    if report is not None:
+        from inclinometry.report.dynamic import dynamic_report
+
+        with output.busy("drawing"):
+            page = dynamic_report(found)
+    write_dynamic(found, output_)
+    if page is not None:
+        write_text(page, report or "")
+    if json:
+        output.print_json(summary(found, output_))
+        return
+    show_dynamic(found)
+    written = f"{output.counted(len(found.rows), 'window')} written to {output_}"
+    output.say(written + (f", report to {report}" if report else ""))
+
+
+def _reduced(run: Path, site: Path, calibration: Path | None, options: DynamicOptions) -> DynamicRun:
+    """The run, read and reduced."""
+    place = read_site(site)
+    tool = None if calibration is None else read_calibration(calibration)
+    digests = {"site": digest_file(site)}
+    if calibration is not None:
+        digests["tool"] = digest_file(calibration)
+    with output.reading(run) as progress:
+        return dynamic_run(open_run(run, progress=progress), place, tool, options, inputs=digests)
+
+
+def summary(found: DynamicRun, path: Path) -> dict[str, object]:
+    """What a machine wants to know."""
+    rows, counts = found.rows, found.counts
+    return {
+        "samples": counts.samples,
+        "unused_samples": counts.missing,
+        "sampling_interval_s": counts.interval,
+        "start_s": counts.start,
+        "stop_s": counts.stop,
+        "stretches": counts.stretches,
+        "windows": len(rows),
+        "refused": int(rows.refused.sum()),
+        "methods": {name: int((rows.method == n).sum()) for n, name in enumerate(METHODS) if (rows.method == n).any()},
+        "flags": {name: rows.count(name) for name in FLAGS if rows.count(name)},
+        "azimuth_reference": sorted({REFERENCES[n] for n in rows.north}) or [found.north],
+        "inputs": dict(found.inputs),
+        "notes": list(found.notes),
+        "output": path,
+    }
+
+
+def show_dynamic(found: DynamicRun, most: int = 12) -> None:
+    """A few windows spread over the run and what is to be said of it, on the terminal."""
+    rows = found.rows
+    places = np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)) if len(rows) else []
+    body = [_cells(found, int(k)) for k in places]
+    norths = "/".join(dict.fromkeys(REFERENCES[n] for n in rows.north)) or found.north
+    header = ["time s", "inclination", f"azimuth ({norths})", "toolface", "rpm", "method", "flags"]
+    output.table("attitude, deg with standard uncertainty", header, body)
+    refused = int(rows.refused.sum())
+    if refused:
+        reasons = ", ".join(f"{name} {n}" for name, n in _reasons(found).items())
+        output.say(f"{output.counted(refused, 'window')} refused: {reasons}")
+    for note in found.notes:
+        output.say(f"note: {note}")
+
+
+def _cells(found: DynamicRun, k: int) -> list[str]:
+    """A row of the table."""
+    rows = found.rows
+    angles, u = (rows.inclination, rows.azimuth, rows.toolface), (rows.u_inclination, rows.u_azimuth, rows.u_toolface)
+    shown = [
+        rounded(np.degrees(a[k]), np.degrees(w[k])) if np.isfinite(a[k]) else "-"
+        for a, w in zip(angles, u, strict=True)
+    ]
+    speed = f"{rows.rate[k] * RPM:.1f}" if np.isfinite(rows.rate[k]) else "-"
+    return [f"{rows.time[k]:.2f}", *shown, speed, METHODS[rows.method[k]], ", ".join(rows.names(k))]
+
+
+def _reasons(found: DynamicRun) -> dict[str, int]:
+    """Flags of the refused windows, the most frequent first."""
+    bad = found.rows.refused
+    counts = {name: int((found.rows.flags[bad] >> k & 1).sum()) for k, name in enumerate(FLAGS)}
+    return dict(sorted(((name, n) for name, n in counts.items() if n), key=lambda pair: -pair[1]))

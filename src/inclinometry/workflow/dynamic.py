@@ -1,0 +1,215 @@
+"""A run of a moving tool from its file to attitude by window, read block by block: any length in the same memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.earth.site import Site
+from inclinometry.io.attitude_file import write_attitude
+from inclinometry.io.columns import KIND_PREFIX
+from inclinometry.io.run_file import BLOCK, RunFile
+from inclinometry.motion.run_result import DynamicRun, RunCounts
+from inclinometry.motion.timing import Piece, StretchCutter
+from inclinometry.workflow.dynamic_methods import (
+    LONGEST,
+    METHODS,
+    SHORTEST,
+    Carried,
+    Method,
+    Setup,
+    chosen_method,
+    offset_doubt,
+)
+from inclinometry.workflow.dynamic_monitor import Monitor
+from inclinometry.workflow.dynamic_rows import Rows
+from inclinometry.workflow.dynamic_signals import Signals, temperature_doubts, tool_name
+from inclinometry.workflow.field import completed
+
+Progress = Callable[[int], None]
+DEFAULT_WINDOW: Final = 10.0
+
+
+@dataclass(frozen=True)
+class DynamicOptions:
+    """How a run is reduced.
+
+    method : a key of `METHODS`.
+    window : s, length of a window.
+    block : samples handled at a time; results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        An unknown method; a window out of range.
+
+    Examples
+    --------
+    >>> DynamicOptions("psychic")
+    Traceback (most recent call last):
+    inclinometry.core.errors.InputError: method is 'psychic'; allowed: auto, magnetic, gyro, filter, smoother
+    """
+
+    method: str = "auto"
+    window: float = DEFAULT_WINDOW
+    block: int = BLOCK
+
+    def __post_init__(self) -> None:
+        chosen_method(self.method)
+        if not SHORTEST <= self.window <= LONGEST:
+            raise InputError(f"the window is {self.window:g} s; allowed {SHORTEST:g} to {LONGEST:g} s")
+        if self.block < 1:
+            raise InputError(f"the block is {self.block} samples; allowed: 1 or more")
+
+
+def dynamic_run(
+    run: RunFile,
+    site: Site,
+    calibration: Calibration | None = None,
+    options: DynamicOptions | None = None,
+    *,
+    inputs: Mapping[str, str] | None = None,
+) -> DynamicRun:
+    """Attitude of a run, window by window.
+
+    Parameters
+    ----------
+    run : RunFile
+        From `open_run`; it is read once.
+    site : Site
+        Its `north_reference` decides what azimuths are counted from; field and gravity are references.
+    calibration : Calibration, optional
+        Without one the channels are field vectors in tool axes (m/s^2 in the gravity convention, nT, rad/s).
+    options : DynamicOptions, optional
+    inputs : name -> digest, optional
+        Of the other files.
+
+    Returns
+    -------
+    DynamicRun
+
+    Raises
+    ------
+    FileError
+        As `open_run`; stamps that lie on no grid or run backwards; values in another unit than stated.
+    InputError
+        A method whose triads the run has not; a calibration of another tool; a site that lacks what its north
+        reference needs.
+    """
+    chosen = options or DynamicOptions()
+    method = chosen_method(chosen.method)
+    place, said = completed(site)
+    _check_triads(run, chosen.method, method)
+    _check_north(place, run)
+    setup = Setup(place, chosen.window, offset_doubt(calibration, place))
+    work = _Work(run, Signals(run, place, calibration), Rows(place, calibration, chosen.window), setup, method)
+    try:
+        for block in run.blocks(chosen.block):
+            fields = work.signals.fields(block)
+            work.take(work.cutter.push(block.time, **fields), len(block.time))
+        work.end()
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(str(error), path=run.path) from None
+    vibration, envelopes, excerpts, spectrogram = work.monitor.finish()
+    heat = temperature_doubts(work.monitor.heat, calibration)
+    notes = (*run.notes, *said, *work.cutter.report.notes(), *heat, *work.rows.notes)
+    return DynamicRun(
+        work.rows.done(),
+        vibration,
+        envelopes,
+        excerpts,
+        spectrogram,
+        work.counts(),
+        chosen.method,
+        chosen.window,
+        place.north_reference,
+        tuple(dict.fromkeys(notes)),
+        {"run": run.digest(), **(inputs or {})},
+        tool_name(calibration),
+    )
+
+
+@dataclass
+class _Work:
+    """The rooms a run passes through."""
+
+    run: RunFile
+    signals: Signals
+    rows: Rows
+    setup: Setup
+    method: Method
+    cutter: StretchCutter = field(default_factory=StretchCutter)
+    samples: int = 0
+    start: float = float("nan")
+    stop: float = float("nan")
+
+    def __post_init__(self) -> None:
+        self.monitor = Monitor(self.setup.window)
+        self.carried = Carried(lambda: self.method.make(self.setup))
+
+    def take(self, pieces: list[Piece], count: int) -> None:
+        """Even pieces that became certain, and the rows read for them."""
+        self.samples += count
+        for piece in pieces:
+            samples = piece.samples
+            if not len(samples):
+                continue
+            if self.start != self.start:
+                self.start = float(samples.time[0])
+            self.stop = float(samples.time[-1])
+            if samples.temperature is not None:
+                self.rows.heat = float(samples.temperature.mean())
+            self.monitor.push(piece.number, samples)
+            for found in self.carried.push(samples):
+                self.rows.add(found)
+
+    def end(self) -> None:
+        """What the rooms still hold."""
+        self.take(self.cutter.finish(), 0)
+        for found in self.carried.finish():
+            self.rows.add(found)
+
+    def counts(self) -> RunCounts:
+        """Sizes of the run."""
+        report = self.cutter.report
+        return RunCounts(
+            self.samples,
+            self.monitor.clipped + report.repeats,
+            round(self.start, 9) + 0.0,
+            round(self.stop, 9) + 0.0,
+            report.intervals[0] if report.intervals else float("nan"),
+            report.stretches,
+        )
+
+
+def _check_triads(run: RunFile, name: str, method: Method) -> None:
+    """InputError where the run lacks what a method needs."""
+    there = {KIND_PREFIX[kind] for kind in run.names}
+    missing = [prefix for prefix in method.needs if prefix not in there]
+    if not missing:
+        return
+    able = [other for other, each in METHODS.items() if set(each.needs) <= there]
+    remedy = f"; it can be reduced with --method {' or '.join(able)}" if able else ""
+    raise FileError(f"the method {name!r} needs {', '.join(missing)}, which the run has not{remedy}", path=run.path)
+
+
+def _check_north(site: Site, run: RunFile) -> None:
+    """InputError, before anything is read, where magnetic azimuths cannot be turned to the north asked for."""
+    from inclinometry.earth.site import convert_azimuth
+
+    if "magnetometer" in run.names:
+        convert_azimuth(0.0, "magnetic", site.north_reference, site)
+    elif site.north_reference == "grid":
+        convert_azimuth(0.0, "true", "grid", site)
+
+
+def write_dynamic(found: DynamicRun, path: str | Path) -> None:
+    """Write the attitude of a run, CSV or Parquet; digests of the inputs go into the metadata of Parquet."""
+    header = {"method": found.method, "window_s": f"{found.window:g}"}
+    write_attitude(found.rows, path, {**header, **{f"input {name}": text for name, text in found.inputs.items()}})

@@ -1,0 +1,168 @@
+"""The methods of the motion room by the names of the command line, each as a stream that takes even pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Protocol
+
+import numpy as np
+
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
+from inclinometry.motion.inertial.filter import GyroStream, InertialStream
+from inclinometry.motion.inertial.settings import InertialSettings
+from inclinometry.motion.magnetic.settings import MagneticSettings
+from inclinometry.motion.magnetic.stream import MagneticStream
+from inclinometry.motion.result import Attitude
+from inclinometry.motion.samples import Samples
+
+SHORTEST: Final = 0.5
+LONGEST: Final = 600.0
+"""s, windows allowed: a shorter one averages nothing away, in a longer one the hole has moved on."""
+
+
+class Stream(Protocol):
+    """What every recursive method is."""
+
+    def push(self, samples: Samples) -> Attitude:
+        """Rows that became complete."""
+        ...
+
+    def finish(self) -> Attitude:
+        """The last rows, and what was found."""
+        ...
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What methods are made from.
+
+    site : where the tool is, completed by the field models.
+    window : s, spacing of the rows.
+    doubt : standard uncertainties of offsets by the calibration, SI, where there is one: "accelerometer",
+        "magnetometer" across and "axial".
+    """
+
+    site: Site
+    window: float
+    doubt: Mapping[str, float]
+
+    def magnetic(self) -> MagneticSettings:
+        """Windows side by side; offsets no better known than the defaults, which cover what drilling does to them."""
+        plain = MagneticSettings()
+        return MagneticSettings(
+            window_s=self.window,
+            overlap=0.0,
+            accel_sigma=min(1.0, max(plain.accel_sigma, self.doubt.get("accelerometer", 0.0))),
+            axial_sigma=min(1e5, max(plain.axial_sigma, self.doubt.get("axial", 0.0))),
+            site=self.site,
+        )
+
+    def inertial(self) -> InertialSettings:
+        """As above."""
+        plain = InertialSettings()
+        iron = max(float(np.max(plain.hard_iron_sigma)), self.doubt.get("magnetometer", 0.0))
+        return InertialSettings(
+            window=self.window,
+            accel_bias_sigma=min(10.0, max(plain.accel_bias_sigma, self.doubt.get("accelerometer", 0.0))),
+            hard_iron_sigma=min(1e5, iron),
+        )
+
+
+def _magnetic(setup: Setup) -> Stream:
+    return MagneticStream(setup.magnetic())
+
+
+def _gyro(setup: Setup) -> Stream:
+    return GyroStream(setup.inertial(), setup.site)
+
+
+def _filter(setup: Setup) -> Stream:
+    return InertialStream(setup.inertial(), setup.site)
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of the command line.
+
+    make : a fresh stream. needs : triads it cannot do without. summary : what it is.
+    """
+
+    make: Callable[[Setup], Stream]
+    needs: tuple[str, ...]
+    summary: str
+
+
+METHODS: Final[Mapping[str, Method]] = MappingProxyType(
+    {
+        "magnetic": Method(_magnetic, ("accel", "mag"), "gravity turned back by the magnetic phase, window by window"),
+        "gyro": Method(_gyro, ("accel", "gyro"), "gyro and gravity alone; north from the Earth's rotation at rest"),
+        "filter": Method(_filter, ("accel", "gyro", "mag"), "15-state filter of gyro, gravity and field"),
+    }
+)
+"""Names at the command line."""
+
+
+def chosen_method(name: str) -> Method:
+    """The method of a name.
+
+    Raises
+    ------
+    InputError
+        An unknown name.
+
+    Examples
+    --------
+    >>> chosen_method("magnetic").needs
+    ('accel', 'mag')
+    """
+    if name not in METHODS:
+        raise InputError(f"method is {name!r}; allowed: {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def offset_doubt(calibration: Calibration | None, site: Site) -> dict[str, float]:
+    """Standard uncertainties of the offsets (SI) that a calibration leaves, as `Setup.doubt` names them."""
+    if calibration is None:
+        return {}
+    tool, found = calibration.tool, {}
+    strengths = {"accelerometer": site.gravity, "magnetometer": site.b}
+    for kind, other in strengths.items():
+        triad = tool.triads.get(kind)
+        strength = None if triad is None else triad.field_strength or other
+        if triad is None or strength is None or triad.degree:
+            continue
+        places = np.arange(tool.slices[kind].start + 3, tool.slices[kind].stop, 4)
+        inverse = triad.inverse()
+        spread = strength * np.sqrt(np.diag(inverse @ tool.covariance[np.ix_(places, places)] @ inverse.T))
+        found[kind] = float(np.sqrt(np.mean(spread[:2] ** 2)))
+        if kind == "magnetometer":
+            found["axial"] = float(spread[2])
+    return found
+
+
+class Carried:
+    """One method over all stretches of a run: a new stream where the grid or the triads change."""
+
+    def __init__(self, make: Callable[[], Stream]) -> None:
+        self._make = make
+        self._stream: Stream | None = None
+        self._shape: tuple[float, ...] = ()
+
+    def push(self, samples: Samples) -> list[Attitude]:
+        """Rows of a piece."""
+        if not len(samples):
+            return []
+        shape = (samples.interval, *(samples.has(name) for name in ("accel", "mag", "gyro", "temperature")))
+        done = self.finish() if self._stream is not None and shape != self._shape else []
+        if self._stream is None:
+            self._stream, self._shape = self._make(), shape
+        return [*done, self._stream.push(samples)]
+
+    def finish(self) -> list[Attitude]:
+        """The last rows."""
+        stream, self._stream = self._stream, None
+        return [] if stream is None else [stream.finish()]

@@ -1,0 +1,126 @@
+"""From the motion room's attitudes to the rows of a file: the north asked for, and what the calibration adds."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.orientation import Angles, fields
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.angles import TAU
+from inclinometry.core.arrays import Array, Mask
+from inclinometry.earth.site import REFERENCES, Site
+from inclinometry.motion.result import Attitude
+from inclinometry.motion.run_result import AttitudeRows
+from inclinometry.sensors.sensitivity import angle_sensitivity
+from inclinometry.survey.reduce import turned_to_north
+from inclinometry.uncertainty.propagation import UNKNOWN
+
+TURNS: Final = 8
+"""Toolfaces over which the calibration's share is averaged while the tool turns."""
+USUAL_DIP: Final = float(np.radians(65.0))
+"""Dip for the calibration's share where the site has none."""
+
+
+class Rows:
+    """Collects rows; each part of a run comes with the length of its windows.
+
+    Parameters
+    ----------
+    site : Site
+        Its `north_reference` is what azimuths are counted from; a gyro's is never turned to magnetic north.
+    calibration : Calibration, optional
+    window : float
+        s; a tool that turns more than once in it is seen from all sides.
+    """
+
+    def __init__(self, site: Site, calibration: Calibration | None, window: float) -> None:
+        self._site, self._calibration, self._window = site, calibration, window
+        self._parts: list[AttitudeRows] = []
+        self.notes: list[str] = []
+        self.heat: float | None = None
+        """degC of the rows to come, for a calibration that depends on it."""
+
+    def __len__(self) -> int:
+        return sum(map(len, self._parts))
+
+    def add(self, found: Attitude) -> None:
+        """Rows that follow those before.
+
+        Raises
+        ------
+        InputError
+            The site lacks the declination or convergence its north reference needs.
+        """
+        self.notes += [note for note in found.notes if note not in self.notes]
+        if not len(found):
+            return
+        at, u = found.angles, found.u
+        good = ~found.refused
+        own = np.stack([u.inclination, u.azimuth, u.toolface], axis=1) ** 2
+        if self._calibration is not None and good.any():
+            turning = np.abs(np.nan_to_num(found.rate[good])) * self._window > TAU
+            seen = Angles(*(column[good] for column in at))
+            own[good] += self._by_calibration(self._calibration, seen, turning, found.north)
+        azimuth, north = np.full(len(found), np.nan), found.north
+        if good.any():
+            padded = np.concatenate([own[good], np.zeros((int(good.sum()), 1))], axis=1)
+            turned, variances, north, said = turned_to_north(at.azimuth[good], {"own": padded}, self._site, found.north)
+            azimuth[good] = turned
+            own[good] = np.sum(list(variances.values()), axis=0)[:, :3]
+            self.notes += [note for note in said if note not in self.notes]
+        spread = np.minimum(np.sqrt(own), UNKNOWN)
+        self._parts.append(
+            AttitudeRows(
+                time=found.time,
+                inclination=at.inclination,
+                azimuth=azimuth,
+                toolface=at.toolface,
+                u_inclination=spread[:, 0],
+                u_azimuth=spread[:, 1],
+                u_toolface=spread[:, 2],
+                rate=found.rate,
+                quality=found.quality,
+                flags=found.flags,
+                method=found.method,
+                north=np.full(len(found), REFERENCES.index(north), dtype=np.uint8),
+            )
+        )
+
+    def done(self) -> AttitudeRows:
+        """All rows."""
+        kinds = {"flags": np.uint32, "method": np.uint8, "north": np.uint8}
+        return AttitudeRows(
+            **{
+                each.name: np.concatenate(
+                    [np.empty(0, kinds.get(each.name, np.float64)), *(getattr(part, each.name) for part in self._parts)]
+                )
+                for each in dataclasses.fields(AttitudeRows)
+            }
+        )
+
+    def _by_calibration(self, calibration: Calibration, at: Angles, turning: Mask, source: str) -> Array:
+        """Variances (k, 3) of inclination, azimuth and toolface by scale factors and couplings of the calibration.
+
+        Offsets are left to the methods, which know whether the tool turned them away; so is the gyro, whose bias and
+        scale are states of the filters.
+        """
+        tool = calibration.tool
+        if "accelerometer" not in tool.triads:
+            return np.zeros((len(turning), 3))
+        dip = USUAL_DIP if self._site.dip is None else self._site.dip
+        heat = None if self.heat is None else np.full(len(turning), self.heat)
+        moved = np.zeros((len(turning), 4, len(tool.parameter_names)))
+        for step in range(TURNS):
+            toolface = at.toolface + np.where(turning, TAU * step / TURNS, 0.0)
+            g, b = fields(at.azimuth, at.inclination, toolface, dip)
+            seen = {"accelerometer": g}
+            if source == "magnetic" and "magnetometer" in tool.triads:
+                seen["magnetometer"] = b
+            moved += angle_sensitivity(tool, seen, heat).by_parameter / TURNS
+        # exactly vertical azimuth and toolface have no derivative: their uncertainty is unbounded anyway
+        moved = np.where(np.isfinite(moved), moved, 0.0)
+        moved[..., [".offset[" in name for name in tool.parameter_names]] = 0.0
+        return np.asarray(np.einsum("kap,pq,kaq->ka", moved, tool.covariance, moved, optimize=True)[:, :3])
