@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from inclinometry.core.arrays import Array
 
+SPECTRA: Final = 15
+"""Spectra tried: white, and seven slopes of each kind."""
 ROUNDING: Final = 1e-7
 """Of a series, what its demodulation leaves of exactness."""
 COUNT: Final = 8
@@ -41,12 +43,15 @@ class BandFit:
     value : (p,) ndarray
     covariance : (p, p) ndarray
         Per real component, priors included, widened for the degrees of freedom the noise is known with.
+    trust : (r,) ndarray
+        Logarithm of the weight of each spectrum, the largest 0.
     taken : float
         How many of the sums the regressors used up; 1 is a plain mean.
     """
 
     value: Complex
     covariance: Complex
+    trust: Array
     taken: float
 
 
@@ -56,7 +61,7 @@ def basis(size: int) -> Basis:
 
     Slepian D., Bell System Technical Journal 57, 1978; Thomson D.J., Proceedings IEEE 70, 1982: of all sequences of
     that length they leave the least energy outside their band. Under a spectrum f^2 or f^4 the sums are correlated by the
-    products of the sequences' spectra, weighted so.
+        products of the sequences' spectra, weighted so.
     """
     from scipy.signal.windows import dpss
 
@@ -70,10 +75,12 @@ def basis(size: int) -> Basis:
         models += [np.eye(COUNT) + slope * coloured for slope in SLOPES[1:]]
     factors = np.linalg.cholesky(np.stack(models))
     logs = 2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
-    return Basis(tapers, np.linalg.inv(factors), logs)
+    return Basis(tapers, np.asarray(np.linalg.inv(factors)), logs)
 
 
-def fit(of: Basis, series: Complex | Array, regressors: Complex | Array, mean: Complex, precision: Complex) -> BandFit:
+def fit(
+    of: Basis, series: Complex | Array, regressors: Complex | Array, mean: Complex, precision: Complex, trust: Array
+) -> BandFit:
     """Bayesian least squares of a series inside the band.
 
     Parameters
@@ -84,13 +91,16 @@ def fit(of: Basis, series: Complex | Array, regressors: Complex | Array, mean: C
     regressors : (m, p) ndarray
     mean, precision : (p,), (p, p) ndarray
         Prior of the coefficients, precision per real component; zero where nothing is known.
+    trust : (r,) ndarray
+        Logarithm of what earlier windows make of each spectrum; zeros when there were none.
 
     Notes
     -----
     For every spectrum the noise's variance is the residual's own over the sums less those the regressors took,
     S = |e|^2 / 2 (k - tr H), found in turn with the coefficients. A mean of Gaussian errors of estimated variance has
     Student's distribution, whose variance is freedom / (freedom - 2) times as large: the covariance is widened by that.
-    The spectra are averaged with their marginal likelihoods as weights, what lies between them added to the covariance.
+    The spectra are averaged with their marginal likelihoods as weights, those of earlier windows included, and what lies
+    between them is added to the covariance.
     """
     parts = 2.0 if np.iscomplexobj(series) else 1.0
     y, x = of.tapers @ series, of.tapers @ regressors
@@ -111,8 +121,9 @@ def fit(of: Basis, series: Complex | Array, regressors: Complex | Array, mean: C
     bill = misfit / noise + np.einsum("rp,pq,rq->r", off.conj(), precision, off).real
     information = gram / noise[:, None, None] + precision
     logs = COUNT * np.log(noise) + of.log_determinants + np.linalg.slogdet(information)[1]
-    score = -0.5 * (parts * logs + bill)
-    weight = np.exp(score - score.max())
+    score = trust - 0.5 * (parts * logs + bill)
+    score -= score.max()
+    weight = np.exp(score)
     weight /= weight.sum()
     freedom = parts * np.maximum(COUNT - taken, 1.0)
     # the widening belongs to the noise, not to the prior
@@ -124,5 +135,6 @@ def fit(of: Basis, series: Complex | Array, regressors: Complex | Array, mean: C
     return BandFit(
         np.asarray(middle, dtype=np.complex128),
         np.asarray(np.einsum("r,rpq->pq", weight, covariance) + between, dtype=np.complex128),
+        score,
         float(weight @ taken),
     )

@@ -8,13 +8,15 @@ from typing import Final
 import numpy as np
 
 from inclinometry.core.arrays import Array
-from inclinometry.motion.magnetic.band import Complex
+from inclinometry.motion.magnetic.band import SPECTRA, Complex
 from inclinometry.motion.magnetic.settings import MagneticSettings
 
 OFFSET_WALK: Final = 1.0
 """nT / sqrt(s): magnetic offset, with temperature and stress."""
 ACCEL_WALK: Final = 1e-4
 """m/s^2 / sqrt(s)."""
+FORGETTING: Final = 0.8
+"""Of the evidence about noise spectra, what counts in the next window: about five windows are remembered."""
 LEVER_WALK: Final = 1e-5
 """m / sqrt(s)."""
 
@@ -35,6 +37,8 @@ class ToolConstants:
         Transverse accelerometer offset, m/s^2, and lever arm, m, complex.
     motion_covariance : (2, 2) ndarray
         Per real component.
+    trust : (4, r) ndarray
+        Log weights of the noise spectra of transverse gravity and field, axial gravity and field.
     """
 
     offset: complex
@@ -42,6 +46,7 @@ class ToolConstants:
     seen: bool
     motion: Complex
     motion_covariance: Complex
+    trust: Array
 
     def aged(self, seconds: float) -> ToolConstants:
         """After some time in which they may have wandered."""
@@ -52,6 +57,7 @@ class ToolConstants:
             self.seen,
             self.motion,
             self.motion_covariance + walk,
+            FORGETTING * self.trust,
         )
 
 
@@ -63,4 +69,5 @@ def beforehand(settings: MagneticSettings) -> ToolConstants:
         False,
         np.zeros(2, dtype=np.complex128),
         np.diag([settings.accel_sigma**2, settings.lever_sigma**2]).astype(np.complex128),
+        np.zeros((4, SPECTRA)),
     )

@@ -10,7 +10,7 @@ import numpy as np
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import cross_matrix, dcm, rotation_z
 from inclinometry.core.arrays import Array
-from inclinometry.motion.magnetic.band import Basis, BandFit, Complex, basis, fit
+from inclinometry.motion.magnetic.band import Basis, Complex, basis, fit
 from inclinometry.motion.magnetic.circle import Circle, arc, fit_circle
 from inclinometry.motion.magnetic.constants import ToolConstants
 from inclinometry.motion.magnetic.demodulate import Demodulated, demodulate
@@ -98,9 +98,12 @@ def _fields(
     """Band-limited fits of the four series, put together."""
     of = basis(d.rate.size)
     one = np.ones((d.rate.size, 1))
-    g = fit(of, d.gravity, _regressors(d), np.concatenate([[0.0], known.motion]), _prior(known))
+    g = fit(of, d.gravity, _regressors(d), np.concatenate([[0.0], known.motion]), _prior(known), known.trust[0])
     free, nothing = np.zeros((1, 1), dtype=np.complex128), np.zeros(1, dtype=np.complex128)
-    b, gz, bz = (fit(of, series, one, nothing, free) for series in (d.field, d.axial_gravity, d.axial_field))
+    b, gz, bz = (
+        fit(of, series, one, nothing, free, trust)
+        for series, trust in zip((d.field, d.axial_gravity, d.axial_field), known.trust[1:], strict=True)
+    )
     covariance = np.diag(
         [*[g.covariance[0, 0].real] * 2, gz.covariance[0, 0].real + settings.accel_sigma**2] + [0.0] * 3
     )
@@ -109,7 +112,12 @@ def _fields(
     gain = _by_gain(complex(g.value[0]), complex(b.value[0]), d.rate, settings.bandwidth_hz)
     covariance += by_offset @ circle.covariance @ by_offset.T + np.outer(gain, gain) + _clipping(clipped)
     constants = ToolConstants(
-        circle.centre, circle.covariance, known.seen or covered >= settings.least_arc, g.value[1:], g.covariance[1:, 1:]
+        circle.centre,
+        circle.covariance,
+        known.seen or covered >= settings.least_arc,
+        g.value[1:],
+        g.covariance[1:, 1:],
+        np.stack([g.trust, b.trust, gz.trust, bz.trust]),
     )
     hann = np.hanning(d.rate.size + 2)[1:-1]
     return WindowFit(
@@ -151,10 +159,10 @@ def _by_offset(of: Basis, d: Demodulated, known: ToolConstants, field: complex) 
     frequency of rotation this meets the lever arm's centripetal part, which turns just as fast, and leaves a constant.
     """
     jacobian = np.zeros((6, 2))
-    columns = _regressors(d)
+    columns, nothing = _regressors(d), np.zeros(3, dtype=np.complex128)
     for k, unit in enumerate((1.0, 1j)):
         turn = filtered(-np.imag(unit * d.back) / max(abs(field), 1.0), d.track.half)
-        gravity = fit(of, -1j * turn * d.gravity, columns, np.zeros(3, dtype=np.complex128), _prior(known)).value[0]
+        gravity = fit(of, -1j * turn * d.gravity, columns, nothing, _prior(known), known.trust[0]).value[0]
         change = of.tapers @ (-1j * turn * d.field - unit * d.back)
         ones = of.tapers.sum(axis=1)
         magnetic = complex(ones @ change) / float(ones @ ones)
