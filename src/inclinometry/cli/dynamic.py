@@ -114,8 +114,7 @@ def summary(found: DynamicRun, path: Path) -> dict[str, object]:
 def show_dynamic(found: DynamicRun, most: int = 12) -> None:
     """A few windows spread over the run and what is to be said of it, on the terminal."""
     rows = found.rows
-    places = np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)) if len(rows) else []
-    body = [_cells(found, int(k)) for k in places]
+    body = [_cells(found, int(k)) for k in np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]
     norths = "/".join(dict.fromkeys(REFERENCES[n] for n in rows.north)) or found.north
     header = ["time s", "inclination", f"azimuth ({norths})", "toolface", "rpm", "method", "flags"]
     output.table("attitude, deg with standard uncertainty", header, body)
@@ -130,11 +129,8 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
 def _cells(found: DynamicRun, k: int) -> list[str]:
     """A row of the table."""
     rows = found.rows
-    angles, u = (rows.inclination, rows.azimuth, rows.toolface), (rows.u_inclination, rows.u_azimuth, rows.u_toolface)
-    shown = [
-        rounded(np.degrees(a[k]), np.degrees(w[k])) if np.isfinite(a[k]) else "-"
-        for a, w in zip(angles, u, strict=True)
-    ]
+    pairs = [(getattr(rows, name)[k], getattr(rows, f"u_{name}")[k]) for name in ("inclination", "azimuth", "toolface")]
+    shown = [rounded(np.degrees(a), np.degrees(u)) if np.isfinite(a) else "-" for a, u in pairs]
     speed = f"{rows.rate[k] * RPM:.1f}" if np.isfinite(rows.rate[k]) else "-"
     return [f"{rows.time[k]:.2f}", *shown, speed, METHODS[rows.method[k]], ", ".join(rows.names(k))]
 

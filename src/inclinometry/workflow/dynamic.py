@@ -116,6 +116,9 @@ def dynamic_run(
         raise
     except InputError as error:
         raise FileError(str(error), path=run.path) from None
+    if not len(work.rows):
+        length = f"the run lasts {work.stop - work.start:.6g} s, and no stretch of it fills a window"
+        raise FileError(f"{length} of {chosen.window:g} s; give a longer run or a shorter window", path=run.path)
     vibration, envelopes, excerpts, spectrogram = work.monitor.finish()
     heat = temperature_doubts(work.monitor.heat, calibration)
     notes = (*run.notes, *said, *work.cutter.report.notes(), *heat, *work.rows.notes)
