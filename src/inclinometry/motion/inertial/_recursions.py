@@ -14,14 +14,19 @@ from typing import Final
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from inclinometry.attitude._kernels import compiled, inlined
 from inclinometry.core.arrays import Array
 
 STATES: Final = 16
 NOMINAL: Final = 20  # quaternion 0-3, then bias, scale, accelerometer bias, hard iron, dip; rest unused
-TAPERS: Final = 6  # Hann, its second derivative, and four that see the noise beside zero frequency
-SUMS: Final = 66  # see `_accumulate`
+TAPERS: Final = 5  # Hann, and four that see the noise beside zero frequency; their second derivatives follow
+MEAN_C: Final = 3 * TAPERS  # places in the sums of a window, see `_accumulate`
+DRIFT: Final = MEAN_C + 9
+LEVER: Final = DRIFT + 18
+COUNTS: Final = LEVER + 9 * TAPERS
+SUMS: Final = COUNTS + 6
 STEP: Final = 13  # of the tape: exact rotation of a step, half the interval, rates times it
 UPDATE: Final = 34  # of the tape: direction h, gain k, innovation over its variance, one over the variance
 USE_MAG: Final = 1
@@ -132,18 +137,19 @@ def _update(p: Array, x: Array, h: Array, z: float, r: float, gate: float, u: Ar
 def _accumulate(c: Array, a: Array, w: Array, drift: Array, out: Array) -> None:
     """Sums of a window; c is tool from north-east-down, `a` the corrected apparent gravity, w the tapers.
 
-    0-17: tapers 0-5 of the apparent gravity in north, east, down; 18-26 Hann mean of c transposed; 27-44 of the drift;
-    45-53 lever-arm sensitivity, minus the second derivative of the taper times c transposed.
+    In order: tapers of the apparent gravity in north, east, down; Hann mean of c transposed; of the drift; and what a
+    lever arm does to the tapered gravity: minus the second derivative of the taper times c transposed, by parts.
     """
     for n in range(3):
         g = c[0, n] * a[0] + c[1, n] * a[1] + c[2, n] * a[2]
         for m in range(TAPERS):
             out[3 * m + n] += w[m] * g
+            for j in range(3):
+                out[LEVER + 9 * m + 3 * n + j] -= w[TAPERS + m] * c[j, n]
         for j in range(3):
-            out[18 + 3 * n + j] += w[0] * c[j, n]
-            out[45 + 3 * n + j] -= w[1] * c[j, n]
+            out[MEAN_C + 3 * n + j] += w[0] * c[j, n]
     for j in range(18):
-        out[27 + j] += w[0] * drift[j]
+        out[DRIFT + j] += w[0] * drift[j]
 
 
 @inlined
@@ -185,7 +191,7 @@ def forward(
     gyro: Array,
     accel: Array,
     mag: Array,
-    marks: Array,
+    marks: NDArray[np.uint8],
     tapers: Array,
     c: Array,
     nominal: Array,
@@ -196,10 +202,12 @@ def forward(
     steps: Array,
     updates: Array,
 ) -> None:
-    """One window. c: interval, three Earth-rate steps (rad), field strength, mag variance, gate, held variance, then
-    the 16 variances a step adds, and 1 (0 for a tool that is held: bias and scale turn nothing). nominal, p, x, last (gyro sample before) are carried on. `out` receives the sums of
-    `_accumulate`, then 54 field samples used, 55 refused, 56 sum of squared normalised innovations, 58-60 of the
-    corrected rates. steps, updates: the tape, of no rows when not wanted.
+    """One window. nominal, p, x, last (the gyro's sample before) are carried on.
+
+    c: interval, three Earth-rate steps (rad), field strength, mag variance, gate, held variance, the 16 variances a
+    step adds, and 1, or 0 for a tool that is held: its bias and scale turn nothing. `out` receives the sums of
+    `_accumulate`, then (COUNTS) field samples used, refused, sum of their squared normalised innovations, sums of the
+    corrected rates. steps, updates: the tape, of no rows when it is not wanted.
     """
     dt, strength, variance, gate, held, coupled = c[0], c[4], c[5], c[6], c[7], c[24]
     noise = c[8 : 8 + STATES]
@@ -220,7 +228,7 @@ def forward(
             last[j] = now
             a[j] = accel[i, j] - nominal[10 + j]
             y[j] -= y[j] * nominal[7 + j] + nominal[4 + j]
-            out[58 + j] += y[j]
+            out[COUNTS + 3 + j] += y[j]
         _turn(-y[0] * dt, -y[1] * dt, -y[2] * dt, turn)
         _matrix(turn, rotation)
         for j in range(9):
@@ -236,14 +244,14 @@ def forward(
         if marks[i] & USE_MAG:
             z = _field(dcm, mag[i], nominal, strength, i % 2 == 0, h)
             ratio, inverse = _update(p, x, h, z, variance, gate, u, k)
-            out[55 if inverse < 0.0 else 54] += 1.0
-            out[56] += 0.0 if inverse <= 0.0 else ratio * ratio / inverse
+            out[COUNTS + (1 if inverse < 0.0 else 0)] += 1.0
+            out[COUNTS + 2] += 0.0 if inverse <= 0.0 else ratio * ratio / inverse
         if taped:
             for j in range(STEP):
                 steps[i, j] = step[j]
             _note(updates[i], h, k, ratio, inverse)
     for j in range(18):
-        out[27 + j] = drift[j] - out[27 + j]
+        out[DRIFT + j] = drift[j] - out[DRIFT + j]
 
 
 @compiled(types.float64(_IN, types.float64, types.float64, types.float64, _WORK, _OUT, _OUT))

@@ -8,10 +8,11 @@ import numpy as np
 
 from inclinometry.core.errors import InputError
 from inclinometry.motion._window_buffer import LARGEST_BREAK
+from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.rows import LOST, row
 from inclinometry.motion.inertial.start import azimuth_variance, blank, given, linearised, sought
 from inclinometry.motion.inertial.state import State
-from inclinometry.motion.inertial.window import Model, Seen, is_still, reduce_window
+from inclinometry.motion.inertial.window import Seen, is_still, reduce_window
 from inclinometry.motion.result import Attitude, refusals
 from inclinometry.motion.samples import Samples
 
@@ -20,7 +21,8 @@ class Node(NamedTuple):
     """A window as the backward pass needs it.
 
     before, after : states; before is what the forward pass began with, None where there was nothing to begin with.
-    broken : its attitude does not continue that of the window before. age : windows since the start. time : s, of after.
+    broken : its attitude does not continue that of the window before. age : windows since the
+    start. time : s, of after.
     """
 
     before: State | None
@@ -63,7 +65,7 @@ class Engine:
             north = "magnetic" if self._model.magnetic else "true"
             return refusals([node.time], ("clipped", "start"), method, north)
         covariance = node.after.covariance[:3, :3]
-        return row(node.time, node.after.quaternion, covariance, node.seen, node.age, window, self._model, method)
+        return row(node.time, node.after, covariance, node.seen, node.age, window, self._model, method)
 
     def _placed(self, window: Samples) -> bool:
         """Whether the window does not continue the grid; the grid is then begun again at its first stamp."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from inclinometry.earth.site import Site
 from inclinometry.motion._window_buffer import WindowBuffer
 from inclinometry.motion.inertial.engine import Engine
+from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.settings import InertialSettings
-from inclinometry.motion.inertial.window import Model
 from inclinometry.motion.result import Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
 

@@ -8,11 +8,15 @@ import numpy as np
 
 from inclinometry.attitude.rotations import dcm_from_quaternion
 from inclinometry.core.arrays import Array
+from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.settings import InertialSettings
-from inclinometry.motion.inertial.window import Model, Seen
+from inclinometry.motion.inertial.state import State
+from inclinometry.motion.inertial.window import Seen
 from inclinometry.motion.result import BITS, METHODS, Attitude
 from inclinometry.motion.samples import Samples
 
+TEN_TURNS: Final = 20.0 * np.pi
+"""rad/s, the rotation rate that the settings' ripple is stated for."""
 SETTLED: Final = 2
 """Windows after a start of which the rows are flagged."""
 MOST_REFUSED: Final = 0.05
@@ -28,20 +32,41 @@ FASTEST: Final = 1.5
 
 
 def row(
-    time: float, quaternion: Array, covariance: Array, seen: Seen, age: int, window: Samples, model: Model, method: str
+    time: float, state: State, covariance: Array, seen: Seen, age: int, window: Samples, model: Model, method: str
 ) -> Attitude:
     """One row; `age` counts windows since the start."""
+    square = float(np.mean(np.asarray(window.gyro)[:, 2] ** 2))
+    quaternion, dip = state.quaternion, float(state.nominal[16])
+    covariance = with_gain(quaternion, covariance, dip, square, model)
     names = _names(quaternion, covariance, seen, age, window, model)
     return Attitude(
         time=np.array([time]),
         quaternion=quaternion[None] * (1.0 if quaternion[0] >= 0.0 else -1.0),
-        covariance=covariance[None].copy(),
+        covariance=covariance[None],
         rate=np.array([seen.rate]),
         quality=np.array([_quality(covariance, seen, model.settings)]),
         flags=np.array([sum(BITS[name] for name in names)], dtype=np.uint32),
         method=np.array([METHODS.index(method)], dtype=np.uint8),
         north="magnetic" if model.magnetic else "true",
     )
+
+
+def with_gain(quaternion: Array, covariance: Array, dip: float, square: float, model: Model) -> Array:
+    """The covariance (3, 3) of an attitude, what an unknown gain across the tool does to it added.
+
+    `square` of the rotation rate, rad^2/s^2. A tilt d in the vertical plane of the axis; azimuth from the field follows its tilt about north by tan(dip).
+    """
+    matrix = dcm_from_quaternion(quaternion)
+    axis = matrix[2]
+    level = np.hypot(axis[0], axis[1])
+    if level == 0.0:
+        return covariance
+    turn = np.array([-axis[1], axis[0], 0.0]) / level
+    if model.magnetic:
+        turn[2] = turn[0] * np.tan(dip)
+    fast = model.settings.ripple_sigma * (square / TEN_TURNS**2)
+    tilt = matrix @ turn * (np.hypot(model.settings.gain_sigma, fast) * level * axis[2])
+    return np.asarray(covariance + np.outer(tilt, tilt))
 
 
 def _names(quaternion: Array, covariance: Array, seen: Seen, age: int, window: Samples, model: Model) -> list[str]:

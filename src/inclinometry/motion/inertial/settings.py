@@ -27,6 +27,8 @@ _RANGES: Final = {
     "mag_noise": (1e-3, 1e5, "nT"),
     "hard_iron_sigma": (0.0, 1e5, "nT"),
     "hard_iron_walk": (0.0, 1e3, "nT/sqrt(s)"),
+    "gain_sigma": (0.0, 0.1, ""),
+    "ripple_sigma": (0.0, 0.1, ""),
     "lever_sigma": (0.0, 1.0, "m"),
     "gate": (1.0, 1e6, "variances"),
     "still_rate": (0.0, 1.0, "rad/s"),
@@ -59,6 +61,10 @@ class InertialSettings:
         Of one sample, nT.
     hard_iron_sigma, hard_iron_walk : float or three floats, float
         nT (x, y, z), nT/sqrt(s). Along the tool axis hardly anything but this number bounds the azimuth's error.
+    gain_sigma, ripple_sigma : float
+        Standard uncertainty of the accelerometers' gain across the tool relative to along it: of their scales, and of
+        the anti-alias filter at 10 turns a second (it grows with the square of the rate). Neither can be seen from
+        within; they tilt by gain x sin I cos I and are added to the covariance of every row.
     lever_arm, lever_sigma : three floats, float
         Position of the accelerometers from the axis of rotation, tool axes, m, and its standard uncertainty.
     gate : float
@@ -98,6 +104,8 @@ class InertialSettings:
     mag_noise: float = 50.0
     hard_iron_sigma: float | tuple[float, float, float] = 150.0
     hard_iron_walk: float = 0.05
+    gain_sigma: float = 2e-4
+    ripple_sigma: float = 1e-3
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lever_sigma: float = 0.02
     gate: float = 36.0

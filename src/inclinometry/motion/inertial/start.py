@@ -17,9 +17,11 @@ from inclinometry.attitude.rotations import (
 from inclinometry.attitude.wahba import solve_triad
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.settings import DIP_SIGMA
-from inclinometry.motion.inertial.state import NOMINAL, STATES, State, corrected
-from inclinometry.motion.inertial.window import Model, blank_tape, hann_mean, reduce_window
+from inclinometry.motion.inertial.state import NOMINAL, STATES, Shaking, State, corrected
+from inclinometry.motion.inertial.tape import blank_tape
+from inclinometry.motion.inertial.window import hann_mean, reduce_window
 from inclinometry.motion.result import Attitude
 from inclinometry.motion.samples import Samples
 from inclinometry.uncertainty.propagation import UNKNOWN
@@ -28,6 +30,12 @@ TILT: Final = 0.3
 """rad, uncertainty beforehand of a tilt that the first window is only linearised at, not yet measured with."""
 PASSES: Final = 3
 """Times the first window is linearised again at what its backward pass found: scale x turns bends the first one."""
+BENT: Final = 0.2
+"""rad that the scale's uncertainty may turn the end of the part of the first window that is looked at first."""
+SHORTEST: Final = 64
+"""Samples of that part, at least."""
+GROWTH: Final = 4
+"""Factor by which that part then grows."""
 STATED_DIP: Final = float(np.radians(0.2))
 """Standard uncertainty of a dip that is given without one, rad."""
 
@@ -44,7 +52,14 @@ def blank(window: Samples, model: Model) -> State:
         strength = float(np.sqrt(np.mean(np.sum(np.asarray(window.mag) ** 2, axis=1)))) if site.b is None else site.b
     covariance = model.settings.prior(np.eye(3), dip_sigma)
     gyro = np.asarray(window.gyro)
-    return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, np.zeros(3))
+    return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, unshaken(model))
+
+
+def unshaken(model: Model) -> Shaking:
+    """Before the first window."""
+    settings = model.settings
+    information = np.eye(3) / max(settings.lever_sigma, 1e-6) ** 2
+    return Shaking(np.zeros(3), np.array(settings.lever_arm, dtype=np.float64), information, 0)
 
 
 def sought(state: State, window: Samples, model: Model) -> State:
@@ -58,6 +73,7 @@ def sought(state: State, window: Samples, model: Model) -> State:
     IdentifiabilityError
         Field and gravity parallel.
     """
+    window = beginning(window, model)
     gravity = hann_mean(state, window, np.asarray(window.accel))
     sigmas = [1.0, 1.0]
     if model.magnetic:
@@ -74,7 +90,7 @@ def sought(state: State, window: Samples, model: Model) -> State:
     else:
         rate = (np.asarray(window.gyro) * (1.0 - state.nominal[7:10])).mean(axis=0) - state.nominal[4:7]
         try:
-            matrix = solve_triad([gravity, rate], [[0, 0, 1.0], model.spin], sigmas).dcm
+            matrix = solve_triad([gravity, rate], np.stack([[0.0, 0.0, 1.0], model.spin]), sigmas).dcm
         except (IdentifiabilityError, InputError):  # no latitude, or the rate is along gravity: any azimuth will do
             matrix = _level(gravity)
         attitude = matrix @ np.diag([TILT**2, TILT**2, UNKNOWN**2]) @ matrix.T
@@ -115,17 +131,29 @@ def given(state: State, window: Samples, start: Attitude, model: Model) -> State
     return placed(state, back, start.covariance[-1], first)
 
 
+def beginning(window: Samples, model: Model) -> Samples:
+    """So much of a window that an unknown scale has not yet turned its end far from its beginning."""
+    turned = np.cumsum(np.linalg.norm(np.asarray(window.gyro), axis=1)) * window.interval
+    size = int(np.searchsorted(turned * max(model.settings.gyro_scale_sigma, 1e-9), BENT))
+    return window.part(0, min(max(size, SHORTEST), len(window)))
+
+
 def linearised(state: State, window: Samples, model: Model) -> State:
-    """The same beliefs, linearised at what the whole window makes of its beginning."""
+    """The same beliefs, linearised at what the window makes of its beginning: first a part of it, then the whole."""
     from inclinometry.motion.inertial._recursions import backward
 
-    for _ in range(PASSES):
-        tape = blank_tape(len(window))
-        reduce_window(state, window, model, tape)
-        lam, info = np.zeros(STATES), np.zeros((STATES, STATES))
-        backward(*tape, lam, info)
-        state = corrected(state, state.offset - state.covariance @ lam)
-    return state
+    size = len(beginning(window, model))
+    while True:
+        part = window.part(0, size)
+        for _ in range(PASSES):
+            tape = blank_tape(size)
+            reduce_window(state, part, model, tape)
+            lam, info = np.zeros(STATES), np.zeros((STATES, STATES))
+            backward(*tape, lam, info)
+            state = corrected(state, state.offset - state.covariance @ lam)
+        if size == len(window):
+            return state
+        size = min(GROWTH * size, len(window))
 
 
 def _level(gravity: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,19 @@ NOMINAL = 20
 STATES = 16
 
 
+class Shaking(NamedTuple):
+    """What is known of vibration and lever arm.
+
+    scatter : (3,) m^2/s^4, variance that shaking gives a window's gravity, north, east, down; over `windows` windows.
+    lever : (3,) m, position of the accelerometers; information : (3, 3) its inverse covariance.
+    """
+
+    scatter: Array
+    lever: Array
+    information: Array
+    windows: int
+
+
 @dataclass(frozen=True, eq=False)
 class State:
     """Estimates at an instant.
@@ -23,7 +37,7 @@ class State:
     offset : (16,) expected estimate minus truth; zero but where a start is linearised again.
     last : (3,) gyro sample before the window.
     strength : nT, of the reference field.
-    scatter : (3,) m^2/s^4, variance that shaking gives a window's gravity, north, east, down; over `count` windows.
+    shaking : of the tool, as far as known.
     """
 
     nominal: Array
@@ -31,8 +45,7 @@ class State:
     offset: Array
     last: Array
     strength: float
-    scatter: Array
-    count: int = 0
+    shaking: Shaking
 
     @property
     def quaternion(self) -> Array:

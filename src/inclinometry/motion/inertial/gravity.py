@@ -1,0 +1,103 @@
+"""A window's gravity: its mean through a taper in the almost-inertial frame, and the noise shaking leaves in it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.rotations import cross_matrix, dcm_from_quaternion
+from inclinometry.core.arrays import Array
+from inclinometry.motion.inertial.model import Model
+from inclinometry.motion.inertial.state import STATES, Shaking
+from inclinometry.motion.inertial.tape import Ends
+
+MEMORY: Final = 10
+"""Windows over which the noise that shaking leaves in gravity is averaged."""
+FREE: Final = 10 / 3.0
+"""Degrees of freedom of that noise in one window and direction: 4 tapers in 3 directions less the lever arm."""
+TURNS: Final = (2, 3)
+"""Turns a window of the tapers that see noise beside zero frequency; below 2 they would see gravity."""
+
+
+def tapers(size: int, interval: float) -> Array:
+    """Hann taper (sum 1), the taper times cosine and sine of 2 and 3 turns, and their second derivatives (n, 10).
+
+    All of them and their slopes vanish at both ends, so that a bounded position shows in them only by its product with
+    the second derivative.
+    """
+    phase = 2.0 * np.pi * (np.arange(size) + 0.5) / size
+    scale = (2.0 * np.pi / (size * interval)) ** 2
+    found = [(1.0 - np.cos(phase)) / size]
+    bends = [np.cos(phase) / size * scale]
+    for turns in TURNS:
+        for wave in (np.cos, np.sin):
+            parts = [(turns, 1.0), (turns - 1, -0.5), (turns + 1, -0.5)]
+            found.append(sum((weight * wave(n * phase) for n, weight in parts), np.zeros(size)) / size)
+            bends.append(sum((-scale * n * n * weight * wave(n * phase) for n, weight in parts), np.zeros(size)) / size)
+    return np.ascontiguousarray(np.stack([*found, *bends], axis=1))
+
+
+def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) -> Shaking:
+    """Vibration and lever arm from the tapers that gravity does not reach.
+
+    Parameters
+    ----------
+    tapered : (4, 3); sensitivity : (4, 3, 3), their slopes by the lever arm.
+    floor : variance of the Hann mean without any vibration.
+    """
+    residual = tapered - sensitivity @ before.lever
+    count = before.windows + 1
+    scatter = before.scatter if before.windows else 2.0 * np.mean(residual**2, axis=0)
+    lever, information = before.lever, before.information
+    for _ in range(1 if before.windows else 3):  # the first window finds both from nothing
+        weight = 1.0 / np.maximum(0.5 * scatter, 0.5 * floor)
+        information = before.information + np.einsum("mni,n,mnj->ij", sensitivity, weight, sensitivity)
+        step = np.linalg.solve(information, np.einsum("mni,n,mn->i", sensitivity, weight, residual))
+        left = residual - sensitivity @ step
+        seen = 2.0 * np.sum(left**2, axis=0) / FREE
+        lever = before.lever + step
+        scatter = before.scatter + (seen - before.scatter) / min(count, MEMORY)
+    return Shaking(scatter, lever, information, count)
+
+
+def measure_gravity(
+    shaking: Shaking, nominal: Array, sums: Array, size: int, interval: float, model: Model, ends: Ends
+) -> tuple[float, Shaking]:
+    """Apparent gravity through the Hann taper, put into the filter.
+
+    Returns
+    -------
+    Largest squared normalised innovation, negative when one was beyond the gate, and the shaking as now known.
+
+    Notes
+    -----
+    With psi the attitude error in north, east, down, the mean of c' a is g + g x psi_mean - mean(c') d(bias), and
+    psi_mean = psi_end - D (bias, scale), D the drift from mean to end that the loop has summed.
+    """
+    from inclinometry.motion.inertial import _recursions as kernels
+
+    settings, g = model.settings, model.gravity
+    tapered = sums[: kernels.MEAN_C].reshape(-1, 3)
+    mean_c = sums[kernels.MEAN_C : kernels.DRIFT].reshape(3, 3)
+    drift = sums[kernels.DRIFT : kernels.LEVER].reshape(3, 6)
+    levers = sums[kernels.LEVER : kernels.COUNTS].reshape(-1, 3, 3)
+    white = 1.5 * settings.accel_noise**2 / size
+    shaking = learnt(shaking, tapered[1:], levers[1:], white)
+    cross = g * cross_matrix([0.0, 0.0, 1.0])
+    rows = np.zeros((3, STATES))
+    rows[:, :3] = cross @ dcm_from_quaternion(nominal[:4]).T
+    rows[:, 3:9] = -cross @ drift
+    rows[:, 9:12] = -mean_c
+    residual = tapered[0] - levers[0] @ shaking.lever - [0.0, 0.0, g]
+    weight = min(shaking.windows, MEMORY)
+    variance = shaking.scatter * (1.0 + 2.0 / (FREE * weight))
+    variance += np.einsum("ni,ij,nj->n", levers[0], np.linalg.inv(shaking.information), levers[0])
+    variance = np.maximum(variance, white) + settings.gyro_noise**2 * size * interval / 3.0 * np.array([g, g, 0.0]) ** 2
+    variance[2] += (model.site.gravity_sigma or 0.0) ** 2
+    axes = range(3 if model.site.gravity is not None else 2)
+    if settings.weight is not None:
+        t = np.array([ends.surprise(rows[i], residual[i], variance[i]) for i in axes])
+        variance[: len(t)] /= np.maximum(settings.weight(t), 1e-12)
+    found = [ends.measure(rows[i], float(residual[i]), float(variance[i]), settings.gate) for i in axes]
+    return (-1.0 if min(found) < 0.0 else max(found)), shaking

@@ -1,0 +1,183 @@
+"""The backward pass over everything recorded, and the gyro-only survey between two stations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.rotations import dcm_from_quaternion, rotation_log
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
+from inclinometry.motion._window_buffer import WindowBuffer
+from inclinometry.motion.inertial.engine import Engine, Node
+from inclinometry.motion.inertial.model import Model
+from inclinometry.motion.inertial.rows import SETTLED, row
+from inclinometry.motion.inertial.settings import InertialSettings
+from inclinometry.motion.inertial.state import STATES, State, corrected
+from inclinometry.motion.inertial.tape import NO_GATE, Ends, Tape, blank_tape
+from inclinometry.motion.inertial.window import reduce_window
+from inclinometry.motion.result import BITS, Attitude, joined, refusals
+from inclinometry.motion.samples import Samples
+
+CLOSURE: Final = 4.0
+"""Misclosure at the end station, in standard deviations (root mean square of three), that is flagged."""
+
+
+def smoothed_attitude(
+    samples: Samples,
+    settings: InertialSettings | None = None,
+    site: Site | None = None,
+    start: Attitude | None = None,
+) -> Attitude:
+    """Attitude of a recorded run, every row from all samples before and after it: filter and backward pass.
+
+    Parameters
+    ----------
+    samples : Samples
+        With `accel`, `mag` and `gyro`.
+    settings, site, start
+        As for `inertial_attitude`.
+
+    Returns
+    -------
+    Attitude
+        Rows as those of `inertial_attitude`, method "smoother".
+
+    Raises
+    ------
+    InputError
+        As `inertial_attitude`.
+
+    Notes
+    -----
+    Modified Bryson-Frazier smoother (Bierman G.J., Factorization Methods for Discrete Sequential Estimation, 1977,
+    chapter X): from the last sample back, lam = (1 - k h)' lam - h v / s, info = (1 - k h)' info (1 - k h) + h h' / s
+    past a measurement, F' lam and F' info F past a step; smoothed error x - P lam, covariance P - P info P. No
+    covariance is inverted. States are kept at the ends of the windows only; the steps of a window are gone through
+    again from there, so that memory grows by some kilobytes a window.
+
+    Examples
+    --------
+    >>> from inclinometry.attitude.orientation import fields
+    >>> g, b = fields(np.radians(60.0), np.radians(30.0), np.radians(100.0), np.radians(65.0))
+    >>> noise = np.random.default_rng(0)
+    >>> still = Samples(np.arange(2000) / 100.0, 0.01, accel=9.81 * g + noise.normal(0, 0.03, (2000, 3)),
+    ...                 mag=50e3 * b + noise.normal(0, 50, (2000, 3)), gyro=np.zeros((2000, 3)))
+    >>> [float(np.degrees(x[0]).round(1)) for x in smoothed_attitude(still).angles[:3]]
+    [30.0, 60.0, 100.0]
+    """
+    model = Model(settings or InertialSettings(), site or Site(), True)
+    return _smoothed(samples, model, start, None, "smoother")
+
+
+def continuous_survey(
+    samples: Samples,
+    start: Attitude,
+    end: Attitude,
+    settings: InertialSettings | None = None,
+    site: Site | None = None,
+) -> Attitude:
+    """Gyro-only survey of a run between two north-seeking stations, its drift closed at both ends.
+
+    Parameters
+    ----------
+    samples : Samples
+        With `accel` and `gyro`; begins with the tool as at the first station and ends with it as at the second.
+    start, end : Attitude
+        The stations, azimuths from true north; of `start` the last row counts, of `end` the first
+        (`north_seeking_attitude` makes such rows). Their covariances enter as they are.
+    settings : InertialSettings, optional
+    site : Site, optional
+        Its latitude: without it the Earth rate is taken for drift.
+
+    Returns
+    -------
+    Attitude
+        A row a window, method "survey", north "true". A note tells the misclosure; where it is larger than the
+        uncertainties allow every row is flagged "misfit".
+
+    Raises
+    ------
+    InputError
+        Missing triads, stations that are refused, not from true north, or not at the ends of the run.
+
+    Notes
+    -----
+    The filter of `gyro_attitude` from the first station, the second as a measurement of the attitude at the last row,
+    and the backward pass of `smoothed_attitude`. What a constant gyro bias and scale error do to the azimuth grows in
+    proportion to time and turns, is seen whole at the end, and leaves what random walk makes: most in the middle.
+    """
+    model = Model(settings or InertialSettings(), site or Site(), False)
+    if not len(end) or end.refused[0]:
+        raise InputError("the end station has no row with an attitude; give one that was measured")
+    if end.north != "true":
+        raise InputError(f"the end station's azimuth counts from {end.north} north; a gyro needs true: convert it")
+    return _smoothed(samples, model, start, end, "survey")
+
+
+def _smoothed(samples: Samples, model: Model, start: Attitude | None, end: Attitude | None, method: str) -> Attitude:
+    buffer, engine = WindowBuffer(model.settings.window), Engine(model, start)
+    windows = [*buffer.push(samples), *buffer.finish()]
+    nodes = [engine.advance(window) for window in windows]
+    if not nodes:
+        if end is not None:
+            raise InputError(f"the run is shorter than half a window of {model.settings.window:g} s; nothing to survey")
+        return refusals([], (), method, "magnetic" if model.magnetic else "true")
+    lam, info, misclosure = np.zeros(STATES), np.zeros((STATES, STATES)), 0.0
+    if end is not None:
+        misclosure = _close(nodes[-1], end, model, lam, info)
+    rows = [
+        _row(node, window, engine, model, lam, info, method)
+        for node, window in zip(reversed(nodes), reversed(windows), strict=True)
+    ]
+    found = joined(rows[::-1])
+    if end is None:
+        return found
+    note = f"misclosure at the end station {misclosure:.2f} standard deviations (root mean square of three axes)"
+    bit = BITS["misfit"] if misclosure > CLOSURE else 0
+    return replace(found, flags=(found.flags | bit).astype(np.uint32), notes=(*found.notes, note))
+
+
+def _close(node: Node, end: Attitude, model: Model, lam: Array, info: Array) -> float:
+    """The end station as a measurement at the last row; returns the misclosure in standard deviations."""
+    from inclinometry.motion.inertial._recursions import backward
+
+    if node.after is None:
+        raise InputError("the last window has no attitude to be closed at the end station: clipped from the start")
+    late = float(end.time[0] - node.time)
+    if abs(late) > model.settings.window:
+        raise InputError(
+            f"the end station is of {end.time[0]:.6g} s, {late:.3g} s after the last row; allowed are "
+            f"{model.settings.window:g} s either way"
+        )
+    difference = rotation_log(dcm_from_quaternion(node.after.quaternion) @ dcm_from_quaternion(end.quaternion[0]).T)
+    p, tape = node.after.covariance.copy(), Tape(np.zeros((0, 13)), np.zeros((3, 34)))
+    together = p[:3, :3] + end.covariance[0]
+    ends = Ends(p, np.zeros(STATES), tape, 0)
+    values, axes = np.linalg.eigh(end.covariance[0])
+    for value, axis in zip(values, axes.T, strict=True):
+        ends.measure(np.append(axis, np.zeros(STATES - 3)), float(axis @ difference), float(value), NO_GATE)
+    backward(*tape, lam, info)
+    return float(np.sqrt(difference @ np.linalg.solve(together, difference) / 3.0))
+
+
+def _row(node: Node, window: Samples, engine: Engine, model: Model, lam: Array, info: Array, method: str) -> Attitude:
+    """Smoothed row of a window; lam and info go back to its beginning."""
+    from inclinometry.motion.inertial._recursions import backward
+
+    if node.before is None or node.after is None or node.seen is None:
+        return engine.row(node, window, method)
+    covariance = node.after.covariance
+    state: State = corrected(node.after, -covariance @ lam)
+    rest = covariance - covariance @ info @ covariance
+    rest = 0.5 * (rest + rest.T)[:3, :3]
+    found = row(node.time, state, rest, node.seen, SETTLED, window, model, method)
+    tape = blank_tape(len(window))
+    reduce_window(node.before, window, model, tape)
+    backward(*tape, lam, info)
+    if node.broken:  # what came before tells nothing of this attitude, but of the sensors
+        lam[:3], info[:3, :], info[:, :3] = 0.0, 0.0, 0.0
+    return found
