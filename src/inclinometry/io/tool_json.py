@@ -140,16 +140,21 @@ def read_calibration(path: str | Path) -> Calibration:
         Not JSON, another kind of file, a newer version, or content the schema refuses: with the JSON path, the value
         found and what is expected there.
     """
-    content = _load(path, ("inclinometry/tool",))
+    return calibration_from(_json.load(path), path)
+
+
+def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
+    """The calibration in the content of a tool.json, wherever it was kept; errors as `read_calibration`."""
+    _checked(content, ("inclinometry/tool",), where)
     rig, residuals = content["rig"], content["residuals"]
     try:
         return Calibration(
-            _tool(content, path),
+            _tool(content, where),
             content["method"],
             content["inputs"],
-            check_directions(content["field_directions"], path),
+            check_directions(content["field_directions"], where),
             tuple(content["covariance"]["parameters"]),
-            covariance(content["covariance"], path, "$.covariance"),
+            covariance(content["covariance"], where, "$.covariance"),
             Rig(
                 _array(rig["sd_rad"]),
                 None if rig["errors_rad"] is None else _array(rig["errors_rad"]),
@@ -165,7 +170,7 @@ def read_calibration(path: str | Path) -> Calibration:
             tuple(content["warnings"]),
         )
     except (ValueError, OverflowError) as error:
-        raise _refused(error, path) from None
+        raise _refused(error, where) from None
 
 
 def read_tool(path: str | Path) -> Tool:
@@ -184,7 +189,11 @@ def read_extras(path: str | Path) -> dict[str, Any]:
 
 
 def _load(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
-    content = _json.load(path)
+    return _checked(_json.load(path), kinds, path)
+
+
+def _checked(content: dict[str, Any], kinds: tuple[str, ...], path: str | Path) -> dict[str, Any]:
+    """The content, when it is of one of these kinds and fits its schema."""
     kind, version = content.get("schema"), content.get("version")
     if kind not in kinds:
         wanted = " or ".join(f'"{k}"' for k in kinds)

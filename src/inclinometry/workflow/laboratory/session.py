@@ -13,7 +13,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
-from inclinometry.store.ledger import ConflictError, Ledger, LedgerError, Record
+from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
@@ -207,12 +207,16 @@ def reject(ledger: Ledger, taken: Taken, reason: str, *, author: str) -> None:
 
 def close_session(ledger: Ledger, session: str, how: str, *, author: str, reason: str = "") -> None:
     """Close a session: "finished" or "abandoned"; nothing more is captured in it."""
-    if how not in ("finished", "abandoned"):
-        raise InputError(f"a session is closed as finished or abandoned, not {how!r}")
     if closing(ledger, session):
         raise LedgerError("this session is closed already")
-    keys = {"subject_kind": "session", "subject": session, "action": how}
-    ledger.append("event", keys, {"reason": reason}, author=author)
+    ledger.append_all([close_session_draft(session, how, reason)], author=author)
+
+
+def close_session_draft(session: str, how: str, reason: str = "") -> Draft:
+    """The record that closes a session, for recording it together with what the session gave."""
+    if how not in ("finished", "abandoned"):
+        raise InputError(f"a session is closed as finished or abandoned, not {how!r}")
+    return Draft("event", {"subject_kind": "session", "subject": session, "action": how}, {"reason": reason})
 
 
 def bench_readings(

@@ -1,0 +1,156 @@
+"""From a finished session to a recorded calibration, and what the calibrations of a tool say over the years."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.calibration.capability import ANGLES, capability
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
+from inclinometry.io._json import canonical
+from inclinometry.io.tool_json import calibration_content, calibration_from
+from inclinometry.sensors.tool import parameter_vector
+from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
+from inclinometry.workflow.laboratory.registry import find_rig, find_site
+from inclinometry.workflow.laboratory.session import close_session_draft, load_session
+from inclinometry.workflow.laboratory.standing import BOTH, Goal, standing
+
+SHOWN: Final = tuple(float(x) for x in np.radians([1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0]))
+"""Inclinations of the table of expected uncertainties, rad."""
+COVERAGE: Final = 2.0
+
+
+def finish_calibration(
+    ledger: Ledger, session: str, *, author: str, goal: Goal | None = None, estimate_rig: bool = False
+) -> Record:
+    """Fit the session's readings, record the calibration and close the session, in one step.
+
+    Raises
+    ------
+    LedgerError
+        The session is closed, or its readings cannot be fitted; says why.
+    """
+    seen = load_session(ledger, session)
+    if seen.closed:
+        raise LedgerError("this session is closed already")
+    rig = find_rig(ledger, seen.rig)
+    if rig is None:
+        raise LedgerError(f"rig {seen.rig!r} is not registered; register it first")
+    site = find_site(ledger, str(seen.settings.get("site", "")))
+    now = standing(seen, goal or Goal(), rig, site, estimate_rig=estimate_rig)
+    if now.calibration is None:
+        raise LedgerError(f"these readings do not make a calibration: {now.waiting}")
+    found = now.calibration
+    body = {
+        "tool_json": plain_content(found),
+        "method": found.method,
+        "readings": [row.record for row in seen.valid],
+        "capability_deg": expected_table(found),
+        "summary": {
+            "rig": seen.rig,
+            "plan": seen.plan,
+            "positions": len(seen.valid),
+            "warnings": list(found.warnings),
+            "odd": {str(number): sentence for number, sentence in now.odd.items()},
+        },
+        "program": program(),
+    }
+    drafts = [
+        Draft("calibration", {"serial": seen.serial, "session": session}, body),
+        close_session_draft(session, "finished"),
+    ]
+    return ledger.append_all(drafts, author=author)[0]
+
+
+def program() -> str:
+    """Name and version of this program, for records."""
+    return f"inclinometry {version('inclinometry')}"
+
+
+def plain_content(calibration: Calibration) -> dict[str, Any]:
+    """The content of its tool.json as plain lists and mappings."""
+    content: dict[str, Any] = json.loads(canonical(calibration_content(calibration)))
+    return content
+
+
+def calibration_of(record: Record) -> Calibration:
+    """The calibration of a record of that kind."""
+    return calibration_from(dict(record.body["tool_json"]), f"calibration {record.id}")
+
+
+def expected_table(calibration: Calibration) -> dict[str, Any]:
+    """Expanded uncertainties of the angles of one reading over inclination, worst azimuth and toolface, degrees.
+
+    Calibration and sensor noise together; empty for a tool without both triads.
+    """
+    tool = calibration.tool
+    if not all(kind in tool.triads and tool.triads[kind].full for kind in BOTH) or calibration.dip is None:
+        return {}
+    heat = next(iter(tool.triads.values())).reference_temperature
+    worst = capability(tool, SHOWN, calibration.dip, temperature=heat).worst()
+    table: dict[str, Any] = {"coverage_factor": COVERAGE, "inclination_deg": np.degrees(SHOWN).round(6).tolist()}
+    for place, name in enumerate(ANGLES[:3]):
+        table[f"U_{name}_deg"] = np.degrees(COVERAGE * np.minimum(worst[:, place], np.pi)).tolist()
+    return table
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The calibrations of one tool, oldest first.
+
+    created : UTC of each; records : their ids.
+    values, u : parameter -> (n,) estimate and standard uncertainty, in the parameter's unit; NaN where a calibration
+        does not have it.
+    """
+
+    serial: str
+    created: Sequence[str]
+    records: Sequence[str]
+    values: Mapping[str, Array]
+    u: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.created)
+
+    def change(self, parameter: str) -> tuple[Array, Array]:
+        """Change of a parameter since the first calibration and its standard uncertainty; two runs are independent."""
+        value, u = self.values[parameter], self.u[parameter]
+        spread = np.sqrt(u**2 + u[0] ** 2)
+        spread[0] = 0.0
+        return value - value[0], spread
+
+
+def history(ledger: Ledger, serial: str, *, limit: int = 200) -> History:
+    """How the parameters of a tool went from calibration to calibration.
+
+    Raises
+    ------
+    InputError
+        A tool that was never calibrated.
+    """
+    records = ledger.find("calibration", serial=serial, newest=True, limit=limit)[::-1]
+    if not records:
+        raise InputError(f"tool {serial!r} has no calibration in this ledger")
+    found = [calibration_of(record) for record in records]
+    names = list(dict.fromkeys(name for one in found for name in one.tool.parameter_names))
+    values = {name: np.full(len(found), np.nan) for name in names}
+    u = {name: np.full(len(found), np.nan) for name in names}
+    for row, one in enumerate(found):
+        for name, (value, sd) in parameters(one).items():
+            values[name][row], u[name][row] = value, sd
+    return History(serial, [r.created for r in records], [r.id for r in records], values, u)
+
+
+def parameters(calibration: Calibration) -> dict[str, tuple[float, float]]:
+    """Parameter of the tool -> (estimate, standard uncertainty), in the parameter's unit."""
+    tool = calibration.tool
+    estimate = np.concatenate([parameter_vector(triad) for triad in tool.triads.values()])
+    sd = np.sqrt(np.diagonal(tool.covariance))
+    return dict(zip(tool.parameter_names, zip(estimate.tolist(), sd.tolist(), strict=True), strict=True))
