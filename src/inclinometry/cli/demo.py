@@ -14,6 +14,7 @@ from inclinometry.cli.options import Json
 from inclinometry.cli.survey import show_survey, show_verification
 from inclinometry.core.errors import FileError
 from inclinometry.workflow.demo import HOT_RUNS, HOT_SEED, PUBLISHED_XSENS, Demo, steps
+from inclinometry.workflow.demo_drilling import PICTURE, drilling_sentences
 from inclinometry.workflow.demo_well import well_sentences
 from inclinometry.workflow.hot_run import rms_degrees
 
@@ -21,7 +22,7 @@ Folder = Annotated[Path, Parameter(name=["--output", "-o"])]
 
 
 def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
-    """Calibrate two real instruments, run simulated benches and a hot gyro run through every method, survey a well.
+    """Calibrate real instruments, run simulated benches and a hot gyro run through every method, survey a well, drill.
 
     Parameters
     ----------
@@ -65,6 +66,12 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
         output.say("\na well drilled with a magnetised string, surveyed by the tool calibrated above:")
         for sentence in well_sentences(found.well):
             output.say(f"  {sentence}")
+    if found.drilling is not None:
+        head, *lines = drilling_sentences(found.drilling)
+        output.say(f"\n{head}")
+        for line in lines:
+            output.say(f"  {line}")
+        output.say(f"  pictured in {output_ / 'drilling' / PICTURE}")
     output.say(f"\nOpen {output_ / 'index.html'} for the reports.")
 
 
@@ -140,6 +147,8 @@ def summary(found: Demo) -> dict[str, object]:
             "ellipse_95_m": found.well.ellipse_m,
             "off_m": found.well.off_m,
         }
+    if found.drilling is not None:
+        content["drilling_rms_deg"] = dict(found.drilling.rms_deg)
     if found.hot_run is not None:
         content["hot_run"] = {"rms_deg": rms_degrees([found.hot_run]), f"rms_deg_{HOT_RUNS}_runs": found.hot_runs_rms}
     if found.survey_error is not None:

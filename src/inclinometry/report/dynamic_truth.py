@@ -115,7 +115,8 @@ def _angle_panel(
     size = [np.abs(np.degrees(errors[name][column])) for name in list(found)[1:]]
     reach = 1.3 * max(float(np.nanquantile(one, 0.98)) for one in size)
     axes.set_ylim(float(true.min()) - reach, float(true.max()) + reach)
-    axes.set_title("dots beyond the axis are cut")
+    if column == 0:
+        axes.set_title("dots beyond the axes are cut")
 
 
 def _error_panel(

@@ -34,6 +34,7 @@ from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.workflow import simulate
 from inclinometry.workflow.calibrate import Comparison, compare, true_errors
+from inclinometry.workflow.demo_drilling import DemoDrilling, drill
 from inclinometry.workflow.demo_well import DemoWell, survey_demo_well, well_sentences
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
 from inclinometry.workflow.hot_run import JOINT, HotRunMethods, many_hot_runs, reduce_hot_run, rms_degrees
@@ -80,6 +81,7 @@ class Demo:
     hot_run: HotRunMethods | None = None  # the run that is pictured
     hot_runs_rms: dict[str, float] = field(default_factory=dict)  # method -> deg, over HOT_RUNS runs
     well: DemoWell | None = None
+    drilling: DemoDrilling | None = None
     pages: list[tuple[str, Path]] = field(default_factory=list)
 
     def page(self, title: str, name: str, text: str) -> None:
@@ -100,6 +102,7 @@ def steps() -> Iterator[tuple[str, Callable[[Demo], None]]]:
     yield "surveying a simulated well with it", _well
     yield "a hot gyro run, 20 to 140 degC", _hot_run
     yield "quality, multi-station analysis and ellipse of a well drilled with a magnetised string", _magnetised
+    yield "drilling with stick-slip: single samples, a textbook filter and this package", _drilling
     yield "drawing the methods side by side", _picture
 
 
@@ -238,6 +241,10 @@ def _hot_run(demo: Demo) -> None:
     text = scale_report(found.track, md=depth, tool="a simulated gyro")
     demo.page("simulated hot gyro run: scale factor over temperature", "gyro/scale.html", text)
     demo.hot_run, demo.hot_runs_rms = found, rms_degrees(many_hot_runs(HOT_RUNS))
+
+
+def _drilling(demo: Demo) -> None:
+    demo.drilling = drill(demo.folder / "drilling")
 
 
 def _picture(demo: Demo) -> None:

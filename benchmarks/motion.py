@@ -1,0 +1,157 @@
+"""Attitude while drilling: every method on the named scenarios, against the truth and the reference figures.
+
+    python benchmarks/motion.py [--json] [--draws 5]
+
+Runs of 60 s at 200 Hz, `--draws` seeds of each scenario; the error is the rms over windows and seeds. A row that is
+refused has no error and is counted apart. The normalised squared error is the mean of e' P^-1 e / 3, e the small
+rotation between found and true attitude and P its stated covariance: 1 is honest. The truth is synthetic.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Callable
+
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # figures are for one core
+
+import numpy as np  # noqa: E402
+
+from inclinometry.attitude.rotations import dcm, dcm_from_quaternion  # noqa: E402
+from inclinometry.core.angles import wrap_signed  # noqa: E402
+from inclinometry.motion.magnetic.settings import MagneticSettings  # noqa: E402
+from inclinometry.motion.magnetic.stream import magnetic_attitude  # noqa: E402
+from inclinometry.motion.result import FLAGS, Attitude  # noqa: E402
+from inclinometry.motion.samples import Samples  # noqa: E402
+from inclinometry.simulate.drilling import simulate_drilling  # noqa: E402
+
+NAMES = ("smooth", "vibration-5g", "vibration-20g", "stick-slip", "sliding", "stationary", "fast")
+WINDOWS = (2, 5, 10, 30)
+# scenario and window, s -> rms inclination, azimuth, deg: Hann-weighted least squares, 6 seeds
+REFERENCE = {
+    ("vibration-5g", 2): (0.221, 0.465),
+    ("vibration-5g", 5): (0.046, 0.091),
+    ("vibration-5g", 10): (0.026, 0.053),
+    ("vibration-5g", 30): (0.016, 0.034),
+    ("vibration-20g", 10): (0.103, 0.213),
+    ("smooth", 2): (0.021, 0.040),
+    ("fast", 10): (0.136, 0.283),
+}
+PUBLISHED = (0.5, 1.35)
+
+
+def methods() -> dict[str, Callable[[Samples], Attitude]]:
+    """Name -> what is done with a run."""
+
+    def magnetic(seconds: float) -> Callable[[Samples], Attitude]:
+        return lambda samples: magnetic_attitude(samples, MagneticSettings(window_s=seconds))
+
+    return {f"magnetic {seconds} s": magnetic(float(seconds)) for seconds in WINDOWS}
+
+
+def samples_of(run) -> Samples:
+    """What an estimator sees of a run."""
+    return Samples(run.time, run.interval, run.accel, run.mag, run.gyro, run.temperature)
+
+
+def rotation_errors(found: Attitude, run):
+    """Small rotations e (k, 3), rad, of rows not refused, and their covariances; found = (1 + [e x]) true."""
+    good = ~found.refused
+    at, truth = found.time[good], run.truth
+    toolface = np.interp(at, run.time, np.unwrap(truth.toolface))
+    azimuth = np.interp(at, run.time, np.unwrap(truth.azimuth))
+    true = dcm(azimuth, np.interp(at, run.time, truth.inclination), toolface)
+    turn = dcm_from_quaternion(found.quaternion[good]) @ np.swapaxes(true, 1, 2)
+    e = 0.5 * np.stack(
+        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], axis=1
+    )
+    return e, found.covariance[good]
+
+
+def scored(found: list[Attitude], runs: list) -> dict:
+    """Rms errors, stated uncertainty, normalised squared error, share refused and why."""
+    angles = {"inclination": [], "azimuth": [], "toolface": []}
+    stated = {"inclination": [], "azimuth": []}
+    squared, flags, refused, rows = [], dict.fromkeys(FLAGS, 0), 0, 0
+    for one, run in zip(found, runs, strict=True):
+        good = ~one.refused
+        rows, refused = rows + len(one), refused + int((~good).sum())
+        for row in np.flatnonzero(~good):
+            for name in one.names(row):
+                flags[name] += 1
+        if not good.any():
+            continue
+        e, spread = rotation_errors(one, run)
+        squared.append(np.einsum("ki,kij,kj->k", e, np.linalg.inv(spread), e) / 3.0)
+        for name, values in angles.items():
+            true = np.interp(one.time[good], run.time, np.unwrap(getattr(run.truth, name)))
+            values.append(wrap_signed(getattr(one.angles, name)[good] - true))
+        for name, values in stated.items():
+            values.append(getattr(one.u, name)[good])
+    result = {"rows": rows, "refused": refused / rows if rows else None}
+    result["why refused"] = {name: count for name, count in flags.items() if count}
+    if squared:
+        result |= {f"{name}_deg": rms(values) for name, values in angles.items()}
+        result |= {f"u_{name}_deg": rms(values) for name, values in stated.items()}
+        result["normalised squared error"] = float(np.mean(np.concatenate(squared)))
+    return result
+
+
+def rms(parts: list) -> float:
+    """Root mean square, deg."""
+    return float(np.degrees(np.sqrt(np.mean(np.concatenate(parts) ** 2))))
+
+
+def run(draws: int = 5) -> dict:
+    """Everything as numbers."""
+    table = {}
+    for name in NAMES:
+        runs = [simulate_drilling(name, seed) for seed in range(1, draws + 1)]
+        cells = [samples_of(one) for one in runs]
+        table[name] = {way: scored([method(one) for one in cells], runs) for way, method in methods().items()}
+    return {
+        "draws": draws,
+        "table": table,
+        "reference": {f"{name}, {seconds} s": pair for (name, seconds), pair in REFERENCE.items()},
+        "published_deg": PUBLISHED,
+    }
+
+
+def report(result: dict) -> None:
+    """Print the table."""
+    print(
+        f"Rms error of inclination / azimuth, deg; {result['draws']} seeds; z2: normalised squared error, 1 is honest"
+    )
+    for name, ways in result["table"].items():
+        print(f"\n{name}")
+        for way, one in ways.items():
+            print(f"  {way:14s} {_cells(one)}{_beside(result, name, way)}")
+
+
+def _cells(one: dict) -> str:
+    lost = "" if not one["refused"] else f"  refused {100 * one['refused']:.0f} % ({', '.join(one['why refused'])})"
+    if "inclination_deg" not in one:
+        return f"{'none':>34s}{lost}"
+    pair = f"{one['inclination_deg']:.4f} / {one['azimuth_deg']:.4f}"
+    stated = f"u {one['u_inclination_deg']:.4f} / {one['u_azimuth_deg']:.4f}"
+    return f"{pair:>18s}  {stated}  z2 {one['normalised squared error']:.2f}{lost}"
+
+
+def _beside(result: dict, name: str, way: str) -> str:
+    pair = result["reference"].get(f"{name}, {way.removeprefix('magnetic ')}")
+    return "" if pair is None else f"  reference {pair[0]:g} / {pair[1]:g}"
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    parser.add_argument("--draws", type=int, default=5, help="seeds of each scenario")
+    result = run((options := parser.parse_args()).draws)
+    print(json.dumps(result, indent=1)) if options.json else report(result)
+
+
+if __name__ == "__main__":
+    main()
