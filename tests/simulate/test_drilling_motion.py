@@ -1,4 +1,4 @@
-"""One kinematics behind three triads: rotations, lever arm, fields, against finite differences and direction cosines."""
+"""One kinematics behind three triads, against finite differences and direction cosines."""
 
 import math
 from dataclasses import replace
