@@ -34,6 +34,12 @@ shots = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
+ledger = App(
+    name="ledger",
+    help="The ledger of a calibration laboratory: append-only records in a hash chain.",
+    help_format="plaintext",
+    suppress_keyboard_interrupt=False,
+)
 
 _HERE = "inclinometry.cli"
 
@@ -48,6 +54,7 @@ def _add(to: App, where: str, name: str, summary: str, example: str) -> None:
 app.command(simulate)
 app.command(gyro)
 app.command(shots)
+app.command(ledger)
 _add(app, "plan:plan", "plan", "Write the rig settings of a calibration plan.", "plan twelve -o plan.csv")
 _add(
     app,
@@ -218,4 +225,37 @@ _add(
     "dual-depth",
     "Judge two measurements of depth against each other: exit status 0 pass, 1 fail, 2 bad input.",
     "shots dual-depth pipe.csv wireline.csv --sigma-first-m 0.5 --sigma-second-m 1.1",
+)
+_add(ledger, "ledger:init", "init", "Make an empty ledger, or bring an old one up to date.", "ledger init lab.sqlite")
+_add(
+    ledger,
+    "ledger:verify",
+    "verify",
+    "Check every record against the hash chain: exit status 0 sound, 1 changed, 2 bad input.",
+    "ledger verify --ledger lab.sqlite",
+)
+_add(ledger, "ledger:export", "export", "Write everything into one file.", "ledger export all.zip --ledger lab.sqlite")
+_add(
+    ledger,
+    "ledger:import_",
+    "import",
+    "Read an export into an empty ledger.",
+    "ledger import all.zip --ledger new.sqlite",
+)
+_add(
+    ledger, "ledger:backup", "backup", "Copy the ledger as it is now.", "ledger backup copy.sqlite --ledger lab.sqlite"
+)
+_add(
+    ledger,
+    "ledger:history",
+    "history",
+    "How the parameters of a tool went from calibration to calibration.",
+    "ledger history IN-7 --ledger lab.sqlite",
+)
+_add(
+    ledger,
+    "ledger:users",
+    "users",
+    "List the users, or add or change one.",
+    "ledger users anna --role metrologist --ledger lab.sqlite",
 )
