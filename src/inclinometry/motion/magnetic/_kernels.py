@@ -34,11 +34,17 @@ def _small(x: float) -> tuple[float, float]:
 
 @compiled(types.void(_ROWS, _OUT, types.float64))
 def turned(gyro: Array, theta: Array, interval: float) -> None:
-    """Angle (n,) turned about z since the first sample, by the trapezium rule."""
-    total = 0.0
+    """Angle (n,) turned about z since the first sample: the integral of the cubic through four rates.
+
+    A ripple of the speed at 7 Hz, sampled at 200 Hz, would come out 0.4 % too small by the trapezium rule.
+    """
+    total, last = 0.0, theta.size - 1
     theta[0] = 0.0
     for i in range(1, theta.size):
-        total += 0.5 * interval * (gyro[i - 1, 2] + gyro[i, 2])
+        a, b = gyro[i - 1, 2], gyro[i, 2]
+        before = gyro[i - 2, 2] if i > 1 else 2.0 * a - b
+        after = gyro[i + 1, 2] if i < last else 2.0 * b - a
+        total += interval / 24.0 * (13.0 * (a + b) - before - after)
         theta[i] = total
 
 

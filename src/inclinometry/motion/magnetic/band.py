@@ -60,8 +60,8 @@ def basis(size: int) -> Basis:
     """Slepian sequences for windows of `size` nodes.
 
     Slepian D., Bell System Technical Journal 57, 1978; Thomson D.J., Proceedings IEEE 70, 1982: of all sequences of
-    that length they leave the least energy outside their band. Under a spectrum f^2 or f^4 the sums are correlated by the
-        products of the sequences' spectra, weighted so.
+    that length they leave the least energy outside their band. Under a spectrum f^2 or f^4 the sums are correlated by
+    the products of the sequences' spectra, weighted so.
     """
     from scipy.signal.windows import dpss
 
@@ -99,8 +99,8 @@ def fit(
     For every spectrum the noise's variance is the residual's own over the sums less those the regressors took,
     S = |e|^2 / 2 (k - tr H), found in turn with the coefficients. A mean of Gaussian errors of estimated variance has
     Student's distribution, whose variance is freedom / (freedom - 2) times as large: the covariance is widened by that.
-    The spectra are averaged with their marginal likelihoods as weights, those of earlier windows included, and what lies
-    between them is added to the covariance.
+    The spectra are averaged with their marginal likelihoods as weights, those of earlier windows included, and what
+    lies between them is added to the covariance.
     """
     parts = 2.0 if np.iscomplexobj(series) else 1.0
     y, x = of.tapers @ series, of.tapers @ regressors

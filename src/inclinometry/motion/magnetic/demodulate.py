@@ -105,7 +105,7 @@ def demodulate(
     late = np.exp(1j * rate * delay)
     return Demodulated(
         gravity=(table[0] + 1j * table[1]) * late,
-        field=table[3] + 1j * table[4],
+        field=np.asarray(table[3] + 1j * table[4], dtype=np.complex128),
         axial_gravity=table[2],
         axial_field=table[5],
         back=(table[6] + 1j * table[7]) * late,

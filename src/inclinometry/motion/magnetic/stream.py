@@ -85,7 +85,7 @@ class MagneticStream:
         Raises
         ------
         InputError
-            No accelerometer or magnetometer, another interval or other triads than before, a block that overlaps the last.
+            No accelerometer or magnetometer, another interval or other triads than before, an overlapping block.
         """
         if not (samples.has("accel") and samples.has("mag")):
             raise InputError("the magnetic attitude needs an accelerometer and a magnetometer; use the gyro methods")
