@@ -92,6 +92,6 @@ class Engine:
             self._state = None if fresh else state
             return None if fresh else state
         if fresh and self._start is not None:
-            return given(state, window, self._start, model)
+            return linearised(given(state, window, self._start, model), window, model)
         self._age = 0 if broken else self._age
         return linearised(sought(state, window, model), window, model)

@@ -54,7 +54,8 @@ def row(
 def with_gain(quaternion: Array, covariance: Array, dip: float, square: float, model: Model) -> Array:
     """The covariance (3, 3) of an attitude, what an unknown gain across the tool does to it added.
 
-    `square` of the rotation rate, rad^2/s^2. A tilt d in the vertical plane of the axis; azimuth from the field follows its tilt about north by tan(dip).
+    `square` of the rotation rate, rad^2/s^2. A tilt d in the vertical plane of the axis; azimuth from the field
+    follows its tilt about north by tan(dip).
     """
     matrix = dcm_from_quaternion(quaternion)
     axis = matrix[2]
