@@ -28,6 +28,7 @@ def drilled(tmp_path_factory):
 def test_the_picture_is_written_and_ours_is_far_below_the_others(drilled):
     found, folder = drilled
     assert (folder / PICTURE).read_bytes()[:4] == b"\x89PNG"
+    assert {path.name for path in folder.iterdir()} >= {"run.parquet", "truth.parquet", "site.toml", "attitude.csv"}
     rms = found.rms_deg
     assert list(rms) == [RAW, TEXTBOOK, OURS]
     assert rms[RAW][0] > 40.0  # 5 g of vibration against 1 g of gravity
@@ -63,7 +64,7 @@ def test_the_textbook_filter_returns_to_a_truth_it_was_moved_away_from():
     tilt = np.degrees(np.arctan2(np.hypot(turn[:, 0, 2], turn[:, 1, 2]), turn[:, 2, 2]))
     assert tilt[0] == pytest.approx(50.0, abs=0.1)
     assert tilt[-1] == pytest.approx(30.0, abs=0.2)
-    assert tilt[400] == pytest.approx(50.0 - 2.0 * 4.7, abs=1.5)  # at 2 s
+    assert 50.0 - 2.0 * 4.7 - 0.1 < tilt[400] < 45.0  # at 2 s; a part of the step goes to the azimuth
 
 
 def test_the_textbook_filter_keeps_up_with_fast_turning():

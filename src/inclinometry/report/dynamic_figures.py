@@ -104,7 +104,8 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
     seen = u[np.isfinite(u) & (u > 0.0)]
     if len(seen):
         lower.plot(time, EXPANDED * u, color=INK, marker="o" if len(rows) <= 80 else None, markersize=2.5)
-        log_scale(lower, EXPANDED * float(seen.min()), EXPANDED * float(seen.max()))
+        # wide enough for two labels where U hardly changes
+        log_scale(lower, 0.8 * EXPANDED * float(seen.min()), 1.25 * EXPANDED * float(seen.max()))
     lower.set_ylabel("U, deg")
     lower.set_xlabel(f"time, {at.unit}")
     return figure

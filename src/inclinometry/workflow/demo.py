@@ -244,7 +244,11 @@ def _hot_run(demo: Demo) -> None:
 
 
 def _drilling(demo: Demo) -> None:
+    from inclinometry.report.dynamic import dynamic_report
+
     demo.drilling = drill(demo.folder / "drilling")
+    page = dynamic_report(demo.drilling.found)
+    demo.page("simulated drilling with stick-slip: attitude", "drilling/dynamic.html", page)
 
 
 def _picture(demo: Demo) -> None:

@@ -13,13 +13,15 @@ import numpy as np
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import dcm, dcm_from_quaternion, quaternion_from_dcm
 from inclinometry.core.arrays import Array
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import magnetic_attitude
-from inclinometry.motion.result import Attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.io.atomic import write_text
+from inclinometry.io.run_file import open_run
+from inclinometry.io.site_toml import read_site
+from inclinometry.motion.run_result import DynamicRun
 from inclinometry.report.digits import significant
 from inclinometry.report.dynamic_truth import Found, errors_of, methods_figure, rms_of
 from inclinometry.simulate.drilling import DrillingSimulation, simulate_drilling
+from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run, write_dynamic
+from inclinometry.workflow.simulate_drilling import DrillingRequest, site_text, write_drilling
 
 TEXTBOOK_GAIN: Final = 0.041
 """rad/s: Madgwick's own gain for gyros, accelerometers and magnetometers."""
@@ -28,6 +30,7 @@ SCENARIO: Final = "stick-slip"
 SEED: Final = 1
 DURATION: Final = 60.0
 """s"""
+METHOD: Final = "magnetic"
 WINDOW: Final = 10.0
 """s"""
 PICTURE: Final = "stick_slip.png"
@@ -127,12 +130,11 @@ def textbook_course(run: DrillingSimulation) -> Found:
     return Found(run.time, found.inclination, found.azimuth)
 
 
-def our_course(found: Attitude) -> Found:
+def our_course(found: DynamicRun) -> Found:
     """Windows of this package that were not refused, with their uncertainty."""
-    good = ~found.refused
-    level, u = found.angles, found.u
-    spread = u.inclination[good], u.azimuth[good]
-    return Found(found.time[good], level.inclination[good], level.azimuth[good], spread)
+    rows, good = found.rows, ~found.rows.refused
+    spread = rows.u_inclination[good], rows.u_azimuth[good]
+    return Found(rows.time[good], rows.inclination[good], rows.azimuth[good], spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,24 +142,28 @@ class DemoDrilling:
     """The run, what was found, and rms errors (name -> inclination, azimuth, deg)."""
 
     run: DrillingSimulation
-    attitude: Attitude
+    found: DynamicRun
     rms_deg: Mapping[str, tuple[float, float]]
 
 
 def drill(folder: Path) -> DemoDrilling:
-    """Simulate, find the attitude in three ways, draw them against the truth."""
+    """Simulate into files, find the attitude in three ways, draw them against the truth."""
     from inclinometry.report.figure import save_png
 
     folder.mkdir(parents=True, exist_ok=True)
-    run = simulate_drilling(SCENARIO, SEED, duration=DURATION)
-    samples = Samples(run.time, run.interval, run.accel, run.mag, run.gyro, run.temperature)
-    attitude = magnetic_attitude(samples, MagneticSettings(window_s=WINDOW))
-    shown = {RAW: raw_course(run), TEXTBOOK: textbook_course(run), OURS: our_course(attitude)}
+    request = DrillingRequest(SCENARIO, SEED, DURATION)
+    write_drilling(request, folder / "run.parquet", folder / "truth.parquet")
+    write_text(site_text(request.chosen.hole), folder / "site.toml")
+    site = read_site(folder / "site.toml")
+    found = dynamic_run(open_run(folder / "run.parquet"), site, options=DynamicOptions(METHOD, WINDOW))
+    write_dynamic(found, folder / "attitude.csv")
+    run = simulate_drilling(request.chosen, SEED)
+    shown = {RAW: raw_course(run), TEXTBOOK: textbook_course(run), OURS: our_course(found)}
     truth = true_course(run)
     rpm = 30.0 / np.pi * run.truth.rate
     save_png(methods_figure(truth, rpm, shown), folder / PICTURE)
     errors = {name: errors_of(one, truth) for name, one in shown.items()}
-    return DemoDrilling(run, attitude, {name: (rms_of(e[0]), rms_of(e[1])) for name, e in errors.items()})
+    return DemoDrilling(run, found, {name: (rms_of(e[0]), rms_of(e[1])) for name, e in errors.items()})
 
 
 def drilling_sentences(found: DemoDrilling) -> list[str]:
