@@ -105,7 +105,7 @@ class Band:
     order : of the Butterworth skirts (2: 12 dB an octave, down by 3 dB at the edges), or 0 for sharp edges at half
         amplitude with no power outside: at half the lower end the amplitude is down by 130 dB.
 
-    The skirt matters: while the speed swings, what it leaves near the rate of rotation cannot be told from the effect of
+    The skirt matters: while the speed swings, what it leaves near the rate of rotation cannot be told from the work of
     a lever arm or a bias, so errors over windows of a few seconds are several times those with sharp edges. The named
     scenarios have order 2; how steep the skirt of real vibration is, no public record tells.
     """
