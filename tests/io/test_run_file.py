@@ -110,6 +110,7 @@ SPOILT = {
     "long": (lambda s: s + ",7", "line 60000: this row has 5 cells and the header 4"),
     "infinite": (lambda s: s.replace("0.25", "inf"), "line 60000: column 'accel_y' is inf"),
     "absurd": (lambda s: s.replace("0.25", "1e40"), "line 60000: column 'accel_y' is 1e\\+40; allowed"),
+    "back": (lambda s: "59.0" + s[s.index(",") :], "line 60000: time_s 59 is less than 59.997 before it"),
     "no time": (lambda s: s[s.index(",") :], "line 60000: column 'time_s' is empty"),
     "time nan": (lambda s: "nan" + s[s.index(",") :], "line 60000: column 'time_s' is empty"),
 }
@@ -132,10 +133,16 @@ def test_a_missing_reading_far_down_is_nan(tmp_path):
 
 def test_a_bad_row_of_parquet_is_named(tmp_path):
     data = samples(70_000)
-    data["mag_y"][66_000] = np.inf
-    write(tmp_path / "run.parquet", data)
-    with pytest.raises(FileError, match="row 66001: column 'mag_y' is inf"):
-        list(open_run(tmp_path / "run.parquet").blocks())
+    for name, value, message in (
+        ("mag_y", np.inf, "row 66001: column 'mag_y' is inf"),
+        ("time_s", 0.0, "row 66001: time_s 0 is less than 32.9995 before it"),
+        ("time_s", np.nan, "row 66001: column 'time_s' is empty"),
+    ):
+        spoilt = {name: values.copy() for name, values in data.items()}
+        spoilt[name][66_000] = value
+        write(tmp_path / "run.parquet", spoilt)
+        with pytest.raises(FileError, match=message):
+            list(open_run(tmp_path / "run.parquet").blocks())
 
 
 HEADERS = {

@@ -105,16 +105,42 @@ class Problem(NamedTuple):
     text: str
 
 
-def problem_of(columns: Mapping[str, Array]) -> Problem | None:
-    """The first row with a time that is missing or a value no sensor reports; None where all is well.
+class RunCheck:
+    """Finds the first value that cannot be used, piece by piece of a run.
 
     Examples
     --------
-    >>> problem_of({"time_s": np.array([0.0, np.nan])}).row
+    >>> check = RunCheck()
+    >>> check.accept({"time_s": np.array([0.0, 1.0])})
+    >>> check.problem({"time_s": np.array([1.0, 0.5])}).row
     1
     """
-    found = [_of_column(name, values) for name, values in columns.items()]
-    return min((problem for problem in found if problem is not None), default=None)
+
+    def __init__(self) -> None:
+        self._last = -np.inf
+
+    def problem(self, columns: Mapping[str, Array]) -> Problem | None:
+        """The first row with a time that is missing or goes back, or a value no sensor reports; None if all is well."""
+        found = [_of_column(name, values) for name, values in columns.items()]
+        found.append(self._backward(columns["time_s"]))
+        return min((problem for problem in found if problem is not None), default=None)
+
+    def accept(self, columns: Mapping[str, Array]) -> None:
+        """The piece was well: the next one follows it."""
+        if columns["time_s"].size:
+            self._last = float(columns["time_s"][-1])
+
+    def _backward(self, time: Array) -> Problem | None:
+        before = np.concatenate([[self._last], time[:-1]])
+        back = time < before
+        if not back.any():
+            return None
+        row = int(np.argmax(back))
+        return Problem(
+            row,
+            f"time_s {time[row]:.12g} is less than {before[row]:.12g} before it; time must not run backwards: sort the "
+            "rows, or cut the run where the clock was set",
+        )
 
 
 def _of_column(name: str, values: Array) -> Problem | None:

@@ -12,7 +12,7 @@ import numpy as np
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import FileError
 from inclinometry.io._lines import Block, LineReader, Progress
-from inclinometry.io._run_columns import RunHeader, problem_of, run_header
+from inclinometry.io._run_columns import RunCheck, RunHeader, run_header
 from inclinometry.io.table import _Body, _header_row
 
 _EMPTY = ("", "nan", "NaN", "NAN", "Nan")
@@ -35,6 +35,7 @@ class CsvRun:
         mark = re.escape(self._body.delimiter)
         self._nan = re.compile(rf"(^|{mark})[ \t]*[+-]?nan[ \t]*(?={mark}|$)", re.IGNORECASE)
         self._pointed = False
+        self._check = RunCheck()
         self._arrow = _ArrowNumbers(names, self.header.wanted, self._body.delimiter)
 
     def _opened(self, path: Path) -> tuple[_Body, Block | None]:
@@ -58,9 +59,10 @@ class CsvRun:
             yield from self._careful(first)
         for block in self._blocks:
             quick = self._quick(block)
-            if quick is None or problem_of(quick) is not None:
+            if quick is None or self._check.problem(quick) is not None:
                 yield from self._careful(block)
             elif len(quick["time_s"]):
+                self._check.accept(quick)
                 yield quick
         self._body.numbers.finish()
 
@@ -87,9 +89,10 @@ class CsvRun:
         for cells in body.texts.values():
             cells.clear()
         columns = {name: body.parts[name].pop() for name in self.header.wanted}
-        problem = problem_of(columns)
+        problem = self._check.problem(columns)
         if problem is not None:
             raise FileError(problem.text, path=body.path, line=int(places[problem.row]))
+        self._check.accept(columns)
         yield columns
 
 

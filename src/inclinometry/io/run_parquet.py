@@ -13,7 +13,7 @@ from inclinometry.core.arrays import Array
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError
 from inclinometry.io._lines import Progress
-from inclinometry.io._run_columns import RunHeader, problem_of, run_header
+from inclinometry.io._run_columns import RunCheck, RunHeader, run_header
 from inclinometry.io.parquet import _units
 
 BATCH: Final = 1 << 16
@@ -41,14 +41,15 @@ class ParquetRun:
 
     def columns(self) -> Iterator[dict[str, Array]]:
         """Batches of rows."""
-        done, size = 0, self._path.stat().st_size
+        done, size, check = 0, self._path.stat().st_size, RunCheck()
         with _opened(self._path) as file:
             wanted = list(self.header.wanted)
             for batch in file.iter_batches(batch_size=BATCH, columns=wanted, use_threads=False):
                 columns = {name: _numbers(batch.column(name)) for name in wanted}
-                problem = problem_of(columns)
+                problem = check.problem(columns)
                 if problem is not None:
                     raise FileError(f"row {done + problem.row + 1}: {problem.text}", path=self._path)
+                check.accept(columns)
                 yield columns
                 done += batch.num_rows
                 if self._progress is not None:
