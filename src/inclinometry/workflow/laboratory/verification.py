@@ -1,0 +1,155 @@
+"""Verification on the stand: named sets of independent positions, and the verdict recorded."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.calibration.acceptance import JUDGED, Limits, Verification, verify
+from inclinometry.calibration.plans import Plan
+from inclinometry.core.errors import InclinometryError, InputError
+from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
+from inclinometry.workflow.laboratory.registry import find_site
+from inclinometry.workflow.laboratory.results import calibration_of, program
+from inclinometry.workflow.laboratory.session import bench_readings, close_session_draft, load_session
+
+OWN_SESSION: Final = "these are the readings the tool was calibrated with; verify it at positions of another session"
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A named set of positions: every inclination with every azimuth and toolface, in that order of turning, rad."""
+
+    name: str
+    title: str
+    source: str
+    plan: Plan
+
+
+@cache
+def protocols() -> dict[str, Protocol]:
+    """The shipped protocols by name.
+
+    Examples
+    --------
+    >>> {name: len(protocol.plan) for name, protocol in protocols().items()}
+    {'azimuth': 72, 'inclination': 14, 'long': 480, 'roll-4': 4, 'roll-8': 8}
+    """
+    text = files("inclinometry.workflow.laboratory").joinpath("protocols.json").read_text("utf-8")
+    return {name: _protocol(name, entry) for name, entry in json.loads(text).items()}
+
+
+def protocol(name: str) -> Protocol:
+    """A shipped protocol; InputError that lists them when there is none of that name."""
+    found = protocols().get(name)
+    if found is None:
+        raise InputError(f"protocol {name!r} is unknown; allowed: {', '.join(protocols())}")
+    return found
+
+
+def _protocol(name: str, entry: dict[str, Any]) -> Protocol:
+    dials = (entry[f"{dial}_deg"] for dial in ("inclination", "azimuth", "toolface"))
+    rows = np.radians(np.array(list(itertools.product(*dials)), dtype=float))
+    return Protocol(name, entry["title"], entry["source"], Plan(name, rows[:, 1], rows[:, 0], rows[:, 2]))
+
+
+def finish_verification(
+    ledger: Ledger, session: str, calibration: str, *, author: str, limits: Limits | None = None
+) -> Record:
+    """Judge a session's positions with a recorded calibration, record the verdict and close the session.
+
+    Parameters
+    ----------
+    session, calibration : str
+        Ids of their records; of the same tool.
+    limits : Limits, optional
+        As for `inclinometry.calibration.acceptance.verify`.
+
+    Raises
+    ------
+    LedgerError
+        The session is closed, is of another tool, is the one the calibration was made from, or cannot be judged.
+    """
+    seen, record = load_session(ledger, session), ledger.get("calibration", calibration)
+    if seen.closed:
+        raise LedgerError("this session is closed already")
+    if record.keys["serial"] != seen.serial:
+        raise LedgerError(f"the calibration is of tool {record.keys['serial']}, the session of {seen.serial}")
+    if record.keys["session"] == session:
+        raise LedgerError(OWN_SESSION)
+    found = judged(ledger, session, calibration, limits)
+    body = {
+        "verdict": found.verdict,
+        "limits": _limits(found, limits),
+        "report": report(found),
+        "readings": [row.record for row in seen.valid],
+        "session": session,
+        "program": program(),
+    }
+    drafts = [
+        Draft("verification", {"serial": seen.serial, "calibration": calibration}, body),
+        close_session_draft(session, "finished"),
+    ]
+    return ledger.append_all(drafts, author=author)[0]
+
+
+def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None = None) -> Verification:
+    """The verdict on the positions captured so far; nothing is recorded."""
+    seen = load_session(ledger, session)
+    site = find_site(ledger, str(seen.settings.get("site", "")))
+    fields = {} if site is None else {"g": site.g, "b": site.b, "dip": site.dip}
+    try:
+        return verify(bench_readings(seen, **fields), calibration_of(ledger.get("calibration", calibration)), limits)
+    except LedgerError:
+        raise
+    except InclinometryError as error:
+        raise LedgerError(f"these readings cannot be judged: {error}") from None
+
+
+def report(found: Verification) -> dict[str, Any]:
+    """Position by position: dials, errors, expanded uncertainties, limits and decisions, degrees."""
+    rows = []
+    for place, station in enumerate(found.station):
+        row: dict[str, Any] = {"position": station}
+        row |= dict(zip(("azimuth_deg", "inclination_deg", "toolface_deg"), _degrees(found.dials[place]), strict=True))
+        for column, name in enumerate(JUDGED):
+            limit = found.limits[place, column]
+            row[name] = {
+                "error_deg": _degree(found.errors[place, column]),
+                "U_deg": _degree(found.coverage_factor * found.u[place, column]),
+                "limit_deg": _degree(limit),
+                "decision": found.decision[place][column],
+            }
+        rows.append(row)
+    return {
+        "coverage_factor": found.coverage_factor,
+        "positions": rows,
+        "reasons": list(found.reasons),
+        "warnings": list(found.warnings),
+    }
+
+
+def _limits(found: Verification, limits: Limits | None) -> dict[str, Any]:
+    stated: dict[str, Any] = {"name": found.limits_name, "source": found.limits_source}
+    if limits is not None:
+        stated["guard"] = limits.guard
+        stated["min_inclination_deg_for_azimuth"] = _degree(limits.min_inclination_for_azimuth)
+        for name in JUDGED:
+            value = getattr(limits, name)
+            stated[f"{name}_deg"] = None if value is None else _degree(value)
+    return stated
+
+
+def _degrees(values: np.ndarray[Any, Any]) -> list[float]:
+    return [float(x) for x in np.degrees(values).round(9)]
+
+
+def _degree(value: float) -> float | None:
+    """In degrees; null where there is none."""
+    return float(np.degrees(value)) if np.isfinite(value) else None
