@@ -72,7 +72,7 @@ def fit_circle(points: Complex, start: complex, prior: Array) -> Circle:
         away = points - complex(state[0], state[1])
         distance = np.maximum(np.abs(away), 1e-9)
         error = distance - state[2]
-        variance = max(_effective(error), (LEAST_ROUNDNESS * state[2]) ** 2)
+        variance = max(raised(error), (LEAST_ROUNDNESS * state[2]) ** 2)
         rows = np.stack([away.real / distance, away.imag / distance, np.ones_like(distance)], axis=1)
         normal = rows.T @ rows / variance + information
         shift = np.linalg.solve(normal, rows.T @ error / variance - information @ (state - origin))
@@ -84,8 +84,8 @@ def fit_circle(points: Complex, start: complex, prior: Array) -> Circle:
     return Circle(complex(state[0], state[1]), covariance, float(state[2]), scatter)
 
 
-def _effective(error: Array) -> float:
-    """Variance of the errors, raised so that their mean has the right one."""
+def raised(error: Array) -> float:
+    """Mean square of errors (m,), raised for their hanging together in time so that it gives the variance of means."""
     variance = float(np.mean(error**2))
     if variance == 0.0:
         return 0.0

@@ -15,6 +15,8 @@ OFFSET_WALK: Final = 1.0
 """nT / sqrt(s): magnetic offset, with temperature and stress."""
 ACCEL_WALK: Final = 1e-4
 """m/s^2 / sqrt(s)."""
+DELAY_SIGMA: Final = 0.05
+"""s: of the magnetometer's delay before anything is known."""
 FORGETTING: Final = 0.8
 """Of the evidence about noise spectra, what counts in the next window: about five windows are remembered."""
 LEVER_WALK: Final = 1e-5
@@ -39,6 +41,8 @@ class ToolConstants:
         Per real component.
     trust : (4, r) ndarray
         Log weights of the noise spectra of transverse gravity and field, axial gravity and field.
+    delay : tuple of float
+        Information about the magnetometer's delay, 1/s^2, and information times delay.
     """
 
     offset: complex
@@ -47,6 +51,7 @@ class ToolConstants:
     motion: Complex
     motion_covariance: Complex
     trust: Array
+    delay: tuple[float, float]
 
     def aged(self, seconds: float) -> ToolConstants:
         """After some time in which they may have wandered."""
@@ -58,6 +63,7 @@ class ToolConstants:
             self.motion,
             self.motion_covariance + walk,
             FORGETTING * self.trust,
+            self.delay,
         )
 
 
@@ -70,4 +76,5 @@ def beforehand(settings: MagneticSettings) -> ToolConstants:
         np.zeros(2, dtype=np.complex128),
         np.diag([settings.accel_sigma**2, settings.lever_sigma**2]).astype(np.complex128),
         np.zeros((4, SPECTRA)),
+        (DELAY_SIGMA**-2, settings.mag_delay_s * DELAY_SIGMA**-2),
     )

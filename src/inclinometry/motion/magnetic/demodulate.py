@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.core.arrays import Array, Mask
 from inclinometry.motion.magnetic.band import Complex
-from inclinometry.motion.magnetic.phase import Track, smooth
+from inclinometry.motion.magnetic.phase import Track, filtered, smooth
 from inclinometry.motion.samples import Samples
 
 MOST_TURN: Final = 1.5
@@ -32,6 +32,10 @@ class Demodulated:
     rate, acceleration : (m,) ndarray
         Of the rotation about the tool axis, rad/s and rad/s^2.
     track : Track
+    turned : (m,) ndarray
+        Angle by the gyro, rad; empty where none was used.
+    lag : (m,) ndarray
+        Phase by which the magnetometer is late, rad, already taken off gravity.
     turn : float
         Largest rotation from one node to the next, rad.
     """
@@ -45,6 +49,8 @@ class Demodulated:
     rate: Array
     acceleration: Array
     track: Track
+    turned: Array
+    lag: Array
     turn: float
 
 
@@ -102,7 +108,9 @@ def demodulate(
     u = np.stack([phasor.real, phasor.imag])
     _kernels.demodulated(accel, mag, good, local, u, offset.real, offset.imag, step, table)
     table = _filled(table)
-    late = np.exp(1j * rate * delay)
+    # with a gyro the phase follows the field's lateness only as fast as it is smoothed
+    lag = delay * (filtered(rate, track.half) if middle.size else rate)
+    late = np.exp(1j * lag)
     return Demodulated(
         gravity=(table[0] + 1j * table[1]) * late,
         field=np.asarray(table[3] + 1j * table[4], dtype=np.complex128),
@@ -113,6 +121,8 @@ def demodulate(
         rate=rate,
         acceleration=acceleration,
         track=track,
+        turned=middle,
+        lag=lag,
         turn=turn,
     )
 

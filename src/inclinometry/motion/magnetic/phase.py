@@ -30,6 +30,8 @@ class Track:
         Half length of the smoother, nodes.
     gain : float
         Variance of the smoothed phase per variance of a node's.
+    given : (m,) ndarray
+        The phase before smoothing.
     """
 
     phase: Array
@@ -38,6 +40,7 @@ class Track:
     noise: float
     half: int
     gain: float
+    given: Array
 
 
 @lru_cache(maxsize=64)
@@ -82,7 +85,7 @@ def smooth(phase: Array) -> Track:
                 best = score, half, value
     if best is None:
         zero = np.zeros_like(phase)
-        return Track(phase, np.gradient(phase), zero, 0.0, 0, 1.0)
+        return Track(phase, np.gradient(phase), zero, 0.0, 0, 1.0, phase)
     score, half, value = best
     weights = _kernels(half)[0]
     gain = float(weights @ weights)
@@ -94,6 +97,7 @@ def smooth(phase: Array) -> Track:
         float(np.sqrt(score / (1.0 + gain / (1.0 - weights[half])))),
         half,
         gain,
+        phase,
     )
 
 

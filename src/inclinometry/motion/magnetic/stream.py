@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
-
 import numpy as np
 
 from inclinometry.core.errors import InputError
+from inclinometry.motion.magnetic.blocks import follows, merged
 from inclinometry.motion.magnetic.constants import ToolConstants, beforehand
 from inclinometry.motion.magnetic.judge import Verdict, judge, stuck
+from inclinometry.motion.magnetic.offset import FLOOR_S, SIGNIFICANT
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.window import fit_window
 from inclinometry.motion.result import BITS, METHODS, Attitude, joined
 from inclinometry.motion.samples import Samples
-
-GAP: Final = 0.9
-"""Intervals by which a block may begin early or late and still continue the one before: stamps jitter."""
 
 
 def magnetic_attitude(samples: Samples, settings: MagneticSettings | None = None) -> Attitude:
@@ -98,7 +94,7 @@ class MagneticStream:
         size, hop = self.settings.nodes(samples.interval) * step, self.settings.hop(samples.interval) * step
         if self._held < size:
             return _table([], [], [])
-        held = _merged(self._blocks)
+        held = merged(self._blocks)
         times, rates, verdicts = [], [], []
         start = 0
         while start + size <= len(held):
@@ -123,6 +119,9 @@ class MagneticStream:
                 f"transverse magnetic offset found and taken off: {constants.offset.real:.0f} and "
                 f"{constants.offset.imag:.0f} nT, standard uncertainty {sigma:.1f} nT"
             )
+        delay = constants.delay[1] / constants.delay[0]
+        if abs(delay - self.settings.mag_delay_s) > SIGNIFICANT * float(np.hypot(constants.delay[0] ** -0.5, FLOOR_S)):
+            notes.append(f"the magnetometer is late by {1e3 * delay:.2f} ms against the other sensors: taken off")
         if self._gaps:
             notes.append(f"{self._gaps} gaps between blocks: windows were begun anew after each")
         if not self._rows:
@@ -131,17 +130,9 @@ class MagneticStream:
 
     def _continue(self, samples: Samples) -> None:
         """Hold a block against the one before; after a gap begin anew."""
-        if not self._blocks:
-            return
-        last = self._blocks[-1]
-        if last.interval != samples.interval or any(last.has(n) != samples.has(n) for n in ("gyro", "temperature")):
-            raise InputError("a block has another interval or other triads than the one before; begin a new stream")
         if not self._held:
             return
-        off = (float(samples.time[0] - last.time[-1]) - samples.interval) / samples.interval
-        if off < -GAP:
-            raise InputError(f"a block begins at {samples.time[0]:.9g} s, before the end of the last; sort the run")
-        if off > GAP:
+        if not follows(self._blocks[-1], samples):
             self._gaps += 1
             self._first += self._held
             self._blocks, self._held = [], 0
@@ -156,21 +147,6 @@ class MagneticStream:
         if not np.isnan(verdict.quaternion[0]):
             self._known.append((start + size, window.constants))
         return window.rate, verdict
-
-
-def _merged(blocks: Sequence[Samples]) -> Samples:
-    """One block of several; clipped where any states it."""
-    if len(blocks) == 1:
-        return blocks[0]
-    columns: dict[str, object] = {}
-    for name in ("accel", "mag", "gyro", "temperature"):
-        parts = [getattr(block, name) for block in blocks]
-        columns[name] = None if parts[0] is None else np.concatenate(parts)
-    if any(block.clipped is not None for block in blocks):
-        parts = [np.zeros(len(b), dtype=np.bool_) if b.clipped is None else b.clipped for b in blocks]
-        columns["clipped"] = np.concatenate(parts)
-    time = np.concatenate([block.time for block in blocks])
-    return Samples(time, blocks[0].interval, **columns)  # type: ignore[arg-type]
 
 
 def _table(times: list[float], rates: list[float], verdicts: list[Verdict], notes: tuple[str, ...] = ()) -> Attitude:

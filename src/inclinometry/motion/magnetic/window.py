@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,7 +14,9 @@ from inclinometry.motion.magnetic.band import Basis, Complex, basis, fit
 from inclinometry.motion.magnetic.circle import Circle, arc, fit_circle
 from inclinometry.motion.magnetic.constants import ToolConstants
 from inclinometry.motion.magnetic.demodulate import Demodulated, demodulate
+from inclinometry.motion.magnetic.offset import FLOOR_S, SIGNIFICANT, window_delay
 from inclinometry.motion.magnetic.phase import filtered
+from inclinometry.motion.magnetic.regressors import prior, regressors
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.samples import Samples
 from inclinometry.uncertainty.propagation import propagate
@@ -77,8 +79,15 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
         good = np.zeros(0, dtype=np.bool_)
     with_gyro = settings.use_gyro and samples.has("gyro")
     offset = known.offset
-    for _ in range(3):
-        found = demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=settings.mag_delay_s)
+    first = demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=0.0)
+    information, moment = window_delay(first, known, step * samples.interval)
+    information, moment = known.delay[0] + information, known.delay[1] + moment
+    delay, stepped = settings.mag_delay_s, False
+    if abs(moment / information - delay) > SIGNIFICANT * float(np.hypot(information**-0.5, FLOOR_S)):
+        delay, stepped = moment / information, True
+    for turn in range(3):
+        same = turn == 0 and delay == 0.0
+        found = first if same else demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=delay)
         covered = arc(np.unwrap(np.angle(found.phasor)))
         points = found.field * found.phasor + offset
         circle = fit_circle(points, known.offset, known.offset_covariance)
@@ -89,7 +98,9 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
         if abs(circle.centre - offset) < 1e-4 * circle.radius:
             break
         offset = circle.centre
-    return _fields(found, settings, known, circle, covered, clipped)
+    fitted = _fields(found, settings, known, circle, covered, clipped)
+    constants = replace(fitted.constants, delay=(information, moment))
+    return replace(fitted, stepped=stepped, constants=constants)
 
 
 def _fields(
@@ -98,10 +109,10 @@ def _fields(
     """Band-limited fits of the four series, put together."""
     of = basis(d.rate.size)
     one = np.ones((d.rate.size, 1))
-    g = fit(of, d.gravity, _regressors(d), np.concatenate([[0.0], known.motion]), _prior(known), known.trust[0])
+    g = fit(of, d.gravity, regressors(d), np.concatenate([[0.0], known.motion]), prior(known), known.trust[0])
     free, nothing = np.zeros((1, 1), dtype=np.complex128), np.zeros(1, dtype=np.complex128)
     b, gz, bz = (
-        fit(of, series, one, nothing, free, trust)
+        fit(of, np.asarray(series), one, nothing, free, trust)
         for series, trust in zip((d.field, d.axial_gravity, d.axial_field), known.trust[1:], strict=True)
     )
     covariance = np.diag(
@@ -118,13 +129,14 @@ def _fields(
         g.value[1:],
         g.covariance[1:, 1:],
         np.stack([g.trust, b.trust, gz.trust, bz.trust]),
+        known.delay,
     )
     hann = np.hanning(d.rate.size + 2)[1:-1]
     return WindowFit(
         gravity=np.array([g.value[0].real, g.value[0].imag, gz.value[0].real]),
         field=np.array([b.value[0].real, b.value[0].imag, bz.value[0].real]),
         covariance=covariance,
-        phase=_middle(np.unwrap(np.angle(d.phasor))),
+        phase=_middle(np.unwrap(np.angle(d.phasor)) - d.lag),
         phase_sigma=d.track.noise * float(np.sqrt(d.track.gain)),
         rate=float(hann @ d.rate / hann.sum()),
         arc=covered,
@@ -139,19 +151,6 @@ def _fields(
     )
 
 
-def _regressors(d: Demodulated) -> Complex:
-    """Columns (m, 3): what stands still in the hole, an accelerometer's offset, its lever arm."""
-    lever = (d.rate**2 - 1j * d.acceleration) * d.back
-    return np.stack([np.ones_like(d.back), d.back, lever], axis=1)
-
-
-def _prior(known: ToolConstants) -> Complex:
-    """Precision (3, 3) of the coefficients of `_regressors`."""
-    precision = np.zeros((3, 3), dtype=np.complex128)
-    precision[1:, 1:] = np.linalg.inv(known.motion_covariance)
-    return precision
-
-
 def _by_offset(of: Basis, d: Demodulated, known: ToolConstants, field: complex) -> Array:
     """Derivatives (6, 2) of gravity and field by the magnetic offset that was taken off.
 
@@ -159,10 +158,10 @@ def _by_offset(of: Basis, d: Demodulated, known: ToolConstants, field: complex) 
     frequency of rotation this meets the lever arm's centripetal part, which turns just as fast, and leaves a constant.
     """
     jacobian = np.zeros((6, 2))
-    columns, nothing = _regressors(d), np.zeros(3, dtype=np.complex128)
+    columns, nothing = regressors(d), np.zeros(3, dtype=np.complex128)
     for k, unit in enumerate((1.0, 1j)):
         turn = filtered(-np.imag(unit * d.back) / max(abs(field), 1.0), d.track.half)
-        gravity = fit(of, -1j * turn * d.gravity, columns, nothing, _prior(known), known.trust[0]).value[0]
+        gravity = fit(of, -1j * turn * d.gravity, columns, nothing, prior(known), known.trust[0]).value[0]
         change = of.tapers @ (-1j * turn * d.field - unit * d.back)
         ones = of.tapers.sum(axis=1)
         magnetic = complex(ones @ change) / float(ones @ ones)
