@@ -17,6 +17,8 @@ DOUBTFUL: Final = sum(
     for name in ("disturbed", "step", "clipped", "vibration", "misfit", "not-still", "aliased", "axes", "stuck")
 )
 """Flags of rows that are no evidence for a bend of the hole."""
+LOW_WEIGHT: Final = 0.1
+"""Weight below which a row is flagged as a misfit."""
 
 
 class Row(NamedTuple):
@@ -107,8 +109,13 @@ def updated(predicted: Belief, offset: Array, noise: Array) -> Belief:
     return Belief(predicted.time, frame, predicted.rate + change[2:], 0.5 * (covariance + covariance.T))
 
 
-def attitude_of(steps: list[Step], north: str, method: str, low_weight: float, notes: tuple[str, ...]) -> Attitude:
-    """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits."""
+def attitude_of(
+    steps: list[Step], north: str, method: str, common: tuple[float, float, float], notes: tuple[str, ...] = ()
+) -> Attitude:
+    """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits.
+
+    common : standard deviations about north, east and down of what all rows share, rad; added to every row.
+    """
     size = len(steps)
     quaternion, covariance = np.full((size, 4), np.nan), np.full((size, 3, 3), np.nan)
     flags = np.array([step.row.flags for step in steps], dtype=np.uint32)
@@ -116,8 +123,8 @@ def attitude_of(steps: list[Step], north: str, method: str, low_weight: float, n
         if step.matrix is None or step.covariance is None:
             continue
         quaternion[place] = quaternion_from_dcm(step.matrix)
-        covariance[place] = step.covariance
-        if step.belief is not None and step.row.matrix is not None and step.weight < low_weight:
+        covariance[place] = step.covariance + (step.matrix * np.square(common)) @ step.matrix.T
+        if step.belief is not None and step.row.matrix is not None and step.weight < LOW_WEIGHT:
             flags[place] |= BITS["misfit"]
     return Attitude(
         time=np.array([step.row.time for step in steps]),

@@ -11,13 +11,13 @@ from inclinometry.core.arrays import Array
 from inclinometry.motion._hole_direction import (
     azimuth_unknown,
     carried,
-    offset_of,
     rolled,
     see,
     with_azimuth,
 )
 from inclinometry.motion._window_model import Belief, Row, Step, predicted_frame, process, transition, updated
 from inclinometry.motion.adaptive import fading_factor, sage_husa, sage_husa_share, yang_factor_three, yang_factor_two
+from inclinometry.motion.result import BITS
 from inclinometry.motion.robust import huber_weight, igg3_weight
 from inclinometry.uncertainty.propagation import UNKNOWN
 
@@ -28,6 +28,8 @@ PRIOR_WINDOWS: Final = 30
 FADING_MEMORY: Final = 0.95
 LARGEST: Final = 4.0
 """Normalised innovation that Sage-Husa does not learn from and quality calls hopeless."""
+AGREE: Final = 3.0
+"""Normalised distance up to which two rows tell the same direction."""
 STEADY: Final = 1e-2
 """Speed of rotation, rad/s, below which a tool is taken not to rotate in a window that does not tell."""
 ROLL_WANDER: Final = 1e-4
@@ -82,7 +84,7 @@ class Recursion:
         if self._belief is not None and row.time - self._seen_at > self._tuning.longest_bridge:
             self._belief = None
         if self._belief is None:
-            return self._start(row)
+            return self._start(row, after)
         predicted = self._predict(self._belief, row.time)
         rate = row.rate if np.isfinite(row.rate) else self._rate
         self._carry_roll(rate, row.time - self._belief.time, told=bool(np.isfinite(row.rate)))
@@ -90,14 +92,29 @@ class Recursion:
             return self._bridge(row, predicted, rate)
         return self._update(row, row.matrix, row.covariance, self._adapted(predicted, row, before, after))
 
-    def _start(self, row: Row) -> Step:
+    def _start(self, row: Row, after: Row | None) -> Step:
         matrix, covariance = row.matrix, row.covariance
         if matrix is None or covariance is None or azimuth_unknown(matrix, covariance):
             return Step(row, None, None, matrix, covariance, row.rate, 0.0, 0.0, 1.0, 0.0, row.quality)
         full = np.diag([0.0, 0.0, self._tuning.rate_sigma**2, self._tuning.rate_sigma**2])
         full[:2, :2] = covariance[:2, :2]
         belief = Belief(row.time, matrix, np.zeros(2), full)
-        return self._done(Step(row, None, belief, matrix, covariance, row.rate, 0.0, 0.0, 1.0, 1.0, row.quality))
+        apart = self._contradiction(belief, after)
+        if apart > AGREE:
+            doubted = row._replace(flags=row.flags | BITS["start"])
+            wide = 2.0 * apart**2 * covariance
+            return Step(doubted, None, None, matrix, wide, row.rate, 0.0, 0.0, 1.0, 0.0, 0.0)
+        variance = float(covariance[2, 2])
+        return self._done(Step(row, None, belief, matrix, covariance, row.rate, 0.0, variance, 1.0, 1.0, row.quality))
+
+    def _contradiction(self, belief: Belief, after: Row | None) -> float:
+        """Normalised distance of the first row from the next, for a robust filter: either may be the outlier."""
+        if self._tuning.igg3 is None and self._tuning.huber is None:
+            return 0.0
+        if after is None or after.matrix is None or after.covariance is None:
+            return 0.0
+        seen = see(belief.frame, with_azimuth(after.matrix, after.covariance, belief.frame[2]), after.covariance)
+        return _size(seen.offset, belief.covariance[:2, :2] + seen.noise)
 
     def _predict(self, belief: Belief, time: float) -> Belief:
         dt = time - belief.time
@@ -125,33 +142,44 @@ class Recursion:
         )
 
     def _adapted(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> Belief:
-        """Prediction with its direction doubted by Yang's factor where three neighbouring rows agree against it."""
+        """Prediction with its direction doubted by Yang's factor where this row and a neighbour agree against it."""
         tuning = self._tuning
         if tuning.adaptive_two is None and tuning.adaptive_three is None:
             return predicted
-        if before is None or after is None or not (before.evidence and row.evidence and after.evidence):
+        found = self._agreement(predicted, row, before, after)
+        if found is None:
             return predicted
-        offsets = [
-            offset_of(predicted.frame, each.matrix[2]) - predicted.rate * (each.time - row.time)
-            for each in (before, row, after)
-            if each.matrix is not None
-        ]
-        middle = np.median(offsets, axis=0)
-        noise = (
-            np.zeros((2, 2))
-            if row.matrix is None or row.covariance is None
-            else (see(predicted.frame, row.matrix, row.covariance).noise * self._scale)
-        )
+        middle, noise = found
         size = _size(middle, predicted.covariance[:2, :2] + noise)
         factor = 1.0 if tuning.adaptive_two is None else float(yang_factor_two(size, tuning.adaptive_two))
         if tuning.adaptive_three is not None:
             factor = min(factor, float(yang_factor_three(size, *tuning.adaptive_three)))
-        if factor >= 1.0:
-            return predicted
         # never wider than the bend that was seen: at factor 0 the rows stand alone
         most = 2.0 * float(middle @ middle)
         extra = min((1.0 / max(factor, 1e-12) - 1.0) * 0.5 * float(np.trace(predicted.covariance[:2, :2])), most)
         return replace(predicted, covariance=predicted.covariance + np.diag([extra, extra, 0.0, 0.0]))
+
+    def _agreement(
+        self, predicted: Belief, row: Row, before: Row | None, after: Row | None
+    ) -> tuple[Array, Array] | None:
+        """Mean offset of this row and the neighbour it agrees with best, with its noise; None when with neither."""
+        own = self._testimony(predicted, row, row.time)
+        best, least = None, AGREE
+        for each in (before, after):
+            other = None if each is None else self._testimony(predicted, each, row.time)
+            if own is None or other is None:
+                continue
+            apart = _size(own[0] - other[0], own[1] + other[1])
+            if apart < least:
+                least, best = apart, (0.5 * (own[0] + other[0]), 0.25 * (own[1] + other[1]))
+        return best
+
+    def _testimony(self, predicted: Belief, row: Row, time: float) -> tuple[Array, Array] | None:
+        """Offset and noise of a row from the prediction for `time`; None when the row is no evidence."""
+        if not row.evidence or row.matrix is None or row.covariance is None:
+            return None
+        seen = see(predicted.frame, row.matrix, row.covariance)
+        return seen.offset - predicted.rate * (row.time - time), seen.noise * self._scale
 
     def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
         matrix = with_azimuth(matrix, covariance, predicted.frame[2])
@@ -174,8 +202,6 @@ class Recursion:
     def _done(self, step: Step) -> Step:
         self._belief, self._seen_at = step.belief, step.row.time
         self._roll, self._roll_variance = step.roll, step.roll_variance
-        if step.predicted is None and step.covariance is not None:
-            self._roll_variance = float(step.covariance[2, 2])
         if np.isfinite(step.rate):
             self._rate = step.rate
         return step

@@ -16,8 +16,6 @@ from inclinometry.motion.adaptive import sage_husa_share, yang_factor_three
 from inclinometry.motion.result import Attitude
 from inclinometry.motion.robust import igg3_weight
 
-LOW_WEIGHT: Final = 0.1
-"""Weight below which a row is flagged as a misfit."""
 _RANGES: Final = {
     "huber": (0.1, 100.0, ""),
     "adaptive_two": (0.1, 100.0, ""),
@@ -28,6 +26,8 @@ _RANGES: Final = {
     "rate_walk": (0.0, 1.0, "rad/s^1.5"),
     "rate_sigma": (1e-12, 1.0, "rad/s"),
     "roll_share": (0.0, 1.0, ""),
+    "common_tilt": (0.0, 1.0, "rad"),
+    "common_turn": (0.0, 3.0, "rad"),
     "longest_bridge": (0.0, 1e7, "s"),
 }
 
@@ -43,9 +43,10 @@ class WindowFilterSettings:
     igg3 : (k0, k1), optional
         Of `igg3_weight`; huber and igg3 exclude each other.
     adaptive_two : float, optional
-        c of `yang_factor_two`, on the component-wise median of the rows before, at and after.
+        c of `yang_factor_two`, on the mean of a row and the neighbour that agrees with it.
     adaptive_three : (c0, c1), optional
-        Of `yang_factor_three`.
+        Of `yang_factor_three`. The published c0 is 1 to 1.5; 2.5 loses less on a straight hole (two rows out of many
+        agree by chance) and follows a bend as fast.
     forgetting : float, optional
         b of `sage_husa_share`: a common scale of the rows' covariances is learnt.
     least_noise : float
@@ -63,6 +64,9 @@ class WindowFilterSettings:
         rad/s, of the rate at the start.
     roll_share : float
         Share of the mean speed by which it may be off where the toolface is carried through a row without an attitude.
+    common_tilt, common_turn : float
+        rad, standard deviation of errors that all rows share (calibration, reference), about each horizontal axis and
+        about the vertical. They are added to the result; the rows' own covariance should not hold them.
     longest_bridge : float
         s, without an attitude, after which the filter starts anew.
 
@@ -75,8 +79,8 @@ class WindowFilterSettings:
     huber: float | None = None
     igg3: tuple[float, float] | None = (1.5, 4.0)
     adaptive_two: float | None = None
-    adaptive_three: tuple[float, float] | None = (1.5, 5.0)
-    forgetting: float | None = None
+    adaptive_three: tuple[float, float] | None = (2.5, 5.0)
+    forgetting: float | None = 0.97
     least_noise: float = 0.25
     fading: float | None = None
     doubt: float = 3.0
@@ -84,6 +88,8 @@ class WindowFilterSettings:
     rate_walk: float = 4e-7
     rate_sigma: float = 3e-5
     roll_share: float = 0.01
+    common_tilt: float = 0.0
+    common_turn: float = 0.0
     longest_bridge: float = 1800.0
 
     def __post_init__(self) -> None:
@@ -111,11 +117,16 @@ class RobustStream:
     def __init__(self, settings: WindowFilterSettings | None = None) -> None:
         chosen = settings or WindowFilterSettings()
         self._recursion = Recursion(chosen)
-        self._patience = chosen.longest_bridge
+        self._settings = chosen
         self._waiting: list[Row] = []
         self._before: Row | None = None
         self._last: float = -np.inf
         self._north: str | None = None
+
+    @property
+    def common(self) -> tuple[float, float, float]:
+        """Standard deviations of what all rows share, about north, east and down."""
+        return self._settings.common_tilt, self._settings.common_tilt, self._settings.common_turn
 
     def push(self, rows: Attitude) -> Attitude:
         """Rows that became complete.
@@ -145,7 +156,9 @@ class RobustStream:
             if row.matrix is not None:
                 done += self._release(row)
             self._waiting.append(row)
-            if row.time - self._waiting[0].time > self._patience or all(w.matrix is None for w in self._waiting):
+            if row.time - self._waiting[0].time > self._settings.longest_bridge or all(
+                w.matrix is None for w in self._waiting
+            ):
                 done += self._release(None)
         return done
 
@@ -162,7 +175,7 @@ class RobustStream:
         return done
 
     def _result(self, steps: list[Step]) -> Attitude:
-        return attitude_of(steps, self._north or "magnetic", "robust", LOW_WEIGHT, ())
+        return attitude_of(steps, self._north or "magnetic", "robust", self.common)
 
 
 def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) -> Attitude:
@@ -181,8 +194,10 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
         A row for each row given. Rows with a weight below 0.1 carry the flag "misfit", their direction is the filter's.
         Refused rows keep their flags and have an attitude: direction predicted with growing uncertainty, toolface
         carried by the mean speed where that is known and otherwise with the uncertainty of an unknown angle. Rows
-        before the first with an azimuth are returned as they came. The covariance holds when the rows' own does; errors
-        common to all rows (a reference, a calibration) are not made smaller by filtering and are not in it twice.
+        before the first with an azimuth are returned as they came; first rows that the next one contradicts are
+        flagged "start" and their uncertainty covers the contradiction, for either may be the outlier. The
+        covariance holds when the rows' own does and their errors are independent; what all rows share does not average
+        out and is stated by `common_tilt` and `common_turn`.
 
     Raises
     ------
@@ -195,9 +210,9 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
     random. The toolface is not filtered: while the string turns, a window's toolface says nothing about the next. It
     takes part through its correlation with the direction's error (`_hole_direction.rolled`).
 
-    Each row: prediction; Yang's factor on the median of the rows before, at and after (two of three rows that agree
-    against the prediction are a bend, one is an outlier); weight of the normalised innovation
-    t = sqrt(v' S^-1 v / 2), S = P + R, which divides R; update.
+    Each row: prediction; Yang's factor on the mean of the row and the neighbour, before or after, that agrees with it
+    (two rows that agree against the prediction are a bend, one alone is an outlier); weight of the normalised
+    innovation t = sqrt(v' S^-1 v / 2), S = P + R, which divides R; update.
 
     Examples
     --------
@@ -208,7 +223,7 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
     """
     stream = RobustStream(settings)
     steps = stream.steps(rows) + stream.last_steps()
-    return attitude_of(steps, rows.north, "robust", LOW_WEIGHT, rows.notes)
+    return attitude_of(steps, rows.north, "robust", stream.common, rows.notes)
 
 
 def _row(rows: Attitude, place: int) -> Row:

@@ -8,7 +8,7 @@ from inclinometry.core.arrays import Array
 from inclinometry.motion._hole_direction import carried, offset_of, rolled, turned
 from inclinometry.motion._window_model import Belief, Step, attitude_of, transition
 from inclinometry.motion.result import Attitude
-from inclinometry.motion.window_filter import LOW_WEIGHT, RobustStream, WindowFilterSettings
+from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings
 
 
 def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None) -> Attitude:
@@ -60,7 +60,7 @@ def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None)
         following = steps[place + 1].predicted if place + 1 < len(steps) else None
         later = step.belief if later is None or following is None else _back(step.belief, following, later)
         smoothed[place] = _replaced(step, later)
-    return attitude_of(smoothed, rows.north, "smoother", LOW_WEIGHT, rows.notes)
+    return attitude_of(smoothed, rows.north, "smoother", stream.common, rows.notes)
 
 
 def _back(belief: Belief, predicted: Belief, later: Belief) -> Belief:
