@@ -21,11 +21,9 @@ from inclinometry.core.arrays import Array
 
 STATES: Final = 16
 NOMINAL: Final = 20  # quaternion 0-3, then bias, scale, accelerometer bias, hard iron, dip; rest unused
-TAPERS: Final = 5  # Hann, and four that see the noise beside zero frequency; their second derivatives follow
-MEAN_C: Final = 3 * TAPERS  # places in the sums of a window, see `_accumulate`
-DRIFT: Final = MEAN_C + 9
-LEVER: Final = DRIFT + 18
-COUNTS: Final = LEVER + 9 * TAPERS
+TAPERS: Final = 10  # of a window; a row of 12 sums each, see `_keep`
+DRIFT: Final = 12 * TAPERS
+COUNTS: Final = DRIFT + 18
 SUMS: Final = COUNTS + 6
 STEP: Final = 13  # of the tape: exact rotation of a step, half the interval, rates times it
 UPDATE: Final = 34  # of the tape: direction h, gain k, innovation over its variance, one over the variance
@@ -134,22 +132,39 @@ def _update(p: Array, x: Array, h: Array, z: float, r: float, gate: float, u: Ar
 
 
 @inlined
-def _accumulate(c: Array, a: Array, w: Array, drift: Array, out: Array) -> None:
-    """Sums of a window; c is tool from north-east-down, `a` the corrected apparent gravity, w the tapers.
-
-    In order: tapers of the apparent gravity in north, east, down; Hann mean of c transposed; of the drift; and what a
-    lever arm does to the tapered gravity: minus the second derivative of the taper times c transposed, by parts.
-    """
+def _keep(c: Array, a: Array, row: Array) -> None:
+    """What the tapers are put on: apparent gravity `a` in north, east, down, then c transposed, by rows."""
     for n in range(3):
-        g = c[0, n] * a[0] + c[1, n] * a[1] + c[2, n] * a[2]
-        for m in range(TAPERS):
-            out[3 * m + n] += w[m] * g
-            for j in range(3):
-                out[LEVER + 9 * m + 3 * n + j] -= w[TAPERS + m] * c[j, n]
+        row[n] = c[0, n] * a[0] + c[1, n] * a[1] + c[2, n] * a[2]
         for j in range(3):
-            out[MEAN_C + 3 * n + j] += w[0] * c[j, n]
-    for j in range(18):
-        out[DRIFT + j] += w[0] * drift[j]
+            row[3 + 3 * n + j] = c[j, n]
+
+
+@inlined
+def _taper(v: Array, tapers: Array, out: Array) -> None:
+    """Sums of the rows of v times each taper; twelve running sums, so that they stay in registers."""
+    for m in range(TAPERS):
+        s0, s1, s2, s3, s4, s5, s6, s7, s8, s9, s10, s11 = (0.0,) * 12
+        for i in range(v.shape[0]):
+            w = tapers[i, m]
+            s0, s1, s2, s3 = s0 + w * v[i, 0], s1 + w * v[i, 1], s2 + w * v[i, 2], s3 + w * v[i, 3]
+            s4, s5, s6, s7 = s4 + w * v[i, 4], s5 + w * v[i, 5], s6 + w * v[i, 6], s7 + w * v[i, 7]
+            s8, s9, s10, s11 = s8 + w * v[i, 8], s9 + w * v[i, 9], s10 + w * v[i, 10], s11 + w * v[i, 11]
+        k = 12 * m
+        out[k], out[k + 1], out[k + 2], out[k + 3], out[k + 4], out[k + 5] = s0, s1, s2, s3, s4, s5
+        out[k + 6], out[k + 7], out[k + 8], out[k + 9], out[k + 10], out[k + 11] = s6, s7, s8, s9, s10, s11
+
+
+@inlined
+def _rates(sample: Array, lost: bool, nominal: Array, half: float, last: Array, y: Array, step: Array) -> None:
+    """Mean of this and the last sample: as read, times half the interval, into the step; corrected into y."""
+    step[9] = half
+    for j in range(3):
+        now = last[j] if lost else sample[j]
+        mean = 0.5 * (last[j] + now)
+        step[10 + j] = half * mean
+        last[j] = now
+        y[j] = mean - (mean * nominal[7 + j] + nominal[4 + j])
 
 
 @inlined
@@ -205,29 +220,26 @@ def forward(
     """One window. nominal, p, x, last (the gyro's sample before) are carried on.
 
     c: interval, three Earth-rate steps (rad), field strength, mag variance, gate, held variance, the 16 variances a
-    step adds, and 1, or 0 for a tool that is held: its bias and scale turn nothing. `out` receives the sums of
-    `_accumulate`, then (COUNTS) field samples used, refused, sum of their squared normalised innovations, sums of the
-    corrected rates. steps, updates: the tape, of no rows when it is not wanted.
+    step adds, and 1, or 0 for a tool that is held: its bias and scale turn nothing. `out` receives what
+    `_taper` sums, the drift from the window's mean to its end, then (COUNTS) field samples used, refused, sum of their
+    squared normalised innovations, sums of the corrected rates. steps, updates: the tape, of no rows
+    when it is not wanted.
     """
     dt, strength, variance, gate, held, coupled = c[0], c[4], c[5], c[6], c[7], c[24]
     noise = c[8 : 8 + STATES]
     q, turn, earth = nominal[0:4], np.empty(4), np.empty(4)
     dcm, rotation, t = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, STATES))
     h, u, k = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
+    kept = np.empty((gyro.shape[0], 12))
     step, drift, a, y = np.empty(STEP), np.zeros(18), np.empty(3), np.empty(3)
     _turn(c[1], c[2], c[3], earth)
     _matrix(q, dcm)
     taped = steps.shape[0] > 0
     for i in range(gyro.shape[0]):
         lost = (marks[i] & USE_HELD) != 0
-        step[9] = 0.5 * dt * coupled
+        _rates(gyro[i], lost, nominal, 0.5 * dt * coupled, last, y, step)
         for j in range(3):
-            now = last[j] if lost else gyro[i, j]
-            y[j] = 0.5 * (last[j] + now)
-            step[10 + j] = step[9] * y[j]
-            last[j] = now
             a[j] = accel[i, j] - nominal[10 + j]
-            y[j] -= y[j] * nominal[7 + j] + nominal[4 + j]
             out[COUNTS + 3 + j] += y[j]
         _turn(-y[0] * dt, -y[1] * dt, -y[2] * dt, turn)
         _matrix(turn, rotation)
@@ -239,7 +251,9 @@ def forward(
         _matrix(q, dcm)
         _drift(dcm, step, drift)
         _predict(p, x, step, noise, held if lost else 0.0, t)
-        _accumulate(dcm, a, tapers[i], drift, out)
+        _keep(dcm, a, kept[i])
+        for j in range(18):
+            out[DRIFT + j] += tapers[i, 0] * drift[j]
         ratio, inverse = 0.0, 0.0
         if marks[i] & USE_MAG:
             z = _field(dcm, mag[i], nominal, strength, i % 2 == 0, h)
@@ -250,6 +264,7 @@ def forward(
             for j in range(STEP):
                 steps[i, j] = step[j]
             _note(updates[i], h, k, ratio, inverse)
+    _taper(kept, tapers, out)
     for j in range(18):
         out[DRIFT + j] = drift[j] - out[DRIFT + j]
 

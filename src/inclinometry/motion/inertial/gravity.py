@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
 from inclinometry.attitude.rotations import cross_matrix, dcm_from_quaternion
-from inclinometry.core.arrays import Array
+from inclinometry.core.arrays import Array, frozen
 from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.state import STATES, Shaking
 from inclinometry.motion.inertial.tape import Ends
@@ -20,6 +21,7 @@ TURNS: Final = (2, 3)
 """Turns a window of the tapers that see noise beside zero frequency; below 2 they would see gravity."""
 
 
+@lru_cache(maxsize=32)
 def tapers(size: int, interval: float) -> Array:
     """Hann taper (sum 1), the taper times cosine and sine of 2 and 3 turns, and their second derivatives (n, 10).
 
@@ -35,7 +37,7 @@ def tapers(size: int, interval: float) -> Array:
             parts = [(turns, 1.0), (turns - 1, -0.5), (turns + 1, -0.5)]
             found.append(sum((weight * wave(n * phase) for n, weight in parts), np.zeros(size)) / size)
             bends.append(sum((-scale * n * n * weight * wave(n * phase) for n, weight in parts), np.zeros(size)) / size)
-    return np.ascontiguousarray(np.stack([*found, *bends], axis=1))
+    return frozen(np.ascontiguousarray(np.stack([*found, *bends], axis=1)))
 
 
 def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) -> Shaking:
@@ -78,10 +80,12 @@ def measure_gravity(
     from inclinometry.motion.inertial import _recursions as kernels
 
     settings, g = model.settings, model.gravity
-    tapered = sums[: kernels.MEAN_C].reshape(-1, 3)
-    mean_c = sums[kernels.MEAN_C : kernels.DRIFT].reshape(3, 3)
-    drift = sums[kernels.DRIFT : kernels.LEVER].reshape(3, 6)
-    levers = sums[kernels.LEVER : kernels.COUNTS].reshape(-1, 3, 3)
+    rows_of = sums[: kernels.DRIFT].reshape(-1, 12)
+    half = len(rows_of) // 2
+    tapered, mean_c = rows_of[:half, :3], rows_of[0, 3:].reshape(3, 3)
+    # a lever arm accelerates by the second derivative of c' r; by parts, twice, that falls on the taper
+    levers = -rows_of[half:, 3:].reshape(-1, 3, 3)
+    drift = sums[kernels.DRIFT : kernels.COUNTS].reshape(3, 6)
     white = 1.5 * settings.accel_noise**2 / size
     shaking = learnt(shaking, tapered[1:], levers[1:], white)
     cross = g * cross_matrix([0.0, 0.0, 1.0])
