@@ -25,9 +25,11 @@ B_ONE, B_TWO, B_MATRIX, B_LEVEL, B_FIELD, B_RATE, B_GRAVITY = 0, 2, 4, 13, 16, 1
 B_RATE2, B_GRAVITY2, B_FIELD2, B_HELD, BLOCK = 25, 26, 27, 28, 29
 
 # places in `slow`, what lasts longer than a block: low-passed rate and gravity, time at rest, misfit of the field (in
-# its squared unevenness) smoothed and judged, time it was rejected, and the moving sums that find hard iron
+# its squared unevenness) smoothed and judged, time it was rejected, the moving sums that find hard iron, and another field
+# that may be the new one: its strength across and along gravity and how long it was seen
 S_RATE, S_GRAVITY, S_READY, S_REST, S_MISFIT, S_JUDGED, S_REJECTED = 0, 3, 6, 7, 8, 9, 10
-S_COUNT, S_MATRIX, S_LEVEL, S_FIELD, S_FIELD2, S_ON, S_SOLVE, SLOW = 11, 12, 21, 24, 27, 28, 29, 30
+S_COUNT, S_MATRIX, S_LEVEL, S_FIELD, S_FIELD2, S_ON, S_SOLVE = 11, 12, 21, 24, 27, 28, 29
+S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, SLOW = 30, 31, 32, 33
 
 # places in `par`, settings in the units of the kernels
 (
@@ -96,7 +98,7 @@ def transition_rows(m: Array, r: Array, nav: Array, par: Array) -> None:
 
 @inlined
 def add_noise(p: Array, r: Array, nav: Array, block: Array, par: Array, inverse: float) -> None:
-    """Process noise of a block: rotation (white noise, errors of scale and axes, bridged samples), bias, field, speed."""
+    """Process noise of a block: rotation (white, errors of scale and axes, bridged samples), bias, field, speed."""
     w0, w1, w2 = block[B_RATE] * inverse, block[B_RATE + 1] * inverse, block[B_RATE + 2] * inverse
     held = block[B_HELD]
     # errors of scale and axes turn with the tool: what does not average out over the block is the mean matrix's share
@@ -131,7 +133,8 @@ def add_noise(p: Array, r: Array, nav: Array, block: Array, par: Array, inverse:
 @inlined
 def _dot(r: Array, i: int, j: int) -> float:
     """Product of two rows of a matrix that start at i and j."""
-    return float(r[i] * r[j] + r[i + 1] * r[j + 1] + r[i + 2] * r[j + 2])
+    value: float = r[i] * r[j] + r[i + 1] * r[j + 1] + r[i + 2] * r[j + 2]
+    return value
 
 
 @inlined
@@ -187,23 +190,42 @@ def judge_field(e: Array, nav: Array, p: Array, slow: Array, par: Array, resting
     A disturbance has no preferred direction, so its two visible components tell how large the third is. Beyond the
     gate the variance grows with the fourth power of the misfit: such a field is not a sample of the unevenness.
     """
-    across = math.sqrt(e[0] * e[0] + e[1] * e[1]) - math.sqrt(nav[N_FIELD] ** 2 + nav[N_FIELD + 1] ** 2)
-    along = e[2] - nav[N_FIELD + 2]
-    misfit = 0.5 * (across * across + along * along) / (par[UNEVEN] + p[FIELD + 2, FIELD + 2])
+    across = math.sqrt(e[0] * e[0] + e[1] * e[1])
+    strength = math.sqrt(nav[N_FIELD] ** 2 + nav[N_FIELD + 1] ** 2)
+    dx, dz = across - strength, e[2] - nav[N_FIELD + 2]
+    misfit = 0.5 * (dx * dx + dz * dz) / (par[UNEVEN] + p[FIELD + 2, FIELD + 2])
     slow[S_MISFIT] += par[A_MISFIT] * (misfit - slow[S_MISFIT])
     worst = max(misfit, slow[S_MISFIT]) / par[GATE]
-    slow[S_JUDGED] = worst
-    if worst <= 1.0:
-        slow[S_REJECTED] = max(0.0, slow[S_REJECTED] - 2.0 * par[TAU])
-        return 1.0
-    if not resting:
-        slow[S_REJECTED] += par[TAU]
-    if slow[S_REJECTED] > par[ACCEPT]:
-        # the field has been another one for long: let the estimate move there in about the same time again
+    _watch_other(across, e[2], slow, par, resting)
+    if worst > 1.0 and slow[S_OTHER_TIME] > par[ACCEPT]:
+        # how far the two fields differ is how little the old heading is worth
+        old = slow[S_OTHER_ACROSS] / (strength + 1e-300)
+        dx, dz = slow[S_OTHER_ACROSS] - strength, slow[S_OTHER_ALONG] - nav[N_FIELD + 2]
+        nav[N_FIELD] *= old
+        nav[N_FIELD + 1] *= old
+        nav[N_FIELD + 2] = slow[S_OTHER_ALONG]
         for k in range(3):
-            p[FIELD + k, FIELD + k] += worst * par[UNEVEN] * par[TAU] / par[ACCEPT]
-        return worst
-    return worst * worst
+            p[FIELD + k, FIELD + k] += 0.5 * (dx * dx + dz * dz)
+        slow[S_OTHER_TIME] = 0.0
+        slow[S_MISFIT] = 0.0
+        worst = 0.0
+    slow[S_JUDGED] = worst
+    slow[S_REJECTED] = slow[S_REJECTED] + par[TAU] if worst > 1.0 else max(0.0, slow[S_REJECTED] - 2.0 * par[TAU])
+    return worst * worst if worst > 1.0 else 1.0
+
+
+@inlined
+def _watch_other(across: float, along: float, slow: Array, par: Array, resting: bool) -> None:
+    """Follow the field as it is, and count how long it has stayed the same while the tool moved."""
+    dx, dz = across - slow[S_OTHER_ACROSS], along - slow[S_OTHER_ALONG]
+    if 0.5 * (dx * dx + dz * dz) < 2.0 * par[GATE] * par[UNEVEN]:
+        step = par[TAU] / par[ACCEPT]
+        slow[S_OTHER_ACROSS] += step * dx
+        slow[S_OTHER_ALONG] += step * dz
+        if not resting:
+            slow[S_OTHER_TIME] += par[TAU]
+    else:
+        slow[S_OTHER_ACROSS], slow[S_OTHER_ALONG], slow[S_OTHER_TIME] = across, along, 0.0
 
 
 @inlined
@@ -267,5 +289,56 @@ def _solve_iron(nav: Array, p: Array, slow: Array, par: Array) -> None:
                 p[j, FIELD + k] = 0.0
             p[FIELD + k, FIELD + k] = par[UNEVEN]
         slow[S_MISFIT] = 0.0
+        slow[S_OTHER_TIME] = 0.0
         slow[S_REJECTED] = 0.0
     slow[S_ON] = 1.0 if on else 0.0
+
+
+@inlined
+def predict(nav: Array, p: Array, block: Array, par: Array, inverse: float) -> None:
+    """Estimate and covariance to the end of the bloc"""
+    t = par[TAU]
+    for i in range(2):
+        nav[N_SWAY + i] += t * nav[N_SPEED + i] + block[B_TWO + i]
+        nav[N_SPEED + i] += block[B_ONE + i]
+    r = block[B_MATRIX : B_MATRIX + 9]
+    for _ in range(2):
+        transition_rows(p, r, nav, par)
+        for i in range(STATES):
+            for j in range(i):
+                p[i, j], p[j, i] = p[j, i], p[i, j]
+    for i in range(STATES):
+        for j in range(i):
+            p[i, j] = 0.5 * (p[i, j] + p[j, i])
+            p[j, i] = p[i, j]
+    add_noise(p, r, nav, block, par, inverse)
+
+
+@inlined
+def observe(nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array, resting: bool) -> None:
+    """Sway and, at rest, speed are nil; at rest the rate is the bias."""
+    for i in range(2):
+        update(p, dx, gain, SWAY + i, par[R_SWAY], -nav[N_SWAY + i])
+    if resting:
+        inverse = par[DT] / par[TAU]
+        for i in range(2):
+            update(p, dx, gain, SPEED + i, par[R_SPEED], -nav[N_SPEED + i])
+        for i in range(3):
+            update(p, dx, gain, BIAS + i, par[R_BIAS], block[B_RATE + i] * inverse - nav[N_BIAS + i])
+
+
+@inlined
+def feed_back(nav: Array, dx: Array) -> None:
+    """The correction goes into the estimate; the slope turns the level frame."""
+    for i in range(2):
+        nav[N_SWAY + i] += dx[SWAY + i]
+        nav[N_SPEED + i] += dx[SPEED + i]
+    for i in range(3):
+        nav[N_BIAS + i] += dx[BIAS + i]
+        nav[N_FIELD + i] += dx[FIELD + i]
+    a, b = 0.5 * dx[SLOPE + 1], -0.5 * dx[SLOPE]
+    p, q, r, s = nav[0], nav[1], nav[2], nav[3]
+    q0, q1 = p - a * q - b * r, q + a * p + b * s
+    q2, q3 = r + b * p - a * s, s + a * r - b * q
+    n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+    nav[0], nav[1], nav[2], nav[3] = q0 * n, q1 * n, q2 * n, q3 * n

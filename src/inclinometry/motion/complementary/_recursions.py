@@ -48,7 +48,7 @@ UNKNOWN2: Final = UNKNOWN * UNKNOWN
 
 @inlined
 def _level(first: Array, nav: Array, out: Array) -> None:
-    """Into `out` the level frame from the sums so far: the shortest turn that brings gravity down, and the field in it."""
+    """Into `out` the level frame from the sums so far: the shortest turn that brings gravity down; the field in it."""
     x, y, z = first[F_GRAVITY], first[F_GRAVITY + 1], first[F_GRAVITY + 2]
     size = math.sqrt(x * x + y * y + z * z) + 1e-300
     w = math.sqrt(max(0.5 * (1.0 + z / size), 1e-12))
@@ -76,58 +76,6 @@ def _begin(p: Array, par: Array) -> None:
     for i in range(3):
         p[k.BIAS + i, k.BIAS + i] = par[k.P_BIAS]
         p[k.FIELD + i, k.FIELD + i] = par[k.UNEVEN]
-
-
-@inlined
-def _predict(nav: Array, p: Array, block: Array, par: Array, inverse: float) -> None:
-    """Estimate and covariance to the end of the block."""
-    t = par[k.TAU]
-    for i in range(2):
-        nav[k.N_SWAY + i] += t * nav[k.N_SPEED + i] + block[k.B_TWO + i]
-        nav[k.N_SPEED + i] += block[k.B_ONE + i]
-    r = block[k.B_MATRIX : k.B_MATRIX + 9]
-    for _ in range(2):
-        k.transition_rows(p, r, nav, par)
-        for i in range(k.STATES):
-            for j in range(i):
-                p[i, j], p[j, i] = p[j, i], p[i, j]
-    for i in range(k.STATES):
-        for j in range(i):
-            p[i, j] = 0.5 * (p[i, j] + p[j, i])
-            p[j, i] = p[i, j]
-    k.add_noise(p, r, nav, block, par, inverse)
-
-
-@inlined
-def _observe(
-    nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array, resting: bool
-) -> None:
-    """Sway and, at rest, speed are nil; at rest the rate is the bias."""
-    for i in range(2):
-        k.update(p, dx, gain, k.SWAY + i, par[k.R_SWAY], -nav[k.N_SWAY + i])
-    if resting:
-        inverse = par[k.DT] / par[k.TAU]
-        for i in range(2):
-            k.update(p, dx, gain, k.SPEED + i, par[k.R_SPEED], -nav[k.N_SPEED + i])
-        for i in range(3):
-            k.update(p, dx, gain, k.BIAS + i, par[k.R_BIAS], block[k.B_RATE + i] * inverse - nav[k.N_BIAS + i])
-
-
-@inlined
-def _feed_back(nav: Array, dx: Array) -> None:
-    """The correction goes into the estimate; the slope turns the level frame."""
-    for i in range(2):
-        nav[k.N_SWAY + i] += dx[k.SWAY + i]
-        nav[k.N_SPEED + i] += dx[k.SPEED + i]
-    for i in range(3):
-        nav[k.N_BIAS + i] += dx[k.BIAS + i]
-        nav[k.N_FIELD + i] += dx[k.FIELD + i]
-    a, b = 0.5 * dx[k.SLOPE + 1], -0.5 * dx[k.SLOPE]
-    p, q, r, s = nav[0], nav[1], nav[2], nav[3]
-    q0, q1 = p - a * q - b * r, q + a * p + b * s
-    q2, q3 = r + b * p - a * s, s + a * r - b * q
-    n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-    nav[0], nav[1], nav[2], nav[3] = q0 * n, q1 * n, q2 * n, q3 * n
 
 
 @inlined
@@ -160,47 +108,52 @@ def _show(nav: Array, p: Array, slow: Array, par: Array, shown: Array, flags: in
 
 
 @inlined
+def _look(
+    nav: Array, p: Array, e: Array, block: Array, slow: Array, par: Array, inverse: float, resting: bool
+) -> float:
+    """Mean field of the block without hard iron into `e`; factor on its variance."""
+    r = block[k.B_MATRIX : k.B_MATRIX + 9]
+    if not resting:
+        k.find_iron(block, nav, p, slow, par, 1.0 / inverse)
+    h0, h1, h2 = nav[k.N_IRON], nav[k.N_IRON + 1], nav[k.N_IRON + 2]
+    for i in range(3):
+        e[i] = (block[k.B_LEVEL + i] - r[3 * i] * h0 - r[3 * i + 1] * h1 - r[3 * i + 2] * h2) * inverse
+    factor = k.judge_field(e, nav, p, slow, par, resting)
+    # at rest the field is one sample of its unevenness, however long one looks
+    return factor * math.exp(min((slow[k.S_REST] - par[k.REST_TIME]) / par[k.FRESH], 50.0)) if resting else factor
+
+
+@inlined
+def _record(record: Array, start: int, values: Array) -> None:
+    """Copy into a block's record, where one is kept."""
+    if record.size > 0:
+        for i in range(values.size):
+            record[start + i] = values[i]
+
+
+@inlined
 def _finish_block(
-    nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array, shown: Array, record: Array
+    nav: Array, p: Array, dx: Array, work: Array, block: Array, slow: Array, par: Array, shown: Array, record: Array
 ) -> None:
     """Predict over the block, look for hard iron, judge the field, observe, correct."""
     inverse = par[k.DT] / par[k.TAU]
-    _predict(nav, p, block, par, inverse)
+    k.predict(nav, p, block, par, inverse)
     resting = k.still(block, slow, par, inverse)
-    r = block[k.B_MATRIX : k.B_MATRIX + 9]
-    e = gain[k.STATES :]
-    factor = 1.0
+    e, factor = work[k.STATES :], 1.0
     if par[k.USE_MAG] > 0.0:
-        if not resting:
-            k.find_iron(block, nav, p, slow, par, 1.0 / inverse)
-        h0, h1, h2 = nav[k.N_IRON], nav[k.N_IRON + 1], nav[k.N_IRON + 2]
-        for i in range(3):
-            iron = r[3 * i] * h0 + r[3 * i + 1] * h1 + r[3 * i + 2] * h2
-            e[i] = (block[k.B_LEVEL + i] - iron) * inverse
-        factor = k.judge_field(e, nav, p, slow, par, resting)
-        if resting:
-            # at rest the field is one sample of its unevenness, however long one looks
-            factor *= math.exp(min((slow[k.S_REST] - par[k.REST_TIME]) / par[k.FRESH], 50.0))
-    keep = record.size > 0
+        factor = _look(nav, p, e, block, slow, par, inverse, resting)
     for i in range(k.STATES):
         dx[i] = 0.0
-        if keep:
-            for j in range(k.STATES):
-                record[H_BEFORE + i * k.STATES + j] = p[i, j]
-    _observe(nav, p, dx, gain, block, slow, par, resting)
+    _record(record, H_BEFORE, p.reshape(k.STATES * k.STATES))
+    k.observe(nav, p, dx, work, block, slow, par, resting)
     if par[k.USE_MAG] > 0.0:
         for i in range(3):
-            k.update(p, dx, gain, k.FIELD + i, factor * par[k.R_FIELD], e[i] - nav[k.N_FIELD + i])
-    _feed_back(nav, dx)
-    if keep:
-        for i in range(k.STATES):
-            record[H_CORRECTION + i] = dx[i]
-            for j in range(k.STATES):
-                record[H_AFTER + i * k.STATES + j] = p[i, j]
-        for i in range(9):
-            record[H_MATRIX + i] = r[i]
-        for i in range(k.NAV):
-            record[H_ESTIMATE + i] = nav[i]
+            k.update(p, dx, work, k.FIELD + i, factor * par[k.R_FIELD], e[i] - nav[k.N_FIELD + i])
+    k.feed_back(nav, dx)
+    _record(record, H_AFTER, p.reshape(k.STATES * k.STATES))
+    _record(record, H_CORRECTION, dx)
+    _record(record, H_MATRIX, block[k.B_MATRIX : k.B_MATRIX + 9])
+    _record(record, H_ESTIMATE, nav)
     for i in range(k.BLOCK):
         block[i] = 0.0
     _show(nav, p, slow, par, shown, 0)
@@ -233,15 +186,8 @@ def _take(
     a0, a1, a2 = first[F_ACCEL], first[F_ACCEL + 1], first[F_ACCEL + 2]
     m0, m1, m2 = first[F_MAG], first[F_MAG + 1], first[F_MAG + 2]
     half, dt = 0.5 * par[k.DT], par[k.DT]
-    q0, q1, q2, q3 = k.turn(
-        nav[0],
-        nav[1],
-        nav[2],
-        nav[3],
-        half * (w0 - nav[k.N_BIAS]),
-        half * (w1 - nav[k.N_BIAS + 1]),
-        half * (w2 - nav[k.N_BIAS + 2]),
-    )
+    x, y, z = half * (w0 - nav[k.N_BIAS]), half * (w1 - nav[k.N_BIAS + 1]), half * (w2 - nav[k.N_BIAS + 2])
+    q0, q1, q2, q3 = k.turn(nav[0], nav[1], nav[2], nav[3], x, y, z)
     nav[0], nav[1], nav[2], nav[3] = q0, q1, q2, q3
     k.level_matrix(q0, q1, q2, q3, r)
     block[k.B_ONE] += dt * (r[0] * a0 + r[1] * a1 + r[2] * a2)
@@ -252,15 +198,10 @@ def _take(
         block[k.B_MATRIX + c] += r[c]
     for c in range(3):
         block[k.B_LEVEL + c] += r[3 * c] * m0 + r[3 * c + 1] * m1 + r[3 * c + 2] * m2
-    block[k.B_FIELD] += m0
-    block[k.B_FIELD + 1] += m1
-    block[k.B_FIELD + 2] += m2
-    block[k.B_RATE] += w0
-    block[k.B_RATE + 1] += w1
-    block[k.B_RATE + 2] += w2
-    block[k.B_GRAVITY] += a0
-    block[k.B_GRAVITY + 1] += a1
-    block[k.B_GRAVITY + 2] += a2
+    for c in range(3):
+        block[k.B_RATE + c] += first[F_GYRO + c]
+        block[k.B_GRAVITY + c] += first[F_ACCEL + c]
+        block[k.B_FIELD + c] += first[F_MAG + c]
     block[k.B_RATE2] += w0 * w0 + w1 * w1 + w2 * w2
     block[k.B_GRAVITY2] += a0 * a0 + a1 * a1 + a2 * a2
     block[k.B_FIELD2] += m0 * m0 + m1 * m1 + m2 * m2

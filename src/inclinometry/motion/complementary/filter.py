@@ -17,7 +17,7 @@ REST_BIAS: Final = np.radians(0.02)  # rad/s sqrt(s): what a second at rest tell
 REST_BOUND: Final = np.radians(2.0)  # rad/s: a tool that turns evenly faster than this is not at rest
 START_SPEED: Final = 0.5  # m/s, standard deviation when the filter starts
 START_SLOPE: Final = 0.1  # rad, standard deviation of the level frame when the filter starts
-FRESH: Final = 10.0  # s at rest after which the field tells nothing new
+FRESH: Final = 60.0  # s at rest after which the field tells nothing new
 BRIDGE: Final = 10.0  # m/s^2 that a bridged sample's acceleration may be wrong by
 
 

@@ -1,0 +1,1 @@
+"""The filter of recorded samples: forward, backward, and every sample from both."""
