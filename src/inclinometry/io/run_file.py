@@ -14,7 +14,7 @@ from inclinometry.core.errors import FileError
 from inclinometry.io._lines import Progress
 from inclinometry.io._run_columns import RunHeader
 
-BLOCK: Final = 1 << 17
+BLOCK: Final = 1 << 15
 """Rows of a block: large enough for compiled loops, small enough for any memory."""
 
 ENDINGS: Final = (".parquet", ".csv")

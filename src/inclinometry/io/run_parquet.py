@@ -16,7 +16,7 @@ from inclinometry.io._lines import Progress
 from inclinometry.io._run_columns import RunCheck, RunHeader, run_header
 from inclinometry.io.parquet import _units
 
-BATCH: Final = 1 << 16
+BATCH: Final = 1 << 15
 _BUFFER: Final = 1 << 20
 
 

@@ -1,0 +1,172 @@
+"""dynamic and simulate drilling at the command line."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from inclinometry.io.attitude_file import COLUMNS
+
+MAGNETIC = ("dynamic", "run.parquet", "--site", "site.toml", "--method", "magnetic")
+
+
+@pytest.fixture
+def simulated(run):
+    """run.parquet, truth.parquet and site.toml of 30 s of stick-slip in the folder."""
+    done = run(
+        "simulate", "drilling", "--scenario", "stick-slip", "--seed", 1, "--duration-s", 30,
+        "-o", "run.parquet", "--truth", "truth.parquet", "--site", "site.toml",
+    )  # fmt: skip
+    assert done.status == 0, done.err
+    return done
+
+
+def test_simulate_says_what_it_wrote(simulated, run):
+    assert "6000 samples written to run.parquet, truth to truth.parquet" in simulated.out
+    done = run("simulate", "drilling", "--scenario", "smooth", "--duration-s", 2, "-o", "a.csv", "--json")
+    assert done.json["samples"] == 400
+    with Path("a.csv").open() as stream:
+        assert next(csv.reader(stream))[:4] == ["time_s", "accel_x", "accel_y", "accel_z"]
+    again = run("simulate", "drilling", "--scenario", "smooth", "--duration-s", 2, "-o", "b.csv", "--json")
+    assert again.status == 0
+    assert Path("a.csv").read_bytes() == Path("b.csv").read_bytes()
+
+
+def test_dynamic_writes_a_row_a_window(simulated, run):
+    done = run(
+        "dynamic", "run.parquet", "--site", "site.toml", "--method", "magnetic", "-o", "a.csv", "--report", "d.html"
+    )
+    assert done.status == 0, done.err
+    assert "3 windows written to a.csv, report to d.html" in done.out
+    with Path("a.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert tuple(rows[0]) == COLUMNS
+    assert [float(row["time_s"]) for row in rows] == pytest.approx([5.0, 15.0, 25.0], abs=0.01)
+    for row in rows:
+        # published 0.5/1.35 deg for such windows
+        assert float(row["inclination_deg"]) == pytest.approx(30.0, abs=0.3)
+        assert float(row["azimuth_deg"]) == pytest.approx(60.0, abs=0.6)
+        assert float(row["rpm"]) == pytest.approx(200.0, abs=1.0)
+        assert row["azimuth_reference"] == "magnetic"
+        assert 0.0 < float(row["u_azimuth_deg"]) < 1.0
+    truth = pq.read_table("truth.parquet")
+    at = np.interp(
+        [float(row["time_s"]) for row in rows], truth["time_s"], np.unwrap(np.radians(truth["toolface_deg"]))
+    )
+    off = np.degrees(at) - [float(row["toolface_deg"]) for row in rows]
+    assert np.abs((off + 180.0) % 360.0 - 180.0).max() < 5.0
+    assert Path("d.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+def test_dynamic_for_machines(simulated, run):
+    done = run("dynamic", "run.parquet", "--site", "site.toml", "--method", "filter", "-o", "a.parquet", "--json")
+    assert done.status == 0, done.err
+    assert done.json["samples"] == 6000
+    assert done.json["windows"] == 3
+    assert done.json["methods"] == {"filter": 3}
+    header = json.loads(pq.read_schema("a.parquet").metadata[b"inclinometry.header"])
+    assert header["input run"] == done.json["inputs"]["run"]
+    assert header["input site"].startswith("sha256:")
+    assert header["method"] == "filter"
+
+
+def test_windows_of_another_length(simulated, run):
+    done = run(
+        "dynamic",
+        "run.parquet",
+        "--site",
+        "site.toml",
+        "--method",
+        "magnetic",
+        "--window-s",
+        5,
+        "-o",
+        "a.csv",
+        "--json",
+    )
+    assert done.json["windows"] == 6
+
+
+REFUSED = {
+    ("--method", "guess"): "method is 'guess'; allowed: ",
+    ("--window-s", "0.01"): "the window is 0.01 s; allowed 0.5 to 600 s",
+    ("-o", "run.parquet"): "is the same file as the run",
+    ("-o", "site.toml"): "is the same file as --site",
+    ("-o", "a.txt"): "the name ends in '.txt'; allowed: .parquet, .csv",
+    ("-o", "none/a.csv"): "does not exist; create it first",
+    ("--report", "a.csv"): "is the same file as --output",
+    ("--calibration", "site.toml"): "site.toml",
+    ("--site", "none.toml"): "no such file",
+}
+
+
+@pytest.mark.parametrize("options", REFUSED, ids=" ".join)
+def test_dynamic_refuses_and_writes_nothing(simulated, run, options):
+    before = {path.name: path.read_bytes() for path in Path().iterdir()}
+    words = {"--site": "site.toml", "-o": "a.csv", "--method": "magnetic", **dict([options])}
+    done = run("dynamic", "run.parquet", *(word for pair in words.items() for word in pair))
+    assert done.status == 2
+    assert REFUSED[options] in done.err
+    assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
+
+
+def test_a_bad_line_is_named_and_nothing_written(simulated, run):
+    lines = ["time_s,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z"]
+    lines += [f"{0.01 * k:.2f},0,{'x' if k == 700 else 0},9.8,20000,0,45000" for k in range(900)]
+    Path("run.csv").write_text("\n".join(lines))
+    done = run("dynamic", "run.csv", "--site", "site.toml", "--method", "magnetic", "-o", "a.csv")
+    assert done.status == 2
+    assert "run.csv, line 702: 'x' in column 'accel_y' is not a number" in done.err
+    assert not Path("a.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--scenario", "moon"), "scenario is 'moon'; allowed: smooth"),
+        (("--duration-s", 0), "the duration is 0 s"),
+        (("--inclination-deg", 200), "--inclination-deg is 200 degrees"),
+        (("--truth", "run.parquet"), "is the same file as --output"),
+    ],
+)
+def test_simulate_refuses(run, options, message):
+    done = run("simulate", "drilling", "-o", "run.parquet", *options)
+    assert done.status == 2
+    assert message in done.err
+    assert not list(Path().iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
+def test_an_interruption_leaves_nothing(tmp_path):
+    """Simulating a day is stopped while the file grows."""
+    command = [
+        sys.executable,
+        "-m",
+        "inclinometry",
+        "simulate",
+        "drilling",
+        "--duration-s",
+        "86400",
+        "-o",
+        "run.parquet",
+    ]
+    child = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    for _ in range(600):
+        if list(tmp_path.iterdir()):
+            break
+        time.sleep(0.05)
+    time.sleep(0.3)
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert "interrupted; nothing half-written" in err
+    assert not list(tmp_path.iterdir())
