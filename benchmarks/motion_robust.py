@@ -27,7 +27,7 @@ from inclinometry.attitude.rotations import (  # noqa: E402
     rotation_log,
 )
 from inclinometry.core.constants import STANDARD_GRAVITY  # noqa: E402
-from inclinometry.motion.result import METHODS, Attitude  # noqa: E402
+from inclinometry.motion.result import BITS, METHODS, Attitude  # noqa: E402
 from inclinometry.motion.robust import huber_weight, igg3_weight  # noqa: E402
 from inclinometry.motion.window_filter import WindowFilterSettings, robust_filter  # noqa: E402
 from inclinometry.motion.window_smoother import smooth_windows  # noqa: E402
@@ -49,8 +49,9 @@ CASES = (
 
 def variants() -> dict[str, WindowFilterSettings]:
     """Name -> settings: each part alone on the plain filter, then together."""
-    off = {"igg3": None, "adaptive_three": None, "forgetting": None}
-    both = {"forgetting": None}
+    alone = {"common_tilt": 0.0, "common_turn": 0.0}
+    off = {**alone, "igg3": None, "adaptive_three": None, "forgetting": None}
+    both = {**alone, "forgetting": None}
     return {
         "plain": WindowFilterSettings(**off),
         "Huber": WindowFilterSettings(**{**off, "huber": 1.345}),
@@ -61,8 +62,8 @@ def variants() -> dict[str, WindowFilterSettings]:
         "strong tracking": WindowFilterSettings(**{**off, "fading": 1.0}),
         "Huber + Yang three": WindowFilterSettings(**{**both, "igg3": None, "huber": 1.345}),
         "IGG-III + Yang three": WindowFilterSettings(**both),
-        "... + Sage-Husa": WindowFilterSettings(),
-        "... + tracking": WindowFilterSettings(fading=1.0),
+        "... + Sage-Husa": WindowFilterSettings(**alone),
+        "... + tracking": WindowFilterSettings(**alone, fading=1.0),
     }
 
 
@@ -114,11 +115,12 @@ def _rows(quaternion: np.ndarray, covariance: np.ndarray) -> Attitude:
 
 
 def errors(found: Attitude, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angle between the directions (k,), deg, and e' P^-1 e / 3 (k,)."""
+    """Angle between the directions (k,), deg, and e' P^-1 e / 3 (k,), of the rows that are not flagged as a start."""
+    settled = (found.flags & BITS["start"]) == 0
     matrix = dcm_from_quaternion(found.quaternion)
     e = rotation_log(matrix @ np.swapaxes(truth, 1, 2))
     angle = np.degrees(np.linalg.norm(np.cross(matrix[:, 2], truth[:, 2]), axis=1))
-    return angle, np.einsum("ki,kij,kj->k", e, np.linalg.inv(found.covariance), e) / 3.0
+    return angle[settled], np.einsum("ki,kij,kj->k", e, np.linalg.inv(found.covariance), e)[settled] / 3.0
 
 
 def compare(case: str, seeds: int) -> dict:
@@ -129,11 +131,11 @@ def compare(case: str, seeds: int) -> dict:
         entry = {}
         for pass_name, call in (("filter", robust_filter), ("smoother", smooth_windows)):
             both = [errors(call(rows, settings), truth) for rows, truth in drawn]
-            angle = np.array([each[0] for each in both])
+            angle = np.concatenate([each[0] for each in both])
             entry[pass_name] = {
                 "rms_deg": float(np.sqrt(np.mean(angle**2))),
-                "largest_deg": float(np.median(angle.max(axis=1))),
-                "squared": float(np.mean([each[1] for each in both])),
+                "largest_deg": float(np.median([each[0].max() for each in both])),
+                "squared": float(np.mean(np.concatenate([each[1] for each in both]))),
             }
         table[name] = entry
     return table

@@ -18,7 +18,8 @@ from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings
 from inclinometry.motion.window_smoother import smooth_windows
 
 TILT, TURN = float(np.radians(0.03)), float(np.radians(0.06))
-PLAIN = WindowFilterSettings(igg3=None, adaptive_three=None, forgetting=None)
+DEFAULT = WindowFilterSettings(common_tilt=0.0, common_turn=0.0)
+PLAIN = replace(DEFAULT, igg3=None, adaptive_three=None, forgetting=None)
 
 
 def part(rows: Attitude, which: slice) -> Attitude:
@@ -130,7 +131,7 @@ def test_the_update_is_that_of_a_filter_of_three_angles() -> None:
     np.testing.assert_allclose(joint, spread, atol=1e-3 * spread[2, 2])
 
 
-@pytest.mark.parametrize("tuned", [PLAIN, WindowFilterSettings()])
+@pytest.mark.parametrize("tuned", [PLAIN, DEFAULT])
 @pytest.mark.parametrize("call", [robust_filter, smooth_windows])
 @pytest.mark.parametrize("inclination", [0.003, 0.5, 1.6])
 def test_covariance_is_honest(tuned, call, inclination) -> None:
@@ -266,6 +267,22 @@ def test_a_first_row_that_is_contradicted_is_not_believed() -> None:
     assert found.names(0) == ("start",)
     assert squared(found, truth)[0] < 10.0
     assert off(found, truth)[1:].max() < 0.2
+    later = smooth_windows(rows)
+    assert later.names(0) == ("misfit",)
+    assert off(later, truth)[0] < 0.1
+
+
+def test_a_smoother_reaches_rows_before_the_first_attitude() -> None:
+    """Five refused rows at the start: nothing for a filter, a prediction backward for the smoother, not too far."""
+    whole, truth = run(14)
+    rows = refuse(whole, slice(0, 5))
+    assert robust_filter(rows).refused[:5].all()
+    found = smooth_windows(rows)
+    assert off(found, truth)[:5].max() < 0.1
+    assert (np.diff(found.u.inclination[:6]) < 0.0).all()
+    assert found.u.toolface[0] == pytest.approx(np.pi / np.sqrt(3.0), rel=1e-3)
+    short = smooth_windows(rows, WindowFilterSettings(longest_bridge=25.0))
+    np.testing.assert_array_equal(short.refused[:6], [True, True, True, False, False, False])
 
 
 def test_what_all_rows_share_is_stated_and_not_averaged() -> None:
@@ -305,13 +322,35 @@ def test_rows_come_out_one_window_late() -> None:
     assert max(late) <= 8
 
 
+def test_rows_that_claim_to_be_exact_and_rows_upside_down_do_no_harm() -> None:
+    """Zero covariance, and one row that points straight back."""
+    rows, truth = run(15, scale=0.0)
+    quaternion = rows.quaternion.copy()
+    quaternion[50] = quaternion_from_dcm(np.diag([1.0, -1.0, -1.0]) @ truth[50])
+    for call in (robust_filter, smooth_windows):
+        exact = call(replace(rows, covariance=np.zeros((120, 3, 3))))
+        assert off(exact, truth).max() < 1e-4
+        found = call(replace(rows, quaternion=quaternion))
+        assert off(found, truth).max() < 0.05
+        assert "misfit" in found.names(50)
+
+
+def test_long_runs_stay_positive() -> None:
+    """Twenty thousand seconds of windows: eigenvalues of every covariance stay above zero."""
+    rows, truth = run(16, size=2000, scale=np.where(np.arange(2000) % 17 == 3, 30.0, 1.0))
+    for call in (robust_filter, smooth_windows):
+        found = call(rows)
+        assert np.linalg.eigvalsh(found.covariance).min() > 0.0
+        assert off(found, truth).max() < 0.12
+
+
 def test_nothing_and_nothing_known() -> None:
     """Empty in, empty out; all refused in, all refused out; a single row comes back."""
     assert len(robust_filter(part(MIXED, slice(0, 0)))) == 0
     assert robust_filter(part(MIXED, slice(20, 27))).refused.all()
     one = smooth_windows(part(MIXED, slice(0, 1)))
     np.testing.assert_allclose(one.quaternion, MIXED.quaternion[:1], atol=1e-14)
-    np.testing.assert_allclose(one.covariance, MIXED.covariance[:1], rtol=1e-9)
+    np.testing.assert_allclose(one.covariance, MIXED.covariance[:1], rtol=0.2, atol=5e-8)  # what is common added
 
 
 @pytest.mark.parametrize(

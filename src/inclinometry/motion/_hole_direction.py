@@ -51,6 +51,8 @@ def offset_of(frame: Array, direction: Array) -> Array:
     """Rotation vector (2,) from the frame's z to a direction given in north-east-down."""
     h = frame @ direction
     sine = math.hypot(h[0], h[1])
+    if sine == 0.0 and h[2] < 0.0:  # straight back: any axis will do
+        return np.array([math.pi, 0.0])
     ratio = math.atan2(sine, h[2]) / sine if sine > 0.0 else 1.0
     return np.array([-h[1] * ratio, h[0] * ratio])
 

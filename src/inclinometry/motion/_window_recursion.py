@@ -9,6 +9,7 @@ import numpy as np
 
 from inclinometry.core.arrays import Array
 from inclinometry.motion._hole_direction import (
+    Seen,
     azimuth_unknown,
     carried,
     rolled,
@@ -182,22 +183,10 @@ class Recursion:
         return seen.offset - predicted.rate * (row.time - time), seen.noise * self._scale
 
     def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
-        matrix = with_azimuth(matrix, covariance, predicted.frame[2])
+        step, seen, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
         doubt = self._tuning.doubt**2 if row.doubtful else 1.0
-        seen = see(predicted.frame, matrix, covariance)
-        base = seen.noise * (doubt * self._scale)
-        size = _size(seen.offset, predicted.covariance[:2, :2] + base)
-        weight = self._weight(size)
-        factor = doubt * self._scale / max(weight, LEAST_WEIGHT)
-        belief = updated(predicted, seen.offset, seen.noise * factor)
         self._learn(seen.offset, doubt * seen.noise, predicted.covariance[:2, :2], size)
-        out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
-        roll = see(belief.frame, out, joint).roll
-        quality = min(row.quality, max(1.0 - size / LARGEST, 0.0))
-        measured = row._replace(matrix=matrix)
-        return self._done(
-            Step(measured, predicted, belief, out, joint, row.rate, roll, float(joint[2, 2]), factor, weight, quality)
-        )
+        return self._done(step)
 
     def _done(self, step: Step) -> Step:
         self._belief, self._seen_at = step.belief, step.row.time
@@ -205,14 +194,6 @@ class Recursion:
         if np.isfinite(step.rate):
             self._rate = step.rate
         return step
-
-    def _weight(self, size: float) -> float:
-        weight = 1.0
-        if self._tuning.huber is not None:
-            weight = float(huber_weight(size, self._tuning.huber))
-        if self._tuning.igg3 is not None:
-            weight = float(igg3_weight(size, *self._tuning.igg3))
-        return weight
 
     def _learn(self, offset: Array, noise: Array, spread: Array, size: float) -> None:
         """Scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking."""
@@ -227,6 +208,29 @@ class Recursion:
         old = self._spread
         self._spread = square if old is None else (FADING_MEMORY * old + square) / (1.0 + FADING_MEMORY)
         self._noise = noise * self._scale
+
+
+def measured(
+    tuning: Tuning, row: Row, matrix: Array, covariance: Array, predicted: Belief, scale: float
+) -> tuple[Step, Seen, float]:
+    """Row taken into a prediction with its robust weight; also how it was seen, and its normalised innovation."""
+    matrix = with_azimuth(matrix, covariance, predicted.frame[2])
+    doubt = tuning.doubt**2 if row.doubtful else 1.0
+    seen = see(predicted.frame, matrix, covariance)
+    size = _size(seen.offset, predicted.covariance[:2, :2] + seen.noise * (doubt * scale))
+    weight = 1.0
+    if tuning.huber is not None:
+        weight = float(huber_weight(size, tuning.huber))
+    if tuning.igg3 is not None:
+        weight = float(igg3_weight(size, *tuning.igg3))
+    factor = doubt * scale / max(weight, LEAST_WEIGHT)
+    belief = updated(predicted, seen.offset, seen.noise * factor)
+    out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
+    roll = see(belief.frame, out, joint).roll
+    quality = min(row.quality, max(1.0 - size / LARGEST, 0.0))
+    known = row._replace(matrix=matrix)
+    step = Step(known, predicted, belief, out, joint, row.rate, roll, float(joint[2, 2]), factor, weight, quality)
+    return step, seen, size
 
 
 def _size(offset: Array, spread: Array) -> float:
