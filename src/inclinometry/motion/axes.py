@@ -1,0 +1,219 @@
+"""Units, signs and axes of a run that contradict each other: told from windows, refused with the remedy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from inclinometry.attitude.conventions import AXES
+from inclinometry.attitude.mapping import Mapping, find_mapping
+from inclinometry.attitude.orientation import dip_angle
+from inclinometry.core.arrays import Array
+from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
+from inclinometry.motion.finding import Finding
+from inclinometry.motion.harmonics import Harmonics, find_harmonics
+from inclinometry.motion.samples import Samples
+from inclinometry.motion.turning import Turning
+
+ENOUGH: Final = 3
+"""Windows that must agree."""
+FAR_DIP: Final = 0.12
+"""rad, between the dip and the site's: no disturbance that leaves the strength right."""
+SURE: Final = 5
+"""Windows whose field must turn at one share of the gyro's speed: inside casing it creeps at any."""
+KEPT: Final = 12
+"""Windows that are looked at together, the latest."""
+SLACK: Final = 0.06
+"""rad, scatter of the dip that offsets of uncalibrated sensors may cause."""
+MOST_U: Final = 0.05
+"""Uncertainty of gravity, of its strength, with which its direction tells axes."""
+ROUGH: Final = 0.15
+"""The same, with which its strength tells units and its axial part the sign."""
+MOST_SPEED: Final = 220.0
+"""rad/s, 2100 rpm: faster than any string."""
+UP: Final = -0.3
+"""Axial gravity, of its strength, below which the accelerometer is believed to report specific force (or the hole to
+climb at 107 deg)."""
+GRAVITY_UNITS: Final = {"g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000.0}
+FIELD_UNITS: Final = {"uT": 1e3, "gauss": 1e5, "mgauss": 1e2, "T": 1e9}
+RATE_UNITS: Final = {"deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0, "rpm": np.pi / 30.0}
+FIELD_RANGE: Final = (18_000.0, 72_000.0)
+"""nT, of the Earth's field."""
+
+
+@dataclass
+class AxesCheck:
+    """Collects windows and says what contradicts.
+
+    Parameters
+    ----------
+    site : Site, optional
+        Its dip settles the sign of gravity.
+    """
+
+    site: Site | None = None
+    _slopes: list[float] = field(default_factory=list)
+    _axes: list[int] = field(default_factory=list)
+    _speeds: list[float] = field(default_factory=list)
+    _strengths: list[float] = field(default_factory=list)
+    _seen: list[Harmonics] = field(default_factory=list)
+
+    def add(self, window: Samples, turning: Turning, *, field_usable: bool, phase_usable: bool) -> list[Finding]:
+        """Look at one more window.
+
+        Parameters
+        ----------
+        window : Samples
+        turning : Turning
+        field_usable, phase_usable : bool
+            Whether the window has a field, and an angle from sample to sample, to be judged by.
+
+        Returns
+        -------
+        list of Finding
+            A dip that is not constant although no exchange of channels explains it.
+
+        Raises
+        ------
+        InputError
+            Units, signs or channels that are wrong, with what would be right.
+        """
+        if window.gyro is not None:
+            self._gyro(window.gyro, turning, judged=window.mag is not None, sampled=phase_usable)
+        if window.mag is not None:
+            self._field_unit(np.linalg.norm(window.mag, axis=1))
+        found = find_harmonics(window, turning) if phase_usable else None
+        if found is None:
+            return []
+        strength = float(np.linalg.norm(found.accel, axis=1).mean())
+        if found.u_accel > ROUGH * strength:
+            return []
+        if not field_usable:
+            found = Harmonics(found.accel, np.full_like(found.mag, np.nan), found.u_accel, found.turned)
+        self._seen = [*self._seen, found][-KEPT:]
+        if len(self._seen) < ENOUGH:
+            return []
+        self._gravity_unit()
+        return self._mapping()
+
+    def _gyro(self, gyro: Array, turning: Turning, *, judged: bool, sampled: bool) -> None:
+        """Which gyro axis turns, how fast, and whether the field turns with it."""
+        size = np.abs(gyro).mean(axis=0)
+        self._speeds = [*self._speeds, float(size.max())][-KEPT:]
+        if len(self._speeds) >= ENOUGH and min(self._speeds) > MOST_SPEED:
+            rpm = float(np.median(self._speeds)) * 30.0 / np.pi
+            raise InputError(
+                f"the gyro reads {rpm:.0f} rpm throughout (allowed {MOST_SPEED * 30.0 / np.pi:.0f}); its unit is "
+                "rad/s: convert deg/s or rpm first"
+            )
+        if float(size.max()) > 1.0:
+            self._axes = [*self._axes, int(size.argmax()) if size.max() > 5.0 * size[2] else 2][-KEPT:]
+            if len(self._axes) >= ENOUGH and 2 not in self._axes:
+                axis = "xyz"[self._axes[-1]]
+                raise InputError(
+                    f"the tool turns about gyro_{axis}, not about gyro_z, which lies along the hole: map the gyro's "
+                    "channels to the tool's axes first"
+                )
+        if judged and turning.by == "gyro" and turning.span > 4.0 * np.pi and np.isfinite(turning.slope):
+            self._slopes = [*self._slopes, turning.slope][-KEPT:]
+            if len(self._slopes) >= SURE:
+                _judge_slope(np.array(self._slopes), sampled=sampled)
+
+    def _gravity_unit(self) -> None:
+        strength = float(np.median([np.linalg.norm(one.accel, axis=1).mean() for one in self._seen]))
+        _unit("the accelerometer", "m/s^2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
+
+    def _field_unit(self, strength: Array) -> None:
+        if float(strength.std()) > 0.2 * float(strength.mean()):
+            return
+        self._strengths = [*self._strengths, float(strength.mean())][-KEPT:]
+        if len(self._strengths) >= ENOUGH:
+            _unit("the magnetometer", "nT", float(np.median(self._strengths)), *FIELD_RANGE, FIELD_UNITS)
+
+    def _mapping(self) -> list[Finding]:
+        """Whether the dip is constant, and of the site's sign."""
+        usable = [one for one in self._seen if np.isfinite(one.mag).all()]
+        dip = None if self.site is None else self.site.dip
+        sure = [one for one in usable if one.turned and one.u_accel < MOST_U * STANDARD_GRAVITY]
+        if len(sure) < ENOUGH:
+            self._sign(dip, usable) if len(usable) >= ENOUGH else self._sign(None, self._seen)
+            return []
+        usable = sure
+        accel, mag = np.concatenate([one.accel for one in usable]), np.concatenate([one.mag for one in usable])
+        u = float(np.median([one.u_accel for one in usable])) / STANDARD_GRAVITY
+        slack = SLACK + 4.0 * u
+        dips = dip_angle(accel, mag)
+        scatter = float(dips.std(ddof=1))
+        off = 0.0 if dip is None else abs(float(dips.mean()) - dip)
+        if scatter <= slack and off <= FAR_DIP + slack:
+            self._sign(dip, usable)
+            return []
+        if dip is not None and scatter <= slack and abs(float(dips.mean()) + dip) < FAR_DIP:
+            self._sign(dip, usable)
+        ranking = find_mapping(accel, mag, dip=dip, tolerance=slack)
+        fits = [one for one in ranking.mappings if one.scatter <= slack and one.axes != AXES]
+        fits = [one for one in fits if dip is None or abs(one.dip - dip) <= slack]
+        said = f"the dip scatters by {np.degrees(scatter):.1f} deg while the tool turns"
+        said += f" and is {np.degrees(off):.1f} deg off the site's" if off > slack else ""
+        if not fits:
+            share = max(scatter, off) / slack
+            return [Finding("axes", "mag", share, False, f"{said}; no exchange of axes explains it")]
+        raise InputError(
+            f"accelerometer and magnetometer do not lie along the same axes: {said}. It is right with "
+            f"{_words(fits)}: map the channels to the tool's axes first"
+            + (", or correct the site's dip" if scatter <= slack else "")
+        )
+
+    def _sign(self, dip: float | None, usable: list[Harmonics]) -> None:
+        """Gravity that points up: specific force, most likely."""
+        accel = np.concatenate([one.accel for one in usable])
+        wrong = ""
+        if dip is not None and abs(dip) > np.radians(10.0):
+            found = float(np.median(dip_angle(accel, np.concatenate([one.mag for one in usable]))))
+            if abs(found + dip) < 0.5 * abs(dip):
+                wrong = f"the dip comes out as {np.degrees(found):.1f} deg, the site's is {np.degrees(dip):.1f} deg"
+        else:
+            down = float(np.median(accel[:, 2] / np.linalg.norm(accel, axis=1)))
+            if down < UP:
+                wrong = f"gravity comes out pointing up the hole ({down:.2f} of it along the tool axis)"
+        if wrong:
+            raise InputError(
+                f"{wrong}: signs of the accelerometer or of the magnetometer are wrong. Give accel as gravity minus "
+                "acceleration; an accelerometer that reports specific force needs all three signs exchanged"
+            )
+
+
+def _unit(what: str, unit: str, strength: float, low: float, high: float, others: dict[str, float]) -> None:
+    """Refuse a strength that is right in another unit."""
+    if low <= strength <= high:
+        return
+    for other, factor in others.items():
+        if low <= strength * factor <= high:
+            raise InputError(
+                f"{what} reads {strength:.4g} {unit} on the mean (allowed {low:.3g} to {high:.3g}): right for {other}; "
+                f"multiply by {factor:g}"
+            )
+
+
+def _judge_slope(slopes: Array, *, sampled: bool) -> None:
+    """Field against gyro: opposite (told only when sampled fast enough), or in another unit."""
+    slope = float(np.median(slopes))
+    if sampled and (slopes < -0.5).all():
+        raise InputError(
+            "the magnetic field turns against the gyro: one of them has a wrong sign or two exchanged transverse axes; "
+            "gyro_z is positive clockwise looking down hole, and then the field's angle from x to y falls"
+        )
+    for unit, factor in RATE_UNITS.items():
+        if (np.abs(slopes / factor - 1.0) < 0.2).all():
+            raise InputError(
+                f"the gyro reads {1.0 / slope:.4g} times the speed with which the magnetic field turns; its unit is "
+                f"rad/s, the reading is right for {unit}: multiply by {factor:.6g}"
+            )
+
+
+def _words(fits: list[Mapping]) -> str:
+    return " or ".join(f"magnetometer channels {', '.join(one.axes)} along x, y, z" for one in fits[:3])

@@ -1,0 +1,220 @@
+"""Bad readings are named, good ones are not: every check on the scenarios, clean and spoilt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
+from inclinometry.motion._window_buffer import WindowBuffer
+from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
+from inclinometry.motion.samples import Samples
+from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
+from inclinometry.simulate.drilling.faults import Casing, Stuck
+
+G = 9.80665
+SITE = Site(b=50_000.0, dip=np.radians(65.0))
+SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+@cache
+def run(name: str, seed: int = 1, duration: float = 60.0) -> DrillingSimulation:
+    return simulate_drilling(name, seed, duration=duration)
+
+
+def with_instrument(name: str, **changes: object) -> Scenario:
+    scenario = SCENARIOS[name]
+    return replace(scenario, instrument=replace(scenario.instrument, **changes))
+
+
+def with_triad(name: str, triad: str, **changes: object) -> Scenario:
+    return with_instrument(name, **{triad: replace(getattr(SCENARIOS[name].instrument, triad), **changes)})
+
+
+def checked(
+    simulation: DrillingSimulation | Scenario,
+    *,
+    site: Site | None = None,
+    settings: HealthSettings | None = None,
+    window: float = 10.0,
+    drop: str = "",
+    mapped: tuple[str, np.ndarray] | None = None,
+) -> list[WindowHealth]:
+    if isinstance(simulation, Scenario):
+        simulation = simulate_drilling(simulation, 1, duration=60.0)
+    columns = {name: getattr(simulation, name) for name in ("accel", "mag", "gyro") if name != drop}
+    if mapped is not None:
+        columns[mapped[0]] = columns[mapped[0]] @ mapped[1].T
+    check = HealthCheck(settings, site)
+    samples = Samples(simulation.time, simulation.interval, **columns)
+    return [check.check(part) for part in WindowBuffer(window).push(samples)]
+
+
+def share(found: list[WindowHealth], flag: str) -> float:
+    return sum(one.has(flag) for one in found) / len(found)
+
+
+@pytest.mark.parametrize("name", list(SCENARIOS))
+@pytest.mark.parametrize("drop", ["", "gyro"])
+@pytest.mark.parametrize("window", [2.0, 10.0])
+def test_clean_scenarios_raise_no_finding(name: str, drop: str, window: float) -> None:
+    for site in (None, SITE):
+        findings = [one for each in checked(run(name), site=site, window=window, drop=drop) for one in each.findings]
+        assert findings == []
+
+
+def test_an_element_that_clips_shows_as_a_pile_where_no_filter_follows() -> None:
+    """8 g under 5 g rms without a low-pass: a tenth of the samples at the ends, every window."""
+    scenario = replace(with_triad("vibration-5g", "accel", reach=8.0 * G))
+    scenario = replace(scenario, instrument=replace(scenario.instrument, taps=1))
+    found = checked(scenario)
+    assert share(found, "clipped") == 1.0
+    for one in found:
+        at_the_end = (np.abs(one.samples.accel) >= 8.0 * G).any(axis=1)
+        assert np.array_equal(one.samples.clipped, at_the_end)
+
+
+@pytest.mark.parametrize(("reach", "expected"), [(8.0, 1.0), (16.0, 0.0)])
+def test_clipping_before_a_filter_is_told_by_the_range(reach: float, expected: float) -> None:
+    """8 g makes 2.8 deg and must be refused; 16 g loses 0.1 % of 5 g rms (0.03 deg). 12 g, 0.4 deg, is the limit."""
+    found = checked(
+        with_triad("vibration-5g", "accel", reach=reach * G), settings=HealthSettings(accel_range=reach * G)
+    )
+    assert share(found, "clipped") == expected
+    assert all(one.spoilt("accel") == bool(expected) for one in found)
+
+
+def test_a_magnetometer_whose_range_is_too_small_is_found() -> None:
+    assert share(checked(with_triad("vibration-5g", "mag", reach=20_000.0)), "clipped") == 1.0
+
+
+@pytest.mark.parametrize("name", ["smooth", "vibration-5g", "stick-slip", "sliding", "stationary"])
+@pytest.mark.parametrize("channel", ["accel_x", "accel_z", "mag_x", "mag_z"])
+def test_a_channel_that_sticks_is_found_in_every_whole_window(name: str, channel: str) -> None:
+    found = checked(replace(SCENARIOS[name], faults=(Stuck(channel, start=5.0),)))
+    assert share(found[1:], "stuck") == 1.0
+    assert all(one.spoilt(channel.partition("_")[0]) for one in found[1:])
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_coarse_steps_are_not_stuck_nor_clipped(step: float) -> None:
+    """Noise of 0.03 m/s^2 under steps of three times that, a still tool: channels keep one value or two."""
+    rng = np.random.default_rng(5)
+    for trial in range(40):
+        truth = rng.normal(size=3)
+        accel = 9.81 * truth / np.linalg.norm(truth) + rng.normal(0.0, 0.03, (1000, 3))
+        mag = rng.normal(size=3) * 25_000.0 + rng.normal(0.0, 20.0, (1000, 3))
+        rows = Samples(
+            np.arange(1000) / 100.0, 0.01, accel=np.rint(accel / step) * step, mag=np.rint(mag / 100.0) * 100.0
+        )
+        found = HealthCheck(HealthSettings(believe_axes=True)).check(rows)
+        assert not {"stuck", "clipped"} & {one.flag for one in found.findings}, trial
+
+
+def test_coarse_steps_of_a_turning_field_are_not_stuck_nor_clipped() -> None:
+    """Turning points at one code, an axial channel at one code: 1 to 100 rpm with steps of 200 nT."""
+    time = np.arange(2000) / 200.0
+    for rpm in (1.0, 3.0, 10.0, 33.3, 100.0):
+        angle = rpm * np.pi / 30.0 * time
+        mag = np.stack([2e4 * np.cos(angle), -2e4 * np.sin(angle), np.full(2000, 4e4)], axis=1)
+        mag += np.random.default_rng(1).normal(0.0, 20.0, mag.shape)
+        found = HealthCheck().check(Samples(time, 0.005, mag=np.rint(mag / 200.0) * 200.0))
+        assert found.findings == (), rpm
+
+
+def test_rows_that_repeat_the_one_before_are_said() -> None:
+    simulation = run("vibration-5g")
+    double = np.arange(len(simulation)) // 2 * 2
+    found = checked(replace(simulation, accel=simulation.accel[double], mag=simulation.mag[double],
+                            gyro=simulation.gyro[double]))  # fmt: skip
+    assert all("50 % of the rows repeat" in one.findings[0].text for one in found)
+
+
+@pytest.mark.parametrize("drop", ["", "gyro"])
+@pytest.mark.parametrize(("name", "factor"), [("fast", 80), ("fast", 120), ("stick-slip", 80), ("stick-slip", 200)])
+def test_sampling_too_slow_is_said_with_the_rate_needed(name: str, factor: int, drop: str) -> None:
+    """25 to 10 Hz for 600 rpm: 0.4 turns a sample and more."""
+    found = checked(with_instrument(name, factor=factor, taps=1), drop=drop)
+    assert share(found, "aliased") == 1.0
+    text = next(one.text for one in found[0].findings if one.flag == "aliased")
+    assert "too slowly for the rotation" in text
+    assert "Hz or more" in text
+
+
+def test_sampling_fast_enough_is_not_aliased() -> None:
+    """33 Hz for 600 rpm: 0.3 turns a sample."""
+    assert share(checked(with_instrument("fast", factor=60, taps=1)), "aliased") == 0.0
+
+
+@pytest.mark.parametrize("name", ["vibration-5g", "stick-slip", "sliding", "stationary"])
+@pytest.mark.parametrize("site", [None, SITE])
+def test_casing_leaves_no_field(name: str, site: Site | None) -> None:
+    found = checked(replace(SCENARIOS[name], faults=(Casing(),)), site=site)
+    assert share(found, "no-field") == 1.0
+    assert all(one.spoilt("mag") for one in found)
+
+
+def test_weak_field_and_lost_rotation_are_no_field() -> None:
+    simulation = run("vibration-5g")
+    weak = checked(replace(simulation, mag=0.05 * simulation.mag), settings=HealthSettings(believe_axes=True))
+    assert share(weak, "no-field") == 1.0
+    still = checked(replace(simulation, mag=np.tile(simulation.mag[:1], (len(simulation), 1))))
+    assert share(still, "no-field") == 1.0
+
+
+@pytest.mark.parametrize(
+    ("triad", "matrix", "match"),
+    [
+        ("accel", np.eye(3) / G, "right for g; multiply by 9.80665"),
+        ("accel", -np.eye(3), "specific force"),
+        ("mag", np.eye(3) / 1000.0, "right for uT; multiply by 1000"),
+        ("mag", SWAP, "turns against the gyro|same axes"),
+        ("mag", np.diag([1.0, -1.0, 1.0]), "turns against the gyro|same axes"),
+        ("mag", np.diag([1.0, 1.0, -1.0]), "same axes"),
+        ("accel", np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]), "same axes"),
+        ("gyro", -np.eye(3), "turns against the gyro"),
+        ("gyro", np.eye(3) * np.degrees(1.0), "convert deg/s"),
+        ("gyro", np.array([[0, 0, 1.0], [0, 1.0, 0], [-1.0, 0, 0]]), "turns about gyro_x"),
+    ],
+)
+def test_wrong_units_signs_and_axes_are_refused_with_the_remedy(triad: str, matrix: np.ndarray, match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        checked(run("vibration-5g"), site=SITE, mapped=(triad, matrix))
+    believed = checked(run("vibration-5g"), settings=HealthSettings(believe_axes=True), mapped=(triad, matrix))
+    assert len(believed) == 6
+
+
+def test_slow_gyro_in_degrees_is_told_by_the_field() -> None:
+    """20 rpm read as 1146 rpm: possible for a gyro, but not what the field does."""
+    scenario = SCENARIOS["smooth"]
+    slow = replace(scenario, rotation=replace(scenario.rotation, speed=20.0 * np.pi / 30.0))
+    with pytest.raises(InputError, match=r"right for deg/s: multiply by 0\.0174533"):
+        checked(slow, mapped=("gyro", np.eye(3) * np.degrees(1.0)))
+
+
+def test_swapped_axes_are_named_without_a_gyro() -> None:
+    with pytest.raises(InputError, match=r"\+y, \+x, \+z along x, y, z"):
+        checked(run("vibration-5g"), site=SITE, mapped=("mag", SWAP), drop="gyro")
+
+
+def test_specific_force_of_a_still_tool_without_a_field() -> None:
+    with pytest.raises(InputError, match="pointing up the hole"):
+        checked(run("stationary"), mapped=("accel", -np.eye(3)), drop="mag")
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(InputError, match="accel_range"):
+        HealthSettings(accel_range=0.0)
+
+
+def test_notes_count_windows() -> None:
+    check = HealthCheck()
+    simulation = run("vibration-5g")
+    samples = Samples(simulation.time, simulation.interval, accel=simulation.accel, gyro=simulation.gyro)
+    for part in WindowBuffer(10.0).push(samples):
+        check.check(part)
+    assert check.notes() == ("there is no magnetometer (and the like in 6 of 6 windows)",)
