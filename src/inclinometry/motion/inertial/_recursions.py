@@ -24,7 +24,7 @@ NOMINAL: Final = 20  # quaternion 0-3, then bias, scale, accelerometer bias, har
 TAPERS: Final = 10  # of a window; a row of 12 sums each, see `_keep`
 DRIFT: Final = 12 * TAPERS
 COUNTS: Final = DRIFT + 18
-SUMS: Final = COUNTS + 6
+SUMS: Final = COUNTS + 8
 STEP: Final = 13  # of the tape: exact rotation of a step, half the interval, rates times it
 UPDATE: Final = 34  # of the tape: direction h, gain k, innovation over its variance, one over the variance
 USE_MAG: Final = 1
@@ -222,7 +222,8 @@ def forward(
     c: interval, three Earth-rate steps (rad), field strength, mag variance, gate, held variance, the 16 variances a
     step adds, and 1, or 0 for a tool that is held: its bias and scale turn nothing. `out` receives what
     `_taper` sums, the drift from the window's mean to its end, then (COUNTS) field samples used, refused, sum of their
-    squared normalised innovations, sums of the corrected rates. steps, updates: the tape, of no rows
+    squared normalised innovations, sums of the corrected rates, sum and number of second differences of the field's
+    residuals as variances. steps, updates: the tape, of no rows
     when it is not wanted.
     """
     dt, strength, variance, gate, held, coupled = c[0], c[4], c[5], c[6], c[7], c[24]
@@ -234,7 +235,7 @@ def forward(
     step, drift, a, y = np.empty(STEP), np.zeros(18), np.empty(3), np.empty(3)
     _turn(c[1], c[2], c[3], earth)
     _matrix(q, dcm)
-    taped = steps.shape[0] > 0
+    taped, run, past = steps.shape[0] > 0, 0, np.zeros(4)
     for i in range(gyro.shape[0]):
         lost = (marks[i] & USE_HELD) != 0
         _rates(gyro[i], lost, nominal, 0.5 * dt * coupled, last, y, step)
@@ -255,8 +256,16 @@ def forward(
         for j in range(18):
             out[DRIFT + j] += tapers[i, 0] * drift[j]
         ratio, inverse = 0.0, 0.0
+        run = run if marks[i] & USE_MAG else 0
         if marks[i] & USE_MAG:
             z = _field(dcm, mag[i], nominal, strength, i % 2 == 0, h)
+            run += 1
+            if run > 4:
+                rough = z - 2.0 * past[i % 2] + past[2 + i % 2]
+                out[COUNTS + 6] += rough * rough / 6.0
+                out[COUNTS + 7] += 1.0
+            past[2 + i % 2] = past[i % 2]
+            past[i % 2] = z
             ratio, inverse = _update(p, x, h, z, variance, gate, u, k)
             out[COUNTS + (1 if inverse < 0.0 else 0)] += 1.0
             out[COUNTS + 2] += 0.0 if inverse <= 0.0 else ratio * ratio / inverse

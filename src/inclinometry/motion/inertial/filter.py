@@ -95,7 +95,8 @@ def inertial_attitude(
     -----
     Errors: attitude e (dcm = (1 + [e x]) true dcm), gyro bias and scale, accelerometer bias, hard iron; as a sixteenth,
     the reference's dip. A step is exact: e' = exp(-[w dt x]) e + dt (bias + rate x scale) by the trapezoid; with a
-    first-order transition the covariance grows by 1 + (w dt)^2 a step and overflows while the tool spins. Every sample measures the field,
+    first-order transition the covariance grows by 1 + (w dt)^2 a step and overflows while the tool spins. Every sample
+    measures the field,
     in turn along east and across the field in the meridian (its strength is left out: it says little of attitude and
     its reference errs); every window measures gravity: apparent gravity is turned into north, east, down by the
     strapdown attitude and averaged with a Hann taper, of which vibration and lever arm, second derivatives of a bounded

@@ -11,7 +11,7 @@ from inclinometry.core.arrays import Array
 from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.inertial.state import State
-from inclinometry.motion.inertial.window import Seen
+from inclinometry.motion.inertial.window import MISFIT, MOST_REFUSED, Seen
 from inclinometry.motion.result import BITS, METHODS, Attitude
 from inclinometry.motion.samples import Samples
 
@@ -19,10 +19,6 @@ TEN_TURNS: Final = 20.0 * np.pi
 """rad/s, the rotation rate that the settings' ripple is stated for."""
 SETTLED: Final = 2
 """Windows after a start of which the rows are flagged."""
-MOST_REFUSED: Final = 0.05
-"""Share of field samples beyond the gate from which the field counts as disturbed."""
-MISFIT: Final = 3.0
-"""Mean squared normalised innovation of the field, 1 where the settings' noise is right, from which it does too."""
 UPRIGHT: Final = float(np.radians(1.0))
 """Inclination, rad, below which azimuth and toolface are said to be hardly defined."""
 LOST: Final = 0.35
@@ -72,14 +68,13 @@ def with_gain(quaternion: Array, covariance: Array, dip: float, square: float, m
 
 def _names(quaternion: Array, covariance: Array, seen: Seen, age: int, window: Samples, model: Model) -> list[str]:
     down = dcm_from_quaternion(quaternion)[:, 2]
-    disturbed = model.magnetic and not seen.still and (seen.refused > MOST_REFUSED or seen.misfit > MISFIT)
     fastest = np.abs(np.asarray(window.gyro)).max() * window.interval
     conditions = {
         "clipped": seen.clipped,
         "start": age < SETTLED,
-        "disturbed": disturbed,
+        "disturbed": seen.disturbed,
         "misfit": not seen.clipped and seen.gravity < 0.0,
-        "drift": not model.magnetic and not seen.still,
+        "drift": (seen.disturbed or not model.magnetic) and not seen.still,
         "vertical": float(np.hypot(down[0], down[1])) < np.sin(UPRIGHT),
         "unobservable": float(down @ covariance @ down) > LOST**2,
         "aliased": fastest > FASTEST,
@@ -91,6 +86,6 @@ def _quality(covariance: Array, seen: Seen, settings: InertialSettings) -> float
     """Least of what uncertainty, field and gravity leave of their limits."""
     spread = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     shares = [spread / settings.u_limit, 1.0 if seen.gravity < 0.0 else seen.gravity / settings.gate]
-    if np.isfinite(seen.refused):
-        shares.append(seen.refused / 0.5)
+    if np.isfinite(seen.misfit):
+        shares.append(max(seen.misfit / MISFIT - 1.0, seen.refused / MOST_REFUSED))
     return float(np.clip(1.0 - max(shares), 0.0, 1.0))

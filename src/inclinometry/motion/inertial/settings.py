@@ -58,7 +58,7 @@ class InertialSettings:
     accel_bias_sigma, accel_bias_walk : float
         m/s^2, m/s^2/sqrt(s).
     mag_noise : float
-        Of one sample, nT.
+        Of one sample, nT, at least; what successive samples show is used where it is more.
     hard_iron_sigma, hard_iron_walk : float or three floats, float
         nT (x, y, z), nT/sqrt(s). Along the tool axis hardly anything but this number bounds the azimuth's error.
     gain_sigma, ripple_sigma : float

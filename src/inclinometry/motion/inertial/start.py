@@ -21,7 +21,7 @@ from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.settings import DIP_SIGMA
 from inclinometry.motion.inertial.state import NOMINAL, STATES, Shaking, State, corrected
 from inclinometry.motion.inertial.tape import blank_tape
-from inclinometry.motion.inertial.window import hann_mean, reduce_window
+from inclinometry.motion.inertial.window import filter_window, hann_mean
 from inclinometry.motion.result import Attitude
 from inclinometry.motion.samples import Samples
 from inclinometry.uncertainty.propagation import UNKNOWN
@@ -52,7 +52,7 @@ def blank(window: Samples, model: Model) -> State:
         strength = float(np.sqrt(np.mean(np.sum(np.asarray(window.mag) ** 2, axis=1)))) if site.b is None else site.b
     covariance = model.settings.prior(np.eye(3), dip_sigma)
     gyro = np.asarray(window.gyro)
-    return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, unshaken(model))
+    return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, 0.0, unshaken(model))
 
 
 def unshaken(model: Model) -> Shaking:
@@ -147,10 +147,12 @@ def linearised(state: State, window: Samples, model: Model) -> State:
         part = window.part(0, size)
         for _ in range(PASSES):
             tape = blank_tape(size)
-            reduce_window(state, part, model, tape)
+            seen = filter_window(state, part, model, True, tape)[1]
             lam, info = np.zeros(STATES), np.zeros((STATES, STATES))
             backward(*tape, lam, info)
             state = corrected(state, state.offset - state.covariance @ lam)
+            if model.magnetic:
+                state = replace(state, field_variance=seen.noise)
         if size == len(window):
             return state
         size = min(GROWTH * size, len(window))

@@ -37,6 +37,7 @@ class State:
     offset : (16,) expected estimate minus truth; zero but where a start is linearised again.
     last : (3,) gyro sample before the window.
     strength : nT, of the reference field.
+    field_variance : nT^2, of the noise that successive samples of the field show, averaged over windows.
     shaking : of the tool, as far as known.
     """
 
@@ -45,6 +46,7 @@ class State:
     offset: Array
     last: Array
     strength: float
+    field_variance: float
     shaking: Shaking
 
     @property

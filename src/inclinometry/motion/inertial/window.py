@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from inclinometry.attitude.rotations import cross_matrix, dcm_from_quaternion
 from inclinometry.core.arrays import Array, Mask
-from inclinometry.motion.inertial.gravity import measure_gravity, tapers
+from inclinometry.motion.inertial.gravity import MEMORY, measure_gravity, tapers
 from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.state import STATES, State, corrected
 from inclinometry.motion.inertial.tape import NO_GATE, NO_TAPE, Ends, Tape
 from inclinometry.motion.samples import Samples
 
+MOST_REFUSED: Final = 0.05
+"""Share of field samples beyond the gate from which a window's field counts as disturbed."""
+MISFIT: Final = 1.5
+"""Mean squared normalised innovation of the field, 1 where nothing disturbs it, from which it does too."""
 HELD: Final = 0.2
 """rad/s, how far the rate may have moved while an unusable sample of the gyro was bridged."""
 
@@ -23,9 +27,14 @@ HELD: Final = 0.2
 class Seen(NamedTuple):
     """What a window tells besides the state: for flags and quality.
 
-    rate : rad/s, mean about the tool axis. still : held as a standstill. clipped : gravity left out for it.
-    refused : share of field samples beyond the gate, NaN where none was used. misfit : mean squared normalised
-    innovation of the field. gravity : largest squared normalised innovation of gravity, negative when refused.
+    rate : rad/s, mean about the tool axis.
+    still : held as a standstill.
+    clipped : gravity left out for it.
+    refused : share of field samples beyond the gate, NaN where none was used.
+    misfit : mean squared normalised innovation of the field, NaN where none was used.
+    noise : nT^2, variance of the field's samples by their second differences.
+    disturbed : the field was left out.
+    gravity : largest squared normalised innovation of gravity, negative when it was refused.
     """
 
     rate: float
@@ -33,11 +42,28 @@ class Seen(NamedTuple):
     clipped: bool
     refused: float
     misfit: float
+    noise: float
+    disturbed: bool
     gravity: float
 
 
 def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_TAPE) -> tuple[State, Seen]:
-    """State at the last sample of the window from that at the sample before the first."""
+    """State at the last sample of the window from that at the sample before the first.
+
+    A window whose field contradicts what was known by more than its noise is gone through again without the field: as
+    many samples would soon have persuaded the filter.
+    """
+    done, seen = filter_window(state, window, model, model.magnetic, tape)
+    if not (seen.refused > MOST_REFUSED or seen.misfit > MISFIT):
+        return done, seen
+    without, other = filter_window(state, window, model, False, tape)
+    return without, seen._replace(disturbed=True, gravity=other.gravity, rate=other.rate)
+
+
+def filter_window(
+    state: State, window: Samples, model: Model, with_field: bool, tape: Tape = NO_TAPE
+) -> tuple[State, Seen]:
+    """`reduce_window` with the field or without it, whatever comes of it."""
     from inclinometry.motion.inertial import _recursions as kernels
 
     bad = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
@@ -53,8 +79,8 @@ def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_T
     kernels.forward(
         fed,
         np.asarray(window.accel),
-        np.asarray(window.mag) if model.magnetic else np.zeros((0, 3)),
-        _marks(bad, model.magnetic, still),
+        np.asarray(window.mag) if with_field else np.zeros((0, 3)),
+        _marks(bad, with_field, still),
         tapers(len(window), window.interval),
         _constants(state, window.interval, model, still),
         nominal,
@@ -79,15 +105,19 @@ def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_T
         last=last,
         shaking=shaking,
     )
-    used, refused, squares = sums[kernels.COUNTS : kernels.COUNTS + 3]
+    counts = sums[kernels.COUNTS :]
+    used, refused = counts[0], counts[1]
     seen = Seen(
-        float(sums[kernels.SUMS - 1]) / len(window),
-        still,
-        clipped,
-        refused / (used + refused) if used + refused else np.nan,
-        squares / used if used else np.nan,
-        level,
+        rate=float(counts[5]) / len(window),
+        still=still,
+        clipped=clipped,
+        refused=refused / (used + refused) if used + refused else np.nan,
+        misfit=counts[2] / used if used else np.nan,
+        noise=counts[6] / counts[7] if counts[7] else state.field_variance,
+        disturbed=False,
+        gravity=level,
     )
+    done = replace(done, field_variance=state.field_variance + (seen.noise - state.field_variance) / MEMORY)
     return corrected(done, x), seen
 
 
@@ -147,7 +177,7 @@ def _constants(state: State, interval: float, model: Model, still: bool) -> Arra
         interval,
         *(0.0 * model.spin if still else model.spin * interval),
         state.strength,
-        settings.mag_noise**2,
+        max(settings.mag_noise**2, state.field_variance),
         settings.gate,
         (HELD * interval) ** 2,
         *settings.step_variances(interval, still),
