@@ -11,16 +11,22 @@ from numpy.typing import NDArray
 
 from inclinometry.core.arrays import Array
 
-SPECTRA: Final = 15
-"""Spectra tried: white, and seven slopes of each kind."""
 ROUNDING: Final = 1e-7
 """Of a series, what its demodulation leaves of exactness."""
 COUNT: Final = 8
 """Slepian sequences a window is seen through."""
 HALF_BAND: Final = 7.0
 """Half width of their band, cycles per window; the last of eight leaves 3e-6 of its energy outside."""
-SLOPES: Final = (0.0, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
-"""Power that rises with the square or fourth power of frequency, averaged over the band, per white power."""
+SLOPES: Final = ((2, (1.0, 1e1, 1e2, 1e3)), (4, (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)))
+"""Exponent of frequency, and powers that rise with it, averaged over the band, per white power; steeper look alike."""
+SPECTRA: Final = 1 + sum(len(slopes) for _, slopes in SLOPES)
+DOUBT: Final = 0.7
+"""Nats by which each step of slope is thought less likely beforehand: white data else look steep once in a while, and
+their mean is then believed too much (normalised square 2.6 instead of 1.4 in a first window; later ones 1.0)."""
+MEMORY: Final = 0.9
+"""Of the evidence about spectra, what counts in the next window."""
+LEAST_TRUST: Final = -12.0
+"""Nats: no spectrum is ruled out for ever, the next stand may shake otherwise."""
 
 Complex = NDArray[np.complex128]
 
@@ -69,13 +75,24 @@ def basis(size: int) -> Basis:
     spectra = np.fft.rfft(tapers, 16 * size)[:, : round(16 * 1.2 * HALF_BAND)]
     frequency = np.arange(spectra.shape[1])
     models = [np.eye(COUNT)]
-    for power in (2, 4):
+    for power, slopes in SLOPES:
         coloured = ((spectra * frequency**power) @ spectra.conj().T).real
         coloured *= COUNT / np.trace(coloured)
-        models += [np.eye(COUNT) + slope * coloured for slope in SLOPES[1:]]
+        models += [np.eye(COUNT) + slope * coloured for slope in slopes]
     factors = np.linalg.cholesky(np.stack(models))
     logs = 2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
     return Basis(tapers, np.asarray(np.linalg.inv(factors)), logs)
+
+
+def untried() -> Array:
+    """Log weights (r,) of the spectra before the first window."""
+    steps = [0, *(step + 1 for _, slopes in SLOPES for step in range(len(slopes)))]
+    return -DOUBT * np.array(steps, dtype=np.float64)
+
+
+def remembered(trust: Array) -> Array:
+    """Log weights for the next window from those after a window, (..., r)."""
+    return np.asarray(np.maximum(MEMORY * trust + (1.0 - MEMORY) * untried(), LEAST_TRUST))
 
 
 def fit(
@@ -92,7 +109,7 @@ def fit(
     mean, precision : (p,), (p, p) ndarray
         Prior of the coefficients, precision per real component; zero where nothing is known.
     trust : (r,) ndarray
-        Logarithm of what earlier windows make of each spectrum; zeros when there were none.
+        Logarithm of what is thought of each spectrum beforehand: `untried` or, after a window, `remembered`.
 
     Notes
     -----

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from inclinometry.core.arrays import Array
-from inclinometry.motion.magnetic.band import SPECTRA, Complex
+from inclinometry.motion.magnetic.band import Complex, remembered, untried
 from inclinometry.motion.magnetic.settings import MagneticSettings
 
 OFFSET_WALK: Final = 1.0
@@ -17,8 +17,6 @@ ACCEL_WALK: Final = 1e-4
 """m/s^2 / sqrt(s)."""
 DELAY_SIGMA: Final = 0.05
 """s: of the magnetometer's delay before anything is known."""
-FORGETTING: Final = 0.8
-"""Of the evidence about noise spectra, what counts in the next window: about five windows are remembered."""
 LEVER_WALK: Final = 1e-5
 """m / sqrt(s)."""
 
@@ -62,7 +60,7 @@ class ToolConstants:
             self.seen,
             self.motion,
             self.motion_covariance + walk,
-            FORGETTING * self.trust,
+            remembered(self.trust),
             self.delay,
         )
 
@@ -75,6 +73,6 @@ def beforehand(settings: MagneticSettings) -> ToolConstants:
         False,
         np.zeros(2, dtype=np.complex128),
         np.diag([settings.accel_sigma**2, settings.lever_sigma**2]).astype(np.complex128),
-        np.zeros((4, SPECTRA)),
+        np.tile(untried(), (4, 1)),
         (DELAY_SIGMA**-2, settings.mag_delay_s * DELAY_SIGMA**-2),
     )

@@ -28,8 +28,8 @@ class Track:
         Standard deviation of the phase of one node, rad, from leaving each out in turn.
     half : int
         Half length of the smoother, nodes.
-    gain : float
-        Variance of the smoothed phase per variance of a node's.
+    sigma : float
+        Standard deviation of the smoothed phase, rad: its noise, and what it gives away of the motion.
     given : (m,) ndarray
         The phase before smoothing.
     """
@@ -39,7 +39,7 @@ class Track:
     bend: Array
     noise: float
     half: int
-    gain: float
+    sigma: float
     given: Array
 
 
@@ -74,9 +74,10 @@ def smooth(phase: Array) -> Track:
     (True, 0.1)
     """
     best: tuple[float, int, Array] | None = None
+    values: dict[int, Array] = {0: phase}
     for half in HALVES:
         if 0 < half <= max(2, phase.size // 6):
-            value = filtered(phase, half, 0)
+            value = values[half] = filtered(phase, half)
             inner = slice(half, phase.size - half)
             error = (phase - value)[inner] / (1.0 - _kernels(half)[0][half])
             score = float(np.mean(error**2))
@@ -85,20 +86,31 @@ def smooth(phase: Array) -> Track:
                 best = score, half, value
     if best is None:
         zero = np.zeros_like(phase)
-        return Track(phase, np.gradient(phase), zero, 0.0, 0, 1.0, phase)
+        return Track(phase, np.gradient(phase), zero, 0.0, 0, 0.0, phase)
     score, half, value = best
     weights = _kernels(half)[0]
-    gain = float(weights @ weights)
+    gain, noise = float(weights @ weights), _noise(score, weights)
+    shorter = max(other for other in values if other < half)
+    short = _kernels(shorter)[0]
+    # two smoothers of which one sees more differ by the noise the other lets through, and by the motion it loses
+    lost = float(np.mean((values[shorter] - value) ** 2)) - noise**2 * (float(short @ short) - gain)
     rate = max(half, 2)
     return Track(
         value,
         filtered(phase, rate, 1),
         filtered(phase, rate, 2),
-        float(np.sqrt(score / (1.0 + gain / (1.0 - weights[half])))),
+        noise,
         half,
-        gain,
+        float(np.sqrt(noise**2 * gain + max(lost, 0.0))),
         phase,
     )
+
+
+def _noise(score: float, weights: Array) -> float:
+    """Standard deviation of a node from the mean square of errors of prediction: node and prediction both err."""
+    own = weights[weights.size // 2]
+    rest = float(weights @ weights) - own**2
+    return float(np.sqrt(score / (1.0 + rest / (1.0 - own) ** 2)))
 
 
 def filtered(phase: Array, half: int, derivative: int = 0) -> Array:

@@ -137,7 +137,7 @@ def _fields(
         field=np.array([b.value[0].real, b.value[0].imag, bz.value[0].real]),
         covariance=covariance,
         phase=_middle(np.unwrap(np.angle(d.phasor)) - d.lag),
-        phase_sigma=d.track.noise * float(np.sqrt(d.track.gain)),
+        phase_sigma=d.track.sigma,
         rate=float(hann @ d.rate / hann.sum()),
         arc=covered,
         circle=circle,
