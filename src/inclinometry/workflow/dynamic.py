@@ -154,7 +154,7 @@ class _Work:
 
     def __post_init__(self) -> None:
         self.monitor = Monitor(self.setup.window)
-        self.carried = Carried(lambda: self.method.make(self.setup))
+        self.carried = Carried(self.method, self.setup)
 
     def take(self, pieces: list[Piece], count: int) -> None:
         """Even pieces that became certain, and the rows read for them."""
@@ -169,7 +169,7 @@ class _Work:
             if samples.temperature is not None:
                 self.rows.heat = float(samples.temperature.mean())
             self.monitor.push(piece.number, samples)
-            for found in self.carried.push(samples):
+            for found in self.carried.push(piece.number, samples):
                 self.rows.add(found)
 
     def end(self) -> None:

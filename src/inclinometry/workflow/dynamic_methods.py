@@ -14,10 +14,12 @@ from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.settings import InertialSettings
+from inclinometry.motion.inertial.smoother import smoothed_attitude
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import MagneticStream
-from inclinometry.motion.result import Attitude
+from inclinometry.motion.result import Attitude, refusals
 from inclinometry.motion.samples import Samples
+from inclinometry.workflow.dynamic_smoother import SampleSmoother, WindowSmoother
 
 SHORTEST: Final = 0.5
 LONGEST: Final = 600.0
@@ -84,16 +86,41 @@ def _filter(setup: Setup) -> Stream:
     return InertialStream(setup.inertial(), setup.site)
 
 
+class _Smoother:
+    """The smoother that the triads of the first piece allow."""
+
+    def __init__(self, setup: Setup) -> None:
+        self._setup = setup
+        self._stream: Stream | None = None
+
+    def push(self, samples: Samples) -> Attitude:
+        if self._stream is None:
+            self._stream = self._chosen(samples.has("gyro"))
+        return self._stream.push(samples)
+
+    def finish(self) -> Attitude:
+        return refusals([], (), "smoother", "magnetic") if self._stream is None else self._stream.finish()
+
+    def _chosen(self, gyro: bool) -> Stream:
+        setup = self._setup
+        if not gyro:
+            return WindowSmoother(MagneticStream(setup.magnetic()))
+        settings = setup.inertial()
+        return SampleSmoother(lambda samples: smoothed_attitude(samples, settings, setup.site), setup.window)
+
+
 @dataclass(frozen=True)
 class Method:
     """A method of the command line.
 
-    make : a fresh stream. needs : triads it cannot do without. summary : what it is.
+    make : a fresh stream. needs : triads it cannot do without. summary : what it is. restarts : whether a gap ends it;
+    the others see gaps themselves.
     """
 
     make: Callable[[Setup], Stream]
     needs: tuple[str, ...]
     summary: str
+    restarts: bool = False
 
 
 METHODS: Final[Mapping[str, Method]] = MappingProxyType(
@@ -101,6 +128,7 @@ METHODS: Final[Mapping[str, Method]] = MappingProxyType(
         "magnetic": Method(_magnetic, ("accel", "mag"), "gravity turned back by the magnetic phase, window by window"),
         "gyro": Method(_gyro, ("accel", "gyro"), "gyro and gravity alone; north from the Earth's rotation at rest"),
         "filter": Method(_filter, ("accel", "gyro", "mag"), "15-state filter of gyro, gravity and field"),
+        "smoother": Method(_Smoother, ("accel", "mag"), "backward pass over all that was recorded", restarts=True),
     }
 )
 """Names at the command line."""
@@ -147,19 +175,20 @@ def offset_doubt(calibration: Calibration | None, site: Site) -> dict[str, float
 class Carried:
     """One method over all stretches of a run: a new stream where the grid or the triads change."""
 
-    def __init__(self, make: Callable[[], Stream]) -> None:
-        self._make = make
+    def __init__(self, method: Method, setup: Setup) -> None:
+        self._method, self._setup = method, setup
         self._stream: Stream | None = None
         self._shape: tuple[float, ...] = ()
 
-    def push(self, samples: Samples) -> list[Attitude]:
-        """Rows of a piece."""
+    def push(self, number: int, samples: Samples) -> list[Attitude]:
+        """Rows of a piece of stretch `number`."""
         if not len(samples):
             return []
-        shape = (samples.interval, *(samples.has(name) for name in ("accel", "mag", "gyro", "temperature")))
+        triads = (samples.has(name) for name in ("accel", "mag", "gyro", "temperature"))
+        shape = (samples.interval, *triads, float(number) if self._method.restarts else 0.0)
         done = self.finish() if self._stream is not None and shape != self._shape else []
         if self._stream is None:
-            self._stream, self._shape = self._make(), shape
+            self._stream, self._shape = self._method.make(self._setup), shape
         return [*done, self._stream.push(samples)]
 
     def finish(self) -> list[Attitude]:
