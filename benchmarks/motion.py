@@ -13,6 +13,7 @@ import argparse
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
@@ -21,11 +22,16 @@ import numpy as np  # noqa: E402
 
 from inclinometry.attitude.rotations import dcm, dcm_from_quaternion  # noqa: E402
 from inclinometry.core.angles import wrap_signed  # noqa: E402
+from inclinometry.earth.site import Site  # noqa: E402
+from inclinometry.motion.inertial.filter import inertial_attitude  # noqa: E402
+from inclinometry.motion.inertial.settings import InertialSettings  # noqa: E402
+from inclinometry.motion.inertial.smoother import smoothed_attitude  # noqa: E402
 from inclinometry.motion.magnetic.settings import MagneticSettings  # noqa: E402
 from inclinometry.motion.magnetic.stream import magnetic_attitude  # noqa: E402
 from inclinometry.motion.result import FLAGS, Attitude  # noqa: E402
 from inclinometry.motion.samples import Samples  # noqa: E402
-from inclinometry.simulate.drilling import simulate_drilling  # noqa: E402
+from inclinometry.motion.window_filter import robust_filter  # noqa: E402
+from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling  # noqa: E402
 
 NAMES = ("smooth", "vibration-5g", "vibration-20g", "stick-slip", "sliding", "stationary", "fast")
 WINDOWS = (2, 5, 10, 30)
@@ -40,15 +46,61 @@ REFERENCE = {
     ("fast", 10): (0.136, 0.283),
 }
 PUBLISHED = (0.5, 1.35)
+SPACING = 10.0
+"""s, between the rows of filter, smoother and robust filter, as the windows of 10 s."""
+HOLE = SCENARIOS["vibration-5g"].hole
 
 
-def methods() -> dict[str, Callable[[Samples], Attitude]]:
-    """Name -> what is done with a run."""
+def known_site() -> Site:
+    """What is known of the place: strengths and dip are references."""
+    return Site(g=HOLE.gravity, b=HOLE.field, dip=HOLE.dip, latitude=HOLE.latitude, declination=HOLE.declination)
 
-    def magnetic(seconds: float) -> Callable[[Samples], Attitude]:
-        return lambda samples: magnetic_attitude(samples, MagneticSettings(window_s=seconds))
 
-    return {f"magnetic {seconds} s": magnetic(float(seconds)) for seconds in WINDOWS}
+def methods(magnetic: dict | None = None, inertial: dict | None = None) -> dict[str, Callable[[Samples], Attitude]]:
+    """Name -> what is done with a run; with further settings of the magnetic and inertial methods."""
+    more, site = magnetic or {}, known_site()
+    filtering = InertialSettings(window=SPACING, **(inertial or {}))
+
+    def windows(seconds: float, overlap: float = 0.5) -> Callable[[Samples], Attitude]:
+        return lambda samples: magnetic_attitude(
+            samples, MagneticSettings(window_s=seconds, overlap=overlap, site=site, **more)
+        )
+
+    return {f"magnetic {seconds} s": windows(float(seconds)) for seconds in WINDOWS} | {
+        "robust": lambda samples: robust_filter(windows(SPACING, 0.0)(samples)),
+        "filter": lambda samples: inertial_attitude(samples, filtering, site),
+        "smoother": lambda samples: smoothed_attitude(samples, filtering, site),
+    }
+
+
+def drawn(name: str, seed: int):
+    """A scenario with a tool whose errors are drawn, as large as the methods are told they may be."""
+    random = np.random.default_rng([seed, 77])
+    scenario = SCENARIOS[name]
+    tool = scenario.instrument
+
+    def three(sd) -> tuple:
+        return tuple(float(v) for v in random.normal(0.0, sd, 3))
+
+    gyro = replace(tool.gyro, bias=three(3e-3), scale=three(2e-3))
+    made = replace(
+        tool, lever=three(0.02), hard_iron=three((100.0, 100.0, 10.0)), accel=replace(tool.accel, bias=three(0.01)),
+        gyro=gyro,
+    )  # fmt: skip
+    return replace(scenario, instrument=made)
+
+
+TOLD = (
+    {"offset_sigma": 100.0, "axial_sigma": 10.0, "accel_sigma": 0.01, "lever_sigma": 0.02},
+    {
+        "hard_iron_sigma": (100.0, 100.0, 10.0),
+        "accel_bias_sigma": 0.01,
+        "lever_sigma": 0.02,
+        "gyro_bias_sigma": 3e-3,
+        "gyro_scale_sigma": 2e-3,
+    },
+)
+"""Settings of the magnetic and the inertial methods for such tools."""
 
 
 def samples_of(run) -> Samples:
@@ -104,23 +156,36 @@ def rms(parts: list) -> float:
     return float(np.degrees(np.sqrt(np.mean(np.concatenate(parts) ** 2))))
 
 
-def run(draws: int = 5) -> dict:
-    """Everything as numbers."""
-    table = {}
-    for name in NAMES:
-        runs = [simulate_drilling(name, seed) for seed in range(1, draws + 1)]
-        cells = [samples_of(one) for one in runs]
-        table[name] = {way: scored([method(one) for one in cells], runs) for way, method in methods().items()}
+def run(draws: int = 5, tools: int = 20) -> dict:
+    """Everything as numbers: `draws` seeds of the scenarios as named, `tools` with errors drawn."""
     return {
         "draws": draws,
-        "table": table,
+        "table": table(draws, list(NAMES), lambda name, seed: name, methods()),
+        "drawn tools": table(tools, list(NAMES), drawn, honest()),
+        "drawn": tools,
         "reference": {f"{name}, {seconds} s": pair for (name, seconds), pair in REFERENCE.items()},
         "published_deg": PUBLISHED,
     }
 
 
+def honest() -> dict[str, Callable[[Samples], Attitude]]:
+    """The methods whose stated covariance is held against tools whose errors are drawn."""
+    ways = methods(*TOLD)
+    return {name: ways[name] for name in ("magnetic 10 s", "robust", "filter", "smoother")}
+
+
+def table(draws: int, names: list[str], made: Callable, ways: dict[str, Callable[[Samples], Attitude]]) -> dict:
+    """Scenario -> method -> scores."""
+    found = {}
+    for name in names:
+        runs = [simulate_drilling(made(name, seed), seed) for seed in range(1, draws + 1)]
+        cells = [samples_of(one) for one in runs]
+        found[name] = {way: scored([method(one) for one in cells], runs) for way, method in ways.items()}
+    return found
+
+
 def report(result: dict) -> None:
-    """Print the table."""
+    """Print the tables."""
     print(
         f"Rms error of inclination / azimuth, deg; {result['draws']} seeds; z2: normalised squared error, 1 is honest"
     )
@@ -128,6 +193,11 @@ def report(result: dict) -> None:
         print(f"\n{name}")
         for way, one in ways.items():
             print(f"  {way:14s} {_cells(one)}{_beside(result, name, way)}")
+    print(f"\nTools whose errors are drawn, {result['drawn']} of them")
+    for name, ways in result["drawn tools"].items():
+        print(f"\n{name}")
+        for way, one in ways.items():
+            print(f"  {way:14s} {_cells(one)}")
 
 
 def _cells(one: dict) -> str:

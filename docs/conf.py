@@ -9,7 +9,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from sphinx.util.inspect import TypeAliasForwardRef
-from support import api, docstrings, drawing, figures, gyro_figures, position_figures, survey_figures
+from support import api, docstrings, drawing, figures, gyro_figures, motion_figures, position_figures, survey_figures
 
 project = "inclinometry"
 author = "the authors of inclinometry"
@@ -80,7 +80,7 @@ nitpick_ignore_regex = [("py:class", r"numpy\._typing\..*")]
 
 api.write(HERE / "generated")
 drawing.conventions(HERE / "generated" / "conventions.svg")
-parts = (figures, gyro_figures, position_figures, survey_figures)
+parts = (figures, gyro_figures, motion_figures, position_figures, survey_figures)
 myst_substitutions = drawing.example_attitude() | {key: text for one in parts for key, text in one.everything().items()}
 
 
