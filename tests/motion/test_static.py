@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from inclinometry.attitude.orientation import fields
@@ -236,13 +236,21 @@ def test_a_vertical_tool_is_called_vertical() -> None:
     assert row.u.magnetic_toolface[0] < 1e-3
 
 
-RUN = still(12, (4.0, 1.2, 5.0), size=530)
+_EVEN = still(12, (4.0, 1.2, 5.0), size=530)
+RUN = Samples(
+    1e6 + _EVEN.time + np.random.default_rng(0).uniform(-0.2, 0.2, 530) * 0.02,
+    0.02,
+    accel=_EVEN.accel,
+    mag=_EVEN.mag,
+    clipped=np.arange(530) % 200 == 7,
+)
 
 
 @settings(max_examples=25, deadline=None)
 @given(cuts=st.lists(st.integers(0, 530), max_size=8))
+@example(cuts=[100, 101, 200, 200, 401])
 def test_a_stream_cut_anyhow_gives_the_same_rows(cuts: list[int]) -> None:
-    """Bit by bit, empty and one-sample blocks included."""
+    """Bit by bit, empty and one-sample blocks included, stamps that jitter by a fifth of an interval."""
     window = StaticSettings(window=2.0)
     stream, edges = StaticStream(window, SITE), [0, *sorted(cuts), 530]
     parts = [stream.push(RUN.part(a, b)) for a, b in pairwise(edges)]
@@ -255,8 +263,9 @@ def test_a_gap_closes_the_window() -> None:
     """3 s, a gap, 5 s, in windows of 4 s: one row before it and one after, each at the middle of its samples."""
     stream = NorthSeekingStream(StaticSettings(window=4.0))
     gyro = np.random.default_rng(0).normal(0.0, 1e-5, (500, 3))
-    run = Samples(RUN.time[:500], 0.02, accel=RUN.accel[:500], gyro=gyro)
-    first, second = run.part(0, 150), run.part(250, 500)
+    run = Samples(_EVEN.time[:500], 0.02, accel=RUN.accel[:500], gyro=gyro)
+    first = run.part(0, 150)
+    second = Samples(first.time[0] + 0.02 * np.arange(250, 500), 0.02, accel=RUN.accel[250:500], gyro=gyro[250:])
     rows = [stream.push(first), stream.push(second), stream.finish()]
     assert [len(row) for row in rows] == [0, 2, 0]
     np.testing.assert_allclose(rows[1].time, [1.49, 6.99])
