@@ -43,13 +43,15 @@ def test_every_option_named_in_a_page_exists(capsys):
     with pytest.raises(SystemExit):
         main(["calibrate", "--help"])
     known = capsys.readouterr().out
-    commands = ("plan", "readings", "verify", "survey", "compare", "quality", "msa", "position", "field", "convert")
+    commands = (
+        "plan", "readings", "verify", "survey", "compare", "quality", "msa", "position", "field", "convert", "dynamic",
+    )  # fmt: skip
     for command in commands:
         with pytest.raises(SystemExit):
             main([command, "--help"])
         known += capsys.readouterr().out
     groups = {
-        "simulate": ("bench", "well", "log", "gyro"),
+        "simulate": ("bench", "well", "log", "gyro", "drilling"),
         "gyro": ("north", "scale", "plan", "quality", "table"),
         "shots": ("rotation", "repeat", "dual-depth"),
     }

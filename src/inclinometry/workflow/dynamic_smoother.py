@@ -71,8 +71,8 @@ class SampleSmoother:
         if self._pieces < 2:
             return found
         note = (
-            f"the run was smoothed in {self._pieces} pieces that overlap by {2 * LEAD} windows; each learns the sensors' "
-            "errors for itself"
+            f"the run was smoothed in {self._pieces} pieces that overlap by {2 * LEAD} windows; each learns the "
+            "sensors' errors for itself"
         )
         return replace(found, notes=(*found.notes, note))
 
