@@ -49,6 +49,8 @@ class BandFit:
     value : (p,) ndarray
     covariance : (p, p) ndarray
         Per real component, priors included, widened for the degrees of freedom the noise is known with.
+    gain : (k,) ndarray
+        Derivative of the first coefficient by the tapered sums.
     trust : (r,) ndarray
         Logarithm of the weight of each spectrum, the largest 0.
     taken : float
@@ -57,6 +59,7 @@ class BandFit:
 
     value: Complex
     covariance: Complex
+    gain: Complex
     trust: Array
     taken: float
 
@@ -146,12 +149,15 @@ def fit(
     # the widening belongs to the noise, not to the prior
     wide = noise * freedom / np.maximum(freedom - 2.0, 1.0)
     covariance = np.linalg.inv(gram / wide[:, None, None] + precision)
+    weights = weight / noise
+    gain = np.einsum("r,rp,rkp,rkl->l", weights, inverse[:, 0], x.conj(), of.whiteners)
     middle = weight @ value
     apart = value - middle
     between = np.einsum("r,rp,rq->pq", weight, apart, apart.conj()) / parts
     return BandFit(
         np.asarray(middle, dtype=np.complex128),
         np.asarray(np.einsum("r,rpq->pq", weight, covariance) + between, dtype=np.complex128),
+        np.asarray(gain, dtype=np.complex128),
         score,
         float(weight @ taken),
     )

@@ -34,6 +34,8 @@ class Demodulated:
     track : Track
     turned : (m,) ndarray
         Angle by the gyro, rad; empty where none was used.
+    delay : float
+        s, that was taken off.
     lag : (m,) ndarray
         Phase by which the magnetometer is late, rad, already taken off gravity.
     turn : float
@@ -50,6 +52,7 @@ class Demodulated:
     acceleration: Array
     track: Track
     turned: Array
+    delay: float
     lag: Array
     turn: float
 
@@ -122,6 +125,7 @@ def demodulate(
         acceleration=acceleration,
         track=track,
         turned=middle,
+        delay=delay,
         lag=lag,
         turn=turn,
     )

@@ -18,7 +18,7 @@ from inclinometry.motion.magnetic.window import LEAST_FIELD_NT, WindowFit, attit
 from inclinometry.motion.samples import Samples
 
 DISTURBED: Final = 0.02
-"""Scatter of the transverse field about its circle, of the radius; departure of the strength from the site's."""
+"""Of the radius: scatter of the transverse field about its circle, less its noise; departure of the strength."""
 NO_FIELD: Final = 0.2
 """Scatter above which there is no field to turn back by."""
 DISTURBED_DIP: Final = float(np.radians(1.0))
@@ -94,7 +94,7 @@ def _doubts(
     transverse = float(np.hypot(window.field[0], window.field[1]))
     shares = {
         "clipped": window.clipped / max(settings.clipped_share, 1e-12),
-        "disturbed": max(window.circle.scatter / window.circle.radius / DISTURBED, _off_site(window, settings.site)),
+        "disturbed": max(window.ripple / window.circle.radius / DISTURBED, _off_site(window, settings.site)),
         "vibration": tilt / SHAKEN,
         "offset": window.offset_sigma / transverse / OFFSET,
         "misfit": _gravity_misfit(window, settings.site),

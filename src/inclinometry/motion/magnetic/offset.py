@@ -110,7 +110,7 @@ def window_delay(d: Demodulated, known: ToolConstants, span: float) -> tuple[flo
     Parameters
     ----------
     d : Demodulated
-        With no delay taken off.
+        Whatever delay was taken off is counted in.
     known : ToolConstants
     span : float
         s, of a node.
@@ -151,4 +151,4 @@ def _against_gravity(d: Demodulated, known: ToolConstants) -> tuple[float, float
     if variance >= 0.25 * DELAY_SIGMA**2:
         return 0.0, 0.0
     information = 1.0 / (variance + FLOOR_S**2)
-    return information, information * float(found.value[3].real)
+    return information, information * (d.delay + float(found.value[3].real))

@@ -10,7 +10,7 @@ import numpy as np
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import cross_matrix, dcm, rotation_z
 from inclinometry.core.arrays import Array
-from inclinometry.motion.magnetic.band import Basis, Complex, basis, fit
+from inclinometry.motion.magnetic.band import BandFit, Basis, Complex, basis, fit
 from inclinometry.motion.magnetic.circle import Circle, arc, fit_circle
 from inclinometry.motion.magnetic.constants import ToolConstants
 from inclinometry.motion.magnetic.demodulate import Demodulated, demodulate
@@ -26,6 +26,8 @@ LEAST_FIELD_NT: Final = 500.0
 
 MIRROR_ARC: Final = 4.0
 """rad, turned before the two triads' sense of rotation is compared."""
+KNOWN_OFFSET: Final = 2e-3
+"""Of the transverse field: an offset less known spoils the phase so that a delay cannot be told."""
 MIRROR_GRAVITY: Final = 0.5
 """m/s^2, of transverse gravity that stands still the wrong way round."""
 
@@ -42,6 +44,7 @@ class WindowFit:
     rate: float
     arc: float
     circle: Circle
+    ripple: float
     taken: float
     clipped: float
     constants: ToolConstants
@@ -78,19 +81,11 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
     if clipped == 0.0:
         good = np.zeros(0, dtype=np.bool_)
     with_gyro = settings.use_gyro and samples.has("gyro")
-    offset = known.offset
-    first = demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=0.0)
-    information, moment = window_delay(first, known, step * samples.interval)
-    information, moment = known.delay[0] + information, known.delay[1] + moment
-    delay, stepped = settings.mag_delay_s, False
-    if abs(moment / information - delay) > SIGNIFICANT * float(np.hypot(information**-0.5, FLOOR_S)):
-        delay, stepped = moment / information, True
-    for turn in range(3):
-        same = turn == 0 and delay == 0.0
-        found = first if same else demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=delay)
+    offset, delay, stepped = known.offset, settings.mag_delay_s, False
+    for _ in range(3):
+        found = demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=delay)
         covered = arc(np.unwrap(np.angle(found.phasor)))
-        points = found.field * found.phasor + offset
-        circle = fit_circle(points, known.offset, known.offset_covariance)
+        circle = fit_circle(found.field * found.phasor + offset, known.offset, known.offset_covariance)
         if covered < settings.least_arc:
             # too little arc: how far the field is from a circle decides, not the centre
             circle = Circle(known.offset, known.offset_covariance, circle.radius, circle.scatter)
@@ -98,6 +93,14 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
         if abs(circle.centre - offset) < 1e-4 * circle.radius:
             break
         offset = circle.centre
+    information, moment = known.delay
+    if float(np.linalg.eigvalsh(circle.covariance)[-1]) < (KNOWN_OFFSET * circle.radius) ** 2:
+        more, pull = window_delay(found, known, step * samples.interval)
+        information, moment = information + more, moment + pull
+        stepped = abs(moment / information - delay) > SIGNIFICANT * float(np.hypot(information**-0.5, FLOOR_S))
+    if stepped:
+        delay = moment / information
+        found = demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=delay)
     fitted = _fields(found, settings, known, circle, covered, clipped)
     constants = replace(fitted.constants, delay=(information, moment))
     return replace(fitted, stepped=stepped, constants=constants)
@@ -119,7 +122,7 @@ def _fields(
         [*[g.covariance[0, 0].real] * 2, gz.covariance[0, 0].real + settings.accel_sigma**2] + [0.0] * 3
     )
     covariance[3:, 3:] = np.diag([*[b.covariance[0, 0].real] * 2, bz.covariance[0, 0].real + settings.axial_sigma**2])
-    by_offset = _by_offset(of, d, known, complex(b.value[0]))
+    by_offset = _by_offset(of, d, g, b)
     gain = _by_gain(complex(g.value[0]), complex(b.value[0]), d.rate, settings.bandwidth_hz)
     covariance += by_offset @ circle.covariance @ by_offset.T + np.outer(gain, gain) + _clipping(clipped)
     constants = ToolConstants(
@@ -141,6 +144,7 @@ def _fields(
         rate=float(hann @ d.rate / hann.sum()),
         arc=covered,
         circle=circle,
+        ripple=float(np.sqrt(max(circle.scatter**2 - (d.track.noise * circle.radius) ** 2, 0.0))),
         taken=g.taken,
         clipped=clipped,
         constants=constants,
@@ -151,20 +155,18 @@ def _fields(
     )
 
 
-def _by_offset(of: Basis, d: Demodulated, known: ToolConstants, field: complex) -> Array:
+def _by_offset(of: Basis, d: Demodulated, g: BandFit, b: BandFit) -> Array:
     """Derivatives (6, 2) of gravity and field by the magnetic offset that was taken off.
 
     An offset h too large by dh turns the phase by -Im(dh u*) / |field|, as far as the smoother lets it through. At the
     frequency of rotation this meets the lever arm's centripetal part, which turns just as fast, and leaves a constant.
     """
     jacobian = np.zeros((6, 2))
-    columns, nothing = regressors(d), np.zeros(3, dtype=np.complex128)
+    field = max(abs(complex(b.value[0])), 1.0)
     for k, unit in enumerate((1.0, 1j)):
-        turn = filtered(-np.imag(unit * d.back) / max(abs(field), 1.0), d.track.half)
-        gravity = fit(of, -1j * turn * d.gravity, columns, nothing, prior(known), known.trust[0]).value[0]
-        change = of.tapers @ (-1j * turn * d.field - unit * d.back)
-        ones = of.tapers.sum(axis=1)
-        magnetic = complex(ones @ change) / float(ones @ ones)
+        turn = filtered(-np.imag(unit * d.back) / field, d.track.half)
+        gravity = complex(g.gain @ (of.tapers @ (-1j * turn * d.gravity)))
+        magnetic = complex(b.gain @ (of.tapers @ (-1j * turn * d.field - unit * d.back)))
         jacobian[[0, 1, 3, 4], k] = gravity.real, gravity.imag, magnetic.real, magnetic.imag
     return jacobian
 
