@@ -21,14 +21,14 @@ class Node(NamedTuple):
     """A window as the backward pass needs it.
 
     before, after : states; before is what the forward pass began with, None where there was nothing to begin with.
-    broken : its attitude does not continue that of the window before. age : windows since the
+    anew : its attitude does not continue that of the window before. age : windows since the
     start. time : s, of after.
     """
 
     before: State | None
     after: State | None
     seen: Seen | None
-    broken: bool
+    anew: bool
     age: int
     time: float
 
@@ -39,6 +39,8 @@ class Engine:
     def __init__(self, model: Model, start: Attitude | None) -> None:
         self._model, self._start = model, start
         self._state: State | None = None
+        self._lost = True  # nothing tells the attitude: at the beginning and after a gap
+        self._still = False
         self._age = 0
         self._first, self._count = np.nan, 0
 
@@ -48,50 +50,54 @@ class Engine:
         missing = [name for name in needed if not window.has(name)]
         if missing:
             raise InputError(f"the samples have no {' and no '.join(missing)}; this filter needs {', '.join(needed)}")
-        broken = self._placed(window)
-        state = self._before(window, broken)
+        self._place(window)
         self._count += len(window)
         time = self._first + window.interval * (self._count - 1)
+        state, anew = self._before(window)
         if state is None:
             return Node(None, None, None, True, 0, time)
         after, seen = reduce_window(state, window, self._model)
-        self._state = after
-        self._age += 1
-        return Node(state, after, seen, broken or self._age == 1, self._age - 1, time)
+        if self._lost and not self._stated and (seen.disturbed or seen.gravity < 0.0):
+            return Node(None, None, None, True, 0, time)  # no beginning to build on; the next window may be one
+        self._age = 0 if self._lost else self._age + 1
+        self._state, self._lost, self._still = after, False, seen.still
+        return Node(state, after, seen, anew, self._age, time)
 
     def row(self, node: Node, window: Samples, method: str) -> Attitude:
         """The forward pass's row."""
         if node.after is None or node.seen is None:
             north = "magnetic" if self._model.magnetic else "true"
-            return refusals([node.time], ("clipped", "start"), method, north)
+            why = "clipped" if window.clipped is not None and window.clipped.any() else "misfit"
+            return refusals([node.time], (why, "start"), method, north)
         covariance = node.after.covariance[:3, :3]
         return row(node.time, node.after, covariance, node.seen, node.age, window, self._model, method)
 
-    def _placed(self, window: Samples) -> bool:
-        """Whether the window does not continue the grid; the grid is then begun again at its first stamp."""
-        expected = self._first + window.interval * self._count
-        if abs(window.time[0] - expected) <= LARGEST_BREAK * window.interval + 4.0 * np.spacing(abs(window.time[0])):
-            return False
-        self._first, self._count = float(window.time[0]), 0
-        return True
+    @property
+    def _stated(self) -> bool:
+        """Whether the start that was given is still to be used."""
+        return self._state is None and self._start is not None
 
-    def _before(self, window: Samples, broken: bool) -> State | None:
-        """State before the window; None while there is no window without clipping to start from."""
-        state, model = self._state, self._model
-        fresh = state is None
-        if state is None:
-            state = blank(window, model)
-        north = (
-            not model.magnetic
-            and azimuth_variance(state) > LOST**2
-            and is_still(state, window, model, np.zeros(len(window), np.bool_))
-        )
-        if not (broken or fresh or (north and self._start is None)):
-            return state
-        if window.clipped is not None and window.clipped.any() and (self._start is None or not fresh):
-            self._state = None if fresh else state
-            return None if fresh else state
-        if fresh and self._start is not None:
-            return linearised(given(state, window, self._start, model), window, model)
-        self._age = 0 if broken else self._age
-        return linearised(sought(state, window, model), window, model)
+    def _place(self, window: Samples) -> None:
+        """Count on, or begin the grid again at the first stamp of a window that does not continue it."""
+        expected = self._first + window.interval * self._count
+        slack = LARGEST_BREAK * window.interval + 4.0 * np.spacing(abs(window.time[0]))
+        if not abs(window.time[0] - expected) <= slack:
+            self._first, self._count, self._lost, self._still = float(window.time[0]), 0, True, False
+
+    def _before(self, window: Samples) -> tuple[State | None, bool]:
+        """State before the window, None where there is nothing to start from, and whether its attitude is a new one."""
+        model = self._model
+        state = blank(window, model) if self._state is None else self._state
+        if self._stated and self._start is not None:
+            return linearised(given(state, window, self._start, model), window, model), True
+        if self._lost or self._north_at_last(state, window):
+            if window.clipped is not None and window.clipped.any():
+                return (None, True) if self._lost else (state, False)
+            return linearised(sought(state, window, model), window, model), True
+        return state, False
+
+    def _north_at_last(self, state: State, window: Samples) -> bool:
+        """Whether a standstill begins in which an azimuth that is not known may be found; later windows add to it."""
+        if self._model.magnetic or self._still or azimuth_variance(state) <= LOST**2:
+            return False
+        return is_still(state, window, self._model, np.zeros(len(window), np.bool_))

@@ -178,6 +178,6 @@ def _row(node: Node, window: Samples, engine: Engine, model: Model, lam: Array, 
     tape = blank_tape(len(window))
     reduce_window(node.before, window, model, tape)
     backward(*tape, lam, info)
-    if node.broken:  # what came before tells nothing of this attitude, but of the sensors
+    if node.anew:  # what came before tells nothing of this attitude, but of the sensors
         lam[:3], info[:3, :], info[:, :3] = 0.0, 0.0, 0.0
     return found

@@ -36,6 +36,8 @@ SHORTEST: Final = 64
 """Samples of that part, at least."""
 GROWTH: Final = 4
 """Factor by which that part then grows."""
+OPEN: Final = 1e6
+"""Gate while a start is sought, squared normalised innovation."""
 STATED_DIP: Final = float(np.radians(0.2))
 """Standard uncertainty of a dip that is given without one, rad."""
 
@@ -142,6 +144,8 @@ def linearised(state: State, window: Samples, model: Model) -> State:
     """The same beliefs, linearised at what the window makes of its beginning: first a part of it, then the whole."""
     from inclinometry.motion.inertial._recursions import backward
 
+    # nothing is surprising yet: what is refused now would be refused for ever
+    model = replace(model, settings=replace(model.settings, gate=OPEN, weight=None))
     size = len(beginning(window, model))
     while True:
         part = window.part(0, size)
