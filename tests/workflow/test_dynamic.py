@@ -18,6 +18,7 @@ from inclinometry.motion.result import BITS, METHODS
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
 from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run, write_dynamic
+from inclinometry.workflow.dynamic_methods import Setup, offset_doubt
 from inclinometry.workflow.simulate_drilling import RUN, DrillingRequest, write_drilling
 
 HOLE = DrillingRequest("vibration-5g").chosen.hole
@@ -181,3 +182,21 @@ def test_the_file_is_what_was_found(path, tmp_path):
     back = read_attitude(tmp_path / "a.parquet")
     np.testing.assert_allclose(back.azimuth, found.rows.azimuth, atol=1e-11)
     assert np.array_equal(back.flags, found.rows.flags)
+
+
+def test_offsets_a_calibration_leaves_open_reach_the_methods():
+    """Known to 3 counts of 1000 a g, 10 of 2000 a field: 0.03 m/s^2, 250 nT; a thousandth of that is not believed."""
+    triads = calibrated(0.0).tool.triads
+    names = Tool("", triads).parameter_names
+    for share in (1.0, 1e-3):
+        sd = [share * (3.0 if n.startswith("acc") else 10.0) * (".offset[" in n) for n in names]
+        tool = Tool("SN 7", triads, np.diag(np.square(sd)))
+        doubt = offset_doubt(replace(calibrated(0.0), tool=tool), SITE)
+        assert doubt["accelerometer"] == pytest.approx(share * 3e-3 * HOLE.gravity)
+        assert doubt["magnetometer"] == doubt["axial"] == pytest.approx(share * 250.0)
+        setup = Setup(SITE, 10.0, doubt)
+        plain = Setup(SITE, 10.0, {})
+        better = share < 1.0
+        assert (setup.magnetic() == plain.magnetic()) == better
+        assert (setup.inertial() == plain.inertial()) == better
+    assert offset_doubt(None, SITE) == {}
