@@ -260,6 +260,15 @@ def test_doubtful_rows_weigh_less_and_prove_nothing() -> None:
     assert np.degrees(np.abs(unsaid.angles.azimuth - 1.0).max()) > 0.8
 
 
+@pytest.mark.parametrize(("flag", "late"), [("vibration", 1), ("disturbed", 14)])
+def test_a_bend_is_followed_though_all_rows_are_flagged(flag, late) -> None:
+    """Shaken rows testify at once; "disturbed" ones, flagged by a wrong reference, after twelve rejections."""
+    rows, truth = run(17, inclination=0.5 + np.radians(1.0) * (np.arange(120) >= 60))
+    found = robust_filter(replace(rows, flags=np.full(120, BITS[flag], dtype=np.uint32)))
+    assert off(found, truth)[60 + late :].max() < 0.2
+    assert off(found, truth)[:60].max() < 0.2
+
+
 def test_a_first_row_that_is_contradicted_is_not_believed() -> None:
     """An outlier at the start: flagged, wide, and the filter starts behind it."""
     rows, truth = run(10, scale=np.where(np.arange(120) == 0, 30.0, 1.0))

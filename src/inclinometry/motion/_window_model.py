@@ -12,11 +12,10 @@ from inclinometry.core.arrays import Array
 from inclinometry.motion._hole_direction import azimuth_unknown, clean, turned
 from inclinometry.motion.result import BITS, METHODS, Attitude
 
-DOUBTFUL: Final = sum(
-    BITS[name]
-    for name in ("disturbed", "step", "clipped", "vibration", "misfit", "not-still", "aliased", "axes", "stuck")
-)
-"""Flags of rows that are no evidence for a bend of the hole."""
+BIASED: Final = sum(BITS[name] for name in ("disturbed", "step", "aliased", "axes", "stuck"))
+"""Flags of rows that may be off together: no evidence for a bend of the hole."""
+DOUBTFUL: Final = BIASED | sum(BITS[name] for name in ("clipped", "vibration", "misfit", "not-still"))
+"""Flags of rows whose uncertainty is counted larger."""
 LOW_WEIGHT: Final = 0.1
 """Weight below which a row is flagged as a misfit."""
 
@@ -39,7 +38,12 @@ class Row(NamedTuple):
     @property
     def evidence(self) -> bool:
         """Whether the row may testify to a bend."""
-        if self.matrix is None or self.covariance is None or self.doubtful:
+        return self.known and not self.flags & BIASED
+
+    @property
+    def known(self) -> bool:
+        """Whether the row tells a whole direction."""
+        if self.matrix is None or self.covariance is None:
             return False
         return not azimuth_unknown(self.matrix, self.covariance)
 

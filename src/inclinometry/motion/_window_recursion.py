@@ -16,7 +16,16 @@ from inclinometry.motion._hole_direction import (
     see,
     with_azimuth,
 )
-from inclinometry.motion._window_model import Belief, Row, Step, predicted_frame, process, transition, updated
+from inclinometry.motion._window_model import (
+    LOW_WEIGHT,
+    Belief,
+    Row,
+    Step,
+    predicted_frame,
+    process,
+    transition,
+    updated,
+)
 from inclinometry.motion.adaptive import fading_factor, sage_husa, sage_husa_share, yang_factor_three, yang_factor_two
 from inclinometry.motion.result import BITS
 from inclinometry.motion.robust import huber_weight, igg3_weight
@@ -31,6 +40,8 @@ LARGEST: Final = 4.0
 """Normalised innovation that Sage-Husa does not learn from and quality calls hopeless."""
 AGREE: Final = 3.0
 """Normalised distance up to which two rows tell the same direction."""
+PATIENCE: Final = 12
+"""Rows rejected one after another after which flagged ones are evidence too: a wrong reference flags them all."""
 STEADY: Final = 1e-2
 """Speed of rotation, rad/s, below which a tool is taken not to rotate in a window that does not tell."""
 ROLL_WANDER: Final = 1e-4
@@ -77,6 +88,7 @@ class Recursion:
         self._seen_at = 0.0
         self._roll, self._roll_variance, self._rate = 0.0, UNKNOWN**2, float("nan")
         self._scale, self._counted = 1.0, 0
+        self._rejected = 0
         self._spread: Array | None = None
         self._noise = np.zeros((2, 2))
 
@@ -177,7 +189,9 @@ class Recursion:
 
     def _testimony(self, predicted: Belief, row: Row, time: float) -> tuple[Array, Array] | None:
         """Offset and noise of a row from the prediction for `time`; None when the row is no evidence."""
-        if not row.evidence or row.matrix is None or row.covariance is None:
+        if row.matrix is None or row.covariance is None or not row.known:
+            return None
+        if not row.evidence and self._rejected < PATIENCE:
             return None
         seen = see(predicted.frame, row.matrix, row.covariance)
         return seen.offset - predicted.rate * (row.time - time), seen.noise * self._scale
@@ -185,6 +199,7 @@ class Recursion:
     def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
         step, seen, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
         doubt = self._tuning.doubt**2 if row.doubtful else 1.0
+        self._rejected = self._rejected + 1 if step.weight < LOW_WEIGHT else 0
         self._learn(seen.offset, doubt * seen.noise, predicted.covariance[:2, :2], size)
         return self._done(step)
 

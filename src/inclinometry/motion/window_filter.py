@@ -56,7 +56,8 @@ class WindowFilterSettings:
     fading : float, optional
         Softening of strong tracking, `fading_factor`.
     doubt : float
-        Factor on the standard deviation of rows that their own method flagged as doubtful.
+        Factor on the standard deviation of rows that their own method flagged as doubtful. Those flagged for what may
+        put neighbours off together ("disturbed", "step", ...) are no evidence for a bend until twelve were rejected.
     direction_walk : float
         rad/s^0.5, random walk of the direction.
     rate_walk : float
