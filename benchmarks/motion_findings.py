@@ -1,6 +1,6 @@
 """What does not work while drilling, measured: each finding beside the way that works, on the same runs.
 
-    python benchmarks/motion_findings.py [--json] [--draws 6]
+    python -m benchmarks.motion_findings [--json] [--draws 6]
 
 The reductions here are the plainest that show the effect, written for this page in numpy alone; the package's own
 methods refuse or avoid each of these mistakes. The truth is synthetic.
@@ -21,6 +21,7 @@ import numpy as np  # noqa: E402
 from scipy.linalg import expm  # noqa: E402
 from scipy.signal import savgol_filter  # noqa: E402
 
+from benchmarks.motion import swinging  # noqa: E402
 from inclinometry.attitude.orientation import angles  # noqa: E402
 from inclinometry.attitude.rotations import dcm_from_quaternion  # noqa: E402
 from inclinometry.core.angles import wrap_signed  # noqa: E402
@@ -58,12 +59,6 @@ def changed(name: str, **errors):
     accel = {key: errors.pop(key) for key in ("reach",) if key in errors}
     tool = replace(scenario.instrument, accel=replace(scenario.instrument.accel, **accel), **errors)
     return replace(scenario, instrument=tool)
-
-
-def swinging(rpm: float):
-    """vibration-5g at another mean speed."""
-    scenario = SCENARIOS["vibration-5g"]
-    return replace(scenario, rotation=replace(scenario.rotation, speed=rpm * RPM))
 
 
 # ---- the plainest reduction: turned back by the magnetic phase -------------------------------------------------------
