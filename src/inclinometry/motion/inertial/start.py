@@ -151,7 +151,7 @@ def linearised(state: State, window: Samples, model: Model) -> State:
         part = window.part(0, size)
         for _ in range(PASSES):
             tape = blank_tape(size)
-            seen = filter_window(state, part, model, True, tape)[1]
+            seen = filter_window(state, part, model, model.magnetic, tape)[1]
             lam, info = np.zeros(STATES), np.zeros((STATES, STATES))
             backward(*tape, lam, info)
             state = corrected(state, state.offset - state.covariance @ lam)
