@@ -1,0 +1,95 @@
+"""The application: pages, REST routes and what guards them, in one ASGI app."""
+
+from __future__ import annotations
+
+import importlib
+import ipaddress
+from collections.abc import Iterable
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from fastapi import FastAPI, Request
+from fastapi.responses import JSONResponse, PlainTextResponse
+from fastapi.staticfiles import StaticFiles
+from nicegui import ui
+
+from inclinometry.core.errors import InclinometryError
+from inclinometry.store.ledger import ConflictError, Ledger
+from inclinometry.web.bench import Bench, RefusedError, serve
+from inclinometry.web.guard import Guard
+from inclinometry.web.logins import Logins
+
+if TYPE_CHECKING:
+    from inclinometry.workflow.laboratory.live import LiveFeed
+
+PAGES: Final = ("home",)
+"""Modules of pages, in inclinometry.web.pages."""
+LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a server listening at this address is reached from this computer only.
+
+    Examples
+    --------
+    >>> is_loopback("127.0.0.1"), is_loopback("0.0.0.0"), is_loopback("localhost")
+    (True, False, True)
+    """
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def create_app(
+    ledger: Ledger,
+    *,
+    host: str = "127.0.0.1",
+    names: Iterable[str] = (),
+    feed: LiveFeed | None = None,
+    instrument: str = "",
+) -> Guard:
+    """The whole application of a bench; one a process.
+
+    Parameters
+    ----------
+    ledger : Ledger
+    host : str
+        Address the server listens at: on loopback there is one user without a password, elsewhere users log in.
+    names : iterable of str
+        Names, without port, by which browsers address the server when it is not on loopback.
+    feed : LiveFeed, optional
+        Live channels of the instrument.
+    instrument : str
+        Its address, as shown.
+
+    Raises
+    ------
+    InputError
+        A host that is not loopback with a ledger that has no active administrator.
+    """
+    open_house = is_loopback(host)
+    logins = Logins(ledger)
+    serve(Bench(ledger, logins, feed, open_house, instrument))
+    app = FastAPI(
+        title="inclinometry bench", version="1", docs_url=None, redoc_url=None, openapi_url="/api/openapi.json"
+    )
+    app.mount("/static", StaticFiles(directory=Path(str(files("inclinometry.web").joinpath("static")))), "static")
+    app.add_exception_handler(InclinometryError, _explain)
+    app.add_api_route("/healthz", _alive, include_in_schema=False)
+    app.include_router(importlib.import_module("inclinometry.web.pages.login").router)
+    for name in PAGES:
+        importlib.import_module(f"inclinometry.web.pages.{name}")
+    ui.run_with(app, title="inclinometry", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0)
+    return Guard(app, logins=logins, hosts=LOOPBACK_NAMES | frozenset(names), open_house=open_house)
+
+
+def _alive() -> PlainTextResponse:
+    return PlainTextResponse("ok")
+
+
+def _explain(_: Request, error: Exception) -> JSONResponse:
+    """What a user can mend, as JSON: 409 somebody was first, 403 not allowed, 422 the rest."""
+    status = 409 if isinstance(error, ConflictError) else 403 if isinstance(error, RefusedError) else 422
+    return JSONResponse({"detail": str(error)}, status)

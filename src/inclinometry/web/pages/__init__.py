@@ -1,0 +1,1 @@
+"""The pages, one module a subject; importing a module registers its pages."""

@@ -1,0 +1,66 @@
+"""The first page: what is open, what is due, whether the instrument talks."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+from fastapi import Request
+from nicegui import ui
+
+from inclinometry.web.frame import Visitor, frame
+from inclinometry.workflow.laboratory.registry import next_due, tools
+from inclinometry.workflow.laboratory.session import closing, load_session, sessions
+
+SHOWN = 10
+
+
+@ui.page("/")
+def home(request: Request) -> None:
+    """What to do next."""
+    with frame(request, "home.title") as visitor:
+        _open_sessions(visitor)
+        _instrument(visitor)
+        _due(visitor)
+
+
+def _open_sessions(visitor: Visitor) -> None:
+    ledger = visitor.bench.ledger
+    with ui.card().classes("panel"):
+        ui.label(visitor.say("home.open_sessions")).classes("subtitle")
+        still_open = [r for r in sessions(ledger, limit=5 * SHOWN) if not closing(ledger, r.id)][:SHOWN]
+        for record in still_open:
+            session = load_session(ledger, record.id)
+            with ui.row().classes("items-center"):
+                ui.label(f"{session.serial}, {session.plan}").classes("number")
+                done = visitor.say("home.progress", done=len(session.valid), all=len(session.positions))
+                ui.label(done).classes("dim number")
+                ui.link(visitor.say("home.resume"), f"/calibrate/{session.id}")
+        if not still_open:
+            ui.label(visitor.say("home.none_open")).classes("dim")
+        if visitor.user.may("capture"):
+            ui.link(visitor.say("home.start"), "/calibrate")
+
+
+def _instrument(visitor: Visitor) -> None:
+    with ui.card().classes("panel"):
+        ui.label(visitor.say("home.instrument")).classes("subtitle")
+        feed = visitor.bench.feed
+        if feed is None:
+            ui.label(visitor.say("home.no_instrument")).classes("dim")
+        else:
+            ui.label(visitor.bench.instrument).classes("number")
+
+
+def _due(visitor: Visitor) -> None:
+    today = datetime.now(UTC).date()
+    with ui.card().classes("panel"):
+        ui.label(visitor.say("home.due")).classes("subtitle")
+        due = []
+        for tool in tools(visitor.bench.ledger, limit=500):
+            day = None if tool.retired else next_due(visitor.bench.ledger, tool)
+            if day is not None and day <= today:
+                due.append((day, tool.serial))
+        for day, serial in sorted(due)[:SHOWN]:
+            ui.link(f"{serial} ({day:%Y-%m-%d})", f"/tools/{serial}").classes("number")
+        if not due:
+            ui.label(visitor.say("home.none_due")).classes("dim")
