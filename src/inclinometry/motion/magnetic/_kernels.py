@@ -11,14 +11,13 @@ from typing import Final
 from numba import types
 
 from inclinometry.attitude._kernels import compiled, inlined
-from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.arrays import Array
 
 COLUMNS: Final = 9
 """Of `demodulated`: Re s, Im s, g_z, Re m, Im m, b_z, Re u, -Im u, weight; s, m: transverse gravity, field times u*."""
 
 _IN = types.Array(types.float64, 1, "C", readonly=True)
 _ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_GOOD = types.Array(types.boolean, 1, "C", readonly=True)
 _OUT = types.Array(types.float64, 1, "C")
 _TABLE = types.Array(types.float64, 2, "C")
 
@@ -88,10 +87,8 @@ def phased(phase: Array, at: Array, step: int, theta: Array, middle: Array) -> N
                 phase[i] -= theta[i] - middle[j]
 
 
-@compiled(types.void(_ROWS, _ROWS, _GOOD, _IN, _ROWS, types.float64, types.float64, types.int64, _TABLE))
-def demodulated(
-    accel: Array, mag: Array, good: Mask, phase: Array, u: Array, hx: float, hy: float, step: int, out: Array
-) -> None:
+@compiled(types.void(_ROWS, _ROWS, _IN, _ROWS, types.float64, types.float64, types.int64, _TABLE))
+def demodulated(accel: Array, mag: Array, phase: Array, u: Array, hx: float, hy: float, step: int, out: Array) -> None:
     """Sums (COLUMNS, nodes) of samples turned back by their phase, under triangles twice as long as a node.
 
     The triangle's zeros lie at all multiples of the node rate, and twice: what is left of a vibration there is
@@ -103,8 +100,6 @@ def demodulated(
         cj, sj, first = u[0, j], u[1, j], j * step
         for i in range(step):
             k = first + i
-            if good.size and not good[k]:
-                continue
             x = (i - half) / step
             far = abs(x)
             near = (1.0 - far) / step

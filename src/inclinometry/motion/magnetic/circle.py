@@ -10,6 +10,8 @@ import numpy as np
 from inclinometry.core.arrays import Array
 from inclinometry.motion.magnetic.band import Complex
 
+SECTORS: Final = 36
+"""Of the turn, in which the field of a run is remembered until an arc suffices."""
 LEAST_ROUNDNESS: Final = 1e-4
 """Of the radius: what a calibrated magnetometer's scale errors and couplings leave of a circle, a least sigma."""
 
@@ -45,6 +47,23 @@ def arc(angle: Array) -> float:
     (1.0, 6.283)
     """
     return float(min(np.ptp(angle), 2.0 * np.pi))
+
+
+def sectors(points: Complex, centre: complex) -> Complex:
+    """Sums and numbers (2, SECTORS) of points by their direction from a provisional centre.
+
+    Examples
+    --------
+    >>> found = sectors(np.array([1.0 + 0.1j, 3.0 + 0.1j, -1.0 + 0.1j]), 0j)
+    >>> found[:, 0], int(np.count_nonzero(found[1]))
+    (array([4.+0.2j, 2.+0.j ]), 2)
+    """
+    turn = np.mod(np.angle(points - centre) / (2.0 * np.pi), 1.0)
+    place = np.minimum((turn * SECTORS).astype(int), SECTORS - 1)
+    found = np.zeros((2, SECTORS), dtype=np.complex128)
+    np.add.at(found[0], place, points)
+    np.add.at(found[1], place, 1.0)
+    return found
 
 
 def fit_circle(points: Complex, start: complex, prior: Array) -> Circle:

@@ -9,6 +9,7 @@ import numpy as np
 
 from inclinometry.core.arrays import Array
 from inclinometry.motion.magnetic.band import Complex, remembered, untried
+from inclinometry.motion.magnetic.circle import SECTORS
 from inclinometry.motion.magnetic.settings import MagneticSettings
 
 OFFSET_WALK: Final = 1.0
@@ -41,6 +42,8 @@ class ToolConstants:
         Log weights of the noise spectra of transverse gravity and field, axial gravity and field.
     delay : tuple of float
         Information about the magnetometer's delay, 1/s^2, and information times delay.
+    met : (2, SECTORS) ndarray
+        Sums and numbers of the transverse field by direction, as long as no arc sufficed.
     """
 
     offset: complex
@@ -50,6 +53,7 @@ class ToolConstants:
     motion_covariance: Complex
     trust: Array
     delay: tuple[float, float]
+    met: Complex
 
     def aged(self, seconds: float) -> ToolConstants:
         """After some time in which they may have wandered."""
@@ -62,6 +66,7 @@ class ToolConstants:
             self.motion_covariance + walk,
             remembered(self.trust),
             self.delay,
+            self.met,
         )
 
 
@@ -75,4 +80,5 @@ def beforehand(settings: MagneticSettings) -> ToolConstants:
         np.diag([settings.accel_sigma**2, settings.lever_sigma**2]).astype(np.complex128),
         np.tile(untried(), (4, 1)),
         (DELAY_SIGMA**-2, settings.mag_delay_s * DELAY_SIGMA**-2),
+        np.zeros((2, SECTORS), dtype=np.complex128),
     )

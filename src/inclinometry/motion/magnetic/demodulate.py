@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.arrays import Array
 from inclinometry.motion.magnetic.band import Complex
 from inclinometry.motion.magnetic.phase import Track, filtered, smooth
 from inclinometry.motion.samples import Samples
@@ -57,17 +57,13 @@ class Demodulated:
     turn: float
 
 
-def demodulate(
-    samples: Samples, good: Mask, step: int, offset: complex, *, with_gyro: bool, delay: float
-) -> Demodulated:
+def demodulate(samples: Samples, step: int, offset: complex, *, with_gyro: bool, delay: float) -> Demodulated:
     """Turn a window back.
 
     Parameters
     ----------
     samples : Samples
         A whole number of nodes.
-    good : (n,) ndarray of bool
-        Samples to use; empty for all.
     step : int
         Samples of a node.
     offset : complex
@@ -109,8 +105,8 @@ def demodulate(
     _kernels.phased(local, np.stack([track.slope / step, track.bend / step**2]), step, theta, middle)
     table = np.zeros((_kernels.COLUMNS, count))
     u = np.stack([phasor.real, phasor.imag])
-    _kernels.demodulated(accel, mag, good, local, u, offset.real, offset.imag, step, table)
-    table = _filled(table)
+    _kernels.demodulated(accel, mag, local, u, offset.real, offset.imag, step, table)
+    table /= table[-1]
     # with a gyro the phase follows the field's lateness only as fast as it is smoothed
     lag = delay * (filtered(rate, track.half) if middle.size else rate)
     late = np.exp(1j * lag)
@@ -129,16 +125,3 @@ def demodulate(
         lag=lag,
         turn=turn,
     )
-
-
-def _filled(table: Array) -> Array:
-    """Sums over weights; nodes of which most samples are missing are bridged in a straight line."""
-    weight = table[-1]
-    known = weight > 0.25
-    if known.all():
-        return np.asarray(table / weight)
-    if not known.any():
-        return np.zeros_like(table)
-    places = np.arange(weight.size)
-    rows = [np.interp(places, places[known], row[known] / weight[known]) for row in table]
-    return np.stack(rows)

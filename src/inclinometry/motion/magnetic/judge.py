@@ -90,7 +90,8 @@ def _doubts(
     """Names of what is doubtful, and the largest share of a limit that is used up."""
     down = matrix[:, 2]
     level = float(np.hypot(down[0], down[1]))
-    tilt = float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    across = np.array([down[1], -down[0]]) / max(level, 1e-12)
+    tilt = float(np.sqrt(across @ covariance[:2, :2] @ across)) if level > LEVEL else 0.0
     transverse = float(np.hypot(window.field[0], window.field[1]))
     shares = {
         "clipped": window.clipped / max(settings.clipped_share, 1e-12),
@@ -105,7 +106,7 @@ def _doubts(
         flags.append("clipped")
     if not window.constants.seen:
         flags.append("little-arc")
-    if level < max(LEVEL, 3.0 * tilt):
+    if level <= max(LEVEL, 3.0 * tilt):
         flags.append("vertical")
     if window.stepped:
         flags.append("step")

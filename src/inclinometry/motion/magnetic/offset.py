@@ -96,8 +96,7 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
     information, moment, windows = DELAY_SIGMA**-2, 0.0, 0
     for start in range(0, len(samples) - size + 1, size):
         part = samples.part(start, start + size)
-        good = np.zeros(0, dtype=np.bool_) if part.clipped is None else ~part.clipped
-        d = demodulate(part, good, step, known.offset, with_gyro=with_gyro, delay=0.0)
+        d = demodulate(part, step, known.offset, with_gyro=with_gyro, delay=0.0)
         gain, pull = window_delay(d, known, step * samples.interval)
         information, moment, windows = information + gain, moment + pull, windows + 1
     sigma = float(np.hypot(information**-0.5, FLOOR_S))

@@ -53,7 +53,7 @@ class MagneticSettings:
     least_arc : float
         Arc that the transverse field must cover before a circle is fitted to it, rad.
     clipped_share : float
-        Share of clipped samples above which a window is refused.
+        Share of clipped samples above which a window is refused; so much of transverse gravity is lost.
     bandwidth_hz : float
         Bandwidth of sensors and filters: what turns with f Hz is thought to be smaller than what stands still by an
         unknown share of the order of (f / bandwidth_hz)^2 / 2.
@@ -85,7 +85,7 @@ class MagneticSettings:
     accel_sigma: float = 0.01
     lever_sigma: float = 0.03
     least_arc: float = 4.0
-    clipped_share: float = 1e-3
+    clipped_share: float = 0.01
     bandwidth_hz: float = 250.0
     mag_delay_s: float = 0.0
     use_gyro: bool = True

@@ -9,9 +9,9 @@ import numpy as np
 
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import cross_matrix, dcm, rotation_z
-from inclinometry.core.arrays import Array
+from inclinometry.core.arrays import Array, Mask
 from inclinometry.motion.magnetic.band import BandFit, Basis, Complex, basis, fit
-from inclinometry.motion.magnetic.circle import Circle, arc, fit_circle
+from inclinometry.motion.magnetic.circle import SECTORS, Circle, arc, fit_circle, sectors
 from inclinometry.motion.magnetic.constants import ToolConstants
 from inclinometry.motion.magnetic.demodulate import Demodulated, demodulate
 from inclinometry.motion.magnetic.offset import FLOOR_S, SIGNIFICANT, window_delay
@@ -26,6 +26,8 @@ LEAST_FIELD_NT: Final = 500.0
 
 MIRROR_ARC: Final = 4.0
 """rad, turned before the two triads' sense of rotation is compared."""
+MOST_SPREAD: Final = 10
+"""Samples over which a filter is thought to spread one that was clipped."""
 KNOWN_OFFSET: Final = 2e-3
 """Of the transverse field: an offset less known spoils the phase so that a delay cannot be told."""
 MIRROR_GRAVITY: Final = 0.5
@@ -76,20 +78,14 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
     rotation outside the band drop out of the equations, and what is left is a mean.
     """
     step = settings.node(samples.interval)
-    good = np.zeros(0, dtype=np.bool_) if samples.clipped is None else ~samples.clipped
-    clipped = 0.0 if samples.clipped is None else float(samples.clipped.mean())
-    if clipped == 0.0:
-        good = np.zeros(0, dtype=np.bool_)
+    clipped = 0.0 if samples.clipped is None else clipped_share(samples.clipped)
     with_gyro = settings.use_gyro and samples.has("gyro")
     offset, delay, stepped = known.offset, settings.mag_delay_s, False
     for _ in range(3):
-        found = demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=delay)
+        found = demodulate(samples, step, offset, with_gyro=with_gyro, delay=delay)
         covered = arc(np.unwrap(np.angle(found.phasor)))
-        circle = fit_circle(found.field * found.phasor + offset, known.offset, known.offset_covariance)
-        if covered < settings.least_arc:
-            # too little arc: how far the field is from a circle decides, not the centre
-            circle = Circle(known.offset, known.offset_covariance, circle.radius, circle.scatter)
-            break
+        points = found.field * found.phasor + offset
+        circle, covered, met = _centre(points, covered, known, settings.least_arc)
         if abs(circle.centre - offset) < 1e-4 * circle.radius:
             break
         offset = circle.centre
@@ -100,10 +96,27 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
         stepped = abs(moment / information - delay) > SIGNIFICANT * float(np.hypot(information**-0.5, FLOOR_S))
     if stepped:
         delay = moment / information
-        found = demodulate(samples, good, step, offset, with_gyro=with_gyro, delay=delay)
+        found = demodulate(samples, step, offset, with_gyro=with_gyro, delay=delay)
     fitted = _fields(found, settings, known, circle, covered, clipped)
-    constants = replace(fitted.constants, delay=(information, moment))
+    constants = replace(fitted.constants, delay=(information, moment), met=met)
     return replace(fitted, stepped=stepped, constants=constants)
+
+
+def _centre(points: Complex, covered: float, known: ToolConstants, least: float) -> tuple[Circle, float, Complex]:
+    """Circle of a window, or of the run so far when that is what it takes; the arc it rests on and the sectors met."""
+    circle = fit_circle(points, known.offset, known.offset_covariance)
+    if covered >= least or known.seen:
+        met = known.met
+        if covered < least:
+            # an arc that was long enough once: the centre known from it is better than this window's
+            circle = Circle(known.offset, known.offset_covariance, circle.radius, circle.scatter)
+        return circle, covered, met
+    met = known.met + sectors(points, known.offset)
+    there = met[1].real > 0.0
+    arc_met = float(there.sum()) * 2.0 * np.pi / SECTORS
+    if arc_met < least:
+        return Circle(known.offset, known.offset_covariance, circle.radius, circle.scatter), covered, met
+    return fit_circle(met[0][there] / met[1][there].real, known.offset, known.offset_covariance), arc_met, met
 
 
 def _fields(
@@ -122,9 +135,10 @@ def _fields(
         [*[g.covariance[0, 0].real] * 2, gz.covariance[0, 0].real + settings.accel_sigma**2] + [0.0] * 3
     )
     covariance[3:, 3:] = np.diag([*[b.covariance[0, 0].real] * 2, bz.covariance[0, 0].real + settings.axial_sigma**2])
+    gravity = np.array([g.value[0].real, g.value[0].imag, gz.value[0].real])
     by_offset = _by_offset(of, d, g, b)
     gain = _by_gain(complex(g.value[0]), complex(b.value[0]), d.rate, settings.bandwidth_hz)
-    covariance += by_offset @ circle.covariance @ by_offset.T + np.outer(gain, gain) + _clipping(clipped)
+    covariance += by_offset @ circle.covariance @ by_offset.T + np.outer(gain, gain) + _by_clipping(clipped, gravity)
     constants = ToolConstants(
         circle.centre,
         circle.covariance,
@@ -133,10 +147,11 @@ def _fields(
         g.covariance[1:, 1:],
         np.stack([g.trust, b.trust, gz.trust, bz.trust]),
         known.delay,
+        known.met,
     )
     hann = np.hanning(d.rate.size + 2)[1:-1]
     return WindowFit(
-        gravity=np.array([g.value[0].real, g.value[0].imag, gz.value[0].real]),
+        gravity=gravity,
         field=np.array([b.value[0].real, b.value[0].imag, bz.value[0].real]),
         covariance=covariance,
         phase=_middle(np.unwrap(np.angle(d.phasor)) - d.lag),
@@ -177,10 +192,24 @@ def _by_gain(gravity: complex, field: complex, rate: Array, bandwidth: float) ->
     return sigma * np.array([gravity.real, gravity.imag, 0.0, field.real, field.imag, 0.0])
 
 
-def _clipping(share: float) -> Array:
-    """Variance for what clipping takes: about half of gravity per share lost (measured, 8 g range under 5 g rms)."""
+def clipped_share(clipped: Mask) -> float:
+    """Share of clipped samples, less what a filter after the clipping has spread them: the shortest run counts as one.
+
+    Examples
+    --------
+    >>> clipped_share(np.array([False, True, True, False, True, True, True, False]))
+    0.3125
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], clipped.view(np.int8), [0]])))
+    runs = edges[1::2] - edges[::2]
+    return float(clipped.mean() / min(int(runs.min()), MOST_SPREAD)) if runs.size else 0.0
+
+
+def _by_clipping(share: float, gravity: Array) -> Array:
+    """Covariance (6, 6) for what clipping takes from the mean of each axis: its share of clipped time."""
     covariance = np.zeros((6, 6))
-    covariance[[0, 1, 2], [0, 1, 2]] = (5.0 * share) ** 2
+    covariance[:2, :2] = share**2 * np.outer(gravity[:2], gravity[:2])
+    covariance[2, 2] = (share * gravity[2]) ** 2
     return covariance
 
 
