@@ -25,18 +25,19 @@ B_ONE, B_TWO, B_MATRIX, B_LEVEL, B_FIELD, B_RATE, B_GRAVITY = 0, 2, 4, 13, 16, 1
 B_RATE2, B_GRAVITY2, B_FIELD2, B_HELD, BLOCK = 25, 26, 27, 28, 29
 
 # places in `slow`, what lasts longer than a block: low-passed rate and gravity, time at rest, misfit of the field (in
-# its squared unevenness) smoothed and judged, time it was rejected, the moving sums that find hard iron, and another field
-# that may be the new one: its strength across and along gravity and how long it was seen
+# its squared unevenness) smoothed and judged, time it was rejected, the moving sums that find hard iron, another field
+# that may be the new one: its strength across and along gravity and how long it was seen; the trend of the rate; time
+# in motion
 S_RATE, S_GRAVITY, S_READY, S_REST, S_MISFIT, S_JUDGED, S_REJECTED = 0, 3, 6, 7, 8, 9, 10
 S_COUNT, S_MATRIX, S_LEVEL, S_FIELD, S_FIELD2, S_ON, S_SOLVE = 11, 12, 21, 24, 27, 28, 29
-S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, SLOW = 30, 31, 32, 33
+S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED, SLOW = 30, 31, 32, 33, 36, 37
 
 # places in `par`, settings in the units of the kernels
 (
     DT, TAU, G, R_SWAY, R_SPEED, R_BIAS, R_FIELD, UNEVEN, FRESH, Q_NOISE, Q_RATE, Q_BIAS, Q_FIELD, GATE, REST_RATE,
     REST_GRAVITY, REST_BOUND, REST_TIME, A_REST, A_MISFIT, KEEP, IRON, ACCEPT, USE_MAG, START, P_BIAS, P_SPEED,
-    P_SLOPE, BRIDGE, PAR,
-) = range(30)  # fmt: skip
+    P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, PAR,
+) = range(34)  # fmt: skip
 
 RIDGE: Final = 0.02  # share of the rotation that counts as none: a direction that never turned gets no hard iron
 SOLVE_EVERY: Final = 10  # blocks between two solutions for hard iron
@@ -97,11 +98,14 @@ def transition_rows(m: Array, r: Array, nav: Array, par: Array) -> None:
 
 
 @inlined
-def add_noise(p: Array, r: Array, nav: Array, block: Array, par: Array, inverse: float) -> None:
+def add_noise(p: Array, r: Array, nav: Array, block: Array, slow: Array, par: Array, inverse: float) -> None:
     """Process noise of a block: rotation (white, errors of scale and axes, bridged samples), bias, field, speed."""
-    w0, w1, w2 = block[B_RATE] * inverse, block[B_RATE + 1] * inverse, block[B_RATE + 2] * inverse
+    w0 = block[B_RATE] * inverse - slow[S_TREND]
+    w1 = block[B_RATE + 1] * inverse - slow[S_TREND + 1]
+    w2 = block[B_RATE + 2] * inverse - slow[S_TREND + 2]
     held = block[B_HELD]
-    # errors of scale and axes turn with the tool: what does not average out over the block is the mean matrix's share
+    # errors of scale and axes turn with the tool: what does not average out over the block is the mean matrix's share;
+    # those of a steady rate are in the bias
     rate2 = w0 * w0 + w1 * w1 + w2 * w2
     scale = par[Q_RATE] * rate2
     white = par[Q_NOISE] + held * held * block[B_RATE2] * inverse
@@ -161,6 +165,16 @@ def update(p: Array, dx: Array, gain: Array, place: int, variance: float, residu
 
 
 @inlined
+def follow_trend(p: Array, block: Array, slow: Array, par: Array, inverse: float) -> None:
+    """An error of scale is a bias that changes with the rate: variance for what the trend of the rate changed."""
+    for k in range(3):
+        old = slow[S_TREND + k]
+        new = old + par[A_TREND] * (block[B_RATE + k] * inverse - old)
+        slow[S_TREND + k] = new
+        p[BIAS + k, BIAS + k] += par[SCALE] * abs(new * new - old * old)
+
+
+@inlined
 def still(block: Array, slow: Array, par: Array, inverse: float) -> bool:
     """Whether the tool has rested long enough; keeps the low-passed rate and gravity and the time at rest."""
     if slow[S_READY] == 0.0:
@@ -180,6 +194,7 @@ def still(block: Array, slow: Array, par: Array, inverse: float) -> bool:
         most = max(most, abs(slow[S_RATE + k]))
     calm = rate < par[REST_RATE] and gravity < par[REST_GRAVITY] and most < par[REST_BOUND]
     slow[S_REST] = slow[S_REST] + par[TAU] if calm and block[B_HELD] == 0.0 else 0.0
+    slow[S_MOVED] += 0.0 if calm else par[TAU]
     return bool(slow[S_REST] >= par[REST_TIME])
 
 
@@ -204,14 +219,24 @@ def judge_field(e: Array, nav: Array, p: Array, slow: Array, par: Array, resting
         nav[N_FIELD] *= old
         nav[N_FIELD + 1] *= old
         nav[N_FIELD + 2] = slow[S_OTHER_ALONG]
-        for k in range(3):
-            p[FIELD + k, FIELD + k] += 0.5 * (dx * dx + dz * dz)
+        doubt_heading(nav, p, 0.5 * (dx * dx + dz * dz))
         slow[S_OTHER_TIME] = 0.0
         slow[S_MISFIT] = 0.0
         worst = 0.0
     slow[S_JUDGED] = worst
     slow[S_REJECTED] = slow[S_REJECTED] + par[TAU] if worst > 1.0 else max(0.0, slow[S_REJECTED] - 2.0 * par[TAU])
     return worst * worst if worst > 1.0 else 1.0
+
+
+@inlined
+def doubt_heading(nav: Array, p: Array, variance: float) -> None:
+    """Add variance to the field across its own direction in the level plane: what heading rests on."""
+    bx, by = nav[N_FIELD], nav[N_FIELD + 1]
+    scale = variance / (bx * bx + by * by + 1e-300)
+    p[FIELD, FIELD] += scale * by * by
+    p[FIELD + 1, FIELD + 1] += scale * bx * bx
+    p[FIELD, FIELD + 1] -= scale * bx * by
+    p[FIELD + 1, FIELD] -= scale * bx * by
 
 
 @inlined
@@ -295,7 +320,7 @@ def _solve_iron(nav: Array, p: Array, slow: Array, par: Array) -> None:
 
 
 @inlined
-def predict(nav: Array, p: Array, block: Array, par: Array, inverse: float) -> None:
+def predict(nav: Array, p: Array, block: Array, slow: Array, par: Array, inverse: float) -> None:
     """Estimate and covariance to the end of the bloc"""
     t = par[TAU]
     for i in range(2):
@@ -311,7 +336,8 @@ def predict(nav: Array, p: Array, block: Array, par: Array, inverse: float) -> N
         for j in range(i):
             p[i, j] = 0.5 * (p[i, j] + p[j, i])
             p[j, i] = p[i, j]
-    add_noise(p, r, nav, block, par, inverse)
+    add_noise(p, r, nav, block, slow, par, inverse)
+    follow_trend(p, block, slow, par, inverse)
 
 
 @inlined
@@ -336,9 +362,15 @@ def feed_back(nav: Array, dx: Array) -> None:
     for i in range(3):
         nav[N_BIAS + i] += dx[BIAS + i]
         nav[N_FIELD + i] += dx[FIELD + i]
-    a, b = 0.5 * dx[SLOPE + 1], -0.5 * dx[SLOPE]
+    tilt(nav, dx[SLOPE], dx[SLOPE + 1], nav)
+
+
+@inlined
+def tilt(nav: Array, slope0: float, slope1: float, out: Array) -> None:
+    """Into `out` the quaternion with the level frame turned by a slope."""
+    a, b = 0.5 * slope1, -0.5 * slope0
     p, q, r, s = nav[0], nav[1], nav[2], nav[3]
     q0, q1 = p - a * q - b * r, q + a * p + b * s
     q2, q3 = r + b * p - a * s, s + a * r - b * q
     n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-    nav[0], nav[1], nav[2], nav[3] = q0 * n, q1 * n, q2 * n, q3 * n
+    out[0], out[1], out[2], out[3] = q0 * n, q1 * n, q2 * n, q3 * n

@@ -7,9 +7,10 @@ from typing import Final
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from inclinometry.attitude._kernels import compiled, inlined
-from inclinometry.core.arrays import Array
+from inclinometry.core.arrays import Array, Mask
 from inclinometry.motion.complementary import _kernels as k
 from inclinometry.motion.result import BITS
 from inclinometry.uncertainty.propagation import UNKNOWN
@@ -22,13 +23,14 @@ C_SEEN, C_BLOCK, C_RUNNING, C_BLOCKS, COUNT = 0, 1, 2, 3, 4
 # frame's error (6), quality, flags
 V_COSINE, V_SINE, V_COVARIANCE, V_QUALITY, V_FLAGS, SHOWN = 0, 1, 2, 8, 9, 10
 # places in a block's record for the smoother: covariance before and after the observations, their correction, matrix,
-# estimate after them
+# estimate after them, field as it was seen and whether the tool moved
 H_BEFORE: Final = 0
 H_AFTER: Final = k.STATES * k.STATES
 H_CORRECTION: Final = 2 * H_AFTER
 H_MATRIX: Final = H_CORRECTION + k.STATES
 H_ESTIMATE: Final = H_MATRIX + 9
-RECORD: Final = H_ESTIMATE + k.NAV
+H_SEEN: Final = H_ESTIMATE + k.NAV
+RECORD: Final = H_SEEN + 4
 
 # places in `state`, all that lasts from sample to sample
 AT_NAV: Final = 0
@@ -75,7 +77,7 @@ def _begin(p: Array, par: Array) -> None:
         p[k.SLOPE + i, k.SLOPE + i] = par[k.P_SLOPE]
     for i in range(3):
         p[k.BIAS + i, k.BIAS + i] = par[k.P_BIAS]
-        p[k.FIELD + i, k.FIELD + i] = par[k.UNEVEN]
+        p[k.FIELD + i, k.FIELD + i] = par[k.UNEVEN] * par[k.USE_MAG]
 
 
 @inlined
@@ -88,15 +90,18 @@ def _show(nav: Array, p: Array, slow: Array, par: Array, shown: Array, flags: in
     gx, gy = -by / across, bx / across
     c = k.SLOPE
     f = k.FIELD
-    shown[V_COVARIANCE] = p[c + 1, c + 1]
+    shown[V_COVARIANCE] = p[c + 1, c + 1] + par[k.LEAST_SLOPE]
     shown[V_COVARIANCE + 1] = -p[c, c + 1]
     shown[V_COVARIANCE + 2] = -(gx * p[c + 1, f] + gy * p[c + 1, f + 1])
-    shown[V_COVARIANCE + 3] = p[c, c]
+    shown[V_COVARIANCE + 3] = p[c, c] + par[k.LEAST_SLOPE]
     shown[V_COVARIANCE + 4] = gx * p[c, f] + gy * p[c, f + 1]
     heading = gx * gx * p[f, f] + 2.0 * gx * gy * p[f, f + 1] + gy * gy * p[f + 1, f + 1]
     if par[k.USE_MAG] == 0.0:
         flags |= UNOBSERVABLE
         heading += UNKNOWN2
+    else:
+        # however long the tool stays, it has seen the field at so many places only
+        heading = max(heading, par[k.UNEVEN] / (across * (1.0 + slow[k.S_MOVED] / par[k.PLACE])))
     shown[V_COVARIANCE + 5] = min(heading, 2.0 * UNKNOWN2)
     if slow[k.S_JUDGED] > 1.0:
         flags |= DISTURBED
@@ -137,7 +142,7 @@ def _finish_block(
 ) -> None:
     """Predict over the block, look for hard iron, judge the field, observe, correct."""
     inverse = par[k.DT] / par[k.TAU]
-    k.predict(nav, p, block, par, inverse)
+    k.predict(nav, p, block, slow, par, inverse)
     resting = k.still(block, slow, par, inverse)
     e, factor = work[k.STATES :], 1.0
     if par[k.USE_MAG] > 0.0:
@@ -154,6 +159,9 @@ def _finish_block(
     _record(record, H_CORRECTION, dx)
     _record(record, H_MATRIX, block[k.B_MATRIX : k.B_MATRIX + 9])
     _record(record, H_ESTIMATE, nav)
+    _record(record, H_SEEN, e[:3])
+    if record.size > 0:
+        record[H_SEEN + 3] = 0.0 if resting else 1.0
     for i in range(k.BLOCK):
         block[i] = 0.0
     _show(nav, p, slow, par, shown, 0)
@@ -209,7 +217,14 @@ def _take(
 
 @inlined
 def _write(
-    place: int, nav: Array, r: Array, shown: Array, quaternion: Array, covariance: Array, quality: Array, flags: Array
+    place: int,
+    nav: Array,
+    r: Array,
+    shown: Array,
+    quaternion: Array,
+    covariance: Array,
+    quality: Array,
+    flags: NDArray[np.uint32],
 ) -> None:
     """One row: attitude from tool to level turned to north, its covariance in tool axes, quality and flags."""
     c, s = shown[V_COSINE], shown[V_SINE]
@@ -278,17 +293,17 @@ def advance(
     gyro: Array,
     accel: Array,
     mag: Array,
-    good: Array,
+    good: Mask,
     par: Array,
     size: int,
     every: int,
     state: Array,
-    count: Array,
+    count: NDArray[np.int64],
     quaternion: Array,
     covariance: Array,
     rate: Array,
     quality: Array,
-    flags: Array,
+    flags: NDArray[np.uint32],
     history: Array,
 ) -> int:
     """Run over samples, `size` to a block; write every `every`-th row, counted from the run's first sample.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,7 @@ REST_BOUND: Final = np.radians(2.0)  # rad/s: a tool that turns evenly faster th
 START_SPEED: Final = 0.5  # m/s, standard deviation when the filter starts
 START_SLOPE: Final = 0.1  # rad, standard deviation of the level frame when the filter starts
 FRESH: Final = 60.0  # s at rest after which the field tells nothing new
+TREND: Final = 10.0  # s over which a rate counts as steady
 BRIDGE: Final = 10.0  # m/s^2 that a bridged sample's acceleration may be wrong by
 
 
@@ -86,12 +88,31 @@ class ComplementaryStream:
 
     def finish(self) -> Attitude:
         """No row is held back: nothing more."""
-        return self.push(Samples([], self.interval, **{name: np.empty((0, 3)) for name in ("accel", "mag", "gyro")}))
+        none = np.empty((0, 3))
+        return self.push(Samples(np.empty(0), self.interval, accel=none, mag=none, gyro=none))
+
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of the run so far: drift of an azimuth without field, hard iron removed."""
+        from inclinometry.motion.complementary import _kernels as kernels
+
+        state = self._state
+        if not self.magnetometer:
+            covariance = state[self._kernel.AT_COVARIANCE :].reshape(kernels.STATES, kernels.STATES)
+            drift = float(np.degrees(np.sqrt(covariance[kernels.FIELD + 1, kernels.FIELD + 1])))
+            return (
+                "without a magnetometer azimuth is counted from an arbitrary direction, which has drifted by "
+                f"{drift:.2g} deg (standard deviation)",
+            )
+        iron = state[kernels.N_IRON : kernels.N_IRON + 3]
+        if not iron.any():
+            return ()
+        return (f"hard iron of {', '.join(f'{value:.0f}' for value in iron)} nT (x, y, z) was found and removed",)
 
     def _channels(self, samples: Samples) -> tuple[Array, Array, Array]:
         if abs(samples.interval - self.interval) > 1e-9 * self.interval:
             raise InputError(
-                f"samples come every {samples.interval:.9g} s, the stream was opened for {self.interval:.9g} s; resample"
+                f"samples come every {samples.interval:.9g} s, the stream was opened for {self.interval:.9g} s; "
+                "open another stream for them"
             )
         if samples.gyro is None or samples.accel is None:
             missing = "gyro" if samples.gyro is None else "accel"
@@ -123,7 +144,7 @@ def complementary_attitude(samples: Samples, settings: ComplementarySettings | N
         Samples without gyro or accelerometer.
     """
     stream = ComplementaryStream(samples.interval, settings, magnetometer=samples.has("mag"))
-    return stream.push(samples)
+    return replace(stream.push(samples), notes=stream.notes())
 
 
 def parameters(interval: float, settings: ComplementarySettings, magnetometer: bool) -> tuple[Array, int]:
@@ -147,7 +168,7 @@ def parameters(interval: float, settings: ComplementarySettings, magnetometer: b
         k.Q_NOISE: s.rate_noise**2 * t,
         k.Q_RATE: s.rate_error**2 * t,
         k.Q_BIAS: s.bias_walk**2 * t,
-        k.Q_FIELD: s.field_walk**2 * t,
+        k.Q_FIELD: s.field_walk**2 * t * magnetometer,
         k.GATE: s.gate**2,
         k.REST_RATE: s.rest_rate**2,
         k.REST_GRAVITY: s.rest_gravity**2,
@@ -164,6 +185,10 @@ def parameters(interval: float, settings: ComplementarySettings, magnetometer: b
         k.P_SPEED: START_SPEED**2,
         k.P_SLOPE: START_SLOPE**2,
         k.BRIDGE: BRIDGE,
+        k.PLACE: s.unevenness_s,
+        k.SCALE: s.rate_error**2,
+        k.A_TREND: -np.expm1(-t / TREND),
+        k.LEAST_SLOPE: (s.accel_error / s.gravity) ** 2,
     }
     for place, value in values.items():
         par[place] = value

@@ -14,6 +14,7 @@ _RANGES: Final = {
     "update_s": (1e-3, 1.0, "s"),
     "start_s": (0.0, 60.0, "s"),
     "gravity": (9.0, 10.5, "m/s^2"),
+    "accel_error": (0.0, 1.0, "m/s^2"),
     "sway_m": (1e-4, 10.0, "m"),
     "sway_s": (1e-3, 60.0, "s"),
     "unevenness": (1.0, 1e5, "nT"),
@@ -47,6 +48,9 @@ class ComplementarySettings:
         s, over which gravity and field are averaged for the first attitude.
     gravity : float
         m/s^2.
+    accel_error : float
+        m/s^2, standard deviation of the accelerometer's bias: it tilts the level frame and cannot be seen from inside,
+        so it is added to the covariance of every row.
     sway_m, sway_s : float
         m and s: standard deviation of the tool's horizontal place about its own middle, and how long one excursion
         lasts. Acceleration is the second derivative of a place that stays within bounds: that, not the strength of
@@ -87,6 +91,7 @@ class ComplementarySettings:
     update_s: float = 0.1
     start_s: float = 1.0
     gravity: float = 9.81
+    accel_error: float = 0.03
     sway_m: float = 0.2
     sway_s: float = 1.0
     unevenness: float = 1200.0

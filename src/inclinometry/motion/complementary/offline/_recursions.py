@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from inclinometry.attitude._kernels import compiled, inlined
-from inclinometry.core.arrays import Array
+from inclinometry.core.arrays import Array, Mask
 from inclinometry.motion.complementary import _kernels as k
 from inclinometry.motion.complementary import _recursions as f
 
@@ -96,20 +97,9 @@ def backward(history: Array, par: Array, change: Array, spread: Array) -> None:
 
 
 @inlined
-def _tilted(nav: Array, slope0: float, slope1: float, out: Array) -> None:
-    """Quaternion with the level frame turned by a slope."""
-    a, b = 0.5 * slope1, -0.5 * slope0
-    p, q, r, s = nav[0], nav[1], nav[2], nav[3]
-    q0, q1 = p - a * q - b * r, q + a * p + b * s
-    q2, q3 = r + b * p - a * s, s + a * r - b * q
-    n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-    out[0], out[1], out[2], out[3] = q0 * n, q1 * n, q2 * n, q3 * n
-
-
-@inlined
 def _smooth(
     here: Array, after: Array, change: Array, spread: Array, row: int, share: float, nav: Array, par: Array,
-    nothing: Array, trial: Array, shown: Array,
+    slow: Array, trial: Array, shown: Array,
 ) -> None:  # fmt: skip
     """Attitude at a share of the way from one block to the next, and what its row shows."""
     last = row + 1 >= change.shape[0]
@@ -123,12 +113,12 @@ def _smooth(
         if not last:
             value += share * (after[f.H_CORRECTION + k.FIELD + c] + change[row + 1, k.FIELD + c] - value)
         trial[k.N_FIELD + c] = here[f.H_ESTIMATE + k.N_FIELD + c] + value
-    _tilted(nav, slope0, slope1, trial)
-    f._show(trial, spread[row if last or share < 0.5 else row + 1], nothing, par, shown, 0)
+    k.tilt(nav, slope0, slope1, trial)
+    f._show(trial, spread[row if last or share < 0.5 else row + 1], slow, par, shown, 0)
 
 
 @inlined
-def _rate(i: int, gyro: Array, good: Array, nav: Array, held: Array, half: float, step: Array) -> None:
+def _rate(i: int, gyro: Array, good: Mask, nav: Array, held: Array, half: float, step: Array) -> None:
     """Half the rotation vector of a sample; a bad one repeats the last good one."""
     for c in range(3):
         if good[i]:
@@ -143,16 +133,18 @@ _LONG = types.int64
 
 @compiled(
     types.void(
-        _ROWS, _GOOD, _IN, _LONG, _LONG, _LONG, _HISTORY, _SQUARE, _CUBE, _SQUARE, _CUBE, _OUT, _OUT, _FLAGS
+        _ROWS, _GOOD, _IN, _LONG, _LONG, _LONG, types.float64, _HISTORY, _SQUARE, _CUBE,
+        _SQUARE, _CUBE, _OUT, _OUT, _FLAGS,
     )
 )  # fmt: skip
 def write_rows(
     gyro: Array,
-    good: Array,
+    good: Mask,
     par: Array,
     size: int,
     every: int,
     start: int,
+    moved: float,
     history: Array,
     change: Array,
     spread: Array,
@@ -160,11 +152,13 @@ def write_rows(
     covariance: Array,
     rate: Array,
     quality: Array,
-    flags: Array,
+    flags: NDArray[np.uint32],
 ) -> None:
-    """Rows of every `every`-th sample; the first record stands at sample `start` - 1. Flags are added to those given."""
+    """Rows of every `every`-th sample; the first record stands at sample `start` - 1. Flags add to those given;
+    `moved` is the time, s, the tool was in motion in all."""
     r, trial, shown, nav = np.empty(9), np.zeros(k.NAV), np.zeros(f.SHOWN), np.zeros(k.NAV)
-    nothing, held, step = np.zeros(k.SLOW), np.zeros(3), np.zeros(3)
+    slow, held, step = np.zeros(k.SLOW), np.zeros(3), np.zeros(3)
+    slow[k.S_MOVED] = moved
     half, count = 0.5 * par[k.DT], gyro.shape[0]
     # the samples of the start are turned back from its end; the others forward from the end of the block before
     for index in range(count):
@@ -181,7 +175,7 @@ def write_rows(
             at = i // every
             here, after = history[row], history[min(row + 1, history.shape[0] - 1)]
             share = min((place + 1) / size, 1.0) if index >= start else 0.0
-            _smooth(here, after, change, spread, row, share, nav, par, nothing, trial, shown)
+            _smooth(here, after, change, spread, row, share, nav, par, slow, trial, shown)
             k.level_matrix(trial[0], trial[1], trial[2], trial[3], r)
             before = flags[at]
             f._write(at, trial, r, shown, quaternion, covariance, quality, flags)

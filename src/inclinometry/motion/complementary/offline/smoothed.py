@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from inclinometry.attitude.rotations import dcm_from_quaternion
 from inclinometry.core.arrays import Array, Mask
 from inclinometry.motion.complementary.filter import ComplementaryStream
 from inclinometry.motion.complementary.settings import ComplementarySettings
@@ -63,12 +64,17 @@ class _Pass:
     """A forward run with the record of its blocks, starting from what an earlier one found."""
 
     def __init__(
-        self, samples: Samples, settings: ComplementarySettings, earlier: _Pass | None = None, change: Array | None = None
+        self,
+        samples: Samples,
+        settings: ComplementarySettings,
+        earlier: _Pass | None = None,
+        change: Array | None = None,
     ) -> None:
         from inclinometry.motion.complementary import _kernels, _recursions
 
         self.k, self.f = _kernels, _recursions
         self.samples, self.settings = samples, settings
+        self.gyro = np.empty((0, 3)) if samples.gyro is None else samples.gyro  # None is refused by the stream
         self.stream = ComplementaryStream(samples.interval, settings, magnetometer=samples.has("mag"))
         self.good: Mask = np.ones(len(samples), dtype=np.bool_) if samples.clipped is None else ~samples.clipped
         self.par, self.size, self.state = self.stream._par, self.stream._size, self.stream._state
@@ -84,29 +90,29 @@ class _Pass:
         head = self.stream.push(samples.part(0, self.start))
         if earlier is not None and samples.has("mag"):
             self._settle_field(earlier)
-        self.history = np.zeros((blocks + 1 if blocks else 0, self.f.RECORD))
+        self.history: Array = np.zeros((blocks + 1 if blocks else 0, self.f.RECORD))
         if blocks:
             self.history[0, self.f.H_AFTER : self.f.H_CORRECTION] = self.state[self.f.AT_COVARIANCE :]
-            self.history[0, self.f.H_ESTIMATE :] = self.state[: self.k.NAV]
+            self.history[0, self.f.H_ESTIMATE : self.f.H_SEEN] = self.state[: self.k.NAV]
             self.stream._history = self.history[1:]
         self.forward = (head, self.stream.push(samples.part(self.start, len(samples))))
 
     def _settle_field(self, earlier: _Pass) -> None:
-        """Strength and dip that held for most of the run, where those of the start differ: its heading is doubtful."""
+        """Strength and dip of most of the run in motion, where those of the start differ: its heading is doubtful."""
         k, state = self.k, self.state
         field = state[k.N_FIELD : k.N_FIELD + 3]
-        matrix = _matrix(state[:4])
-        field -= matrix @ state[k.N_IRON : k.N_IRON + 3]
-        found = earlier.history[:, self.f.H_ESTIMATE + k.N_FIELD : self.f.H_ESTIMATE + k.N_FIELD + 3]
-        across, along = np.median(np.hypot(found[:, 0], found[:, 1])), np.median(found[:, 2])
+        field -= dcm_from_quaternion(state[:4]) @ state[k.N_IRON : k.N_IRON + 3]
+        seen = earlier.history[1:, self.f.H_SEEN :]
+        seen = seen[seen[:, 3] > 0.0] if seen[:, 3].any() else seen
+        across, along = np.median(np.hypot(seen[:, 0], seen[:, 1])), np.median(seen[:, 2])
         strength = np.hypot(field[0], field[1])
         apart = 0.5 * ((across - strength) ** 2 + (along - field[2]) ** 2)
         if apart > self.par[k.GATE] * self.par[k.UNEVEN]:
             field[:2] *= across / strength
             field[2] = along
             covariance = state[self.f.AT_COVARIANCE :].reshape(k.STATES, k.STATES)
-            for place in range(k.FIELD, k.FIELD + 3):
-                covariance[place, place] += apart
+            across_field = np.array([-field[1], field[0]]) / across
+            covariance[k.FIELD : k.FIELD + 2, k.FIELD : k.FIELD + 2] += apart * np.outer(across_field, across_field)
 
     def backward(self) -> tuple[Array, Array]:
         """Changes (blocks, 12) that the smoother makes to the estimates, and covariances."""
@@ -126,8 +132,9 @@ class _Pass:
         count = flags.size
         quaternion, covariance = np.empty((count, 4)), np.empty((count, 3, 3))
         rate, quality = np.empty(count), np.empty(count)
+        moved = float(self.state[self.f.AT_SLOW + self.k.S_MOVED])
         smoother.write_rows(
-            self.samples.gyro, self.good, self.par, self.size, self.settings.every, self.start, self.history,
+            self.gyro, self.good, self.par, self.size, self.settings.every, self.start, moved, self.history,
             change, spread, quaternion, covariance, rate, quality, flags,
         )  # fmt: skip
         return Attitude(
@@ -139,11 +146,5 @@ class _Pass:
             flags=flags,
             method=np.full(count, METHODS.index("smoother"), dtype=np.uint8),
             north="magnetic",
+            notes=self.stream.notes(),
         )
-
-
-def _matrix(quaternion: Array) -> Array:
-    """Matrix from tool to level axes."""
-    from inclinometry.attitude.rotations import dcm_from_quaternion
-
-    return dcm_from_quaternion(quaternion)
