@@ -17,6 +17,8 @@ MEMORY: Final = 10
 """Windows over which the noise that shaking leaves in gravity is averaged."""
 FREE: Final = 10 / 3.0
 """Degrees of freedom of that noise in one window and direction: 4 tapers in 3 directions less the lever arm."""
+LEAST_SHARE: Final = 0.15
+"""Of the noise beside zero frequency that is always taken to reach zero."""
 TURNS: Final = (2, 3)
 """Turns a window of the tapers that see noise beside zero frequency; below 2 they would see gravity."""
 
@@ -50,7 +52,7 @@ def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) ->
     """
     residual = tapered - sensitivity @ before.lever
     count = before.windows + 1
-    scatter = before.scatter if before.windows else 2.0 * np.mean(residual**2, axis=0)
+    scatter, bands = before.scatter if before.windows else 2.0 * np.mean(residual**2, axis=0), before.bands
     lever, information = before.lever, before.information
     for _ in range(1 if before.windows else 3):  # the first window finds both from nothing
         weight = 1.0 / np.maximum(0.5 * scatter, 0.5 * floor)
@@ -60,7 +62,22 @@ def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) ->
         seen = 2.0 * np.sum(left**2, axis=0) / FREE
         lever = before.lever + step
         scatter = before.scatter + (seen - before.scatter) / min(count, MEMORY)
-    return Shaking(scatter, lever, information, count)
+        bands = before.bands + ((left**2).reshape(2, -1).mean(axis=1) - before.bands) / min(count, MEMORY)
+    return Shaking(scatter, bands, lever, information, count)
+
+
+def at_zero(shaking: Shaking) -> float:
+    """Share of the scatter that a mean feels.
+
+    What shakes about a fixed place has no mean acceleration: its spectrum falls towards zero frequency, and is taken
+    to do so as a + c f^2 through both bands (4 1/3 and 9 1/3 squared turns a window; the mean has 1/3), the more
+    firmly the more windows were seen.
+    """
+    low, high = shaking.bands
+    if low + high == 0.0:
+        return 1.0
+    trust = min(shaking.windows, MEMORY) / (min(shaking.windows, MEMORY) + 1.0)
+    return float(np.clip(1.0 - 1.3 * trust * (high - low) / (0.5 * (high + low)), LEAST_SHARE, 1.0))
 
 
 def measure_gravity(
@@ -95,7 +112,7 @@ def measure_gravity(
     rows[:, 9:12] = -mean_c
     residual = tapered[0] - levers[0] @ shaking.lever - [0.0, 0.0, g]
     weight = min(shaking.windows, MEMORY)
-    variance = shaking.scatter * (1.0 + 2.0 / (FREE * weight))
+    variance = shaking.scatter * at_zero(shaking) * (1.0 + 2.0 / (FREE * weight))
     variance += np.einsum("ni,ij,nj->n", levers[0], np.linalg.inv(shaking.information), levers[0])
     variance = np.maximum(variance, white) + settings.gyro_noise**2 * size * interval / 3.0 * np.array([g, g, 0.0]) ** 2
     variance[2] += (model.site.gravity_sigma or 0.0) ** 2

@@ -18,11 +18,14 @@ STATES = 16
 class Shaking(NamedTuple):
     """What is known of vibration and lever arm.
 
-    scatter : (3,) m^2/s^4, variance that shaking gives a window's gravity, north, east, down; over `windows` windows.
+    scatter : (3,) m^2/s^4, variance of a window's mean by the tapers beside zero frequency, north, east, down; over
+        `windows` windows.
+    bands : (2,) the same of the tapers of 2 and of 3 turns alone, over all directions.
     lever : (3,) m, position of the accelerometers; information : (3, 3) its inverse covariance.
     """
 
     scatter: Array
+    bands: Array
     lever: Array
     information: Array
     windows: int
