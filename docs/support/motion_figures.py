@@ -7,7 +7,7 @@ prints them. All come from the benchmarks, with the seeds the page names.
 
 from __future__ import annotations
 
-from benchmarks import motion, motion_findings
+from benchmarks import motion, motion_findings, motion_robust
 
 from inclinometry.motion.result import FLAGS
 from inclinometry.motion.window_filter import WindowFilterSettings
@@ -129,9 +129,30 @@ def _walking(measured: dict) -> str:
     return table(["filter", *(f"`{name}`" for name in names)], rows)
 
 
+def robust() -> dict[str, str]:
+    """Filters of windows, part by part; raw samples re-weighted; a magnetised body passed."""
+    cases = {case: motion_robust.compare(case, 1) for case in motion_robust.CASES}
+    ways = ("plain", "Huber", "IGG-III", "Yang three", "strong tracking", "IGG-III + Yang three", "... + Sage-Husa")
+    rows = [
+        [case, *(f"{one[way]['filter']['rms_deg']:.3f} ({one[way]['filter']['squared']:.1f})" for way in ways)]
+        for case, one in cases.items()
+    ]
+    raw, passing = motion_robust.raw_samples(2), motion_robust.drilling(1)
+    kinds, passes = (list(next(iter(part.values()))) for part in (raw, passing))
+    return {
+        "robust_table": table(["case", *ways], rows),
+        "raw_table": table(
+            ["scenario", *kinds], [[f"`{n}`", *(f"{one[k]:.3f}" for k in kinds)] for n, one in raw.items()]
+        ),
+        "passing_table": table(
+            ["scenario", *passes], [[f"`{n}`", *(pair(one[k]) for k in passes)] for n, one in passing.items()]
+        ),
+    }
+
+
 def everything() -> dict[str, str]:
     """All of them."""
-    return words() | scenarios() | findings()
+    return words() | scenarios() | robust() | findings()
 
 
 if __name__ == "__main__":
