@@ -62,22 +62,24 @@ def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) ->
         seen = 2.0 * np.sum(left**2, axis=0) / FREE
         lever = before.lever + step
         scatter = before.scatter + (seen - before.scatter) / min(count, MEMORY)
-        bands = before.bands + ((left**2).reshape(2, -1).mean(axis=1) - before.bands) / min(count, MEMORY)
+        square = (left**2).reshape(2, -1, 3).mean(axis=1)
+        apart = np.stack([square[:, :2].mean(axis=1), square[:, 2]], axis=1)
+        bands = before.bands + (apart - before.bands) / min(count, MEMORY)
     return Shaking(scatter, bands, lever, information, count)
 
 
-def at_zero(shaking: Shaking) -> float:
-    """Share of the scatter that a mean feels.
+def at_zero(shaking: Shaking) -> Array:
+    """Shares (3,) of the scatter that a mean feels, north, east, down.
 
     What shakes about a fixed place has no mean acceleration: its spectrum falls towards zero frequency, and is taken
     to do so as a + c f^2 through both bands (4 1/3 and 9 1/3 squared turns a window; the mean has 1/3), the more
     firmly the more windows were seen.
     """
     low, high = shaking.bands
-    if low + high == 0.0:
-        return 1.0
-    trust = min(shaking.windows, MEMORY) / (min(shaking.windows, MEMORY) + 1.0)
-    return float(np.clip(1.0 - 1.3 * trust * (high - low) / (0.5 * (high + low)), LEAST_SHARE, 1.0))
+    middle = np.maximum(0.5 * (low + high), 1e-300)
+    seen = min(shaking.windows, MEMORY)
+    share = np.clip(1.0 - 1.3 * seen / (seen + 1.0) * (high - low) / middle, LEAST_SHARE, 1.0)
+    return np.asarray(share[[0, 0, 1]])
 
 
 def measure_gravity(

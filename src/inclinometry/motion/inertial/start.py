@@ -61,7 +61,7 @@ def unshaken(model: Model) -> Shaking:
     """Before the first window."""
     settings = model.settings
     information = np.eye(3) / max(settings.lever_sigma, 1e-6) ** 2
-    return Shaking(np.zeros(3), np.zeros(2), np.array(settings.lever_arm, dtype=np.float64), information, 0)
+    return Shaking(np.zeros(3), np.zeros((2, 2)), np.array(settings.lever_arm, dtype=np.float64), information, 0)
 
 
 def sought(state: State, window: Samples, model: Model) -> State:

@@ -20,7 +20,7 @@ class Shaking(NamedTuple):
 
     scatter : (3,) m^2/s^4, variance of a window's mean by the tapers beside zero frequency, north, east, down; over
         `windows` windows.
-    bands : (2,) the same of the tapers of 2 and of 3 turns alone, over all directions.
+    bands : (2, 2) the same of the tapers of 2 and of 3 turns alone; horizontal, vertical.
     lever : (3,) m, position of the accelerometers; information : (3, 3) its inverse covariance.
     """
 
