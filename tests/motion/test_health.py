@@ -190,10 +190,16 @@ def test_wrong_units_signs_and_axes_are_refused_with_the_remedy(triad: str, matr
 
 def test_slow_gyro_in_degrees_is_told_by_the_field() -> None:
     """20 rpm read as 1146 rpm: possible for a gyro, but not what the field does."""
-    scenario = SCENARIOS["smooth"]
+    scenario = SCENARIOS["vibration-5g"]
     slow = replace(scenario, rotation=replace(scenario.rotation, speed=20.0 * np.pi / 30.0))
     with pytest.raises(InputError, match=r"right for deg/s: multiply by 0\.0174533"):
         checked(slow, mapped=("gyro", np.eye(3) * np.degrees(1.0)))
+
+
+def test_a_gyro_that_sticks_is_told_by_the_field() -> None:
+    """The field is then judged without it, and is good."""
+    found = checked(replace(SCENARIOS["vibration-5g"], faults=(Stuck("gyro_z", start=5.0),)))
+    assert all({each.flag for each in one.findings} == {"stuck"} and one.spoilt("gyro") for one in found[1:])
 
 
 def test_swapped_axes_are_named_without_a_gyro() -> None:

@@ -24,7 +24,7 @@ ENOUGH: Final = 3
 FAR_DIP: Final = 0.12
 """rad, between the dip and the site's: no disturbance that leaves the strength right."""
 SURE: Final = 5
-"""Windows whose field must turn at one share of the gyro's speed: inside casing it creeps at any."""
+"""Windows that must agree on an exchange of axes or on a gyro's unit: inside casing the field does anything."""
 KEPT: Final = 12
 """Windows that are looked at together, the latest."""
 SLACK: Final = 0.06
@@ -47,7 +47,7 @@ FIELD_RANGE: Final = (18_000.0, 72_000.0)
 
 @dataclass
 class AxesCheck:
-    """Collects windows and says what contradicts.
+    """Collects windows and says what contradicts; what was right once is not asked again, for axes do not change.
 
     Parameters
     ----------
@@ -60,6 +60,8 @@ class AxesCheck:
     _axes: list[int] = field(default_factory=list)
     _speeds: list[float] = field(default_factory=list)
     _strengths: list[float] = field(default_factory=list)
+    _believed: bool = False
+    _turns: bool = False
     _seen: list[Harmonics] = field(default_factory=list)
 
     def add(self, window: Samples, turning: Turning, *, field_usable: bool, phase_usable: bool) -> list[Finding]:
@@ -70,7 +72,7 @@ class AxesCheck:
         window : Samples
         turning : Turning
         field_usable, phase_usable : bool
-            Whether the window has a field, and an angle from sample to sample, to be judged by.
+            Whether the window has an undisturbed field, and an angle from sample to sample, to be judged by.
 
         Returns
         -------
@@ -82,8 +84,10 @@ class AxesCheck:
         InputError
             Units, signs or channels that are wrong, with what would be right.
         """
-        if window.gyro is not None:
+        if window.gyro is not None and not self._turns:
             self._gyro(window.gyro, turning, judged=window.mag is not None, sampled=phase_usable)
+        if self._believed:
+            return []
         if window.mag is not None:
             self._field_unit(np.linalg.norm(window.mag, axis=1))
         found = find_harmonics(window, turning) if phase_usable else None
@@ -121,7 +125,9 @@ class AxesCheck:
         if judged and turning.by == "gyro" and turning.span > 4.0 * np.pi and np.isfinite(turning.slope):
             self._slopes = [*self._slopes, turning.slope][-KEPT:]
             if len(self._slopes) >= SURE:
-                _judge_slope(np.array(self._slopes), sampled=sampled)
+                slopes = np.array(self._slopes)
+                _judge_slope(slopes, sampled=sampled)
+                self._turns = bool((np.abs(slopes - 1.0) < 0.2).all())
 
     def _gravity_unit(self) -> None:
         strength = float(np.median([np.linalg.norm(one.accel, axis=1).mean() for one in self._seen]))
@@ -151,6 +157,9 @@ class AxesCheck:
         off = 0.0 if dip is None else abs(float(dips.mean()) - dip)
         if scatter <= slack and off <= FAR_DIP + slack:
             self._sign(dip, usable)
+            self._believed = True
+            return []
+        if len(sure) < SURE:
             return []
         if dip is not None and scatter <= slack and abs(float(dips.mean()) + dip) < FAR_DIP:
             self._sign(dip, usable)

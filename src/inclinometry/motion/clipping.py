@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array, Mask
 from inclinometry.motion.finding import Finding
 from inclinometry.motion.samples import CHANNELS, Samples
@@ -26,6 +27,10 @@ LEAST_RUN: Final = 20
 """Samples of one value from which a channel may be stuck,"""
 RELATIVE: Final = 1e-5
 """Movement, of the vectors' length, below which neighbours count as still as well."""
+OTHERWISE: Final = 4.0
+"""rad by which the angles of a constant gyro and of the field must differ: a disturbed field wanders by less,"""
+OTHERWISE_SHARE: Final = 0.1
+"""and share of the angle."""
 MOST_HELD: Final = 0.05
 """Share of rows that may repeat the row before."""
 RUN_SHARE: Final = 0.1
@@ -122,7 +127,7 @@ def stuck_findings(window: Samples) -> list[Finding]:
     -----
     While a transverse channel of amplitude A stays within one step q of its converter, its partner cannot change by
     more than sqrt(8 q A); three times that is asked for. An axial channel has no partner: it is stuck when it never
-    changes although the noise of its neighbours is wider than two steps.
+    changes although the noise of its neighbours is wider than two steps; a gyro's also when the field turned otherwise.
     """
     found = []
     for triad in CHANNELS:
@@ -133,9 +138,12 @@ def stuck_findings(window: Samples) -> list[Finding]:
             run = _longest_run(values[:, place])
             if run is None or run[1] - run[0] < max(LEAST_RUN, RUN_SHARE * len(values)):
                 continue
-            alive = _axial_alive(values, turning=triad == "mag") if place == 2 else _partner_moved(values, place, run)
-            if place == 2 and run[1] - run[0] < len(values):
-                alive = False
+            if place < 2:
+                alive = _partner_moved(values, place, run)
+            elif triad == "gyro" and window.mag is not None:
+                alive = _turned_otherwise(values[run[0], 2], window.mag[run[0] : run[1]], window.interval)
+            else:
+                alive = run[1] - run[0] == len(values) and _axial_alive(values, turning=triad == "mag")
             if alive:
                 share = (run[1] - run[0]) / len(values)
                 text = f"{triad}_{axis} kept one value in {100.0 * share:.0f} % of a window while the others moved"
@@ -173,6 +181,12 @@ def _partner_moved(values: Array, place: int, run: tuple[int, int]) -> bool:
     step = max(_step(partner), _step(values[:, place]))
     moved = float(np.ptp(partner[run[0] : run[1]]))
     return bool(moved > max(3.0 * np.sqrt(8.0 * step * _largest(values)), 4.0 * step, RELATIVE * _largest(values)))
+
+
+def _turned_otherwise(speed: float, mag: Array, interval: float) -> bool:
+    """Whether the field turned by another angle than an axial gyro that always reads `speed`."""
+    turned = -float(np.sum(wrap_signed(np.diff(np.arctan2(mag[:, 1], mag[:, 0])))))
+    return abs(turned - speed * interval * (len(mag) - 1)) > OTHERWISE + OTHERWISE_SHARE * abs(turned)
 
 
 def _axial_alive(values: Array, *, turning: bool) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from inclinometry.motion.finding import Finding
 from inclinometry.motion.result import BITS
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.turning import Turning, find_turning
-
-MISSING: Final = 0.02
-"""Share of a window's samples that may be missing before it is worth a flag."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,17 +114,18 @@ class HealthCheck:
         InputError
             Units, signs or axes that contradict each other over several windows, naming the remedy.
         """
-        turning = find_turning(window)
         findings, marked = clipping_findings(window, self._settings.ranges)
         findings += stuck_findings(window) + held_findings(window) + _missing(window)
+        lame = window.mag is not None and any(one.refuse and one.where.startswith("gyro") for one in findings)
+        judged = replace(window, gyro=None) if lame else window
+        turning = find_turning(judged)
         aliased = aliasing_findings(turning, window.interval)
-        field = field_findings(window, turning, self._site)
+        field = field_findings(judged, turning, self._site)
         findings += aliased + field
         if not self._settings.believe_axes and not any(
             one.refuse for one in findings if one.flag in ("stuck", "clipped")
         ):
-            usable = not any(one.flag == "no-field" for one in field)
-            findings += self._axes.add(window, turning, field_usable=usable, phase_usable=not aliased)
+            findings += self._axes.add(judged, turning, field_usable=not field, phase_usable=not aliased)
         self._note(findings)
         if marked.any():
             already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
@@ -154,7 +151,7 @@ def _missing(window: Samples) -> list[Finding]:
     if window.clipped is None:
         return []
     share = float(window.clipped.mean())
-    if share <= MISSING:
+    if not share:
         return []
-    text = f"{100.0 * share:.1f} % of the samples are missing or marked"
-    return [Finding("gap", "all", share / MISSING, False, text)]
+    text = f"{100.0 * share:.2g} % of the samples are missing or marked"
+    return [Finding("gap", "all", 1.0 + share, False, text)]

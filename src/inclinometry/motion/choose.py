@@ -1,0 +1,331 @@
+"""The method that suits each window of a run, chosen from what the window shows, and said."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.core.arrays import within
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
+from inclinometry.motion._standby import Standby, single
+from inclinometry.motion._window_buffer import WindowBuffer
+from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
+from inclinometry.motion.inertial.filter import GyroStream, InertialStream
+from inclinometry.motion.inertial.settings import InertialSettings
+from inclinometry.motion.magnetic.settings import MagneticSettings
+from inclinometry.motion.magnetic.stream import MagneticStream
+from inclinometry.motion.north import to_magnetic
+from inclinometry.motion.result import BITS, METHODS, Attitude, joined, refusals
+from inclinometry.motion.samples import Samples
+from inclinometry.motion.static import StaticSettings, static_attitude
+
+TURNING: Final = 2.0 * np.pi
+"""Rotation in a window, rad, from which it is called rotating, below it sliding."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChooserSettings:
+    """Settings of the methods that are chosen from; their windows are set to `window` and laid side by side.
+
+    Parameters
+    ----------
+    window : float
+        s, 0.5 to 600.
+    static, magnetic, inertial : settings of the methods
+    health : HealthSettings
+        What is known of the sensors.
+    """
+
+    window: float = 10.0
+    static: StaticSettings = field(default_factory=StaticSettings)
+    magnetic: MagneticSettings = field(default_factory=MagneticSettings)
+    inertial: InertialSettings = field(default_factory=InertialSettings)
+    health: HealthSettings = field(default_factory=HealthSettings)
+
+    def __post_init__(self) -> None:
+        within(self.window, "window", 0.5, 600.0, "s")
+
+
+class _Choice(NamedTuple):
+    """Row of a window, and what is said of it."""
+
+    row: Attitude
+    kind: str  # "still", "sliding", "rotating", or "moving" where nothing tells which
+    outcome: str  # the method's name, or "refused"
+
+
+class AttitudeChooser:
+    """`choose_attitude` fed block by block; the same rows to the last bit.
+
+    Parameters
+    ----------
+    settings : ChooserSettings, optional
+    site : Site, optional
+
+    Examples
+    --------
+    >>> chooser = AttitudeChooser(ChooserSettings(window=1.0))
+    >>> still = Samples(np.arange(250) / 100.0, 0.01, accel=[[0.0, 0.0, 9.81]] * 250, mag=[[2e4, 0.0, 4e4]] * 250)
+    >>> len(chooser.push(still.part(0, 120))), len(chooser.push(still.part(120, 250)))
+    (1, 1)
+    >>> chooser.finish().notes[0]
+    '2 windows of 1 s: 2 still (2 static)'
+    """
+
+    def __init__(self, settings: ChooserSettings | None = None, site: Site | None = None) -> None:
+        self._settings = settings or ChooserSettings()
+        self._site = site
+        self._health = HealthCheck(self._settings.health, site)
+        self._buffer: WindowBuffer | None = None
+        self._magnetic: dict[bool, MagneticStream] = {}  # with and without the gyro
+        self._filter = Standby(self._make_filter)
+        self._gyro = Standby(lambda: GyroStream(self._inertial(), site))
+        self._counts: Counter[tuple[str, str]] = Counter()
+        self._why: Counter[str] = Counter()
+        self._interval, self._size, self._phased = 0.0, 0, False
+        self._end = -np.inf
+        self._short = 0
+        self._north = "magnetic"
+
+    def push(self, samples: Samples) -> Attitude:
+        """Rows of the windows that became complete with this block.
+
+        Raises
+        ------
+        InputError
+            A block without an accelerometer, or unlike those before it; units, signs or axes that contradict each
+            other (`HealthCheck`).
+        """
+        if not samples.has("accel"):
+            raise InputError("the samples have no accel; every method needs the accelerometer")
+        if not len(samples):
+            return self._none()
+        if self._buffer is None:
+            self._begin(samples)
+        if self._buffer is None:
+            return self._none()
+        return self._rows(self._buffer.push(samples))
+
+    def finish(self) -> Attitude:
+        """No rows (what is left is shorter than a window), but what was chosen and found."""
+        rows = self._none() if self._buffer is None else self._rows(self._buffer.finish())
+        notes = [*self._said(), *self._health.notes()]
+        for stream in self._magnetic.values():
+            notes += [note for note in stream.finish().notes if "gaps between blocks" not in note]
+        return replace(rows, notes=tuple(dict.fromkeys(notes)))
+
+    def _begin(self, samples: Samples) -> None:
+        """What the first block settles: the length of the windows and the north."""
+        self._interval = samples.interval
+        self._size = max(round(self._settings.window / samples.interval), 1)
+        if samples.has("mag"):
+            chosen = self._magnetic_settings(use_gyro=True)
+            try:
+                self._size = chosen.nodes(samples.interval) * chosen.node(samples.interval)
+                self._phased = True
+            except InputError:
+                self._phased = False  # too sparse to turn gravity back by the phase; at rest the mean still serves
+        self._north = "true" if samples.has("gyro") and not samples.has("mag") else "magnetic"
+        self._buffer = WindowBuffer(self._size * samples.interval)
+
+    def _magnetic_settings(self, *, use_gyro: bool) -> MagneticSettings:
+        site, given = self._site or self._settings.magnetic.site, self._settings.magnetic
+        use = given.use_gyro and use_gyro
+        return replace(given, window_s=self._settings.window, overlap=0.0, site=site, use_gyro=use)
+
+    def _inertial(self) -> InertialSettings:
+        return replace(self._settings.inertial, window=self._size * self._interval)
+
+    def _make_filter(self) -> InertialStream:
+        return InertialStream(self._inertial(), self._site)
+
+    def _none(self) -> Attitude:
+        return refusals([], (), "static", self._north)
+
+    def _rows(self, windows: list[Samples]) -> Attitude:
+        rows = []
+        for window in windows:
+            if len(window) != self._size:
+                self._short += 1
+                continue
+            if window.time[0] > self._end + 1.9 * window.interval:
+                self._filter.restart()
+                self._gyro.restart()
+            self._end = float(window.time[-1])
+            health = self._health.check(window)
+            choice = self._choose(health)
+            self._counts[choice.kind, choice.outcome] += 1
+            if choice.outcome == "refused":
+                self._why.update(choice.row.names(0))
+            rows.append(replace(choice.row, flags=choice.row.flags | np.uint32(health.flags), notes=()))
+        return joined(rows) if rows else self._none()
+
+    def _choose(self, health: WindowHealth) -> _Choice:
+        """Route one window."""
+        window, kind = health.samples, _kind(health)
+        field = window.has("mag") and not health.spoilt("mag")
+        usable = not health.spoilt("accel")
+        refused: Attitude | None = None
+        if usable and (shake := _shake(window)) < self._settings.static.shake:
+            row = self._static(window if field else replace(window, mag=None))
+            if not bool(row.refused[0]) and not int(row.flags[0]) & BITS["not-still"]:
+                if field or not self._drives(health):
+                    return self._settled(health, row, "still", good=field)
+                kind = "still"
+            refused = row if shake == 0.0 else None
+        if usable and field and self._phased:
+            row = self._magnetic_row(health)
+            if not bool(row.refused[0]):
+                return self._doubted(health, row, kind)
+            refused = row
+        carried = self._carried(health) if usable and self._drives(health) else None
+        if carried is not None:
+            outcome = "refused" if bool(carried.refused[0]) else METHODS[int(carried.method[0])]
+            return _Choice(carried, kind, outcome)
+        if not self._drives(health):
+            self._filter.restart()
+            self._gyro.restart()
+        if kind == "still" and usable:
+            return _Choice(self._static(replace(window, mag=None)), kind, "static")
+        return _Choice(refused if refused is not None else self._refusal(health), kind, "refused")
+
+    def _settled(self, health: WindowHealth, row: Attitude, kind: str, *, good: bool) -> _Choice:
+        """A row that needs no filter; the filters are told of the window."""
+        if self._drives(health):
+            clean = good and not _marked(health.samples)
+            self._filter.take(health.samples, good=clean, wanted=False)
+            self._gyro.take(health.samples, good=not _marked(health.samples), wanted=False)
+        return _Choice(row, kind, METHODS[int(row.method[0])])
+
+    def _doubted(self, health: WindowHealth, row: Attitude, kind: str) -> _Choice:
+        """A magnetic row, or the filter's where the field is disturbed and the gyro knows the azimuth better."""
+        disturbed = bool(int(row.flags[0] | health.flags) & BITS["disturbed"])
+        if not (disturbed and self._drives(health)):
+            return self._settled(health, row, kind, good=True)
+        other = self._filter.take(health.samples, good=False, wanted=True)
+        self._gyro.take(health.samples, good=not _marked(health.samples), wanted=False)
+        if other is not None and single(other) and other.u.azimuth[0] < row.u.azimuth[0]:
+            row = other
+        return _Choice(row, kind, METHODS[int(row.method[0])])
+
+    def _drives(self, health: WindowHealth) -> bool:
+        """Whether a gyro can carry the attitude."""
+        return health.samples.has("gyro") and not health.spoilt("gyro")
+
+    def _static(self, window: Samples) -> Attitude:
+        settings = replace(self._settings.static, window=len(window) * window.interval)
+        return static_attitude(window, settings, self._site)
+
+    def _magnetic_row(self, health: WindowHealth) -> Attitude:
+        """Row of the window; without the gyro where that is spoilt."""
+        use = self._drives(health)
+        if use not in self._magnetic:
+            self._magnetic[use] = MagneticStream(self._magnetic_settings(use_gyro=use))
+        return self._magnetic[use].push(health.samples)
+
+    def _carried(self, health: WindowHealth) -> Attitude | None:
+        """Row by gyro: of the filter that began in a good field, else of the gyro that finds north itself."""
+        window = health.samples
+        whole = not _marked(window)
+        row = self._filter.take(window, good=False, wanted=True) if window.has("mag") else None
+        lone = self._gyro.take(window, good=whole, wanted=not single(row))
+        if single(row):
+            return row
+        if lone is None or not single(lone) or self._north == "true":
+            return lone
+        return to_magnetic(lone, self._site)
+
+    def _refusal(self, health: WindowHealth) -> Attitude:
+        """A refused row with the findings for reasons."""
+        found = {one.flag for one in health.findings if one.refuse}
+        if not health.samples.has("mag"):
+            found.add("no-field")
+        time = float(health.samples.time[0] + 0.5 * self._interval * (len(health.samples) - 1))
+        row = refusals([time], sorted(found or {"unobservable"}), "magnetic", self._north)
+        return replace(row, rate=np.array([health.turning.mean]))
+
+    def _said(self) -> list[str]:
+        """What was chosen, how often, and why."""
+        total = sum(self._counts.values())
+        length = f"{self._size * self._interval:g} s"
+        if not total:
+            return [f"the run has no whole window of {length}: no attitude"]
+        parts = []
+        for kind in ("still", "sliding", "rotating", "moving"):
+            mine = {outcome: count for (each, outcome), count in self._counts.items() if each == kind}
+            if mine:
+                told = ", ".join(f"{count} {outcome}" for outcome, count in sorted(mine.items()))
+                parts.append(f"{sum(mine.values())} {kind} ({told})")
+        said = [f"{total} windows of {length}: {', '.join(parts)}"]
+        if self._why:
+            said.append("refused for: " + ", ".join(f"{name} ({count})" for name, count in sorted(self._why.items())))
+        if self._short:
+            said.append(f"{self._short} rests of less than a window, at gaps and at the end, were left out")
+        return said
+
+
+def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, site: Site | None = None) -> Attitude:
+    """Attitude of a run by the method that suits each window.
+
+    Parameters
+    ----------
+    samples : Samples
+        With `accel`; more triads allow more methods.
+    settings : ChooserSettings, optional
+    site : Site, optional
+        Strength and dip of the field are held against the readings; latitude lets a gyro find north.
+
+    Returns
+    -------
+    Attitude
+        A row a window: at its middle, and by the filters at its last sample. `method` says which, `notes` how often and
+        why. North is "magnetic", or "true" where there is a gyro and no magnetometer.
+
+    Raises
+    ------
+    InputError
+        No accelerometer; units, signs or axes that contradict each other.
+
+    Notes
+    -----
+    A window that does not shake and does not turn is still: the mean serves ("static"). Otherwise gravity is turned
+    back by the magnetic phase ("magnetic", "mean"). Where the field is missing or disturbed beyond use, or the magnetic
+    row was refused, the 15-state filter carries on from the last good field ("filter"); it is run only for such windows
+    and the two minutes before them. Where there was no good field yet, the gyro seeks north itself
+    ("gyro"). A window that none of them can serve is refused, with the reasons among its flags.
+
+    Examples
+    --------
+    >>> from inclinometry.attitude.orientation import fields
+    >>> time = np.arange(4000) / 200.0
+    >>> g, b = fields(np.full(4000, 1.0), 0.5, 9.0 * time, 1.1)
+    >>> rows = choose_attitude(Samples(time, 0.005, accel=9.81 * g, mag=50_000.0 * b))
+    >>> rows.notes[0], [round(float(x), 6) for x in rows.angles.inclination]
+    ('2 windows of 10 s: 2 rotating (2 magnetic)', [0.5, 0.5])
+    """
+    chooser = AttitudeChooser(settings, site)
+    first, last = chooser.push(samples), chooser.finish()
+    return joined([first, last])
+
+
+def _kind(health: WindowHealth) -> str:
+    """What a tool that shakes does."""
+    if not health.turning.by:
+        return "moving"
+    return "rotating" if health.turning.span >= TURNING else "sliding"
+
+
+def _shake(window: Samples) -> float:
+    """Root mean square of the acceleration about its mean, m/s^2, of the samples that are not marked."""
+    accel = window.accel if window.clipped is None else window.accel[~window.clipped]  # type: ignore[index]
+    if accel is None or not len(accel):
+        return np.inf
+    return float(np.sqrt(np.mean(np.sum((accel - accel.mean(axis=0)) ** 2, axis=1))))
+
+
+def _marked(window: Samples) -> bool:
+    return window.clipped is not None and bool(window.clipped.any())
