@@ -91,6 +91,13 @@ class ComplementaryStream:
         none = np.empty((0, 3))
         return self.push(Samples(np.empty(0), self.interval, accel=none, mag=none, gyro=none))
 
+    @property
+    def bias(self) -> Array:
+        """Gyro bias (3,) as far as it is known, rad/s."""
+        from inclinometry.motion.complementary import _kernels as kernels
+
+        return self._state[kernels.N_BIAS : kernels.N_BIAS + 3].copy()
+
     def notes(self) -> tuple[str, ...]:
         """What a user should know of the run so far: drift of an azimuth without field, hard iron removed."""
         from inclinometry.motion.complementary import _kernels as kernels
