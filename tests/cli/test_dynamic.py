@@ -167,6 +167,7 @@ def test_an_interruption_leaves_nothing(tmp_path):
     time.sleep(0.3)
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=60)
-    assert child.returncode == 130
+    # a shell says 130 for both: Python ends by the signal itself where it came inside a generated piece of code
+    assert child.returncode in (130, -signal.SIGINT)
     assert "interrupted; nothing half-written" in err
     assert not list(tmp_path.iterdir())

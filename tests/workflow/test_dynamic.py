@@ -17,6 +17,7 @@ from inclinometry.io.run_write import writing
 from inclinometry.motion.result import BITS, METHODS
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
+from inclinometry.uncertainty.propagation import UNKNOWN
 from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run, write_dynamic
 from inclinometry.workflow.dynamic_methods import Setup, offset_doubt
 from inclinometry.workflow.simulate_drilling import RUN, DrillingRequest, write_drilling
@@ -43,7 +44,7 @@ def errors(found):
     return np.degrees([found.rows.inclination, found.rows.azimuth]) - TRUE[:, None]
 
 
-@pytest.mark.parametrize("method", ["magnetic", "filter"])
+@pytest.mark.parametrize("method", ["magnetic", "filter", "smoother"])
 def test_attitude_lies_within_its_uncertainty(path, method):
     found = reduced(path, method)
     assert len(found.rows) == 4
@@ -90,6 +91,11 @@ def test_the_north_asked_for_and_its_uncertainty(path):
 def test_a_gyro_is_never_turned_to_magnetic_north(path):
     found = reduced(path, "gyro")
     assert {REFERENCES[n] for n in found.rows.north} == {"true"}
+    # it never stood still to find north: the azimuth is left blank, the inclination is not
+    lost = found.rows.u_azimuth >= 0.999 * UNKNOWN
+    assert lost.any()
+    assert np.array_equal(np.isnan(found.rows.azimuth), lost)
+    assert not found.rows.refused.any()
 
 
 def calibrated(spread):
@@ -197,6 +203,8 @@ def test_offsets_a_calibration_leaves_open_reach_the_methods():
         setup = Setup(SITE, 10.0, doubt)
         plain = Setup(SITE, 10.0, {})
         better = share < 1.0
-        assert (setup.magnetic() == plain.magnetic()) == better
+        assert (setup.magnetic().accel_sigma == plain.magnetic().accel_sigma) == better
+        assert setup.magnetic().offset_sigma == pytest.approx(50.0 if better else 250.0)
+        assert setup.static().accel_sigma == pytest.approx(doubt["accelerometer"])
         assert (setup.inertial() == plain.inertial()) == better
     assert offset_doubt(None, SITE) == {}

@@ -69,7 +69,7 @@ UNLIKELY = {
     "accel_x,accel_y,accel_z": ("0,0,0,1", "accelerometer reads 1 m/s.2 .median.*name the columns accel_x_g"),
     "mag_x,mag_y,mag_z": ("0,20,0,45", "magnetometer reads 49.24 nT .median.*name the columns mag_x_uT"),
     "gyro_x,gyro_y,gyro_z": ("0,0,0,720", "gyro reads 720 rad/s .median., 6875 rpm.*gyro_x_deg_s"),
-    "gyro_x,gyro_y,gyro_z ": ("0,0,0,0", "gyro channels are all exactly 0"),
+    "accel_x,accel_y,accel_z ": ("0,0,0,0", "accelerometer reads 0 m/s.2"),
 }
 
 

@@ -132,7 +132,9 @@ def _cells(found: DynamicRun, k: int) -> list[str]:
     pairs = [(getattr(rows, name)[k], getattr(rows, f"u_{name}")[k]) for name in ("inclination", "azimuth", "toolface")]
     shown = [rounded(np.degrees(a), np.degrees(u)) if np.isfinite(a) else "-" for a, u in pairs]
     speed = f"{rows.rate[k] * RPM:.1f}" if np.isfinite(rows.rate[k]) else "-"
-    return [f"{rows.time[k]:.2f}", *shown, speed, METHODS[rows.method[k]], ", ".join(rows.names(k))]
+    names = rows.names(k)
+    flags = ", ".join(names[:2]) + (f" +{len(names) - 2}" if len(names) > 2 else "")
+    return [f"{rows.time[k]:.2f}", *shown, speed, METHODS[rows.method[k]], flags]
 
 
 def _reasons(found: DynamicRun) -> dict[str, int]:

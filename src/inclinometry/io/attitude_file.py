@@ -79,7 +79,7 @@ def _columns(rows: AttitudeRows) -> dict[str, Array | list[str]]:
             found[name] = np.where(values == 360.0, 0.0, values) if name in ("azimuth_deg", "toolface_deg") else values
     names = {code: "|".join(_named(int(code))) for code in np.unique(rows.flags)}
     found |= {
-        "time_s": rows.time,
+        "time_s": np.asarray(np.round(rows.time, 9) + 0.0),
         "azimuth_reference": [REFERENCES[n] for n in rows.north],
         "rpm": np.asarray(np.round(rows.rate * _RPM, 6) + 0.0),
         "method": [METHODS[n] for n in rows.method],

@@ -12,6 +12,7 @@ import numpy as np
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
+from inclinometry.motion.choose import AttitudeChooser, ChooserSettings
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.inertial.smoother import smoothed_attitude
@@ -19,11 +20,14 @@ from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import MagneticStream
 from inclinometry.motion.result import Attitude, refusals
 from inclinometry.motion.samples import Samples
+from inclinometry.motion.static import StaticSettings
 from inclinometry.workflow.dynamic_smoother import SampleSmoother, WindowSmoother
 
 SHORTEST: Final = 0.5
 LONGEST: Final = 600.0
 """s, windows allowed: a shorter one averages nothing away, in a longer one the hole has moved on."""
+STRING_FIELD: Final = 50.0
+"""nT, standard deviation of the transverse field a drill string adds to a calibrated tool."""
 
 
 class Stream(Protocol):
@@ -53,14 +57,23 @@ class Setup:
     doubt: Mapping[str, float]
 
     def magnetic(self) -> MagneticSettings:
-        """Windows side by side; offsets no better known than the defaults, which cover what drilling does to them."""
+        """Windows side by side; offsets as the calibration leaves them, but no better than drilling allows."""
         plain = MagneticSettings()
+        across = self.doubt.get("magnetometer")
         return MagneticSettings(
             window_s=self.window,
             overlap=0.0,
+            offset_sigma=plain.offset_sigma if across is None else min(1e5, max(STRING_FIELD, across)),
             accel_sigma=min(1.0, max(plain.accel_sigma, self.doubt.get("accelerometer", 0.0))),
             axial_sigma=min(1e5, max(plain.axial_sigma, self.doubt.get("axial", 0.0))),
             site=self.site,
+        )
+
+    def static(self) -> StaticSettings:
+        """As above; without a calibration the noise alone is stated."""
+        return StaticSettings(
+            accel_sigma=min(1.0, self.doubt.get("accelerometer", 0.0)),
+            mag_sigma=min(1e4, max(STRING_FIELD, self.doubt["magnetometer"])) if "magnetometer" in self.doubt else 0.0,
         )
 
     def inertial(self) -> InertialSettings:
@@ -72,6 +85,13 @@ class Setup:
             accel_bias_sigma=min(10.0, max(plain.accel_bias_sigma, self.doubt.get("accelerometer", 0.0))),
             hard_iron_sigma=min(1e5, iron),
         )
+
+
+def _auto(setup: Setup) -> Stream:
+    settings = ChooserSettings(
+        window=setup.window, static=setup.static(), magnetic=setup.magnetic(), inertial=setup.inertial()
+    )
+    return AttitudeChooser(settings, setup.site)
 
 
 def _magnetic(setup: Setup) -> Stream:
@@ -125,6 +145,7 @@ class Method:
 
 METHODS: Final[Mapping[str, Method]] = MappingProxyType(
     {
+        "auto": Method(_auto, ("accel",), "looks at each window and takes what suits it"),
         "magnetic": Method(_magnetic, ("accel", "mag"), "gravity turned back by the magnetic phase, window by window"),
         "gyro": Method(_gyro, ("accel", "gyro"), "gyro and gravity alone; north from the Earth's rotation at rest"),
         "filter": Method(_filter, ("accel", "gyro", "mag"), "15-state filter of gyro, gravity and field"),

@@ -20,6 +20,8 @@ from inclinometry.uncertainty.propagation import UNKNOWN
 
 TURNS: Final = 8
 """Toolfaces over which the calibration's share is averaged while the tool turns."""
+NOTHING: Final = 0.999
+"""Share of the uncertainty of an angle nothing is known of from which it is left blank."""
 USUAL_DIP: Final = float(np.radians(65.0))
 """Dip for the calibration's share where the site has none."""
 
@@ -72,12 +74,14 @@ class Rows:
             own[good] = np.sum(list(variances.values()), axis=0)[:, :3]
             self.notes += [note for note in said if note not in self.notes]
         spread = np.minimum(np.sqrt(own), UNKNOWN)
+        # an angle of which nothing is known is no angle, though the row has others
+        unknown = spread >= NOTHING * UNKNOWN
         self._parts.append(
             AttitudeRows(
                 time=found.time,
                 inclination=at.inclination,
-                azimuth=azimuth,
-                toolface=at.toolface,
+                azimuth=np.where(unknown[:, 1], np.nan, azimuth),
+                toolface=np.where(unknown[:, 2], np.nan, at.toolface),
                 u_inclination=spread[:, 0],
                 u_azimuth=spread[:, 1],
                 u_toolface=spread[:, 2],
