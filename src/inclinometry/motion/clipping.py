@@ -23,6 +23,8 @@ FAR: Final = 10.0
 ROOM: Final = 4.5
 """Least distance of a range from the mean, in standard deviations: of a low-passed channel more was cut off before the
 filter than is left in it, 12 g under 5 g rms (0.4 deg) still looks like 4."""
+OUTER: Final = 0.8
+"""Share of the largest magnitude that a rail must have: ranges are about symmetric."""
 LEAST_RUN: Final = 20
 """Samples of one value from which a channel may be stuck,"""
 RELATIVE: Final = 1e-5
@@ -43,7 +45,7 @@ def rails(values: Array, reach: float | None) -> Mask:
     Examples
     --------
     >>> wave = np.sin(np.arange(2000.0)) + 0.1 * np.sin(17.0 * np.arange(2000.0) ** 1.1)
-    >>> int(rails(np.clip(wave, -0.8, 2.0), None).sum() - (wave <= -0.8).sum()), int(rails(wave, None).sum())
+    >>> int(rails(np.clip(wave, -0.8, 0.8), None).sum() - (abs(wave) >= 0.8).sum()), int(rails(wave, None).sum())
     (0, 0)
     """
     at = np.zeros(values.size, dtype=np.bool_)
@@ -70,7 +72,9 @@ def _pile(values: Array) -> Mask | None:
     # a motion that repeats to the last bit visits every value as often; the other end may be a rail as well
     inner = int(often[1:-1].max(initial=1))
     far = top - float(np.median(values)) > FAR * step
-    return at if runs >= RUNS and count >= PILE * max(near, inner, 1) and far else None
+    # a string that sticks rests at the least speed, which is no rail
+    outer = abs(top) >= OUTER * abs(float(distinct[0]))
+    return at if runs >= RUNS and count >= PILE * max(near, inner, 1) and far and outer else None
 
 
 def _step(values: Array) -> float:
