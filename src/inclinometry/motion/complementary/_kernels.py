@@ -39,6 +39,7 @@ S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED, SLOW = 30, 31, 32
     P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, PAR,
 ) = range(34)  # fmt: skip
 
+QUICK: Final = 5.0  # 1/s, changes of a hand's or a string's rotation
 RIDGE: Final = 0.02  # share of the rotation that counts as none: a direction that never turned gets no hard iron
 SOLVE_EVERY: Final = 10  # blocks between two solutions for hard iron
 LEAST_COUNT: Final = 100.0  # blocks in motion before hard iron is believed
@@ -103,7 +104,8 @@ def add_noise(p: Array, r: Array, nav: Array, block: Array, slow: Array, par: Ar
     w0 = block[B_RATE] * inverse - slow[S_TREND]
     w1 = block[B_RATE + 1] * inverse - slow[S_TREND + 1]
     w2 = block[B_RATE + 2] * inverse - slow[S_TREND + 2]
-    held = block[B_HELD]
+    # a bridged sample errs by what rate and acceleration change meanwhile, which takes them a fifth of a second
+    held = block[B_HELD] * min(1.0, QUICK * block[B_HELD])
     # errors of scale and axes turn with the tool: what does not average out over the block is the mean matrix's share;
     # those of a steady rate are in the bias
     rate2 = w0 * w0 + w1 * w1 + w2 * w2
