@@ -14,7 +14,7 @@ from inclinometry.motion.magnetic.blocks import follows, merged
 from inclinometry.motion.samples import CHANNELS, Samples
 
 ATTENUATION_DB: Final = 100.0
-"""Of everything above half the new rate."""
+"""Of everything above half the new rate; 97 at its very edge."""
 PASS: Final = 0.3
 """Of the new rate: up to here the gain is 1 within 1e-5."""
 LARGEST: Final = 1000

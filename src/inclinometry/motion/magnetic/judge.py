@@ -49,8 +49,9 @@ def stuck(samples: Samples) -> bool:
     """Whether a transverse channel stands still while its partner moves: it is refused."""
     for triad in (samples.accel, samples.mag):
         if triad is not None and len(triad):
-            spread = np.ptp(triad[:, :2], axis=0)
-            if (spread == 0.0).sum() == 1:
+            # nearly always the first few samples tell
+            still = [bool((triad[:20, k] == triad[0, k]).all() and (triad[:, k] == triad[0, k]).all()) for k in (0, 1)]
+            if still[0] != still[1]:
                 return True
     return False
 

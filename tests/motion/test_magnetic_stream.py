@@ -1,0 +1,98 @@
+"""The stream: the same to the last bit for any cutting, gaps, refusals of input."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from inclinometry.core.errors import InputError
+from inclinometry.motion.magnetic.settings import MagneticSettings
+from inclinometry.motion.magnetic.stream import MagneticStream, magnetic_attitude
+from inclinometry.motion.result import Attitude, joined
+from inclinometry.motion.samples import Samples
+
+from .magnetic_runs import run_of, samples_of
+
+CHOSEN = MagneticSettings(window_s=1.0)
+COUNT = 900
+
+
+def fed(samples: Samples, cuts: Sequence[int], chosen: MagneticSettings = CHOSEN) -> Attitude:
+    """Block by block."""
+    stream = MagneticStream(chosen)
+    edges = [0, *sorted(cuts), len(samples)]
+    parts = [stream.push(samples.part(a, b)) for a, b in pairwise(edges)]
+    return joined([*parts, stream.finish()])
+
+
+def same(one: Attitude, other: Attitude) -> None:
+    """To the last bit."""
+    for name in ("time", "quaternion", "covariance", "rate", "quality", "flags", "method"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    assert one.notes == other.notes
+
+
+@pytest.mark.parametrize("gyro", [True, False])
+@settings(max_examples=15, deadline=None)
+@given(cuts=st.lists(st.integers(0, COUNT), max_size=8))
+@example(cuts=[0, 0, 1, 2, 2, 3])  # empty blocks and blocks of one sample
+@example(cuts=[200, 400])  # exactly at a window's end
+@example(cuts=[COUNT, COUNT])
+def test_same_for_any_cutting(gyro: bool, cuts: list[int]) -> None:
+    """Windows are computed from whole buffers."""
+    samples = samples_of(run_of("stick-slip", 1), gyro, 0, COUNT)
+    same(fed(samples, cuts), magnetic_attitude(samples, CHOSEN))
+
+
+def test_sample_by_sample() -> None:
+    samples = samples_of(run_of("stick-slip", 1), True, 0, 500)
+    same(fed(samples, range(1, 500)), magnetic_attitude(samples, CHOSEN))
+
+
+def test_rows_lie_at_the_middle_of_their_windows() -> None:
+    """Windows of 1 s half overlapping, samples every 5 ms: the first middle is 99.5 intervals after the first stamp."""
+    samples = samples_of(run_of("smooth", 1), True, 0, COUNT)
+    found = magnetic_attitude(samples, CHOSEN)
+    np.testing.assert_allclose(found.time, samples.time[0] + 0.4975 + 0.5 * np.arange(8), atol=1e-9)
+    assert found.north == "magnetic"
+
+
+def test_gap_begins_anew() -> None:
+    """No window spans a gap; what was learnt is kept and the gap is told."""
+    samples = samples_of(run_of("smooth", 1), True, 0, COUNT)
+    stream = MagneticStream(CHOSEN)
+    parts = [stream.push(samples.part(0, 300)), stream.push(samples.part(350, COUNT)), stream.finish()]
+    found = joined(parts)
+    assert not ((found.time > samples.time[300] - 0.49) & (found.time < samples.time[350] + 0.49)).any()
+    assert any("1 gaps" in note for note in found.notes)
+
+
+def test_input_that_cannot_be_used() -> None:
+    samples = samples_of(run_of("smooth", 1), True, 0, 400)
+    stream = MagneticStream(CHOSEN)
+    stream.push(samples.part(0, 300))
+    with pytest.raises(InputError, match="before the last one's end"):
+        stream.push(samples.part(290, 400))
+    with pytest.raises(InputError, match="triads unlike"):
+        stream.push(samples_of(run_of("smooth", 1), False, 300, 400))
+    with pytest.raises(InputError, match="needs an accelerometer and a magnetometer"):
+        stream.push(Samples(samples.time, samples.interval, gyro=samples.gyro))
+    with pytest.raises(InputError, match="lengthen it"):
+        magnetic_attitude(Samples(np.arange(100) * 0.1, 0.1, np.ones((100, 3)), np.ones((100, 3))), CHOSEN)
+
+
+def test_run_shorter_than_a_window() -> None:
+    found = magnetic_attitude(samples_of(run_of("smooth", 1), True, 0, 100), CHOSEN)
+    assert len(found) == 0
+    assert "shorter than a window" in found.notes[0]
+
+
+@pytest.mark.parametrize("wrong", [{"window_s": 0.1}, {"overlap": 0.95}, {"offset_x": np.inf}, {"least_arc": 0.0}])
+def test_settings_out_of_range(wrong: dict[str, float]) -> None:
+    with pytest.raises(InputError):
+        MagneticSettings(**wrong)
