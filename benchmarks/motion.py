@@ -23,6 +23,7 @@ import numpy as np  # noqa: E402
 from inclinometry.attitude.rotations import dcm, dcm_from_quaternion  # noqa: E402
 from inclinometry.core.angles import wrap_signed  # noqa: E402
 from inclinometry.earth.site import Site  # noqa: E402
+from inclinometry.motion.choose import ChooserSettings, choose_attitude  # noqa: E402
 from inclinometry.motion.inertial.filter import inertial_attitude  # noqa: E402
 from inclinometry.motion.inertial.settings import InertialSettings  # noqa: E402
 from inclinometry.motion.inertial.smoother import smoothed_attitude  # noqa: E402
@@ -30,6 +31,7 @@ from inclinometry.motion.magnetic.settings import MagneticSettings  # noqa: E402
 from inclinometry.motion.magnetic.stream import magnetic_attitude  # noqa: E402
 from inclinometry.motion.result import FLAGS, Attitude  # noqa: E402
 from inclinometry.motion.samples import Samples  # noqa: E402
+from inclinometry.motion.static import StaticSettings  # noqa: E402
 from inclinometry.motion.window_filter import robust_filter  # noqa: E402
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling  # noqa: E402
 
@@ -62,21 +64,30 @@ def known_site() -> Site:
     return Site(g=HOLE.gravity, b=HOLE.field, dip=HOLE.dip, latitude=HOLE.latitude, declination=HOLE.declination)
 
 
-def methods(magnetic: dict | None = None, inertial: dict | None = None) -> dict[str, Callable[[Samples], Attitude]]:
-    """Name -> what is done with a run; with further settings of the magnetic and inertial methods."""
+def methods(
+    magnetic: dict | None = None, inertial: dict | None = None, static: dict | None = None
+) -> dict[str, Callable[[Samples], Attitude]]:
+    """Name -> what is done with a run; with further settings of the magnetic, inertial and static methods."""
     more, site = magnetic or {}, known_site()
     filtering = InertialSettings(window=SPACING, **(inertial or {}))
+    at_rest = StaticSettings(window=SPACING, **(static or {}))
 
     def windows(seconds: float, overlap: float = 0.5) -> Callable[[Samples], Attitude]:
         return lambda samples: magnetic_attitude(
             samples, MagneticSettings(window_s=seconds, overlap=overlap, site=site, **more)
         )
 
-    return {f"magnetic {seconds} s": windows(float(seconds)) for seconds in WINDOWS} | {
-        "robust": lambda samples: robust_filter(windows(SPACING, 0.0)(samples)),
-        "filter": lambda samples: inertial_attitude(samples, filtering, site),
-        "smoother": lambda samples: smoothed_attitude(samples, filtering, site),
-    }
+    chosen = ChooserSettings(window=SPACING, magnetic=MagneticSettings(**more), inertial=filtering, static=at_rest)
+    auto = {f"auto {SPACING:g} s": lambda samples: choose_attitude(samples, chosen, site)}
+    return (
+        auto
+        | {f"magnetic {seconds} s": windows(float(seconds)) for seconds in WINDOWS}
+        | {
+            "robust": lambda samples: robust_filter(windows(SPACING, 0.0)(samples)),
+            "filter": lambda samples: inertial_attitude(samples, filtering, site),
+            "smoother": lambda samples: smoothed_attitude(samples, filtering, site),
+        }
+    )
 
 
 def drawn(name: str, seed: int):
@@ -105,8 +116,9 @@ TOLD = (
         "gyro_bias_sigma": 3e-3,
         "gyro_scale_sigma": 2e-3,
     },
+    {"accel_sigma": 0.01, "mag_sigma": 100.0},
 )
-"""Settings of the magnetic and the inertial methods for such tools."""
+"""Settings of the magnetic, inertial and static methods for such tools."""
 
 
 def samples_of(run) -> Samples:
@@ -178,7 +190,7 @@ def run(draws: int = 5, tools: int = 20) -> dict:
 def honest() -> dict[str, Callable[[Samples], Attitude]]:
     """The methods whose stated covariance is held against tools whose errors are drawn."""
     ways = methods(*TOLD)
-    return {name: ways[name] for name in ("magnetic 10 s", "robust", "filter", "smoother")}
+    return {name: ways[name] for name in ("auto 10 s", "magnetic 10 s", "robust", "filter", "smoother")}
 
 
 def table(draws: int, names: list[str], made: Callable, ways: dict[str, Callable[[Samples], Attitude]]) -> dict:

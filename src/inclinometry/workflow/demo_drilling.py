@@ -30,7 +30,7 @@ SCENARIO: Final = "stick-slip"
 SEED: Final = 1
 DURATION: Final = 60.0
 """s"""
-METHOD: Final = "magnetic"
+METHOD: Final = "auto"
 WINDOW: Final = 10.0
 """s"""
 PICTURE: Final = "stick_slip.png"
