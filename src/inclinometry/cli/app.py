@@ -122,6 +122,13 @@ _add(
     "simulate drilling --scenario stick-slip --seed 1 -o run.parquet --truth truth.parquet",
 )
 _add(
+    simulate,
+    "simulate_instrument:instrument",
+    "instrument",
+    "Be a live instrument behind a TCP port: simulated tool and rig, noise, faults.",
+    "simulate instrument --port 7000 --faults garbage=0.01,disconnect=60",
+)
+_add(
     app,
     "dynamic:dynamic",
     "dynamic",

@@ -133,6 +133,11 @@ class SimulatedInstrument:
         self.stop()
 
     @property
+    def host(self) -> str:
+        """Address of both ports."""
+        return self._server.host
+
+    @property
     def port(self) -> int:
         """Of the instrument."""
         return self._server.port
