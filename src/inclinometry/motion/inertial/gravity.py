@@ -12,6 +12,7 @@ from inclinometry.core.arrays import Array, frozen
 from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.state import STATES, Shaking
 from inclinometry.motion.inertial.tape import Ends
+from inclinometry.motion.samples import Samples
 
 MEMORY: Final = 10
 """Windows over which the noise that shaking leaves in gravity is averaged."""
@@ -83,7 +84,7 @@ def at_zero(shaking: Shaking) -> Array:
 
 
 def measure_gravity(
-    shaking: Shaking, nominal: Array, sums: Array, size: int, interval: float, model: Model, ends: Ends
+    shaking: Shaking, nominal: Array, sums: Array, window: Samples, model: Model, ends: Ends
 ) -> tuple[float, Shaking]:
     """Apparent gravity through the Hann taper, put into the filter.
 
@@ -99,28 +100,43 @@ def measure_gravity(
     from inclinometry.motion.inertial import _recursions as kernels
 
     settings, g = model.settings, model.gravity
-    rows_of = sums[: kernels.DRIFT].reshape(-1, 12)
-    half = len(rows_of) // 2
-    tapered, mean_c = rows_of[:half, :3], rows_of[0, 3:].reshape(3, 3)
+    kept = sums[: kernels.DRIFT].reshape(-1, 12)
+    half = len(kept) // 2
     # a lever arm accelerates by the second derivative of c' r; by parts, twice, that falls on the taper
-    levers = -rows_of[half:, 3:].reshape(-1, 3, 3)
-    drift = sums[kernels.DRIFT : kernels.COUNTS].reshape(3, 6)
-    white = 1.5 * settings.accel_noise**2 / size
-    shaking = learnt(shaking, tapered[1:], levers[1:], white)
-    cross = g * cross_matrix([0.0, 0.0, 1.0])
+    levers = -kept[half:, 3:].reshape(-1, 3, 3)
+    shaking = learnt(shaking, kept[1:half, :3], levers[1:], _white(len(window), model))
+    matrix, cross = dcm_from_quaternion(nominal[:4]), g * cross_matrix([0.0, 0.0, 1.0])
     rows = np.zeros((3, STATES))
-    rows[:, :3] = cross @ dcm_from_quaternion(nominal[:4]).T
-    rows[:, 3:9] = -cross @ drift
-    rows[:, 9:12] = -mean_c
-    residual = tapered[0] - levers[0] @ shaking.lever - [0.0, 0.0, g]
-    weight = min(shaking.windows, MEMORY)
-    variance = shaking.scatter * at_zero(shaking) * (1.0 + 2.0 / (FREE * weight))
-    variance += np.einsum("ni,ij,nj->n", levers[0], np.linalg.inv(shaking.information), levers[0])
-    variance = np.maximum(variance, white) + settings.gyro_noise**2 * size * interval / 3.0 * np.array([g, g, 0.0]) ** 2
-    variance[2] += (model.site.gravity_sigma or 0.0) ** 2
+    rows[:, :3] = cross @ matrix.T
+    rows[:, 3:9] = -cross @ sums[kernels.DRIFT : kernels.COUNTS].reshape(3, 6)
+    rows[:, 9:12] = -kept[0, 3:].reshape(3, 3)
+    residual = kept[0, :3] - levers[0] @ shaking.lever - [0.0, 0.0, g]
+    variance = _variance(shaking, levers[0], float(matrix[2, 2]), window, model)
     axes = range(3 if model.site.gravity is not None else 2)
     if settings.weight is not None:
         t = np.array([ends.surprise(rows[i], residual[i], variance[i]) for i in axes])
         variance[: len(t)] /= np.maximum(settings.weight(t), 1e-12)
     found = [ends.measure(rows[i], float(residual[i]), float(variance[i]), settings.gate) for i in axes]
     return (-1.0 if min(found) < 0.0 else max(found)), shaking
+
+
+def _white(size: int, model: Model) -> float:
+    """Variance of a Hann mean of samples at rest."""
+    return 1.5 * model.settings.accel_noise**2 / size
+
+
+def _variance(shaking: Shaking, lever: Array, cosine: float, window: Samples, model: Model) -> Array:
+    """Variances (3,) of a window's gravity: shaking, lever arm, walk of the gyro, and errors that do not average.
+
+    The strength of gravity and the gain across the tool (by sin^2 I) are the same in every window: the vertical, which
+    they spoil, is given their variance times the number of windows, so that it never tells more than one would.
+    """
+    settings, g, size = model.settings, model.gravity, len(window)
+    seen = min(shaking.windows, MEMORY)
+    variance = shaking.scatter * at_zero(shaking) * (1.0 + 2.0 / (FREE * seen))
+    variance += np.einsum("ni,ij,nj->n", lever, np.linalg.inv(shaking.information), lever)
+    variance = np.maximum(variance, _white(size, model))
+    variance[:2] += settings.gyro_noise**2 * size * window.interval / 3.0 * g**2
+    strength = np.hypot(model.site.gravity_sigma or 0.0, model.gain(np.asarray(window.gyro)) * g * (1.0 - cosine**2))
+    variance[2] += shaking.windows * strength**2
+    return np.asarray(variance)

@@ -15,8 +15,6 @@ from inclinometry.motion.inertial.window import MISFIT, MOST_REFUSED, Seen
 from inclinometry.motion.result import BITS, METHODS, Attitude
 from inclinometry.motion.samples import Samples
 
-TEN_TURNS: Final = 20.0 * np.pi
-"""rad/s, the rotation rate that the settings' ripple is stated for."""
 SETTLED: Final = 2
 """Windows after a start of which the rows are flagged."""
 UPRIGHT: Final = float(np.radians(1.0))
@@ -31,9 +29,8 @@ def row(
     time: float, state: State, covariance: Array, seen: Seen, age: int, window: Samples, model: Model, method: str
 ) -> Attitude:
     """One row; `age` counts windows since the start."""
-    square = float(np.mean(np.asarray(window.gyro)[:, 2] ** 2))
     quaternion, dip = state.quaternion, float(state.nominal[16])
-    covariance = with_gain(quaternion, covariance, dip, square, model)
+    covariance = with_gain(quaternion, covariance, dip, model.gain(np.asarray(window.gyro)), model.magnetic)
     names = _names(quaternion, covariance, seen, age, window, model)
     return Attitude(
         time=np.array([time]),
@@ -47,11 +44,10 @@ def row(
     )
 
 
-def with_gain(quaternion: Array, covariance: Array, dip: float, square: float, model: Model) -> Array:
-    """The covariance (3, 3) of an attitude, what an unknown gain across the tool does to it added.
+def with_gain(quaternion: Array, covariance: Array, dip: float, gain: float, magnetic: bool) -> Array:
+    """The covariance (3, 3) of an attitude, what an uncertain gain across the tool does to it added.
 
-    `square` of the rotation rate, rad^2/s^2. A tilt d in the vertical plane of the axis; azimuth from the field
-    follows its tilt about north by tan(dip).
+    A tilt in the vertical plane of the axis; azimuth from the field follows its tilt about north by tan(dip).
     """
     matrix = dcm_from_quaternion(quaternion)
     axis = matrix[2]
@@ -59,10 +55,9 @@ def with_gain(quaternion: Array, covariance: Array, dip: float, square: float, m
     if level == 0.0:
         return covariance
     turn = np.array([-axis[1], axis[0], 0.0]) / level
-    if model.magnetic:
+    if magnetic:
         turn[2] = turn[0] * np.tan(dip)
-    fast = model.settings.ripple_sigma * (square / TEN_TURNS**2)
-    tilt = matrix @ turn * (np.hypot(model.settings.gain_sigma, fast) * level * axis[2])
+    tilt = matrix @ turn * (gain * level * axis[2])
     return np.asarray(covariance + np.outer(tilt, tilt))
 
 

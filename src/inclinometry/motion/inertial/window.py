@@ -94,7 +94,7 @@ def filter_window(
     clipped = bool(bad.any())
     level, shaking = -1.0, state.shaking
     if not clipped:
-        level, shaking = measure_gravity(shaking, nominal, sums, len(window), window.interval, model, ends)
+        level, shaking = measure_gravity(shaking, nominal, sums, window, model, ends)
     if still:
         _standstill(nominal, gyro.mean(axis=0), window.interval * len(window), model, ends)
     done = replace(
