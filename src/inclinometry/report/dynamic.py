@@ -113,11 +113,18 @@ def _sentence(run: DynamicRun) -> str:
         return f"{span}: all refused; the reasons and what to do about them stand below."
     parts = []
     for name in _ANGLES[:2]:
-        values = EXPANDED * np.degrees(getattr(rows, f"u_{name}")[~refused])
-        parts.append(f"{name} within ±{significant(float(np.median(values)))}°")
+        typical = _typical(rows, name, ~refused)
+        parts.append(f"{name} within ±{typical}°" if typical else f"{name} not known")
     left = f", {int(refused.sum())} refused" if refused.any() else ""
     most = "half of the others" if refused.any() else "half of them"
     return f"{span}{left}: {listed(parts)} at {most} (expanded, k = {EXPANDED:g}, about 95 %)."
+
+
+def _typical(rows: AttitudeRows, name: str, which: Mask) -> str:
+    """Median expanded uncertainty of an angle, deg, over the rows that know it; "" where none does."""
+    u = getattr(rows, f"u_{name}")[which]
+    known = u[np.isfinite(u)]
+    return significant(EXPANDED * float(np.degrees(np.median(known)))) if len(known) else ""
 
 
 def _covers(run: DynamicRun) -> str:
@@ -227,9 +234,7 @@ def _methods(run: DynamicRun) -> Section:
         which = rows.method == place
         name, good = METHODS[place], which & ~rows.refused
         cells = [name, METHOD_WORDS[name], str(int(which.sum())), str(int((which & rows.refused).sum()))]
-        for angle in _ANGLES[:2]:
-            values = EXPANDED * np.degrees(getattr(rows, f"u_{angle}")[good])
-            cells.append(significant(float(np.median(values))) if len(values) else "none")
+        cells += [_typical(rows, angle, good) or "none" for angle in _ANGLES[:2]]
         body.append(TableRow(cells))
     head = ["method", "how", "windows", "refused", "median U of inclination, deg", "median U of azimuth, deg"]
     asked = f"Asked for: {run.method}."

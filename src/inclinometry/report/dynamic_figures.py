@@ -177,7 +177,7 @@ def _line(axes: Axes, time: Array, value: Array, colour: str, label: str = "", d
 def spectrogram_figure(found: Spectrogram) -> Figure:
     """Where in frequency and time the tool shakes, m/s^2 per root hertz on a logarithmic colour scale."""
     from matplotlib.colors import LogNorm
-    from matplotlib.ticker import FuncFormatter, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     figure = new_figure(3.4)
     axes = figure.add_subplot()
@@ -195,7 +195,8 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
     axes.grid(visible=False)
     axes.set_xlabel(f"time, {at.unit}")
     axes.set_ylabel("frequency, Hz")
-    bar = figure.colorbar(mesh, ax=axes, pad=0.02, format=FuncFormatter(lambda value, _: f"{value:g}"))
+    places, plain = LogLocator(subs=(1.0, 2.0, 5.0)), FuncFormatter(lambda value, _: f"{value:g}")
+    bar = figure.colorbar(mesh, ax=axes, pad=0.02, ticks=places, format=plain)
     bar.ax.yaxis.set_minor_formatter(NullFormatter())
     bar.set_label("m/s² / √Hz")
     return figure
