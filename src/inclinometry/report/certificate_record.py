@@ -1,0 +1,278 @@
+"""The record of a calibration certificate: everything the certificate says, once, as plain JSON values in degrees.
+
+PDF, digital certificate and JSON file are made from it alone, so they cannot contradict each other.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.digest import digest_bytes
+from inclinometry.core.errors import InputError
+from inclinometry.io._json import canonical
+from inclinometry.io.laboratory_toml import Laboratory, Order
+from inclinometry.report.expected import ASSUMED_DIP, EXPANDED, differences, expected, field_dip, second_kind
+from inclinometry.report.tables import Row, classical_rows, parameter_rows
+from inclinometry.sensors.tool import Tool
+
+SCHEMA: Final = "inclinometry/certificate"
+VERSION: Final = 1
+LANGUAGES: Final = ("en", "ru", "zh")
+INCLINATIONS_DEG: Final = (1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0)
+"""Inclinations of the table of uncertainties, deg."""
+RULES: Final = {"none": "simple", "expanded-uncertainty": "guarded"}
+
+Record = dict[str, Any]
+
+
+def certificate_record(
+    calibration: Calibration,
+    laboratory: Laboratory | None,
+    order: Order,
+    *,
+    number: str,
+    program: str,
+    language: str = "en",
+    verification: Mapping[str, Any] | None = None,
+    previous: Calibration | None = None,
+    previous_from: str = "",
+    inputs: Mapping[str, str] | None = None,
+    head: str | None = None,
+    supersedes: str | None = None,
+) -> Record:
+    """Everything a certificate says.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    laboratory : Laboratory or None
+        None leaves a certificate that names no laboratory and says so.
+    order : Order
+        With the date of issue.
+    number : str
+        Unique to this certificate.
+    verification : mapping, optional
+        "verdict", "limits" and "report" as a verification is recorded, degrees.
+    previous : Calibration, optional
+        Of the same tool, for the values before adjustment; `previous_from` says which.
+    inputs : mapping, optional
+        Name -> digest of every file or record this was made from, besides those the calibration names.
+    head : str, optional
+        Head of the ledger's chain when the certificate was issued.
+
+    Returns
+    -------
+    dict
+        JSON values, schema "certificate-1"; `record_bytes` gives the bytes that its digest is of.
+
+    Raises
+    ------
+    InputError
+        An unknown language, no date of issue, a previous calibration of other sensors.
+    """
+    if language not in LANGUAGES:
+        raise InputError(f"language is {language!r:.20}; allowed: {', '.join(LANGUAGES)}")
+    if order.issued is None:
+        raise InputError("a certificate needs its date of issue")
+    tool = calibration.tool
+    record: Record = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "number": number,
+        "language": language,
+        "laboratory": None if laboratory is None else dict(laboratory.__dict__),
+        "customer": {"name": order.customer, "address": order.customer_address, "reference": order.reference},
+        "item": _item(tool, order),
+        "dates": _dates(order),
+        "method": _method(calibration, order),
+        "environment": {
+            "text": order.environment,
+            "temperature_degC": order.temperature_degC,
+            "humidity_percent": order.humidity_percent,
+        },
+        "results": {
+            "uncertainty": _uncertainty(calibration),
+            "parameters": _parameters(tool),
+            "classical": _classical(tool),
+            "covariance": {"parameters": list(tool.parameter_names), "matrix": tool.covariance},
+            "residuals": _residuals(calibration),
+        },
+        "adjustment": None if previous is None else _adjustment(calibration, previous, previous_from),
+        "verification": None if verification is None else _verification(verification),
+        "conformity": _conformity(verification),
+        "interval_months": order.interval_months,
+        "warnings": list(calibration.warnings),
+        "inputs": {**{f"calibration {n}": d for n, d in calibration.inputs.items()}, **(inputs or {})},
+        "head": head,
+        "supersedes": supersedes,
+        "program": program,
+    }
+    clean: Record = json.loads(canonical(_printable(_plain(record))))
+    return clean
+
+
+def record_bytes(record: Mapping[str, Any]) -> bytes:
+    """The bytes of the JSON file; the same record gives the same bytes."""
+    return canonical(record)
+
+
+def record_digest(record: Mapping[str, Any]) -> str:
+    """What the certificate's digest is of: the bytes of its JSON file."""
+    return digest_bytes(record_bytes(record))
+
+
+def coverage_probability(k: float) -> float:
+    """Of an expanded uncertainty with factor k, normal distribution.
+
+    Examples
+    --------
+    >>> round(coverage_probability(2.0), 4)
+    0.9545
+    """
+    return math.erf(k / math.sqrt(2.0))
+
+
+def _item(tool: Tool, order: Order) -> Record:
+    return {
+        "name": order.item,
+        "manufacturer": order.manufacturer,
+        "serial": order.serial or tool.name,
+        "condition": order.condition,
+        "triads": [
+            {
+                "kind": kind,
+                "sensors": triad.count,
+                "unit": triad.unit,
+                "degree": triad.degree,
+                "reference_temperature_degC": triad.reference_temperature,
+            }
+            for kind, triad in tool.triads.items()
+        ],
+        "temperature_range_degC": tool.temperature_range,
+    }
+
+
+def _dates(order: Order) -> Record:
+    days = {name: getattr(order, name) for name in ("received", "performed_from", "performed_to", "issued")}
+    if days["performed_to"] is None:
+        days["performed_to"] = days["performed_from"]
+    return {name: None if day is None else day.isoformat() for name, day in days.items()}
+
+
+def _method(calibration: Calibration, order: Order) -> Record:
+    rig = np.broadcast_to(np.degrees(calibration.rig.sd), (3,))
+    return {
+        "name": calibration.method,
+        "plan": order.plan,
+        "positions": len(calibration.residuals.station),
+        "rig": order.rig,
+        "rig_sd_deg": dict(zip(("azimuth", "inclination", "toolface"), rig.tolist(), strict=True)),
+    }
+
+
+def _uncertainty(calibration: Calibration) -> Record | None:
+    """Expanded uncertainty of one reading over inclination, worst azimuth and toolface; None where none is known."""
+    tool = calibration.tool
+    second = second_kind(tool)
+    dip = None if second is None else field_dip(calibration.field_directions, second)
+    assumed = dip is None
+    found = expected(tool, np.radians(INCLINATIONS_DEG), float(ASSUMED_DIP) if dip is None else dip)
+    if found is None or not found.capability.variance.any():
+        return None
+    table: Record = {
+        "coverage_factor": EXPANDED,
+        "coverage_probability": round(coverage_probability(EXPANDED), 4),
+        "azimuth_from": second,
+        "dip_deg": None if second is None else float(np.degrees(found.dip)),
+        "dip_assumed": assumed and second is not None,
+        "inclination_deg": list(INCLINATIONS_DEG),
+    }
+    for name in found.angles:
+        # beyond half a turn the angle is simply not known
+        table[f"U_{name}_deg"] = np.degrees(np.minimum(EXPANDED * found.worst(name), np.pi)).tolist()
+    return table
+
+
+def _row(row: Row) -> Record:
+    return {"name": row.label, "value": row.value, "u": row.uncertainty, "unit": row.unit}
+
+
+def _parameters(tool: Tool) -> list[Record]:
+    return [_row(row) for kind in tool.triads for row in parameter_rows(tool, kind)]
+
+
+def _classical(tool: Tool) -> dict[str, list[Record]]:
+    return {kind: [_row(row) for row in classical_rows(tool, kind)] for kind in tool.triads}
+
+
+def _residuals(calibration: Calibration) -> list[Record]:
+    found = []
+    for kind, values in calibration.residuals.standardised.items():
+        seen = np.asarray(values)
+        known = seen[np.isfinite(seen)]
+        found.append(
+            {
+                "kind": kind,
+                "station": list(calibration.residuals.station),
+                "standardised": seen,
+                "rms": float(np.sqrt(np.mean(known**2))) if known.size else None,
+                "largest": float(np.abs(known).max()) if known.size else None,
+            }
+        )
+    return found
+
+
+def _adjustment(calibration: Calibration, previous: Calibration, previous_from: str) -> Record:
+    """The values before, and how far the old and the new coefficients are apart in the angles they give."""
+    tool, old = calibration.tool, previous.tool
+    if tool.parameter_names != old.parameter_names or any(
+        tool.triads[kind].unit != old.triads[kind].unit for kind in tool.triads
+    ):
+        raise InputError("the previous calibration is of other sensors or of another unit; leave it out")
+    second = second_kind(tool)
+    dip = None if second is None else field_dip(calibration.field_directions, second)
+    apart = differences(tool, old, float(ASSUMED_DIP) if dip is None else dip)
+    return {
+        "previous": previous_from,
+        "parameters": _parameters(old),
+        "classical": _classical(old),
+        "largest_difference_deg": {name: float(np.degrees(abs(wrap_signed(x)))) for name, x in apart.items()},
+    }
+
+
+def _verification(verification: Mapping[str, Any]) -> Record:
+    return {name: verification[name] for name in ("verdict", "limits", "report")}
+
+
+def _conformity(verification: Mapping[str, Any] | None) -> Record:
+    if verification is None:
+        return {"statement": "not assessed", "rule": None}
+    guard = verification["limits"].get("guard")
+    return {"statement": verification["verdict"], "rule": RULES.get(str(guard), "consistency")}
+
+
+def _plain(value: Any) -> Any:
+    """Lists, mappings and numbers; what is not finite is null."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _printable(value: Any) -> Any:
+    """Texts without what no page shows: control characters, half characters, marks that turn the direction."""
+    if isinstance(value, str):
+        return "".join(c for c in value if c == "\n" or c.isprintable()).strip()
+    if isinstance(value, dict):
+        return {key: _printable(item) for key, item in value.items()}
+    return [_printable(item) for item in value] if isinstance(value, list) else value
