@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from inclinometry.core.errors import InputError
 from inclinometry.motion.decimate import DecimationStream, decimate, low_pass, thinning
-from inclinometry.motion.magnetic.blocks import merged
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import magnetic_attitude
 from inclinometry.motion.samples import Samples
@@ -36,7 +35,9 @@ def fed(samples: Samples, cuts: Sequence[int], factor: int) -> Samples:
     stream = DecimationStream(factor)
     edges = [0, *sorted(cuts), len(samples)]
     parts = [stream.push(samples.part(a, b)) for a, b in pairwise(edges)]
-    return merged([part for part in parts if len(part)])
+    names = ("accel", "mag", "gyro", "temperature", "clipped")
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Samples(np.concatenate([part.time for part in parts]), parts[0].interval, **columns)
 
 
 def same(one: Samples, other: Samples) -> None:

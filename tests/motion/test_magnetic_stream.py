@@ -96,3 +96,16 @@ def test_run_shorter_than_a_window() -> None:
 def test_settings_out_of_range(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError):
         MagneticSettings(**wrong)
+
+
+def test_stamps_that_jitter() -> None:
+    """By up to 0.45 intervals about the even grid: the windows' middles average them, to a hundredth of an interval."""
+    samples = samples_of(run_of("smooth", 1), True, 0, COUNT)
+    jitter = np.random.default_rng(0).uniform(-0.45, 0.45, COUNT) * samples.interval
+    jitter[0] = 0.0
+    uneven = Samples(
+        samples.time + jitter, samples.interval, samples.accel, samples.mag, samples.gyro, clipped=samples.clipped
+    )
+    found, even = magnetic_attitude(uneven, CHOSEN), magnetic_attitude(samples, CHOSEN)
+    np.testing.assert_array_equal(found.quaternion, even.quaternion)
+    np.testing.assert_allclose(found.time, even.time, atol=0.1 * samples.interval)

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
-from inclinometry.motion.magnetic.blocks import follows, merged
+from inclinometry.motion.magnetic.blocks import Held
 from inclinometry.motion.samples import CHANNELS, Samples
 
 ATTENUATION_DB: Final = 100.0
@@ -77,7 +77,7 @@ class DecimationStream:
             raise InputError(f"the factor is {factor!r}; allowed: a whole number from 1 to {LARGEST}")
         self._factor = int(factor)
         self._taps = low_pass(self._factor)
-        self._held: list[Samples] = []
+        self._held = Held()
 
     @property
     def delay_intervals(self) -> int:
@@ -93,17 +93,17 @@ class DecimationStream:
             Another interval or other triads than before, or a block that begins before the end of the last.
         """
         factor, size = self._factor, self._taps.size
-        if self._held and len(samples) and not follows(self._held[-1], samples):
-            self._held = []
-        if len(samples):
-            self._held.append(samples)
-        count = sum(len(block) for block in self._held)
+        if not self._held.add(samples):
+            self._held.clear()
+            self._held.add(samples)
+        count = len(self._held)
         if count < size:
-            return _thinned(samples.part(0, 0), factor, self._taps)
-        held = merged(self._held)
+            return _thinned(samples.part(0, 0), samples.time[:0], factor, self._taps)
         rows = (count - size) // factor + 1
-        self._held = [held.part(rows * factor, count)] if count > rows * factor else []
-        return _thinned(held.part(0, (rows - 1) * factor + size), factor, self._taps)
+        whole = (rows - 1) * factor + size
+        thinned = _thinned(self._held.cut(0, whole), self._held.stamps(0, whole), factor, self._taps)
+        self._held.drop(rows * factor)
+        return thinned
 
 
 @lru_cache(maxsize=32)
@@ -127,7 +127,7 @@ def low_pass(factor: int) -> Array:
     return np.asarray(taps)
 
 
-def _thinned(samples: Samples, factor: int, taps: Array) -> Samples:
+def _thinned(samples: Samples, stamps: Array, factor: int, taps: Array) -> Samples:
     """Samples of which every one has its whole filter; none when there is not one."""
     size = taps.size
     rows = (len(samples) - size) // factor + 1 if len(samples) >= size else 0
@@ -143,7 +143,7 @@ def _thinned(samples: Samples, factor: int, taps: Array) -> Samples:
         total = np.concatenate([[0], np.cumsum(samples.clipped)])
         first = np.arange(rows) * factor
         columns["clipped"] = total[first + size] > total[first] if rows else np.zeros(0, dtype=np.bool_)
-    return Samples(samples.time[middle] if rows else samples.time[:0], samples.interval * factor, **columns)
+    return Samples(stamps[middle] if rows else stamps[:0], samples.interval * factor, **columns)
 
 
 def _filtered(values: Array, factor: int, taps: Array, rows: int) -> Array:

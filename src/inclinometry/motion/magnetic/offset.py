@@ -9,6 +9,7 @@ import numpy as np
 
 from inclinometry.core.errors import InputError
 from inclinometry.motion.magnetic.band import basis, fit
+from inclinometry.motion.magnetic.blocks import Held
 from inclinometry.motion.magnetic.circle import raised
 from inclinometry.motion.magnetic.constants import DELAY_SIGMA, ToolConstants, beforehand
 from inclinometry.motion.magnetic.demodulate import Demodulated, demodulate
@@ -94,8 +95,10 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
     known = beforehand(chosen)
     with_gyro = chosen.use_gyro and samples.has("gyro")
     information, moment, windows = DELAY_SIGMA**-2, 0.0, 0
+    held = Held()
+    held.add(samples)
     for start in range(0, len(samples) - size + 1, size):
-        part = samples.part(start, start + size)
+        part = held.cut(start, start + size)
         d = demodulate(part, step, known.offset, with_gyro=with_gyro, delay=0.0)
         gain, pull = window_delay(d, known, step * samples.interval)
         information, moment, windows = information + gain, moment + pull, windows + 1

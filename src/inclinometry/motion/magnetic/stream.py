@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from inclinometry.core.errors import InputError
-from inclinometry.motion.magnetic.blocks import follows, merged
+from inclinometry.motion.magnetic.blocks import Held
 from inclinometry.motion.magnetic.constants import ToolConstants, beforehand
 from inclinometry.motion.magnetic.judge import Verdict, judge, stuck
 from inclinometry.motion.magnetic.offset import FLOOR_S, SIGNIFICANT
@@ -68,8 +68,7 @@ class MagneticStream:
 
     def __init__(self, settings: MagneticSettings | None = None) -> None:
         self.settings = settings or MagneticSettings()
-        self._blocks: list[Samples] = []
-        self._held = 0
+        self._held = Held()
         self._first = 0  # index in the run of the first sample held
         self._known: list[tuple[int, ToolConstants]] = [(0, beforehand(self.settings))]
         self._gaps = 0
@@ -87,25 +86,27 @@ class MagneticStream:
             raise InputError("the magnetic attitude needs an accelerometer and a magnetometer; use the gyro methods")
         if not len(samples):
             return _table([], [], [])
-        self._continue(samples)
-        self._blocks.append(samples)
-        self._held += len(samples)
+        if not self._held.add(samples):
+            self._gaps += 1
+            self._first += len(self._held)
+            self._held.clear()
+            self._held.add(samples)
         step = self.settings.node(samples.interval)
         size, hop = self.settings.nodes(samples.interval) * step, self.settings.hop(samples.interval) * step
-        if self._held < size:
+        count = len(self._held)
+        if count < size:
             return _table([], [], [])
-        held = merged(self._blocks)
         times, rates, verdicts = [], [], []
         start = 0
-        while start + size <= len(held):
-            part = held.part(start, start + size)
+        while start + size <= count:
+            part = self._held.cut(start, start + size)
             rate, verdict = self._window(part, self._first + start, size)
-            times.append(float(part.time.mean()))
+            times.append(float(self._held.stamps(start, start + size).mean()))
             rates.append(rate)
             verdicts.append(verdict)
             start += hop
-        rest = held.part(start, len(held))
-        self._blocks, self._held, self._first = [rest], len(rest), self._first + start
+        self._held.drop(start)
+        self._first += start
         self._rows += len(times)
         return _table(times, rates, verdicts)
 
@@ -127,15 +128,6 @@ class MagneticStream:
         if not self._rows:
             notes.append(f"the run is shorter than a window of {self.settings.window_s:g} s: no attitude")
         return _table([], [], [], tuple(notes))
-
-    def _continue(self, samples: Samples) -> None:
-        """Hold a block against the one before; after a gap begin anew."""
-        if not self._held:
-            return
-        if not follows(self._blocks[-1], samples):
-            self._gaps += 1
-            self._first += self._held
-            self._blocks, self._held = [], 0
 
     def _window(self, part: Samples, start: int, size: int) -> tuple[float, Verdict]:
         """Attitude of a window; the tool's constants come from windows that ended before it begins."""
