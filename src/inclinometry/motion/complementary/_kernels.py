@@ -39,6 +39,7 @@ S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED, SLOW = 30, 31, 32
     P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, PAR,
 ) = range(34)  # fmt: skip
 
+AVERAGED: Final = 0.01  # square of a mean direction that counts as none
 QUICK: Final = 5.0  # 1/s, changes of a hand's or a string's rotation
 RIDGE: Final = 0.02  # share of the rotation that counts as none: a direction that never turned gets no hard iron
 SOLVE_EVERY: Final = 10  # blocks between two solutions for hard iron
@@ -78,6 +79,18 @@ def level_matrix(q0: float, q1: float, q2: float, q3: float, r: Array) -> None:
     r[6] = 2.0 * (q1 * q3 - q0 * q2)
     r[7] = 2.0 * (q2 * q3 + q0 * q1)
     r[8] = 1.0 - 2.0 * (q1 * q1 + q2 * q2)
+
+
+@inlined
+def drop_averaged(block: Array, inverse: float) -> None:
+    """Forget the mean direction of a tool axis that turned through whole turns within the block.
+
+    What is left of it is as small as the errors of the gyro and goes with them: a bias seen through it runs away.
+    """
+    for c in range(3):
+        x, y, z = block[B_MATRIX + c] * inverse, block[B_MATRIX + 3 + c] * inverse, block[B_MATRIX + 6 + c] * inverse
+        if x * x + y * y + z * z < AVERAGED:
+            block[B_MATRIX + c], block[B_MATRIX + 3 + c], block[B_MATRIX + 6 + c] = 0.0, 0.0, 0.0
 
 
 @inlined

@@ -142,6 +142,7 @@ def _finish_block(
 ) -> None:
     """Predict over the block, look for hard iron, judge the field, observe, correct."""
     inverse = par[k.DT] / par[k.TAU]
+    k.drop_averaged(block, inverse)
     k.predict(nav, p, block, slow, par, inverse)
     resting = k.still(block, slow, par, inverse)
     e, factor = work[k.STATES :], 1.0
