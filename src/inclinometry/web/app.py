@@ -79,6 +79,8 @@ def create_app(
     app.add_exception_handler(InclinometryError, _explain)
     app.add_api_route("/healthz", _alive, include_in_schema=False)
     app.include_router(importlib.import_module("inclinometry.web.pages.login").router)
+    app.include_router(importlib.import_module("inclinometry.web.pages.interface").router)
+    app.include_router(importlib.import_module("inclinometry.web.api").router)
     for name in PAGES:
         importlib.import_module(f"inclinometry.web.pages.{name}")
     ui.run_with(app, title="inclinometry", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0)

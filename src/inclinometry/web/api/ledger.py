@@ -1,0 +1,58 @@
+"""The ledger itself: its head, its verification, its records as they were made, everything in one file."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from fastapi.responses import FileResponse
+from starlette.background import BackgroundTask
+
+from inclinometry.core.errors import InputError
+from inclinometry.store.chain import parse_head
+from inclinometry.store.exchange import export
+from inclinometry.store.kinds import KINDS
+from inclinometry.store.verify import verify
+from inclinometry.web.api.access import REFUSALS, Administrator, After, Limit, Reader, TheLedger
+from inclinometry.web.api.registry import shown
+
+router = APIRouter(prefix="/ledger", tags=["ledger"], responses=REFUSALS)
+
+HIDDEN = ("user",)
+"""Kinds whose bodies hold what nobody is to read."""
+
+
+@router.get("/head")
+def head(ledger: TheLedger, _: Reader) -> dict[str, Any]:
+    """How many records there are, and the last link of the chain: note it elsewhere."""
+    found = ledger.head()
+    return {"records": found.seq, "head": str(found)}
+
+
+@router.get("/verify")
+def check(ledger: TheLedger, _: Reader, head: Annotated[str | None, Query(max_length=100)] = None) -> dict[str, Any]:
+    """Every record against its digest and the chain; with a head noted earlier, a lost tail is noticed, too."""
+    found = verify(ledger, head=None if head is None else parse_head(head))
+    faults = [{"table": f.table, "row": f.row, "problem": f.problem} for f in found.faults]
+    return {"ok": found.ok, "records": found.records, "head": str(found.head), "faults": faults}
+
+
+@router.get("/records/{kind}")
+def records(ledger: TheLedger, _: Reader, kind: str, after: After = 0, limit: Limit = 100) -> list[dict[str, Any]]:
+    """Records of one kind in the order in which they were made, beyond the place `after`."""
+    if kind not in KINDS or kind in HIDDEN:
+        allowed = ", ".join(name for name in KINDS if name not in HIDDEN)
+        raise InputError(f"records of kind {kind!r:.80} cannot be read here; allowed: {allowed}")
+    return [shown(record) for record in ledger.find(kind, after=after, limit=limit)]
+
+
+@router.get("/export", response_class=FileResponse)
+def everything(ledger: TheLedger, _: Administrator) -> FileResponse:
+    """Everything in one file, password hashes included, which `inclinometry ledger import` reads."""
+    with tempfile.NamedTemporaryFile(suffix=".zip", delete=False) as made:
+        path = Path(made.name)
+    export(ledger, path)
+    forget = BackgroundTask(path.unlink, missing_ok=True)
+    return FileResponse(path, media_type="application/zip", filename="ledger.zip", background=forget)
