@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
@@ -94,6 +95,39 @@ def test_windows_of_another_length(simulated, run):
         "--json",
     )
     assert done.json["windows"] == 6
+
+
+def test_the_default_looks_at_the_data_and_says_what_it_took(simulated, run):
+    done = run("dynamic", "run.parquet", "--site", "site.toml", "-o", "a.csv")
+    assert done.status == 0, done.err
+    assert "note: 3 windows of 10 s: 3 rotating" in done.out
+    assert done.err == ""
+
+
+def test_an_accelerometer_that_reports_specific_force_is_refused(simulated, run):
+    table = pq.read_table("run.parquet")
+    for axis in "xyz":
+        place = table.column_names.index(f"accel_{axis}")
+        table = table.set_column(place, f"accel_{axis}", pc.negate(table.column(place)))
+    pq.write_table(table, "force.parquet")
+    done = run("dynamic", "force.parquet", "--site", "site.toml", "-o", "a.csv")
+    assert done.status == 2
+    assert "force.parquet: " in done.err
+    assert "specific force" in done.err
+    assert not Path("a.csv").exists()
+
+
+def test_a_run_without_a_field_is_refused_window_by_window(simulated, run):
+    """Accelerometers alone: rows with reasons, exit status 0, and a report that says so."""
+    table = pq.read_table("run.parquet").select(["time_s", "accel_x", "accel_y", "accel_z"])
+    pq.write_table(table, "bare.parquet")
+    done = run("dynamic", "bare.parquet", "--site", "site.toml", "-o", "a.csv", "--report", "d.html")
+    assert done.status == 0, done.err
+    assert "3 windows refused: no-field 3" in done.out
+    with Path("a.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert all(row["inclination_deg"] == row["azimuth_deg"] == "" and "no-field" in row["flags"] for row in rows)
+    assert "no-field" in Path("d.html").read_text(encoding="utf-8")
 
 
 REFUSED = {
