@@ -160,6 +160,18 @@ def means(cases: list, fast: list, stick: list) -> list[dict]:
     return rows
 
 
+def skirts(draws: int) -> list[dict]:
+    """How steeply vibration falls off below its band, and what windows of 2 and 10 s make of it."""
+    rows, scenario = [], SCENARIOS["vibration-5g"]
+    for order in (2, 3, 4, 0):
+        bands = {name: replace(getattr(scenario.vibration, name), order=order) for name in ("lateral", "axial")}
+        cases = runs(replace(scenario, vibration=replace(scenario.vibration, **bands)), draws)
+        ways = {"Hann least squares": hann_least_squares, "Hann mean": hann_mean}
+        found = {f"{way}, {t} s": window_rms(cases, t, estimator) for way, estimator in ways.items() for t in (2, 10)}
+        rows.append({"order": order, "rms_deg": found})
+    return rows
+
+
 def aliasing(draws: int) -> dict:
     """Every tenth of 2000 samples a second with and without the low-pass before; windows of 10 s."""
     found = {}
@@ -326,6 +338,7 @@ def run(draws: int = 6) -> dict:
         "specified": SPECIFIED,
         "instantaneous": instantaneous(cases),
         "means": means(cases, runs(swinging(600.0), draws), runs("stick-slip", draws)),
+        "skirts": skirts(draws),
         "aliasing": aliasing(draws),
         "clipping": clipping(draws),
         "short arc": short_arc(draws),
@@ -343,6 +356,9 @@ def report(result: dict) -> None:
     for row in result["means"]:
         cells = ", ".join(f"{way} {_pair(pair)}" for way, pair in row["rms_deg"].items())
         print(f"{row['scenario']}, {row['window_s']} s: {cells}")
+    for row in result["skirts"]:
+        cells = ", ".join(f"{way} {_pair(pair)}" for way, pair in row["rms_deg"].items())
+        print(f"skirts of order {row['order'] or 'infinite'}: {cells}")
     for name, pair in result["aliasing"].items():
         print(f"decimated {name}: {_pair(pair)} (without filter 28 times worse)")
     for name, row in result["clipping"].items():

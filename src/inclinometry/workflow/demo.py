@@ -34,7 +34,7 @@ from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.workflow import simulate
 from inclinometry.workflow.calibrate import Comparison, compare, true_errors
-from inclinometry.workflow.demo_drilling import DemoDrilling, drill
+from inclinometry.workflow.demo_drilling import PICTURE, DemoDrilling, drill
 from inclinometry.workflow.demo_well import DemoWell, survey_demo_well, well_sentences
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
 from inclinometry.workflow.hot_run import JOINT, HotRunMethods, many_hot_runs, reduce_hot_run, rms_degrees
@@ -249,6 +249,8 @@ def _drilling(demo: Demo) -> None:
     demo.drilling = drill(demo.folder / "drilling")
     page = dynamic_report(demo.drilling.found)
     demo.page("simulated drilling with stick-slip: attitude", "drilling/dynamic.html", page)
+    picture = demo.folder / "drilling" / PICTURE
+    demo.pages.append(("simulated drilling: single samples, textbook filter and this package in one picture", picture))
 
 
 def _picture(demo: Demo) -> None:
