@@ -266,3 +266,10 @@ _add(
     "List the users, or add or change one.",
     "ledger users anna --role metrologist --ledger lab.sqlite",
 )
+_add(
+    app,
+    "bench_web:bench",
+    "bench",
+    "Open the bench in a browser: guided calibration, verification, certificates, ledger.",
+    "bench --instrument simulated",
+)

@@ -21,6 +21,7 @@ from inclinometry.web.guard import Guard
 from inclinometry.web.logins import Logins
 
 if TYPE_CHECKING:
+    from inclinometry.io.instrument.rig import RigDriver
     from inclinometry.workflow.laboratory.live import LiveFeed
 
 PAGES: Final = ("home",)
@@ -48,6 +49,7 @@ def create_app(
     host: str = "127.0.0.1",
     names: Iterable[str] = (),
     feed: LiveFeed | None = None,
+    rig: RigDriver | None = None,
     instrument: str = "",
 ) -> Guard:
     """The whole application of a bench; one a process.
@@ -61,8 +63,10 @@ def create_app(
         Names, without port, by which browsers address the server when it is not on loopback.
     feed : LiveFeed, optional
         Live channels of the instrument.
+    rig : RigDriver, optional
+        Turns the rig; without one the operator does.
     instrument : str
-        Its address, as shown.
+        Address of the instrument, as shown.
 
     Raises
     ------
@@ -71,7 +75,7 @@ def create_app(
     """
     open_house = is_loopback(host)
     logins = Logins(ledger)
-    serve(Bench(ledger, logins, feed, open_house, instrument))
+    serve(Bench(ledger, logins, feed, rig, open_house, instrument))
     app = FastAPI(
         title="inclinometry bench", version="1", docs_url=None, redoc_url=None, openapi_url="/api/openapi.json"
     )

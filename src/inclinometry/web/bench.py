@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from inclinometry.core.errors import InclinometryError
@@ -11,6 +11,7 @@ from inclinometry.store.users import User
 from inclinometry.web.logins import Login, Logins
 
 if TYPE_CHECKING:
+    from inclinometry.io.instrument.rig import RigDriver
     from inclinometry.workflow.laboratory.live import LiveFeed
 
 
@@ -23,16 +24,16 @@ class Bench:
     """What the pages and routes of one server share.
 
     ledger, logins : as named.
-    feed : live channels of the instrument, None without one.
+    feed, rig : live channels of the instrument and what turns the rig, None without one.
     open_house : True on loopback: one user, no password.
     """
 
     ledger: Ledger
     logins: Logins
     feed: LiveFeed | None = None
+    rig: RigDriver | None = None
     open_house: bool = True
     instrument: str = ""
-    notes: list[str] = field(default_factory=list)
 
     def user(self, login: Login | None) -> User:
         """The user of a login as the ledger has it now; RefusedError when the login has ended."""

@@ -1,0 +1,152 @@
+"""Command that opens the bench in a browser."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Flag
+from inclinometry.core.errors import InputError
+from inclinometry.store.admin import create
+from inclinometry.store.ledger import Ledger, default_path
+from inclinometry.store.users import users
+
+SIMULATED = "simulated"
+
+
+def bench(
+    *,
+    ledger: str | None = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    name: Annotated[Sequence[str], Parameter(negative="")] = (),
+    instrument: str | None = None,
+    protocol: str = "csv-line",
+    demo: Flag = False,
+    certificate: Path | None = None,
+    key: Path | None = None,
+) -> None:
+    """Open the bench in a browser: guided calibration, verification, certificates, ledger. Ctrl-C ends it.
+
+    Parameters
+    ----------
+    ledger
+        Path of a SQLite file, or postgresql://user:password@host/database; in the user's data folder when not given.
+    host
+        Address to listen at; anywhere but on this computer users have to log in.
+    port
+        Port to listen at; 0 chooses a free one.
+    name
+        Name by which browsers on other computers address this one; may be given more than once.
+    instrument
+        socket://host:port, COM3, /dev/ttyUSB0, or "simulated" for a simulated tool on a simulated stand.
+    protocol
+        Protocol of the instrument: csv-line, query-response, wits0, or a TOML file.
+    demo
+        Register a simulated tool that is half-way through its calibration.
+    certificate
+        TLS certificate, PEM, with --key.
+    key
+        Its private key, PEM.
+    """
+    if demo and instrument not in (None, SIMULATED):
+        raise InputError("--demo brings its own simulated instrument; leave --instrument out")
+    if (certificate is None) != (key is None):
+        raise InputError("--certificate and --key are needed together, or neither of them")
+    where = str(default_path()) if ledger is None else ledger
+    with ExitStack() as stack:
+        opened = stack.enter_context(create(where))
+        _check_users(opened, host)
+        listening = stack.enter_context(_listening(host, port))
+        feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
+        _serve(opened, listening, host, name, feed, rig, instrument or (SIMULATED if demo else ""), certificate, key)
+
+
+def _check_users(ledger: Ledger, host: str) -> None:
+    from inclinometry.web.app import is_loopback
+
+    if not is_loopback(host) and not any(user.may("administer") for user in users(ledger)):
+        raise InputError(
+            f"the bench would be open to the network at {host}, and this ledger has no administrator yet: make one "
+            f"with `inclinometry ledger users NAME --role administrator --ledger {ledger.shown}`"
+        )
+
+
+@contextmanager
+def _listening(host: str, port: int) -> Iterator[socket.socket]:
+    """The socket, opened before anything else is started."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family, socket.SOCK_STREAM) as made:
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            made.bind((host, port))
+            yield made
+    except OverflowError:
+        raise InputError(f"--port is {port}; allowed 0 to 65535") from None
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot listen at {host} port {port} ({reason}); choose another --port") from None
+
+
+@contextmanager
+def _instrument(ledger: Ledger, url: str | None, protocol: str, demo: bool) -> Iterator[tuple[Any, Any]]:
+    """The live feed and the rig's driver; None for what there is not."""
+    from inclinometry.io.instrument.protocol_toml import read_protocol
+    from inclinometry.workflow.laboratory.live import LiveFeed
+
+    if url is None:
+        yield None, None
+        return
+    with ExitStack() as stack:
+        rig = None
+        spoken = read_protocol(protocol)
+        if url == SIMULATED:
+            from inclinometry.workflow.simulated_instrument import SimulatedInstrument
+
+            rig = SimulatedInstrument(spoken, seed=1)
+            if demo:
+                from inclinometry.workflow.laboratory.demonstration import half_way
+
+                with output.busy("preparing the demonstration"):
+                    half_way(ledger, rig)
+            url = stack.enter_context(rig).url
+        yield stack.enter_context(LiveFeed(url, spoken)), rig
+
+
+def _serve(
+    ledger: Ledger,
+    listening: socket.socket,
+    host: str,
+    names: Sequence[str],
+    feed: Any,
+    rig: Any,
+    instrument: str,
+    certificate: Path | None,
+    key: Path | None,
+) -> None:
+    import uvicorn
+
+    from inclinometry.web.app import create_app, is_loopback
+
+    app = create_app(ledger, host=host, names=(*names, host), feed=feed, rig=rig, instrument=instrument)
+    scheme = "http" if certificate is None else "https"
+    if not is_loopback(host) and certificate is None:
+        output.warnings(["passwords cross the network unencrypted; give --certificate and --key"])
+    shown = f"[{host}]" if ":" in host else host
+    output.say(f"the bench is at {scheme}://{shown}:{listening.getsockname()[1]}/ (Ctrl-C ends it)")
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        ssl_certfile=certificate,
+        ssl_keyfile=key,
+        server_header=False,
+        timeout_graceful_shutdown=3,
+        ws_max_size=2**20,
+    )
+    uvicorn.Server(config).run(sockets=[listening])
