@@ -196,6 +196,40 @@ def test_slow_gyro_in_degrees_is_told_by_the_field() -> None:
         checked(slow, mapped=("gyro", np.eye(3) * np.degrees(1.0)))
 
 
+def permuted(order: tuple[int, int, int], signs: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> np.ndarray:
+    return np.eye(3)[list(order)] * np.array(signs)[:, None]
+
+
+@pytest.mark.parametrize(
+    ("inclination", "triad", "matrix", "match"),
+    [
+        (3.0, "accel", permuted((2, 0, 1)), "gravity along accel_z"),
+        (15.0, "accel", permuted((0, 2, 1)), "gravity along accel_z|same axes"),
+        (30.0, "mag", permuted((2, 0, 1)), "mag_x is constant"),
+        (60.0, "mag", permuted((0, 2, 1), (1.0, -1.0, 1.0)), "mag_y is constant"),
+        (88.0, "mag", permuted((1, 0, 2)), "turns against the gyro|same axes"),
+    ],
+)
+@pytest.mark.parametrize("drop", ["", "gyro"])
+def test_exchanged_axes_at_other_inclinations(
+    inclination: float, triad: str, matrix: np.ndarray, match: str, drop: str
+) -> None:
+    scenario = SCENARIOS["vibration-5g"]
+    steep = replace(scenario, hole=replace(scenario.hole, inclination=np.radians(inclination)))
+    simulation = simulate_drilling(steep, 2, duration=60.0)
+    assert not any(one.findings for one in checked(simulation, site=SITE, drop=drop))
+    with pytest.raises(InputError, match=match):
+        checked(simulation, site=SITE, mapped=(triad, matrix), drop=drop)
+
+
+def test_casing_is_not_taken_for_wrong_axes() -> None:
+    """Field of any direction and nearly the right strength for a minute, before the axes were seen to be right."""
+    for seed in range(8):
+        scenario = replace(SCENARIOS["stick-slip"], faults=(Casing(left=0.3, disturbance=27_000.0, period=60.0),))
+        for window in (2.0, 10.0):
+            checked(simulate_drilling(scenario, seed, duration=60.0), site=SITE, window=window)
+
+
 def test_a_gyro_that_sticks_is_told_by_the_field() -> None:
     """The field is then judged without it, and is good."""
     found = checked(replace(SCENARIOS["vibration-5g"], faults=(Stuck("gyro_z", start=5.0),)))

@@ -15,7 +15,7 @@ from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.motion.finding import Finding
-from inclinometry.motion.harmonics import Harmonics, find_harmonics
+from inclinometry.motion.harmonics import LEAST_TURNS, Harmonics, find_harmonics
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.turning import Turning
 
@@ -23,6 +23,8 @@ ENOUGH: Final = 3
 """Windows that must agree."""
 FAR_DIP: Final = 0.12
 """rad, between the dip and the site's: no disturbance that leaves the strength right."""
+CIRCLE: Final = 0.05
+"""Root mean square of a transverse channel about its mean, of the strength, that is a circle worth looking at."""
 SURE: Final = 5
 """Windows that must agree on an exchange of axes or on a gyro's unit: inside casing the field does anything."""
 KEPT: Final = 12
@@ -60,6 +62,8 @@ class AxesCheck:
     _axes: list[int] = field(default_factory=list)
     _speeds: list[float] = field(default_factory=list)
     _strengths: list[float] = field(default_factory=list)
+    _gravity: list[float] = field(default_factory=list)
+    _along: list[int] = field(default_factory=list)
     _believed: bool = False
     _turns: bool = False
     _seen: list[Harmonics] = field(default_factory=list)
@@ -90,11 +94,18 @@ class AxesCheck:
             return []
         if window.mag is not None:
             self._field_unit(np.linalg.norm(window.mag, axis=1))
-        found = find_harmonics(window, turning) if phase_usable else None
-        if found is None:
+            if field_usable:
+                self._field_axis(window.mag)
+        if not phase_usable:
             return []
-        strength = float(np.linalg.norm(found.accel, axis=1).mean())
-        if found.u_accel > ROUGH * strength:
+        findings = self._fields(find_harmonics(window, turning), field_usable=field_usable)
+        if turning.span > LEAST_TURNS * 2.0 * np.pi and window.accel is not None and not self._believed:
+            self._gravity_axis(window.accel, turning.angle)
+        return findings
+
+    def _fields(self, found: Harmonics | None, *, field_usable: bool) -> list[Finding]:
+        """Strength of gravity, and its angle to the field."""
+        if found is None or found.u_accel > ROUGH * float(np.linalg.norm(found.accel, axis=1).mean()):
             return []
         if not field_usable:
             found = Harmonics(found.accel, np.full_like(found.mag, np.nan), found.u_accel, found.turned)
@@ -139,6 +150,34 @@ class AxesCheck:
         self._strengths = [*self._strengths, float(strength.mean())][-KEPT:]
         if len(self._strengths) >= ENOUGH:
             _unit("the magnetometer", "nT", float(np.median(self._strengths)), *FIELD_RANGE, FIELD_UNITS)
+
+    def _field_axis(self, mag: Array) -> None:
+        """Which channel keeps its value while the other two go round: it lies along the hole."""
+        low, middle, high = np.sort(mag.var(axis=0))
+        size = (CIRCLE * float(np.linalg.norm(mag, axis=1).mean())) ** 2
+        if low > 0.02 * middle or middle < 0.3 * high or middle < size:
+            return
+        self._along = [*self._along, int(mag.var(axis=0).argmin())][-KEPT:]
+        if len(self._along) >= SURE and 2 not in self._along:
+            axis = "xyz"[self._along[-1]]
+            raise InputError(
+                f"while the tool turns mag_{axis} is constant, not mag_z, which lies along the hole: map the "
+                "magnetometer's channels to the tool's axes first"
+            )
+
+    def _gravity_axis(self, accel: Array, angle: Array) -> None:
+        """Gravity lies along z and goes round in x and y; what is constant across the hole is the lever arm's."""
+        transverse = accel[:, 0] + 1j * accel[:, 1]
+        round_ = max(abs(np.mean(transverse * np.exp(sign * angle))) for sign in (1j, -1j))
+        self._gravity = [*self._gravity, float(np.hypot(accel[:, 2].mean(), round_))][-KEPT:]
+        if len(self._gravity) < SURE or max(self._gravity) > 0.8 * STANDARD_GRAVITY:
+            return
+        strength = float(np.median(self._gravity))
+        _unit("the accelerometer", "m/s^2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
+        raise InputError(
+            f"gravity along accel_z, and going round in accel_x and accel_y while the tool turns, is only "
+            f"{strength:.2f} m/s^2: map the accelerometer's channels to the tool's axes first (z lies along the hole)"
+        )
 
     def _mapping(self) -> list[Finding]:
         """Whether the dip is constant, and of the site's sign."""

@@ -48,6 +48,14 @@ def field_findings(window: Samples, turning: Turning, site: Site | None) -> list
     return found
 
 
+def steady_strength(window: Samples, site: Site | None) -> bool:
+    """Whether the field's strength is right and constant: what no exchange of axes or signs can change."""
+    if window.mag is None:
+        return False
+    strength = np.sqrt(np.einsum("ij,ij->i", window.mag, window.mag))
+    return max(max(one[:2]) for one in (_strength(strength, site), _scatter(strength))) <= 1.0
+
+
 def _strength(strength: Array, site: Site | None) -> tuple[float, float, str]:
     """Strength over what it may be: for no field, for a disturbed one, in words."""
     mean = float(strength.mean())

@@ -13,7 +13,7 @@ from inclinometry.earth.site import Site
 from inclinometry.motion.aliasing import aliasing_findings
 from inclinometry.motion.axes import AxesCheck
 from inclinometry.motion.clipping import clipping_findings, held_findings, stuck_findings
-from inclinometry.motion.field_check import field_findings
+from inclinometry.motion.field_check import field_findings, steady_strength
 from inclinometry.motion.finding import Finding
 from inclinometry.motion.result import BITS
 from inclinometry.motion.samples import Samples
@@ -125,7 +125,9 @@ class HealthCheck:
         if not self._settings.believe_axes and not any(
             one.refuse for one in findings if one.flag in ("stuck", "clipped")
         ):
-            findings += self._axes.add(judged, turning, field_usable=not field, phase_usable=not aliased)
+            findings += self._axes.add(
+                judged, turning, field_usable=steady_strength(judged, self._site), phase_usable=not aliased
+            )
         self._note(findings)
         if marked.any():
             already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
