@@ -288,6 +288,52 @@ def test_north_is_found_in_a_standstill() -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(found))) < 1.45
 
 
+def test_unknown_azimuth_is_found_at_a_connection_and_kept() -> None:
+    """30 s turning from an unknown azimuth, 30 s still, twice; a good gyro's errors drawn, 12 runs.
+
+    While it turns the Earth rate may not fake an azimuth; at the standstill 0.5 deg are found, at the next 0.3.
+    """
+    chosen = InertialSettings(
+        gyro_bias_sigma=3e-7, gyro_bias_walk=1e-9, gyro_noise=1e-6, gyro_scale_sigma=3e-4, accel_bias_sigma=2e-3
+    )
+    time = np.arange(12_000) * 0.01
+    rate = np.where(time % 60.0 < 30.0, 6.0 * np.sin(np.pi * (time % 60.0) / 30.0) ** 2, 0.0)
+    toolface = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1])) * 0.01)
+    matrix = dcm(1.0, 0.6, toolface)
+    turning = matrix @ earth_rate(np.radians(50.0)) + rate[:, None] * [0.0, 0.0, 1.0]
+    found = []
+    for seed in range(12):
+        draw = np.random.default_rng(seed)
+        gyro = (
+            turning / (1.0 - draw.normal(0.0, 3e-4, 3)) + draw.normal(0.0, 3e-7, 3) + draw.normal(0, 1e-5, (12_000, 3))
+        )
+        shaking = np.where(rate > 0.0, 1.0, 0.03)[:, None]
+        accel = matrix @ [0.0, 0.0, 9.80665] + draw.normal(0.0, 2e-3, 3) + shaking * draw.normal(0, 1.0, (12_000, 3))
+        rows = gyro_attitude(Samples(time, 0.01, accel=accel, gyro=gyro), chosen, SITE)
+        assert all("unobservable" in rows.names(k) for k in range(6))
+        assert not any("unobservable" in rows.names(k) for k in range(6, len(rows)))
+        assert (rows.u.azimuth[:6] > 1.7).all()
+        found.append(wrap_signed(rows.angles.azimuth[[11, 17, 23]] - 1.0) / rows.u.azimuth[[11, 17, 23]])
+    assert np.degrees(rows.u.azimuth[11]) == pytest.approx(0.5, abs=0.2)
+    assert rows.u.azimuth[23] < 0.8 * rows.u.azimuth[11]
+    assert 0.5 < np.sqrt(np.mean(np.square(found))) < 1.6
+
+
+def test_smoother_bridges_casing_from_both_sides() -> None:
+    """The field of 30 s is left out in both passes; a clipped first window has no row."""
+    run = simulated("vibration-5g", 1)
+    mag = run.mag.copy()
+    mag[4000:9000] += 10_000.0
+    clipped = np.zeros(len(run), bool)
+    clipped[3] = True
+    record = Samples(run.time, run.interval, run.accel, mag, run.gyro, clipped=clipped)
+    forward, both = inertial_attitude(record, None, SITE), smoothed_attitude(record, None, SITE)
+    assert list(np.flatnonzero(both.refused)) == [0]
+    assert np.degrees(np.abs(score(both, run).azimuth).max()) < 0.1
+    inside = (both.time > 25.0) & (both.time < 45.0)
+    assert (both.u.azimuth[inside] <= forward.u.azimuth[inside] * (1.0 + 1e-9)).all()
+
+
 def test_without_a_latitude_no_north_is_claimed() -> None:
     run = simulated("stationary", 0, 20.0)
     rows = gyro_attitude(samples(run, field=False), None, Site(g=9.80665))

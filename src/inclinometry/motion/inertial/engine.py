@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ class Node(NamedTuple):
 
     before, after : states; before is what the forward pass began with, None where there was nothing to begin with.
     anew : its attitude does not continue that of the window before. age : windows since the
-    start. time : s, of after.
+    start. time : s, of after. model : what the window was reduced with.
     """
 
     before: State | None
@@ -31,6 +32,7 @@ class Node(NamedTuple):
     anew: bool
     age: int
     time: float
+    model: Model
 
 
 class Engine:
@@ -40,7 +42,7 @@ class Engine:
         self._model, self._start = model, start
         self._state: State | None = None
         self._lost = True  # nothing tells the attitude: at the beginning and after a gap
-        self._still = False
+        self._seeking = False  # a standstill in which azimuth is being found
         self._age = 0
         self._first, self._count = np.nan, 0
 
@@ -53,15 +55,15 @@ class Engine:
         self._place(window)
         self._count += len(window)
         time = self._first + window.interval * (self._count - 1)
-        state, anew = self._before(window)
+        state, anew, model = self._before(window)
         if state is None:
-            return Node(None, None, None, True, 0, time)
-        after, seen = reduce_window(state, window, self._model)
+            return Node(None, None, None, True, 0, time, model)
+        after, seen = reduce_window(state, window, model)
         if self._lost and not self._stated and (seen.disturbed or seen.gravity < 0.0):
-            return Node(None, None, None, True, 0, time)  # no beginning to build on; the next window may be one
+            return Node(None, None, None, True, 0, time, model)  # no beginning to build on; the next window may be one
         self._age = 0 if self._lost else self._age + 1
-        self._state, self._lost, self._still = after, False, seen.still
-        return Node(state, after, seen, anew, self._age, time)
+        self._state, self._lost = after, False
+        return Node(state, after, seen, anew, self._age, time, model)
 
     def row(self, node: Node, window: Samples, method: str) -> Attitude:
         """The forward pass's row."""
@@ -82,22 +84,26 @@ class Engine:
         expected = self._first + window.interval * self._count
         slack = LARGEST_BREAK * window.interval + 4.0 * np.spacing(abs(window.time[0]))
         if not abs(window.time[0] - expected) <= slack:
-            self._first, self._count, self._lost, self._still = float(window.time[0]), 0, True, False
+            self._first, self._count, self._lost, self._seeking = float(window.time[0]), 0, True, False
 
-    def _before(self, window: Samples) -> tuple[State | None, bool]:
-        """State before the window, None where there is nothing to start from, and whether its attitude is a new one."""
-        model = self._model
+    def _before(self, window: Samples) -> tuple[State | None, bool, Model]:
+        """State before the window (None: nothing to start from), whether its attitude is a new one, and the model."""
+        model, anew, sought_before = self._model, self._lost, self._seeking
         state = blank(window, model) if self._state is None else self._state
+        clipped = window.clipped is not None and bool(window.clipped.any())
         if self._stated and self._start is not None:
-            return linearised(given(state, window, self._start, model), window, model), True
-        if self._lost or self._north_at_last(state, window):
-            if window.clipped is not None and window.clipped.any():
-                return (None, True) if self._lost else (state, False)
-            return linearised(sought(state, window, model), window, model), True
-        return state, False
-
-    def _north_at_last(self, state: State, window: Samples) -> bool:
-        """Whether a standstill begins in which an azimuth that is not known may be found; later windows add to it."""
-        if self._model.magnetic or self._still or azimuth_variance(state) <= LOST**2:
-            return False
-        return is_still(state, window, self._model, np.zeros(len(window), np.bool_))
+            state = given(state, window, self._start, model)
+            anew = False
+        elif self._lost and clipped:
+            return None, True, model
+        lost = anew or azimuth_variance(state) > LOST**2
+        self._seeking = False
+        if lost and not model.magnetic:
+            self._seeking = is_still(state, window, model, np.zeros(len(window), np.bool_)) and not clipped
+            model = replace(model, blind=not self._seeking)
+            anew = anew or (self._seeking and not sought_before)  # later windows of the standstill add to the first
+        if anew:
+            state = sought(state, window, model)
+        if anew or self._stated:
+            return linearised(state, window, model), True, model
+        return state, False, model

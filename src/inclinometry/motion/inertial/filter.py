@@ -148,7 +148,7 @@ def gyro_attitude(
     -------
     Attitude
         A row at the last sample of each window, method "gyro", north "true". Flag "drift" while the tool moves: azimuth
-        then rests on the gyro since its last standstill. Flag "unobservable" where azimuth is not known to 0.35 rad:
+        then rests on the gyro since its last standstill. Flag "unobservable" where azimuth is not known to 0.26 rad:
         the filter is linear and would not be right about more.
 
     Raises

@@ -131,12 +131,12 @@ def _variance(shaking: Shaking, lever: Array, cosine: float, window: Samples, mo
     The strength of gravity and the gain across the tool (by sin^2 I) are the same in every window: the vertical, which
     they spoil, is given their variance times the number of windows, so that it never tells more than one would.
     """
-    settings, g, size = model.settings, model.gravity, len(window)
+    g, size = model.gravity, len(window)
     seen = min(shaking.windows, MEMORY)
     variance = shaking.scatter * at_zero(shaking) * (1.0 + 2.0 / (FREE * seen))
     variance += np.einsum("ni,ij,nj->n", lever, np.linalg.inv(shaking.information), lever)
     variance = np.maximum(variance, _white(size, model))
-    variance[:2] += settings.gyro_noise**2 * size * window.interval / 3.0 * g**2
+    variance[:2] += model.gyro_noise**2 * size * window.interval / 3.0 * g**2
     strength = np.hypot(model.site.gravity_sigma or 0.0, model.gain(np.asarray(window.gyro)) * g * (1.0 - cosine**2))
     variance[2] += shaking.windows * strength**2
     return np.asarray(variance)

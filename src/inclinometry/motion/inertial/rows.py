@@ -19,7 +19,7 @@ SETTLED: Final = 2
 """Windows after a start of which the rows are flagged."""
 UPRIGHT: Final = float(np.radians(1.0))
 """Inclination, rad, below which azimuth and toolface are said to be hardly defined."""
-LOST: Final = 0.35
+LOST: Final = 0.26
 """Standard uncertainty of azimuth, rad, from which nothing is said to determine it: no longer small."""
 FASTEST: Final = 1.5
 """Turn between two samples, rad, from which the integration is no longer trusted."""

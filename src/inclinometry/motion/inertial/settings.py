@@ -138,10 +138,10 @@ class InertialSettings:
         covariance[:3, :3] = attitude
         return covariance
 
-    def step_variances(self, interval: float, held: bool) -> Array:
-        """Variances (16,) that one step adds to the errors."""
+    def step_variances(self, interval: float, attitude: float) -> Array:
+        """Variances (16,) that one step adds to the errors; the attitude's walk (rad/sqrt(s)) is given."""
         walks = (
-            self.creep if held else self.gyro_noise,
+            attitude,
             self.gyro_bias_walk,
             self.gyro_scale_walk,
             self.accel_bias_walk,

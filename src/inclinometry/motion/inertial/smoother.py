@@ -16,7 +16,7 @@ from inclinometry.motion.inertial.engine import Engine, Node
 from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.rows import SETTLED, row
 from inclinometry.motion.inertial.settings import InertialSettings
-from inclinometry.motion.inertial.state import STATES, State, corrected
+from inclinometry.motion.inertial.state import STATES, State, carried, corrected
 from inclinometry.motion.inertial.tape import NO_GATE, Ends, Tape, blank_tape
 from inclinometry.motion.inertial.window import reduce_window
 from inclinometry.motion.result import BITS, Attitude, joined, refusals
@@ -154,13 +154,13 @@ def _close(node: Node, end: Attitude, model: Model, lam: Array, info: Array) -> 
             f"{model.settings.window:g} s either way"
         )
     difference = rotation_log(dcm_from_quaternion(node.after.quaternion) @ dcm_from_quaternion(end.quaternion[0]).T)
-    p, tape = node.after.covariance.copy(), Tape(np.zeros((0, 13)), np.zeros((3, 34)))
+    p, tape = node.after.covariance.copy(), Tape(np.zeros((0, 13)), np.zeros((3, 34)), np.zeros(STATES))
     together = p[:3, :3] + end.covariance[0]
     ends = Ends(p, np.zeros(STATES), tape, 0)
     values, axes = np.linalg.eigh(end.covariance[0])
     for value, axis in zip(values, axes.T, strict=True):
         ends.measure(np.append(axis, np.zeros(STATES - 3)), float(axis @ difference), float(value), NO_GATE)
-    backward(*tape, lam, info)
+    backward(tape.steps, tape.updates, lam, info)
     return float(np.sqrt(difference @ np.linalg.solve(together, difference) / 3.0))
 
 
@@ -176,8 +176,10 @@ def _row(node: Node, window: Samples, engine: Engine, model: Model, lam: Array, 
     rest = 0.5 * (rest + rest.T)[:3, :3]
     found = row(node.time, state, rest, node.seen, SETTLED, window, model, method)
     tape = blank_tape(len(window))
-    reduce_window(node.before, window, model, tape)
-    backward(*tape, lam, info)
+    reduce_window(node.before, window, node.model, tape)
+    turn = carried(tape.error)
+    lam[:], info[:] = turn.T @ lam, turn.T @ info @ turn
+    backward(tape.steps, tape.updates, lam, info)
     if node.anew:  # what came before tells nothing of this attitude, but of the sensors
         lam[:3], info[:3, :], info[:, :3] = 0.0, 0.0, 0.0
     return found

@@ -67,8 +67,8 @@ def unshaken(model: Model) -> Shaking:
 def sought(state: State, window: Samples, model: Model) -> State:
     """The state with its attitude found anew from a window, and that of the sample before it.
 
-    Magnetic: gravity and field averaged in the almost-inertial frame. Otherwise gravity and the rate of the window,
-    which is the Earth's when the tool stands; the azimuth is then left to the measurements to judge.
+    Magnetic: gravity and field averaged in the almost-inertial frame. Otherwise gravity, and azimuth by the rate that a
+    standing tool reads or, where the model is blind, none; how good it is, is left to the measurements to judge.
 
     Raises
     ------
@@ -77,7 +77,6 @@ def sought(state: State, window: Samples, model: Model) -> State:
     """
     window = beginning(window, model)
     gravity = hann_mean(state, window, np.asarray(window.accel))
-    sigmas = [1.0, 1.0]
     if model.magnetic:
         field = hann_mean(state, window, np.asarray(window.mag) - state.nominal[13:16])
         if model.site.dip is None:
@@ -87,14 +86,10 @@ def sought(state: State, window: Samples, model: Model) -> State:
             nominal[16] = dip
             state = replace(state, nominal=nominal)
         dip = float(state.nominal[16])
-        matrix = solve_triad([gravity, field], [[0, 0, 1.0], [np.cos(dip), 0.0, np.sin(dip)]], sigmas).dcm
+        matrix = solve_triad([gravity, field], [[0, 0, 1.0], [np.cos(dip), 0.0, np.sin(dip)]], [1.0, 1.0]).dcm
         attitude = np.eye(3)
     else:
-        rate = (np.asarray(window.gyro) * (1.0 - state.nominal[7:10])).mean(axis=0) - state.nominal[4:7]
-        try:
-            matrix = solve_triad([gravity, rate], np.stack([[0.0, 0.0, 1.0], model.spin]), sigmas).dcm
-        except (IdentifiabilityError, InputError):  # no latitude, or the rate is along gravity: any azimuth will do
-            matrix = _level(gravity)
+        matrix = _level(gravity) if model.blind else _north(state, window, gravity, model)
         attitude = matrix @ np.diag([TILT**2, TILT**2, UNKNOWN**2]) @ matrix.T
     return placed(state, quaternion_from_dcm(matrix), attitude, np.asarray(window.gyro)[0])
 
@@ -153,13 +148,22 @@ def linearised(state: State, window: Samples, model: Model) -> State:
             tape = blank_tape(size)
             seen = filter_window(state, part, model, model.magnetic, tape)[1]
             lam, info = np.zeros(STATES), np.zeros((STATES, STATES))
-            backward(*tape, lam, info)
+            backward(tape.steps, tape.updates, lam, info)
             state = corrected(state, state.offset - state.covariance @ lam)
             if model.magnetic:
                 state = replace(state, field_variance=seen.noise)
         if size == len(window):
             return state
         size = min(GROWTH * size, len(window))
+
+
+def _north(state: State, window: Samples, gravity: Array, model: Model) -> Array:
+    """Matrix of a tool that stands, from gravity and the rate it reads."""
+    rate = (np.asarray(window.gyro) * (1.0 - state.nominal[7:10])).mean(axis=0) - state.nominal[4:7]
+    try:
+        return solve_triad([gravity, rate], np.stack([[0.0, 0.0, 1.0], model.spin]), [1.0, 1.0]).dcm
+    except (IdentifiabilityError, InputError):  # no latitude, or the rate is along gravity: any azimuth will do
+        return _level(gravity)
 
 
 def _level(gravity: Array) -> Array:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.rotations import quaternion_exp, quaternion_multiply
+from inclinometry.attitude.rotations import quaternion_exp, quaternion_multiply, rotation_exp
 from inclinometry.core.arrays import Array
 
 NOMINAL = 20
@@ -59,9 +59,24 @@ class State:
 
 
 def corrected(state: State, error: Array) -> State:
-    """The state with an error (16,) taken out; its covariance is that of the rest."""
+    """The state with an error (16,) taken out.
+
+    The attitude's part of the covariance is turned with the tool, so that it stays what it was in north, east, down:
+    an azimuth of which nothing is known must not leak into the level when the level is corrected.
+    """
     nominal = state.nominal.copy()
     turned = quaternion_multiply(quaternion_exp(-error[:3]), nominal[:4])
     nominal[:4] = turned / np.linalg.norm(turned)
     nominal[4:17] -= error[3:]
-    return replace(state, nominal=nominal, offset=state.offset - error)
+    turn = carried(error)
+    covariance = turn @ state.covariance @ turn.T
+    return replace(
+        state, nominal=nominal, covariance=0.5 * (covariance + covariance.T), offset=turn @ (state.offset - error)
+    )
+
+
+def carried(error: Array) -> Array:
+    """Matrix (16, 16) that takes errors from before to after an error was taken out."""
+    turn = np.eye(STATES)
+    turn[:3, :3] = rotation_exp(-error[:3])
+    return turn

@@ -14,18 +14,22 @@ NO_GATE: Final = 1e30
 
 
 class Tape(NamedTuple):
-    """Steps (n, 13) and updates (n + ENDS, 34) of a window, for the backward pass; no rows when not wanted."""
+    """What the backward pass needs of a window; no rows when it is not wanted.
+
+    steps : (n, 13); updates : (n + ENDS, 34); error : (16,) taken out at the end.
+    """
 
     steps: Array
     updates: Array
+    error: Array
 
 
 def blank_tape(size: int) -> Tape:
     """A tape for a window of `size` samples."""
-    return Tape(np.zeros((size, 13)), np.zeros((size + ENDS, 34)))
+    return Tape(np.zeros((size, 13)), np.zeros((size + ENDS, 34)), np.zeros(16))
 
 
-NO_TAPE: Final = Tape(np.zeros((0, 13)), np.zeros((0, 34)))
+NO_TAPE: Final = Tape(np.zeros((0, 13)), np.zeros((0, 34)), np.zeros(16))
 
 
 class Ends:

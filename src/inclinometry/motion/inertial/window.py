@@ -88,7 +88,8 @@ def filter_window(
         x,
         before,
         sums,
-        *tape,
+        tape.steps,
+        tape.updates,
     )
     ends = Ends(p, x, tape, len(window))
     clipped = bool(bad.any())
@@ -118,6 +119,8 @@ def filter_window(
         gravity=level,
     )
     done = replace(done, field_variance=state.field_variance + (seen.noise - state.field_variance) / MEMORY)
+    if len(tape.steps):
+        tape.error[:] = x
     return corrected(done, x), seen
 
 
@@ -132,20 +135,8 @@ def hann_mean(state: State, window: Samples, vectors: Array) -> Array:
     sums, nothing, zero = np.zeros(kernels.SUMS), np.zeros((STATES, STATES)), np.zeros(STATES)
     marks, weights = np.zeros(len(window), np.uint8), tapers(len(window), window.interval)
     first = np.asarray(window.gyro)[0].copy()
-    kernels.forward(
-        np.asarray(window.gyro),
-        vectors,
-        vectors,
-        marks,
-        weights,
-        constants,
-        nominal,
-        nothing,
-        zero,
-        first,
-        sums,
-        *NO_TAPE,
-    )
+    gyro, blank = np.asarray(window.gyro), NO_TAPE[:2]
+    kernels.forward(gyro, vectors, vectors, marks, weights, constants, nominal, nothing, zero, first, sums, *blank)
     return sums[:3].copy()
 
 
@@ -180,7 +171,7 @@ def _constants(state: State, interval: float, model: Model, still: bool) -> Arra
         max(settings.mag_noise**2, state.field_variance),
         settings.gate,
         (HELD * interval) ** 2,
-        *settings.step_variances(interval, still),
+        *settings.step_variances(interval, settings.creep if still else model.gyro_noise),
         0.0 if still else 1.0,
     ]
     return np.array(head)
@@ -188,11 +179,10 @@ def _constants(state: State, interval: float, model: Model, still: bool) -> Arra
 
 def _standstill(nominal: Array, rate: Array, seconds: float, model: Model, ends: Ends) -> None:
     """The mean rate of a held tool is bias and Earth rate: 0 = rate (1 - scale) - bias - Earth rate."""
-    settings = model.settings
     earth = dcm_from_quaternion(nominal[:4]) @ model.spin
     residual = rate * (1.0 - nominal[7:10]) - nominal[4:7] - earth
     rows = np.zeros((3, STATES))
     rows[:, :3], rows[:, 3:6], rows[:, 6:9] = cross_matrix(earth), -np.eye(3), -np.diag(rate)
-    variance = settings.gyro_noise**2 / seconds
+    variance = model.gyro_noise**2 / seconds
     for row, value in zip(rows, residual, strict=True):
         ends.measure(row, float(value), variance, NO_GATE)
