@@ -15,8 +15,10 @@ ROUNDING: Final = 1e-7
 """Of a series, what its demodulation leaves of exactness."""
 COUNT: Final = 8
 """Slepian sequences a window is seen through."""
-HALF_BAND: Final = 7.0
-"""Half width of their band, cycles per window; the last of eight leaves 3e-6 of its energy outside."""
+HALF_BAND: Final = 6.0
+"""Half width of their band, cycles per window; the last of eight leaves 5e-4 of its energy outside."""
+SATURATION: Final = 3.0
+"""Bands, up to where a spectrum rises: what the sequences leave outside their band counts with what is there."""
 SLOPES: Final = ((2, (1.0, 1e1, 1e2, 1e3)), (4, (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)))
 """Exponent of frequency, and powers that rise with it, averaged over the band, per white power; steeper look alike."""
 SPECTRA: Final = 1 + sum(len(slopes) for _, slopes in SLOPES)
@@ -75,8 +77,8 @@ def basis(size: int) -> Basis:
     from scipy.signal.windows import dpss
 
     tapers = np.ascontiguousarray(dpss(size, HALF_BAND, COUNT))
-    spectra = np.fft.rfft(tapers, 16 * size)[:, : round(16 * 1.2 * HALF_BAND)]
-    frequency = np.arange(spectra.shape[1])
+    spectra = np.fft.rfft(tapers, 16 * size)
+    frequency = np.minimum(np.arange(spectra.shape[1]) / (16.0 * HALF_BAND), SATURATION)
     models = [np.eye(COUNT)]
     for power, slopes in SLOPES:
         coloured = ((spectra * frequency**power) @ spectra.conj().T).real
