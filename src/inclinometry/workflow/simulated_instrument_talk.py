@@ -119,9 +119,10 @@ class Talker:
             number += 1
             self._next = max(self._next, number)
             lost = time >= drop
+            cut = lost and here and "repeat" not in self.fate.of(number - 1)
             if timing.speed == 0.0 and number % BATCH and not lost:
                 continue
-            if lost and here:  # in the middle of a line
+            if cut:  # in the middle of a line
                 batch, whole = batch[: -max(len(self.protocol.terminator) + 5, 1)], whole[:-1]
             if not send(connection, batch, stopping):
                 return
@@ -131,7 +132,7 @@ class Talker:
                 return
 
     def _answer(self, connection: socket.socket, stopping: threading.Event, link: int, drop: float) -> None:
-        asked = b""
+        asked, glued = b"", False
         while not stopping.is_set():
             data = receive(connection, stopping)
             if not data:
@@ -144,7 +145,7 @@ class Talker:
                 time = self.now()
                 if self.fate.faults.latency:
                     stopping.wait(self.fate.delay(number) / (self.timing.speed or 1.0))
-                lines, here, _ = self._lines(number, time, False)
+                lines, here, glued = self._lines(number, time, glued)
                 if not send(connection, lines, stopping):
                     return
                 self._tell(link, [number] if here else [])

@@ -27,7 +27,7 @@ class Decoder:
     on_sample, on_event : callables
         Called in the order in which things came.
     clock : callable
-        s; where it goes back, the time of a sample is that of the one before.
+        s; where it goes back, times go on from where they were.
 
     Notes
     -----
@@ -48,6 +48,7 @@ class Decoder:
         self._doubt_first = not protocol.query and protocol.checksum == "none" and protocol.framing == "line"
         self._first = self._doubt_first
         self._time = float("-inf")
+        self._ahead = 0.0  # what is added to a clock that went back
         self._sequence: int | None = None
         self._instrument_time: float | None = None
         self._same: tuple[str, ...] = ()
@@ -85,7 +86,7 @@ class Decoder:
         self._on_event(InstrumentEvent(self._now(), kind, sentence))
 
     def _now(self) -> float:
-        self._time = max(self._time, self._clock())
+        self._time = max(self._time, self._clock() + self._ahead)
         return self._time
 
     def _sample(self, fields: Fields, line: bytes) -> bool:
@@ -111,9 +112,11 @@ class Decoder:
         return True
 
     def _read_clock(self) -> float:
-        now = self._clock()
+        now = self._clock() + self._ahead
         if now < self._time:
-            self.event("clock", f"our clock went back by {self._time - now:.3g} s; samples keep the later time")
+            back = self._time - now
+            self._ahead += back
+            self.event("clock", f"our clock went back by {back:.3g} s; times go on from where they were")
         return self._now()
 
     def _temperature(self, fields: Fields, line: bytes, faults: list[str]) -> float | None:

@@ -265,9 +265,12 @@ def rig_driver(driver: Mapping[str, Any], name: str = "rig") -> ManualRig | Scpi
     known = [field.name for field in fields(RigCommands)]
     if not isinstance(words, Mapping) or set(words) - set(known):
         raise InputError(f"rig commands are {words}; allowed: {', '.join(known)}")
+    wrong = next((name for name, word in words.items() if isinstance(word, int) != (name == "decimals")), None)
+    if wrong is not None:
+        raise InputError(f"rig command {wrong} is {words[wrong]!r}; commands are texts, decimals a whole number")
     if isinstance(port, bool) or not isinstance(port, int):
         raise InputError(f"rig port is {port!r}; a whole number from 1 to 65535 is needed")
-    timeout = float(driver.get("timeout_s", 3.0))
+    timeout = float(finite(driver.get("timeout_s", 3.0), "timeout_s of the rig", ()))
     return ScpiRig(str(driver.get("host", "127.0.0.1")), port, RigCommands(**words), timeout=timeout, name=name)
 
 

@@ -82,8 +82,8 @@ class LiveFeed:
 
     Parameters
     ----------
-    url : str
-        COM3, /dev/ttyUSB0 or socket://host:port.
+    url : str, optional
+        COM3, /dev/ttyUSB0 or socket://host:port. None: nothing is read, samples are given by `put`.
     protocol : Protocol
     capacity : int
         Samples kept; memory does not grow beyond them.
@@ -102,7 +102,7 @@ class LiveFeed:
 
     def __init__(
         self,
-        url: str,
+        url: str | None,
         protocol: Protocol,
         *,
         capacity: int = CAPACITY,
@@ -118,16 +118,20 @@ class LiveFeed:
         self._moved = float("-inf")
         self._events: deque[InstrumentEvent] = deque(maxlen=EVENTS_KEPT)
         self._subscribers: dict[_Subscriber, float] = {}
-        self.reader = InstrumentReader(url, protocol, self.put, self._on_event, clock, backoff=backoff)
+        self.reader = (
+            None if url is None else InstrumentReader(url, protocol, self.put, self._on_event, clock, backoff=backoff)
+        )
 
     def start(self) -> LiveFeed:
         """Begin to read."""
-        self.reader.start()
+        if self.reader is not None:
+            self.reader.start()
         return self
 
     def stop(self) -> None:
         """Stop reading; what has come stays."""
-        self.reader.stop()
+        if self.reader is not None:
+            self.reader.stop()
 
     def __enter__(self) -> LiveFeed:
         return self.start()
@@ -140,12 +144,17 @@ class LiveFeed:
     @property
     def connected(self) -> bool:
         """Whether the port is open now."""
-        return self.reader.connected
+        return self.reader is None or self.reader.connected
 
     @property
     def counts(self) -> Mapping[str, int]:
         """Samples and events since the start, by kind."""
-        return self.reader.counts
+        return {} if self.reader is None else self.reader.counts
+
+    @property
+    def url(self) -> str:
+        """Of the port; empty without one."""
+        return "" if self.reader is None else self.reader.url
 
     @property
     def events(self) -> tuple[InstrumentEvent, ...]:
@@ -276,7 +285,7 @@ class LiveFeed:
     def _unfit(self, window: Window, seconds: float) -> tuple[str, str]:
         """Why nothing can be said of this window; empty when something can."""
         if not self.connected:
-            return "disconnected", f"{self.reader.url} is not connected; it is tried again and again: check the cable"
+            return "disconnected", f"{self.url} is not connected; it is tried again and again: check the cable"
         if self.age > STALE:
             return "stale", f"no sample for {self.age:.1f} s; is the tool switched on?"
         if window.faulty.any():
