@@ -178,6 +178,18 @@ def test_sampling_too_slow_is_refused_without_a_gyro() -> None:
     assert rows.refused.all()
 
 
+@pytest.mark.parametrize("triad", ["accel", "mag", "gyro"])
+def test_a_dead_triad_is_not_used(triad: str) -> None:
+    part = samples(run("vibration-5g"))
+    rows = choose_attitude(replace(part, **{triad: np.zeros_like(part.accel)}), site=SITE)
+    flag = {"accel": "misfit", "mag": "no-field", "gyro": "stuck"}[triad]
+    assert all(flag in rows.names(k) for k in range(len(rows)))
+    if triad == "accel":
+        assert rows.refused.all()
+    if triad == "gyro":
+        assert errors(rows)[1] < 0.16
+
+
 def test_a_late_magnetometer_is_said() -> None:
     rows = choose_attitude(spoilt("vibration-5g", MagLag(0.005), duration=60.0), site=SITE)
     assert any("magnetometer is late by 5.0" in note for note in rows.notes)

@@ -105,7 +105,10 @@ class AxesCheck:
 
     def _fields(self, found: Harmonics | None, *, field_usable: bool) -> list[Finding]:
         """Strength of gravity, and its angle to the field."""
-        if found is None or found.u_accel > ROUGH * float(np.linalg.norm(found.accel, axis=1).mean()):
+        if found is None:
+            return []
+        strength = np.linalg.norm(found.accel, axis=1)
+        if not (strength.min() > 0.0 and found.u_accel < ROUGH * float(strength.mean())):
             return []
         if not field_usable:
             found = Harmonics(found.accel, np.full_like(found.mag, np.nan), found.u_accel, found.turned)
@@ -167,6 +170,8 @@ class AxesCheck:
 
     def _gravity_axis(self, accel: Array, angle: Array) -> None:
         """Gravity lies along z and goes round in x and y; what is constant across the hole is the lever arm's."""
+        if float(np.mean(np.sum(accel**2, axis=1))) < (0.5 * STANDARD_GRAVITY) ** 2:
+            return  # gravity is not in any channel
         transverse = accel[:, 0] + 1j * accel[:, 1]
         round_ = max(abs(np.mean(transverse * np.exp(sign * angle))) for sign in (1j, -1j))
         self._gravity = [*self._gravity, float(np.hypot(accel[:, 2].mean(), round_))][-KEPT:]

@@ -27,6 +27,10 @@ TURNING: Final = 2.0 * np.pi
 """Rotation in a window, rad, from which it is called rotating, below it sliding."""
 
 
+LONGEST: Final = 600.0
+"""s, of a window."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ChooserSettings:
     """Settings of the methods that are chosen from; their windows are set to `window` and laid side by side.
@@ -47,7 +51,7 @@ class ChooserSettings:
     health: HealthSettings = field(default_factory=HealthSettings)
 
     def __post_init__(self) -> None:
-        within(self.window, "window", 0.5, 600.0, "s")
+        within(self.window, "window", 0.5, LONGEST, "s")
 
 
 class _Choice(NamedTuple):
@@ -138,7 +142,7 @@ class AttitudeChooser:
         return replace(given, window_s=self._settings.window, overlap=0.0, site=site, use_gyro=use)
 
     def _inertial(self) -> InertialSettings:
-        return replace(self._settings.inertial, window=self._size * self._interval)
+        return replace(self._settings.inertial, window=min(self._size * self._interval, LONGEST))
 
     def _make_filter(self) -> InertialStream:
         return InertialStream(self._inertial(), self._site)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from inclinometry.core.arrays import within
+from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.motion.aliasing import aliasing_findings
@@ -18,6 +20,9 @@ from inclinometry.motion.finding import Finding
 from inclinometry.motion.result import BITS
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.turning import Turning, find_turning
+
+LEAST_FELT: Final = 0.5 * STANDARD_GRAVITY
+"""m/s^2: gravity and shaking together are more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +120,7 @@ class HealthCheck:
             Units, signs or axes that contradict each other over several windows, naming the remedy.
         """
         findings, marked = clipping_findings(window, self._settings.ranges)
-        findings += stuck_findings(window) + held_findings(window) + _missing(window)
+        findings += stuck_findings(window) + held_findings(window) + _missing(window) + _dead(window)
         lame = window.mag is not None and any(one.refuse and one.where.startswith("gyro") for one in findings)
         judged = replace(window, gyro=None) if lame else window
         turning = find_turning(judged)
@@ -147,6 +152,17 @@ class HealthCheck:
             f"{text} (and the like in {self._counts[key]} of {self._windows} windows)" if self._windows > 1 else text
             for key, text in self._first.items()
         )
+
+
+def _dead(window: Samples) -> list[Finding]:
+    """An accelerometer that does not even feel gravity."""
+    if window.accel is None or not len(window):
+        return []
+    felt = float(np.sqrt(np.mean(np.sum(window.accel**2, axis=1))))
+    if felt >= LEAST_FELT:
+        return []
+    text = f"the accelerometer reads {felt:.3g} m/s^2 (root mean square), less than half of gravity"
+    return [Finding("misfit", "accel", LEAST_FELT / max(felt, 1e-9), True, text)]
 
 
 def _missing(window: Samples) -> list[Finding]:
