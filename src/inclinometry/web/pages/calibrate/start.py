@@ -1,0 +1,96 @@
+"""Choosing a tool, a rig and a plan; registering them where there are none yet."""
+
+from __future__ import annotations
+
+import numpy as np
+from fastapi import Request
+from nicegui import ui
+
+from inclinometry.core.errors import InputError
+from inclinometry.store.users import User
+from inclinometry.web.frame import Visitor, frame
+from inclinometry.workflow.laboratory.guided import CALIBRATING, GuidedPlan, plan_for
+from inclinometry.workflow.laboratory.registry import (
+    RegisteredRig,
+    RegisteredTool,
+    find_rig,
+    put_rig,
+    put_tool,
+    rigs,
+    sites,
+    tools,
+)
+from inclinometry.workflow.laboratory.session import open_session
+
+
+@ui.page("/calibrate")
+def start_page(request: Request, serial: str = "") -> None:
+    """A form, and the session it opens."""
+    with frame(request, "start.title", needs="capture") as visitor, ui.card().classes("panel"):
+        StartForm(visitor, serial)
+
+
+class StartForm:
+    """Tool, rig, plan, wanted uncertainty."""
+
+    def __init__(self, visitor: Visitor, serial: str) -> None:
+        self._visitor, ledger, say = visitor, visitor.bench.ledger, visitor.say
+        serials = [tool.serial for tool in tools(ledger) if not tool.retired]
+        names = [rig.name for rig in rigs(ledger)]
+        places = [""] + [site.name for site in sites(ledger)]
+        self.serial = ui.select(
+            serials, label=say("start.tool"), value=serial or (serials[0] if serials else None), with_input=True,
+            new_value_mode="add-unique",
+        )  # fmt: skip
+        self.rig = ui.select(
+            names,
+            label=say("start.rig"),
+            value=names[0] if names else None,
+            with_input=True,
+            new_value_mode="add-unique",
+        )
+        self.rig_sd = ui.number(say("start.rig_sd"), value=0.1, min=0.0, max=10.0, step=0.01)
+        self.rig_sd.bind_visibility_from(self.rig, "value", lambda name: bool(name) and name not in names)
+        self.site = ui.select(places, label=say("start.site"), value=places[-1])
+        plans = {name: say(f"plan.{name}") for name in CALIBRATING}
+        self.plan = ui.select(plans, label=say("start.plan"), value="orthogonal")
+        self.number = ui.number(say("start.number"), value=16, min=6, max=200, step=1)
+        self.number.bind_visibility_from(self.plan, "value", lambda name: name == "optimal")
+        self.wanted = ui.number(say("start.wanted"), value=None, min=0.001, max=90.0, step=0.01)
+        self.heat = ui.input(say("start.temperatures"), placeholder="20, 60, 100")
+        ui.button(say("start.go"), on_click=visitor.action("capture", self._open)).props("unelevated no-caps")
+
+    def _open(self, user: User) -> None:
+        ledger, author = self._visitor.bench.ledger, user.name
+        serial, name = str(self.serial.value or "").strip(), str(self.rig.value or "").strip()
+        if ledger.latest("tool", serial=serial) is None:
+            put_tool(ledger, RegisteredTool(serial, serial), author=author)
+        rig = find_rig(ledger, name)
+        if rig is None:
+            sd = float(np.radians(float(self.rig_sd.value or 0.0)))
+            put_rig(ledger, RegisteredRig(name, (sd, sd, sd)), author=author)
+            rig = RegisteredRig(name, (sd, sd, sd))
+        number = int(self.number.value) if self.plan.value == "optimal" and self.number.value else None
+        chosen = GuidedPlan(str(self.plan.value), number, _temperatures(str(self.heat.value or "")))
+        plan, settings = plan_for(chosen, ledger, serial, rig)
+        if self.site.value:
+            settings["site"] = str(self.site.value)
+        if self.wanted.value is not None:
+            settings["wanted"] = {"u_azimuth_deg": float(self.wanted.value)}
+        purpose = "temperature" if chosen.temperatures else "calibrate"
+        session = open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
+        ui.navigate.to(f"/calibrate/{session.id}")
+
+
+def _temperatures(text: str) -> tuple[float, ...]:
+    """Numbers between commas or blanks.
+
+    Examples
+    --------
+    >>> _temperatures("20, 60 100")
+    (20.0, 60.0, 100.0)
+    """
+    try:
+        return tuple(float(part) for part in text.replace(",", " ").split())
+    except ValueError:
+        raise InputError(f"{text[:60]!r} are not temperatures; write numbers, e.g. 20, 60, 100") from None
