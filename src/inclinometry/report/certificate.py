@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from inclinometry.core.errors import InputError
+from inclinometry.io.certificate_json import record_digest
 from inclinometry.report import certificate_tables as tables
-from inclinometry.report.certificate_record import record_digest
 from inclinometry.report.certificate_words import NARROW, Words, families, words
 from inclinometry.report.digits import plain, significant
 

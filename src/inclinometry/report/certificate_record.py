@@ -14,16 +14,14 @@ import numpy as np
 
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.angles import wrap_signed
-from inclinometry.core.digest import digest_bytes
 from inclinometry.core.errors import InputError
 from inclinometry.io._json import canonical
+from inclinometry.io.certificate_json import SCHEMA, VERSION, checked
 from inclinometry.io.laboratory_toml import Laboratory, Order
 from inclinometry.report.expected import ASSUMED_DIP, EXPANDED, differences, expected, field_dip, second_kind
 from inclinometry.report.tables import Row, classical_rows, parameter_rows
 from inclinometry.sensors.tool import Tool
 
-SCHEMA: Final = "inclinometry/certificate"
-VERSION: Final = 1
 LANGUAGES: Final = ("en", "ru", "zh")
 INCLINATIONS_DEG: Final = (1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0)
 """Inclinations of the table of uncertainties, deg."""
@@ -70,7 +68,7 @@ def certificate_record(
     Returns
     -------
     dict
-        JSON values, schema "certificate-1"; `record_bytes` gives the bytes that its digest is of.
+        JSON values that fit the schema "certificate-1".
 
     Raises
     ------
@@ -115,17 +113,7 @@ def certificate_record(
         "program": program,
     }
     clean: Record = json.loads(canonical(_printable(_plain(record))))
-    return clean
-
-
-def record_bytes(record: Mapping[str, Any]) -> bytes:
-    """The bytes of the JSON file; the same record gives the same bytes."""
-    return canonical(record)
-
-
-def record_digest(record: Mapping[str, Any]) -> str:
-    """What the certificate's digest is of: the bytes of its JSON file."""
-    return digest_bytes(record_bytes(record))
+    return checked(clean, f"certificate {number}")
 
 
 def coverage_probability(k: float) -> float:
@@ -196,7 +184,7 @@ def _uncertainty(calibration: Calibration) -> Record | None:
     }
     for name in found.angles:
         # beyond half a turn the angle is simply not known
-        table[f"U_{name}_deg"] = np.degrees(np.minimum(EXPANDED * found.worst(name), np.pi)).tolist()
+        table[f"U_{name}_deg"] = np.degrees(np.fmin(EXPANDED * found.worst(name), np.pi)).tolist()
     return table
 
 
@@ -274,5 +262,5 @@ def _printable(value: Any) -> Any:
     if isinstance(value, str):
         return "".join(c for c in value if c == "\n" or c.isprintable()).strip()
     if isinstance(value, dict):
-        return {key: _printable(item) for key, item in value.items()}
+        return {str(_printable(key)): _printable(item) for key, item in value.items()}
     return [_printable(item) for item in value] if isinstance(value, list) else value
