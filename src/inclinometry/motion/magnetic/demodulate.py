@@ -75,32 +75,27 @@ def demodulate(samples: Samples, step: int, offset: complex, *, with_gyro: bool,
     """
     from inclinometry.motion.magnetic import _kernels
 
-    accel, mag = samples.accel, samples.mag
+    accel, mag, gyro = samples.accel, samples.mag, samples.gyro if with_gyro else None
     if accel is None or mag is None:  # the callers refuse before
         raise ValueError("needs accel and mag")
     count, span = len(samples) // step, step * samples.interval
     theta, middle = np.empty(0), np.empty(0)
     means = np.empty((2, count))
-    if with_gyro and samples.gyro is not None:
+    if gyro is None:
+        _kernels.averaged_as_is(mag, offset.real, offset.imag, step, means)
+    else:
         theta = np.empty(len(samples))
-        _kernels.turned(samples.gyro, theta, samples.interval)
+        _kernels.turned(gyro, theta, samples.interval)
         middle = 0.5 * (theta[(step - 1) // 2 :: step] + theta[step // 2 :: step])
         _kernels.averaged(mag, theta, middle, offset.real, offset.imag, step, means)
-        turn = float(np.abs(np.diff(middle)).max(initial=0.0))
-    else:
-        _kernels.averaged_as_is(mag, offset.real, offset.imag, step, means)
-    phase = np.angle(means[0] + 1j * means[1])
-    if middle.size:
-        track = smooth(np.unwrap(phase + middle))
-        node_phase = track.phase - middle
-        rate = samples.gyro[:, 2].reshape(count, step).mean(axis=1) - track.slope / span  # type: ignore[index]
-        acceleration = np.gradient(rate, span)
-    else:
-        track = smooth(np.unwrap(phase))
-        node_phase = track.phase
+    phase = np.unwrap(np.angle(means[0] + 1j * means[1]) + (middle if middle.size else 0.0))
+    track = smooth(phase)
+    phasor = np.exp(1j * (track.phase - middle if middle.size else track.phase))
+    if gyro is None:
         rate, acceleration = -track.slope / span, -track.bend / span**2
-        turn = float(np.abs(np.diff(np.unwrap(phase))).max(initial=0.0))
-    phasor = np.exp(1j * node_phase)
+    else:
+        rate = gyro[:, 2].reshape(count, step).mean(axis=1) - track.slope / span
+        acceleration = np.gradient(rate, span)
     local = np.empty(len(samples))
     _kernels.phased(local, np.stack([track.slope / step, track.bend / step**2]), step, theta, middle)
     table = np.zeros((_kernels.COLUMNS, count))
@@ -123,5 +118,5 @@ def demodulate(samples: Samples, step: int, offset: complex, *, with_gyro: bool,
         turned=middle,
         delay=delay,
         lag=lag,
-        turn=turn,
+        turn=float(np.abs(np.diff(middle if middle.size else phase)).max(initial=0.0)),
     )

@@ -131,14 +131,11 @@ def _fields(
         fit(of, np.asarray(series), one, nothing, free, trust)
         for series, trust in zip((d.field, d.axial_gravity, d.axial_field), known.trust[1:], strict=True)
     )
-    covariance = np.diag(
-        [*[g.covariance[0, 0].real] * 2, gz.covariance[0, 0].real + settings.accel_sigma**2] + [0.0] * 3
-    )
-    covariance[3:, 3:] = np.diag([*[b.covariance[0, 0].real] * 2, bz.covariance[0, 0].real + settings.axial_sigma**2])
     gravity = np.array([g.value[0].real, g.value[0].imag, gz.value[0].real])
     by_offset = _by_offset(of, d, g, b)
     gain = _by_gain(complex(g.value[0]), complex(b.value[0]), d.rate, settings.bandwidth_hz)
-    covariance += by_offset @ circle.covariance @ by_offset.T + np.outer(gain, gain) + _by_clipping(clipped, gravity)
+    covariance = _by_noise((g, gz, b, bz), settings) + by_offset @ circle.covariance @ by_offset.T
+    covariance += np.outer(gain, gain) + _by_clipping(clipped, gravity)
     constants = ToolConstants(
         circle.centre,
         circle.covariance,
@@ -168,6 +165,12 @@ def _fields(
         mirrored=_mirrored(d, covered),
         stepped=False,
     )
+
+
+def _by_noise(fits: tuple[BandFit, BandFit, BandFit, BandFit], settings: MagneticSettings) -> Array:
+    """Covariance (6, 6) of gravity and field by noise, and by axial offsets that no rotation shows."""
+    g, gz, b, bz = (float(one.covariance[0, 0].real) for one in fits)
+    return np.diag([g, g, gz + settings.accel_sigma**2, b, b, bz + settings.axial_sigma**2])
 
 
 def _by_offset(of: Basis, d: Demodulated, g: BandFit, b: BandFit) -> Array:
