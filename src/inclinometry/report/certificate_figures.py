@@ -64,6 +64,7 @@ def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
     axes.set_ylim(-reach, reach)
     axes.set_xlim(0.3, len(values) + 0.7)
     axes.set_ylabel("r / σ")
+    axes.set_xlabel("№")
     return figure
 
 
@@ -92,6 +93,11 @@ def paper_svg(figure: Figure) -> str:
     """SVG with letters as outlines, so that no font is asked for when it is printed; the same bytes every time."""
     import matplotlib
 
+    width, height = (float(side) for side in figure.get_size_inches())
+    # margins that fit every drawing above: finding them anew takes as long as drawing
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position((0.75 / width, 0.5 / height, 1.0 - 0.87 / width, 1.0 - 0.6 / height))
     with style():
         matplotlib.rcParams["svg.fonttype"] = "path"
         stream = io.StringIO()

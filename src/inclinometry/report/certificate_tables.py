@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,7 +25,8 @@ def table(
 ) -> Content:
     """A table as the template takes it; its first `left` columns are texts."""
     columns = ["auto"] * left + ["fr"] * (len(head) - left)
-    return {"caption": caption, "head": list(head), "rows": rows, "left": left, "size": size, "columns": columns}
+    shown = [[*row[:left], *(re.sub(r"-(?=[0-9])", "−", cell) for cell in row[left:])] for row in rows]
+    return {"caption": caption, "head": list(head), "rows": shown, "left": left, "size": size, "columns": columns}
 
 
 def section(title: str, texts: Sequence[str] = (), **parts: Any) -> Content:
@@ -66,7 +68,7 @@ def _degrees(value: float | None, say: Words) -> str:
 def parameter_section(record: Content, say: Words) -> Content:
     """Tensor and offset of each triad, as the tool uses them."""
     results, tables = record["results"], []
-    texts = [say("parameters_note")]
+    texts = [say("parameters_note"), say("conventions")]
     for triad in record["item"]["triads"]:
         kind, count = triad["kind"], triad["sensors"]
         found = [row for row in results["parameters"] if row["name"].startswith(f"{kind}.")]
@@ -117,7 +119,7 @@ def _classical_row(row: Content, old: Mapping[str, Content] | None, say: Words) 
         label = f"{name} {say('toward', axis=what.removeprefix('toward '))}"
     else:
         label = f"{name} {say(what)}"
-    cells = [label, row["unit"]]
+    cells = [label, "°" if row["unit"] == "deg" else row["unit"]]
     if old is None:
         return [*cells, _expanded(row)]
     before = old.get(row["name"])
@@ -178,9 +180,7 @@ def _summary(positions: Sequence[Content], say: Words) -> Content:
         own = max(limits) - min(limits) > 1e-12
         passed = sum(row[name]["decision"] == "pass" for row in judged)
         cells = [_signed(worst["error_deg"], worst["U_deg"]), significant(worst["U_deg"])]
-        rows.append(
-            [say(name), str(len(judged)), str(passed), *cells, say("own_u") if own else significant(limits[0], 4)]
-        )
+        rows.append([say(name), str(len(judged)), str(passed), *cells, say("own_u") if own else plain(limits[0], 6)])
     head = [say("angle"), say("judged"), say("accepted"), f"{say('largest_error')}, °", "U, °", f"{say('limit')}, °"]
     return table(say("conformity"), head, rows)
 
