@@ -174,3 +174,19 @@ def test_exact_and_still() -> None:
         middle = (rate * 4.9975 * 2 / 2 + 1.0) % (2.0 * np.pi)
         assert abs(found.angles.toolface[0] - middle) < 1e-6
         assert abs(found.rate[0] - rate) < 1e-6
+
+
+@pytest.mark.parametrize("accel", [0.0, 5.0])
+@pytest.mark.parametrize("mag", [0.0, 3e4])
+@pytest.mark.parametrize("rate", [0.0, 1.0, 1e3])
+def test_rubbish_is_survived(accel: float, mag: float, rate: float) -> None:
+    """Dead sensors, noise alone, an absurd gyro: rows come out, refused or not, and nothing is divided by zero."""
+    rng = np.random.default_rng(1)
+    noise = rng.normal(size=(2000, 3))
+    time = np.arange(2000) / 200.0
+    for shaken in (0.0, 1.0):
+        samples = Samples(time, 0.005, accel + shaken * accel * noise, mag + shaken * mag * noise, rate * noise)
+        found = magnetic_attitude(samples)
+        assert len(found) == 1
+        if not accel or not mag:
+            assert found.refused.all()

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from inclinometry.core.arrays import Array
 
+LEAST_VARIANCE: Final = 1e-10
+"""(m/s^2)^2 or nT^2, where a channel is exactly zero; priors must not vanish beside it in rounding."""
 ROUNDING: Final = 1e-7
 """Of a series, what its demodulation leaves of exactness."""
 COUNT: Final = 8
@@ -127,7 +129,7 @@ def fit(
     parts = 2.0 if np.iscomplexobj(series) else 1.0
     y, x = of.tapers @ series, of.tapers @ regressors
     # series and sums are good to this share; an exact record must not make the noise vanish
-    floor = max(ROUNDING**2 * float(np.vdot(y, y).real) / COUNT, 1e-300)
+    floor = max(ROUNDING**2 * float(np.vdot(y, y).real) / COUNT, LEAST_VARIANCE)
     y, x = of.whiteners @ y, of.whiteners @ x
     gram, projected = x.conj().swapaxes(1, 2) @ x, np.einsum("rkp,rk->rp", x.conj(), y)
     total = np.einsum("rk,rk->r", y.conj(), y).real

@@ -16,6 +16,10 @@ LEAST_ROUNDNESS: Final = 1e-4
 """Of the radius: what a calibrated magnetometer's scale errors and couplings leave of a circle, a least sigma."""
 
 
+LEAST_SCATTER: Final = 1e-3
+"""nT, where there is no field at all."""
+
+
 @dataclass(frozen=True, eq=False)
 class Circle:
     """Centre and radius of the transverse field.
@@ -91,7 +95,7 @@ def fit_circle(points: Complex, start: complex, prior: Array) -> Circle:
         away = points - complex(state[0], state[1])
         distance = np.maximum(np.abs(away), 1e-9)
         error = distance - state[2]
-        variance = max(raised(error), (LEAST_ROUNDNESS * state[2]) ** 2)
+        variance = max(raised(error), (LEAST_ROUNDNESS * state[2]) ** 2, LEAST_SCATTER**2)
         rows = np.stack([away.real / distance, away.imag / distance, np.ones_like(distance)], axis=1)
         normal = rows.T @ rows / variance + information
         shift = np.linalg.solve(normal, rows.T @ error / variance - information @ (state - origin))
