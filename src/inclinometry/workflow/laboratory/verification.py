@@ -86,7 +86,7 @@ def finish_verification(
     found = judged(ledger, session, calibration, limits)
     body = {
         "verdict": found.verdict,
-        "limits": _limits(found, limits),
+        "limits": stated_limits(found, limits),
         "report": report(found),
         "readings": [row.record for row in seen.valid],
         "session": session,
@@ -135,7 +135,8 @@ def report(found: Verification) -> dict[str, Any]:
     }
 
 
-def _limits(found: Verification, limits: Limits | None) -> dict[str, Any]:
+def stated_limits(found: Verification, limits: Limits | None) -> dict[str, Any]:
+    """What the errors were held against, degrees, for records."""
     stated: dict[str, Any] = {"name": found.limits_name, "source": found.limits_source}
     if limits is not None:
         stated["guard"] = limits.guard
