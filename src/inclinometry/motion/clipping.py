@@ -31,6 +31,8 @@ RELATIVE: Final = 1e-5
 """Movement, of the vectors' length, below which neighbours count as still as well."""
 OTHERWISE: Final = 4.0
 """rad by which the angles of a constant gyro and of the field must differ: a disturbed field wanders by less,"""
+STEADY: Final = 0.03
+"""Scatter of the field's strength, as a share, up to which its angle can be held against a gyro,"""
 OTHERWISE_SHARE: Final = 0.1
 """and share of the angle."""
 MOST_HELD: Final = 0.05
@@ -189,6 +191,9 @@ def _partner_moved(values: Array, place: int, run: tuple[int, int]) -> bool:
 
 def _turned_otherwise(speed: float, mag: Array, interval: float) -> bool:
     """Whether the field turned by another angle than an axial gyro that always reads `speed`."""
+    strength = np.linalg.norm(mag, axis=1)
+    if float(strength.std()) > STEADY * float(strength.mean()):
+        return False
     turned = -float(np.sum(wrap_signed(np.diff(np.arctan2(mag[:, 1], mag[:, 0])))))
     return abs(turned - speed * interval * (len(mag) - 1)) > OTHERWISE + OTHERWISE_SHARE * abs(turned)
 
