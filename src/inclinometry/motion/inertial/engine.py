@@ -96,9 +96,8 @@ class Engine:
             anew = False
         elif self._lost and clipped:
             return None, True, model
-        lost = anew or azimuth_variance(state) > LOST**2
         self._seeking = False
-        if lost and not model.magnetic:
+        if not model.magnetic and (anew or azimuth_variance(state) > LOST**2):
             self._seeking = is_still(state, window, model, np.zeros(len(window), np.bool_)) and not clipped
             model = replace(model, blind=not self._seeking)
             anew = anew or (self._seeking and not sought_before)  # later windows of the standstill add to the first
