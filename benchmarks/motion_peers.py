@@ -4,9 +4,10 @@
 
 Real motion: three trials of BROAD (tests/reference/broad), scored as their authors score: root mean square of the
 total, heading and inclination error over the samples in motion, nothing aligned. Filters as their authors set them: VQF
-(vqf) as it comes; Madgwick beta 0.12 and Mahony Kp 0.74, Ki 0.0012 (ahrs), the best for all 39 trials as published with
-the data; Fusion (imufusion) as in its example: gain 0.5, both rejections 10 deg, recovery after 5 s, its removal of gyro
-bias. Speed: the longest trial eight times over, one core, medians of rounds that alternate between the filters.
+(vqf) as it comes; Madgwick beta 0.12 and Mahony Kp 0.74, Ki 0.0012 (ahrs), the best for all 39 trials as published
+with the data; Fusion (imufusion) as in its example: gain 0.5, both rejections 10 deg, recovery after 5 s, gyro bias
+removed by its own means. Speed: the longest trial eight times over, one core, medians of rounds that alternate between
+the filters.
 
 Drilling: the simulated scenarios at 200 Hz, 60 s, inclination and azimuth error after the first 10 s; the peers and the
 filter of this package as they are for real motion, none told that it is in a hole. The truth is synthetic.

@@ -197,7 +197,7 @@ def still(block: Array, slow: Array, par: Array, inverse: float) -> bool:
         for k in range(3):
             slow[S_RATE + k] = block[B_RATE + k] * inverse
             slow[S_GRAVITY + k] = block[B_GRAVITY + k] * inverse
-    rate, gravity, most = block[B_RATE2] * inverse, block[B_GRAVITY2] * inverse, 0.0
+    rate, gravity, most, trend = block[B_RATE2] * inverse, block[B_GRAVITY2] * inverse, 0.0, 0.0
     for k in range(3):
         w, a = block[B_RATE + k] * inverse, block[B_GRAVITY + k] * inverse
         dw, da = w - slow[S_RATE + k], a - slow[S_GRAVITY + k]
@@ -207,9 +207,11 @@ def still(block: Array, slow: Array, par: Array, inverse: float) -> bool:
         slow[S_RATE + k] += par[A_REST] * dw
         slow[S_GRAVITY + k] += par[A_REST] * da
         most = max(most, abs(slow[S_RATE + k]))
+        trend += slow[S_RATE + k] * slow[S_RATE + k]
     calm = rate < par[REST_RATE] and gravity < par[REST_GRAVITY] and most < par[REST_BOUND]
     slow[S_REST] = slow[S_REST] + par[TAU] if calm and block[B_HELD] == 0.0 else 0.0
-    slow[S_MOVED] += 0.0 if calm else par[TAU]
+    # a tool that only shakes sees the field of one place
+    slow[S_MOVED] += par[TAU] if trend > par[REST_RATE] else 0.0
     return bool(slow[S_REST] >= par[REST_TIME])
 
 
