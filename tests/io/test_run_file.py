@@ -205,6 +205,15 @@ def test_parquet_that_cannot_be_used(tmp_path):
         list(open_run(tmp_path / "empty.csv").blocks())
 
 
+def test_a_file_that_is_taken_away_while_it_is_read(tmp_path):
+    write(tmp_path / "run.parquet", samples(100))
+    run = open_run(tmp_path / "run.parquet")
+    list(run.blocks())
+    (tmp_path / "run.parquet").unlink()
+    with pytest.raises(FileError, match="cannot be read again"):
+        run.digest()
+
+
 def test_nothing_is_left_of_a_write_that_fails(tmp_path):
     def interrupted():
         with writing(tmp_path / "run.parquet", COLUMNS) as append:

@@ -37,7 +37,11 @@ class ParquetRun:
 
     def digest(self) -> str:
         """SHA-256 of the file."""
-        return digest_file(self._path)
+        try:
+            return digest_file(self._path)
+        except OSError as error:
+            reason = f"it was there when it was opened ({error.strerror}); leave it in place while it is read"
+            raise FileError(f"cannot be read again: {reason}", path=self._path) from None
 
     def columns(self) -> Iterator[dict[str, Array]]:
         """Batches of rows."""
