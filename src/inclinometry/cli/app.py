@@ -85,6 +85,13 @@ _add(
     "Reduce raw channels to survey stations with uncertainty.",
     "survey raw.csv --calibration tool.json -o survey.csv --report survey.html",
 )
+_add(
+    app,
+    "certificate:certificate",
+    "certificate",
+    "Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON record.",
+    "certificate tool.json --verification verify.json --laboratory lab.toml -o certificate.pdf --dcc certificate.xml",
+)
 _add(app, "demo:demo", "demo", "Show everything on real and simulated data.", "demo --output demo-output")
 _add(
     simulate,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from cyclopts import Parameter
 
 from inclinometry.calibration.acceptance import JUDGED, Verification
 from inclinometry.calibration.summary import rounded
@@ -27,6 +28,7 @@ def verify(
     *,
     calibration: Path,
     limits: str | None = None,
+    output_: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     report: Path | None = None,
     json: Json = False,
 ) -> int:
@@ -40,6 +42,8 @@ def verify(
         tool.json
     limits
         Name of a preset or a TOML file; without limits each error is held against its own uncertainty.
+    output_
+        Write verify.json, for a certificate.
     report
         Write an HTML report.
     json
@@ -48,12 +52,17 @@ def verify(
     from inclinometry.calibration.acceptance import verify as verify_readings
 
     output.claim(
-        {"--report": report},
+        {"--output": output_, "--report": report},
         {"the readings": readings, "--calibration": calibration, "--limits": None if limits is None else Path(limits)},
     )
     with output.reading(readings) as progress:
         data = read_bench(readings, progress=progress)
-    found = verify_readings(data, read_calibration(calibration), None if limits is None else read_limits(limits))
+    tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
+    found = verify_readings(data, tool, bounds)
+    if output_ is not None:
+        from inclinometry.workflow.issue_certificate import save_verification
+
+        save_verification(found, bounds, tool, output_)
     if report is not None:
         from inclinometry.report.verification import verification_report
 

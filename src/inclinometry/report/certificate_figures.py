@@ -64,7 +64,7 @@ def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
     axes.set_ylim(-reach, reach)
     axes.set_xlim(0.3, len(values) + 0.7)
     axes.set_ylabel("r / σ")
-    axes.set_xlabel("№")
+    axes.set_xlabel("n")
     return figure
 
 
@@ -97,7 +97,7 @@ def paper_svg(figure: Figure) -> str:
     # margins that fit every drawing above: finding them anew takes as long as drawing
     figure.set_layout_engine("none")
     for axes in figure.axes:
-        axes.set_position((0.75 / width, 0.5 / height, 1.0 - 0.87 / width, 1.0 - 0.6 / height))
+        axes.set_position((0.75 / width, 0.5 / height, 1.0 - 0.97 / width, 1.0 - 0.6 / height))
     with style():
         matplotlib.rcParams["svg.fonttype"] = "path"
         stream = io.StringIO()

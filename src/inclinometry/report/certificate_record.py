@@ -112,7 +112,7 @@ def certificate_record(
         "supersedes": supersedes,
         "program": program,
     }
-    clean: Record = json.loads(canonical(_printable(_plain(record))))
+    clean: Record = json.loads(canonical(printable(_plain(record))))
     return checked(clean, f"certificate {number}")
 
 
@@ -257,10 +257,10 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _printable(value: Any) -> Any:
+def printable(value: Any) -> Any:
     """Texts without what no page shows: control characters, half characters, marks that turn the direction."""
     if isinstance(value, str):
         return "".join(c for c in value if c == "\n" or c.isprintable()).strip()
     if isinstance(value, dict):
-        return {str(_printable(key)): _printable(item) for key, item in value.items()}
-    return [_printable(item) for item in value] if isinstance(value, list) else value
+        return {str(printable(key)): printable(item) for key, item in value.items()}
+    return [printable(item) for item in value] if isinstance(value, list) else value

@@ -1,0 +1,88 @@
+"""Command: certificate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json, Output
+from inclinometry.io.atomic import write_bytes
+from inclinometry.io.certificate_json import record_bytes, record_digest
+from inclinometry.workflow.issue_certificate import record_from_files
+
+
+def certificate(
+    tool: Path,
+    /,
+    *,
+    output_: Output,
+    verification: Path | None = None,
+    laboratory: Path | None = None,
+    previous: Path | None = None,
+    dcc: Path | None = None,
+    record: Path | None = None,
+    number: str | None = None,
+    language: Literal["en", "ru", "zh"] = "en",
+    fonts: Path | None = None,
+    json: Json = False,
+) -> None:
+    """Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON record.
+
+    Parameters
+    ----------
+    tool
+        tool.json, as calibrate writes it.
+    output_
+        PDF to write.
+    verification
+        verify.json, as verify writes it with --output.
+    laboratory
+        lab.toml: laboratory and order; without it the document says that it is no certificate.
+    previous
+        tool.json of the calibration before, for the values before adjustment.
+    dcc
+        Write the digital calibration certificate, XML; it needs the laboratory.
+    record
+        Write the record, JSON; its SHA-256 is printed on the certificate.
+    number
+        Unique number; year and a part of the inputs' digest when not given.
+    language
+        Of the fixed texts of the PDF.
+    fonts
+        Folder with further fonts, where a letter is missing.
+    json
+        Print a JSON summary.
+    """
+    output.claim(
+        {"--output": output_, "--dcc": dcc, "--record": record},
+        {"tool.json": tool, "--verification": verification, "--laboratory": laboratory, "--previous": previous},
+    )
+    made = record_from_files(
+        tool, verification=verification, laboratory=laboratory, previous=previous, number=number, language=language
+    )
+    files = {output_: _pdf(made, fonts)}
+    if dcc is not None:
+        from inclinometry.io.dcc import dcc_bytes
+
+        files[dcc] = dcc_bytes(made)
+    if record is not None:
+        files[record] = record_bytes(made)
+    for path, data in files.items():
+        write_bytes(data, path)
+    output.warnings(made["warnings"])
+    digest, statement = record_digest(made), made["conformity"]["statement"]
+    if json:
+        summary = {"number": made["number"], "digest": digest, "conformity": statement, "written": list(files)}
+        output.print_json(summary)
+        return
+    output.say(f"certificate {made['number']}, conformity {statement}")
+    output.say(f"record {digest}")
+    output.say(f"written to {', '.join(map(str, files))}")
+
+
+def _pdf(record: dict[str, object], fonts: Path | None) -> bytes:
+    from inclinometry.report.certificate import certificate_pdf
+
+    with output.busy("setting the certificate"):
+        return certificate_pdf(record, fonts=() if fonts is None else (fonts,))
