@@ -149,6 +149,22 @@ def complementary_attitude(samples: Samples, settings: ComplementarySettings | N
     ------
     InputError
         Samples without gyro or accelerometer.
+
+    Notes
+    -----
+    The gyro turns the tool into a level frame that is nearly inertial. There, over blocks of `update_s`, a Kalman filter
+    of 12 error states uses four facts: the second integral of apparent gravity less gravity is a place, which stays
+    within `sway_m`; the field is the same everywhere but for its unevenness; at rest speed is nil and the rate is the
+    bias. The idea of low-passing gravity in that frame is that of Laidig and Seel, Information Fusion 91, 2023; here the
+    third-order low-pass, its start and the gains for bias and heading follow from the covariance.
+
+    Examples
+    --------
+    >>> field = [20e3, 0.0, 45e3]
+    >>> still = Samples(0.01 * np.arange(300), 0.01, [[0.0, 0.0, 9.81]] * 300, [field] * 300, [[0.0, 0.0, 0.0]] * 300)
+    >>> found = complementary_attitude(still)
+    >>> bool(found.angles.inclination[-1] < 1e-9), len(found)
+    (True, 300)
     """
     stream = ComplementaryStream(samples.interval, settings, magnetometer=samples.has("mag"))
     return replace(stream.push(samples), notes=stream.notes())
