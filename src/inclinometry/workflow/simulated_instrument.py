@@ -14,8 +14,12 @@ from types import TracebackType
 import numpy as np
 
 from inclinometry.core.errors import InputError
+from inclinometry.io.instrument.encoder import encode
+from inclinometry.io.instrument.fields import FieldReader, Refused
+from inclinometry.io.instrument.framing import Lines
 from inclinometry.io.instrument.protocol import Protocol
 from inclinometry.io.instrument.protocol_toml import read_protocol
+from inclinometry.io.instrument.sample import Sample
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.rig import Rig
 from inclinometry.simulate.tool import realistic_tool
@@ -66,8 +70,8 @@ class SimulatedInstrument:
     --------
     >>> with SimulatedInstrument(seed=1) as instrument:
     ...     instrument.move(0.0, 1.0, 0.0)
-    ...     instrument.url.startswith("socket://127.0.0.1:"), instrument.position()[1]
-    (True, 0.0)
+    ...     instrument.url.startswith("socket://127.0.0.1:"), instrument.ready()
+    (True, False)
     """
 
     def __init__(
@@ -98,6 +102,7 @@ class SimulatedInstrument:
         settings = replace(settings, misread=(*settings.misread, *faults.misread))
         self.stand = SimulatedStand(self.tool, default_rig() if rig is None else rig, seed, settings)
         self.rig = self.stand.rig
+        speaks(self.protocol, self.stand.sample(0, 0.0))
         self._talker = Talker(self.protocol, self.stand, Fate(faults, seed), Timing(rate, speed), on_line, last)
         self._server = LineServer(host, port, self._talker.serve)
         self._rig_server: LineServer | None = None
@@ -208,6 +213,24 @@ def fits(tool: Tool, protocol: Protocol) -> None:
             raise InputError(
                 f"{kind} of tool {tool.name!r} reads {triad.unit}, {want}; write a protocol with that unit"
             )
+
+
+def speaks(protocol: Protocol, sample: Sample) -> None:
+    """Refuse a protocol whose own lines it would not read.
+
+    Raises
+    ------
+    InputError
+        A pattern without a template, or with one that does not fit it.
+    """
+    data = encode(protocol, sample)
+    reader = FieldReader(protocol)
+    try:
+        found = [reader.take(line) for line in Lines(protocol).feed(data)]
+    except Refused as refused:
+        raise InputError(f"protocol {protocol.name!r} does not read what it writes: {refused.why}") from None
+    if not any(found):
+        raise InputError(f"protocol {protocol.name!r} does not read what it writes: {data[:60]!r}")
 
 
 def from_truth(path: str | Path) -> tuple[Tool, Rig]:

@@ -1,0 +1,90 @@
+"""inclinometry simulate instrument: a real program on a real port, stopped by signals."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from inclinometry.io.instrument.protocol_toml import read_protocol
+from inclinometry.io.instrument.rig import ScpiRig
+from inclinometry.workflow.laboratory.live import LiveFeed
+
+COMMAND = [sys.executable, "-m", "inclinometry", "simulate", "instrument", "--port", "0"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are of Unix")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_serves_until_it_is_stopped(number, tmp_path):
+    # the program of a shell script starts with Ctrl-C ignored; ours must listen to it all the same
+    arguments = [*COMMAND, "--rig-port", "0", "--json", "--speed", "20", "--protocol", "query-response"]
+    with subprocess.Popen(
+        arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, text=True
+    ) as program:
+        try:
+            text = ""
+            while not text.rstrip().endswith("}"):
+                line = program.stdout.readline()
+                assert line, program.stderr.read()
+                text += line
+            where = json.loads(text)
+            host, port = where["rig"].split(":")
+            rig = ScpiRig(host, int(port))
+            rig.move(0.0, np.radians(90.0), 0.0)
+            with LiveFeed(where["url"], read_protocol("query-response"), backoff=(0.02, 0.2)) as feed:
+                end = time.monotonic() + 10.0
+                while feed.counts.get("samples", 0) < 3 or not rig.ready():
+                    assert time.monotonic() < end
+                    time.sleep(0.02)
+            rig.close()
+            program.send_signal(number)
+            assert program.wait(10.0) == 0
+            assert program.stderr.read() == ""
+        finally:
+            program.kill()
+
+
+def test_it_stops_by_itself_and_says_where_it_was(run):
+    done = run("simulate", "instrument", "--port", 0, "--rig-port", 0, "--duration-s", 0.2)
+    assert done.status == 0
+    assert "socket://127.0.0.1:" in done.out
+    assert "SCPI" in done.out
+    assert "stopped after" in done.out
+
+
+def test_a_truth_is_visited_again(bench, run):
+    bench("twelve", "--bits", 16)
+    done = run("simulate", "instrument", "--port", 0, "--tool", "truth.json", "--plan", "twelve", "--duration-s", 0.1)
+    assert done.status == 0, done.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--port", 70000], "port is 70000"),
+        (["--port", 0, "--faults", "garbages=1"], "allowed: garbage, dropout"),
+        (["--port", 0, "--faults", "garbage=2"], "a share from 0 to 1"),
+        (["--port", 0, "--protocol", "modbus"], "csv-line, query-response, wits0"),
+        (["--port", 0, "--protocol", "none.toml"], "there is no such file"),
+        (["--port", 0, "--tool", "none.json"], "none.json"),
+        (["--port", 0, "--plan", "thirteen"], "plan 'thirteen' is unknown"),
+        (["--port", 0, "--rate-hz", 0], "rate is 0"),
+        (["--port", 0, "--speed", -1], "speed is -1"),
+        (["--port", 0, "--dwell-s", 0], "dwell is 0"),
+        (["--port", 0, "--duration-s", 0], "--duration-s is 0"),
+        (["--port", 0, "--seed", -1], "seed is -1"),
+        (["--port", 0, "--host", "256.0.0.1"], "cannot listen"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(run, arguments, expected):
+    done = run("simulate", "instrument", *arguments)
+    assert done.status == 2
+    assert expected in done.err
+    assert done.err.count("\n") == 1
+    assert os.listdir() == []  # noqa: PTH208
