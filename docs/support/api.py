@@ -9,6 +9,7 @@ import io
 import pkgutil
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import inclinometry
 
@@ -76,12 +77,21 @@ def _room(room: str) -> str:
     importlib.import_module(f"inclinometry.{room}")
     package = sys.modules[f"inclinometry.{room}"]
     lines = [f"# {room}", "", (package.__doc__ or "").splitlines()[0], ""]
-    for found in pkgutil.iter_modules(package.__path__):
-        if found.name.startswith("_"):
-            continue
-        name = f"inclinometry.{room}.{found.name}"
-        lines += [f"## {room}.{found.name}", "", "```{eval-rst}", f".. automodule:: {name}", "   :members:", "```", ""]
+    for name in _modules(package):
+        title = name.removeprefix("inclinometry.")
+        lines += [f"## {title}", "", "```{eval-rst}", f".. automodule:: {name}", "   :members:", "```", ""]
     return "\n".join(lines)
+
+
+def _modules(package: ModuleType) -> list[str]:
+    """Public modules of a room, those of its families (packages inside it) too; scripts of a database are none."""
+    names: list[str] = []
+    for found in pkgutil.iter_modules(package.__path__):
+        if found.name.startswith("_") or found.name == "migrations":
+            continue
+        name = f"{package.__name__}.{found.name}"
+        names += _modules(importlib.import_module(name)) if found.ispkg else [name]
+    return names
 
 
 def _commands() -> str:
