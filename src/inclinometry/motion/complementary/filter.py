@@ -155,8 +155,8 @@ def complementary_attitude(samples: Samples, settings: ComplementarySettings | N
     The gyro turns the tool into a level frame that is nearly inertial. There, over blocks of `update_s`, a Kalman
     filter of 12 error states uses four facts: the second integral of apparent gravity less gravity is a place, which
     stays within `sway_m`; the field is the same everywhere but for its unevenness; at rest speed is nil and the rate is
-    the bias. The idea of low-passing gravity in that frame is that of Laidig and Seel, Information Fusion 91, 2023; here
-    the third-order low-pass, its start and the gains for bias and heading follow from the covariance.
+    the bias. The idea of low-passing gravity in that frame is that of Laidig and Seel, Information Fusion 91, 2023;
+    here the third-order low-pass, its start and the gains for bias and heading follow from the covariance.
 
     Examples
     --------
