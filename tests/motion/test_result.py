@@ -91,3 +91,14 @@ def test_samples_must_be_even_finite_and_of_one_length() -> None:
         Samples(time, 0.01)
     with pytest.raises(InputError, match="positive"):
         Samples(time, 0.0, accel=field)
+
+
+def test_a_part_of_an_even_stretch_is_even_however_its_first_stamp_jitters() -> None:
+    """Stamps 0.45 of an interval late and early by turns, cut behind a late one."""
+    time = 0.01 * np.arange(10) + 0.0045 * np.where(np.arange(10) % 2, 1.0, -1.0)
+    time[0] = 0.0
+    whole = Samples(time, 0.01, mag=np.ones((10, 3)))
+    part = whole.part(3, 9)
+    assert len(part) == 6
+    assert part.mag is not None
+    assert part.mag.base is not None

@@ -107,8 +107,10 @@ class Samples:
         >>> len(Samples([0.0, 0.5, 1.0], 0.5, gyro=[[0.0, 0.0, 1.0]] * 3).part(1, 3))
         2
         """
-        cut = {
-            name: None if getattr(self, name) is None else getattr(self, name)[start:stop]
-            for name in (*CHANNELS, "temperature", "clipped")
-        }
-        return Samples(self.time[start:stop], self.interval, **cut)
+        # not checked again: a part of an even stretch is even, but its own first stamp may jitter the other way
+        cut = object.__new__(Samples)
+        object.__setattr__(cut, "interval", self.interval)
+        for name in ("time", *CHANNELS, "temperature", "clipped"):
+            value = getattr(self, name)
+            object.__setattr__(cut, name, None if value is None else value[start:stop])
+        return cut
