@@ -1,0 +1,65 @@
+"""Charts that follow the theme: lines, points with error bars."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from nicegui import ui
+
+BLUE: Final = "#2f7fd0"
+GREY: Final = "#8896a4"
+RED: Final = "#d0453b"
+
+
+def chart(options: dict[str, Any], label: str, *, height: str = "260px") -> None:
+    """A chart with a name for those who cannot see it."""
+    common: dict[str, Any] = {
+        "animation": False,
+        "backgroundColor": "transparent",
+        "grid": {"left": 60, "right": 20, "top": 30, "bottom": 45},
+        "tooltip": {"trigger": "axis"},
+    }
+    ui.echart(common | options).style(f"height:{height};width:100%").props(f'role="img" aria-label="{label}"')
+
+
+def axis(name: str, *, kind: str = "value", data: Sequence[str] | None = None) -> dict[str, Any]:
+    """An axis with its name and unit."""
+    found: dict[str, Any] = {
+        "type": kind,
+        "name": name,
+        "nameLocation": "middle",
+        "nameGap": 30 if kind != "value" or data is not None else 45,
+        "axisLabel": {"color": GREY},
+        "nameTextStyle": {"color": GREY},
+        "splitLine": {"lineStyle": {"opacity": 0.2}},
+        "scale": True,
+    }
+    if data is not None:
+        found["data"] = list(data)
+    return found
+
+
+def band(name: str, middle: Sequence[float], half: Sequence[float], colour: str = BLUE) -> list[dict[str, Any]]:
+    """Series of a line with its band: the lower edge, unseen, then the width stacked on it, then the line."""
+    low = [m - h for m, h in zip(middle, half, strict=True)]
+    width = [2.0 * h for h in half]
+    hidden = {"type": "line", "symbol": "none", "lineStyle": {"opacity": 0}, "tooltip": {"show": False}, "silent": True}
+    return [
+        {**hidden, "name": f"{name} -", "data": low, "stack": name, "stackStrategy": "all"},
+        {
+            **hidden,
+            "name": f"{name} +",
+            "data": width,
+            "stack": name,
+            "stackStrategy": "all",
+            "areaStyle": {"color": colour, "opacity": 0.2},
+        },
+        {
+            "type": "line",
+            "name": name,
+            "data": list(middle),
+            "lineStyle": {"color": colour},
+            "itemStyle": {"color": colour},
+        },
+    ]

@@ -1,0 +1,199 @@
+"""A recorded calibration: parameters, residuals, what it promises, what changed, other methods beside it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from fastapi import HTTPException, Request
+from nicegui import run, ui
+
+from inclinometry.calibration.capability import capability
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.errors import InclinometryError
+from inclinometry.store.ledger import LedgerError, Record
+from inclinometry.web.frame import Visitor, frame
+from inclinometry.web.pages.charts import BLUE, axis, chart
+from inclinometry.workflow.calibrate import compare
+from inclinometry.workflow.laboratory.results import calibration_of, history, parameters
+from inclinometry.workflow.laboratory.session import bench_readings, load_session
+from inclinometry.workflow.laboratory.standing import BOTH
+
+MAP_INCLINATIONS = np.radians([2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
+
+
+@ui.page("/results/{calibration}")
+def result_page(request: Request, calibration: str) -> None:
+    """One calibration."""
+    with frame(request, "results.title") as visitor:
+        try:
+            record = visitor.bench.ledger.get("calibration", calibration)
+        except LedgerError as error:
+            raise HTTPException(404, str(error)) from None
+        found = calibration_of(record)
+        _summary(visitor, record, found)
+        _promise(visitor, record)
+        _map(visitor, found)
+        _residuals(visitor, found)
+        _parameters(visitor, record, found)
+        _methods(visitor, record)
+
+
+def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
+    say = visitor.say
+    with ui.card().classes("panel"):
+        ui.label(f"{record.keys['serial']} · {record.created[:16].replace('T', ' ')} UTC").classes("subtitle number")
+        about = record.body.get("summary", {})
+        text = f"{about.get('plan', '')} · {about.get('rig', '')} · {found.method} · {record.author}"
+        ui.label(text).classes("dim")
+        for sentence in found.warnings:
+            ui.label(sentence).classes("warn")
+        if not found.warnings:
+            ui.label(say("results.no_warnings")).classes("good")
+        with ui.row():
+            if visitor.user.may("capture"):
+                ui.link(say("results.verify"), f"/verify?calibration={record.id}")
+            if visitor.user.may("issue"):
+                ui.link(say("results.certificate"), f"/certificates/new?calibration={record.id}")
+            ui.link(say("results.tool_json"), f"/api/v1/calibrations/{record.id}")
+
+
+def _promise(visitor: Visitor, record: Record) -> None:
+    """Expanded uncertainty of the angles over inclination, as recorded."""
+    table = record.body.get("capability_deg", {})
+    if not table:
+        return
+    say, places = visitor.say, [f"{x:g}" for x in table["inclination_deg"]]
+    series: list[dict[str, Any]] = [
+        {"type": "line", "name": say(f"bench.{name}"), "data": table[f"U_{name}_deg"]}
+        for name in ("inclination", "azimuth", "toolface")
+    ]
+    with ui.card().classes("panel"):
+        ui.label(say("results.promise", k=f"{table['coverage_factor']:g}")).classes("subtitle")
+        options = {
+            "legend": {"textStyle": {"color": "#8896a4"}},
+            "xAxis": axis(say("results.inclination"), kind="category", data=places),
+            "yAxis": axis(say("results.degrees"), kind="log"),
+            "series": series,
+        }
+        chart(options, say("results.promise", k="2"))
+
+
+def _map(visitor: Visitor, found: Calibration) -> None:
+    """U(azimuth) from the calibration alone over inclination and azimuth, worst toolface."""
+    tool, dip = found.tool, found.dip
+    if dip is None or not all(kind in tool.triads and tool.triads[kind].full for kind in BOTH):
+        return
+    heat = next(iter(tool.triads.values())).reference_temperature
+    spread = capability(tool, MAP_INCLINATIONS, dip, temperature=heat).components["calibration"][..., 1].max(axis=2)
+    values = np.degrees(2.0 * np.sqrt(spread))
+    say, turns = visitor.say, values.shape[1]
+    cells = [[a, i, round(float(values[i, a]), 4)] for i in range(len(values)) for a in range(turns)]
+    with ui.card().classes("panel"):
+        ui.label(say("results.map")).classes("subtitle")
+        options = {
+            "tooltip": {"trigger": "item"},
+            "xAxis": axis(say("results.azimuth"), kind="category", data=[f"{360 * a / turns:g}" for a in range(turns)]),
+            "yAxis": axis(
+                say("results.inclination"),
+                kind="category",
+                data=[f"{x:g}" for x in np.degrees(MAP_INCLINATIONS).round(6)],
+            ),
+            "visualMap": {
+                "min": 0.0,
+                "max": float(np.quantile(values, 0.9)),
+                "calculable": True,
+                "right": 0,
+                "textStyle": {"color": "#8896a4"},
+            },
+            "grid": {"left": 60, "right": 110, "top": 20, "bottom": 45},
+            "series": [{"type": "heatmap", "data": cells}],
+        }
+        chart(options, say("results.map"), height="300px")
+
+
+def _residuals(visitor: Visitor, found: Calibration) -> None:
+    """Standardised residuals station by station."""
+    say, residuals = visitor.say, found.residuals
+    series = []
+    for kind, values in residuals.standardised.items():
+        for column in range(values.shape[1]):
+            name = f"{kind} {'xyz'[column] if column < 3 else column + 1}"
+            series.append(
+                {"type": "scatter", "symbolSize": 7, "name": name, "data": values[:, column].round(3).tolist()}
+            )
+    with ui.card().classes("panel"):
+        ui.label(say("results.residuals")).classes("subtitle")
+        options = {
+            "legend": {"textStyle": {"color": "#8896a4"}, "type": "scroll"},
+            "xAxis": axis(say("results.position"), kind="category", data=list(residuals.station)),
+            "yAxis": axis(say("results.standardised")),
+            "series": series,
+        }
+        chart(options, say("results.residuals"))
+
+
+def _parameters(visitor: Visitor, record: Record, found: Calibration) -> None:
+    """Each parameter with its uncertainty and its change since the calibration before."""
+    say = visitor.say
+    before = _before(visitor, record)
+    rows = []
+    for name, (value, u) in parameters(found).items():
+        row: dict[str, Any] = {"name": name, "value": f"{value:.7g}", "u": f"{u:.2g}", "change": "", "ratio": ""}
+        if name in before:
+            change, spread = value - before[name][0], float(np.hypot(u, before[name][1]))
+            row["change"] = f"{change:+.3g}"
+            row["ratio"] = f"{abs(change) / spread:.1f}" if spread > 0.0 else ""
+        rows.append(row)
+    columns = [
+        {"name": key, "label": say(f"results.{key}"), "field": key, "align": "left" if key == "name" else "right"}
+        for key in ("name", "value", "u", "change", "ratio")
+    ]
+    with ui.card().classes("panel"):
+        ui.label(say("results.parameters")).classes("subtitle")
+        ui.table(columns=columns, rows=rows, row_key="name", pagination=12).classes("number").props("flat dense")
+
+
+def _before(visitor: Visitor, record: Record) -> dict[str, tuple[float, float]]:
+    seen = history(visitor.bench.ledger, record.keys["serial"])
+    place = list(seen.records).index(record.id) if record.id in seen.records else 0
+    if place == 0:
+        return {}
+    return {name: (float(seen.values[name][place - 1]), float(seen.u[name][place - 1])) for name in seen.values}
+
+
+def _methods(visitor: Visitor, record: Record) -> None:
+    """Other methods on the same readings, worked out when asked for."""
+    say = visitor.say
+    with ui.card().classes("panel"):
+        ui.label(say("results.methods")).classes("subtitle")
+        box = ui.column()
+
+        async def work() -> None:
+            box.clear()
+            with box:
+                ui.spinner()
+            try:
+                lines = await run.io_bound(lambda: _compared(visitor, record))
+            except InclinometryError as error:
+                lines = [str(error)]
+            box.clear()
+            with box:
+                for line in lines or []:
+                    ui.label(line).classes("number")
+
+        ui.button(say("results.compare"), on_click=work).props("outline no-caps").style(f"color:{BLUE}")
+
+
+def _compared(visitor: Visitor, record: Record) -> list[str]:
+    session = load_session(visitor.bench.ledger, record.keys["session"])
+    found = compare(bench_readings(session))
+    lines = []
+    for attempt in found.attempts:
+        expected = found.uncertainty.get(attempt.method)
+        if attempt.calibration is None:
+            lines.append(f"{attempt.method}: {attempt.reason}")
+        elif expected is not None:
+            worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected[:, 1]))
+            lines.append(f"{attempt.method}: u(azimuth) {worst} deg at 5, 30, 60, 90 deg")
+    return lines
