@@ -28,7 +28,7 @@ from inclinometry.motion.window_filter import WindowFilterSettings
 from inclinometry.simulate.drilling import SCENARIOS
 from support.figures import table
 
-DRAWS, TOOLS, SEEDS = 5, 10, 6
+DRAWS, TOOLS, SEEDS = 5, 16, 6
 VQF = {
     "VQF": {"smooth": (0.014, 2.809), "vibration-5g": (0.026, 2.831), "stick-slip": (0.129, 3.690),
             "sliding": (0.060, 1.066), "fast": (0.042, 13.003)},
@@ -67,7 +67,6 @@ def scenarios() -> dict[str, str]:
     """The benchmark's two tables."""
     found = motion.run(DRAWS, TOOLS)
     ways = list(next(iter(found["table"].values())))
-    rows = [[f"`{name}`", *(_cell(cells[way]) for way in ways)] for name, cells in found["table"].items()]
     given = [
         [f"`{name}`, {seconds} s", pair(want), _cell(found["table"][name][f"magnetic {seconds} s"])]
         for (name, seconds), want in motion.REFERENCE.items()
@@ -75,12 +74,35 @@ def scenarios() -> dict[str, str]:
     some = list(next(iter(found["drawn tools"].values())))
     honest = [[f"`{name}`", *(_honest(cells[way]) for way in some)] for name, cells in found["drawn tools"].items()]
     return {
-        "scenario_table": table(["scenario", *ways], rows),
-        "reference_table": table(["scenario, window", "reference", "found"], given),
+        **{
+            f"scenario_{angle}": table(
+                ["scenario", *ways],
+                [[f"`{name}`", *(_one(cells[way], angle) for way in ways)] for name, cells in found["table"].items()],
+            )
+            for angle in ("inclination", "azimuth")
+        },
+        "motion_reference": table(["scenario, window", "reference", "found"], given),
         "honest_table": table(["scenario", *some], honest),
         "scenario_draws": str(DRAWS),
+        "scenario_refused": _refused(found["table"]),
         "honest_tools": str(TOOLS),
     }
+
+
+def _refused(cells: dict) -> str:
+    """What share of the rows was refused, where any was."""
+    lost = [
+        f"{100.0 * one['refused']:.0f} % of {way} in `{name}` ({', '.join(one['why refused'])})"
+        for name, ways in cells.items()
+        for way, one in ways.items()
+        if one["refused"]
+    ]
+    return f"Refused: {'; '.join(lost)}." if lost else "No window was refused."
+
+
+def _one(one: dict, angle: str) -> str:
+    """Error of one angle."""
+    return f"{one[f'{angle}_deg']:.3f}" if f"{angle}_deg" in one else "none"
 
 
 def _cell(one: dict) -> str:
