@@ -51,7 +51,7 @@ def test_every_option_named_in_a_page_exists(capsys):
             main([command, "--help"])
         known += capsys.readouterr().out
     groups = {
-        "simulate": ("bench", "well", "log", "gyro", "drilling"),
+        "simulate": ("bench", "well", "log", "gyro", "drilling", "instrument"),
         "gyro": ("north", "scale", "plan", "quality", "table"),
         "shots": ("rotation", "repeat", "dual-depth"),
     }
