@@ -27,6 +27,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 
 from inclinometry.calibration.plans import Plan  # noqa: E402
+from inclinometry.io.instrument.protocol_toml import read_protocol  # noqa: E402
 from inclinometry.io.instrument.sample import Sample  # noqa: E402
 from inclinometry.store.admin import create  # noqa: E402
 from inclinometry.store.ledger import Ledger  # noqa: E402
@@ -139,6 +140,8 @@ def memory() -> float:
 
 def run(hours: float = 24.0, protocol: str = "csv-line", seed: int = 1) -> dict:
     """Send so many hours of samples and account for each of them."""
+    if read_protocol(protocol).query:
+        raise ValueError(f"{protocol} waits a second for each answer that is missing; choose a protocol that streams")
     count = int(hours * 3600.0 * RATE)
     account, start, sizes = Account(count), time.perf_counter(), []
     with tempfile.TemporaryDirectory() as folder:

@@ -207,13 +207,22 @@ def test_what_is_refused():
     with pytest.raises(CaptureError, match="out of range or stuck"):
         bench.feed.capture((0.0, 0.0, 0.0), 5.0)
     bench.rest(5.1).feed.capture((0.0, 0.0, 0.0), 5.0)
-    bench.now += 3.0
-    with pytest.raises(CaptureError, match=r"no sample for 3\.0 s"):
+    bench.now += 3.5
+    with pytest.raises(CaptureError, match=r"no sample for 3\.5 s"):
         bench.feed.capture((0.0, 0.0, 0.0), 5.0)
     with pytest.raises(InputError, match="how"):
         bench.feed.capture((0.0, 0.0, 0.0), 5.0, "import")
     with pytest.raises(InputError, match="dial"):
         bench.feed.capture((0.0, float("nan"), 0.0), 5.0)
+
+
+def test_a_slow_instrument_says_how_long_to_look():
+    bench = Bench()
+    for _ in range(6):
+        bench.now += 0.9
+        bench.put(LEVEL)
+    with pytest.raises(CaptureError, match="look at 8 s, it sends slowly"):
+        bench.feed.capture((0.0, 0.0, 0.0), 5.0)
 
 
 def test_the_ring_forgets_what_is_old():

@@ -34,7 +34,7 @@ WINDOW: Final = 5.0
 CAPACITY: Final = 36_000
 """Samples kept: an hour at 10 Hz."""
 STALE: Final = 2.0
-"""s without a sample after which the newest one says nothing about now."""
+"""s without a sample after which the newest one says nothing about now; longer for a protocol with a longer silence."""
 EVENTS_KEPT: Final = 500
 LONGEST: Final = 3600.0
 
@@ -286,7 +286,7 @@ class LiveFeed:
         """Why nothing can be said of this window; empty when something can."""
         if not self.connected:
             return "disconnected", f"{self.url} is not connected; it is tried again and again: check the cable"
-        if self.age > STALE:
+        if self.age > max(STALE, self.protocol.silence):
             return "stale", f"no sample for {self.age:.1f} s; is the tool switched on?"
         if window.faulty.any():
             bad, total = int(window.faulty.sum()), len(window)
@@ -295,10 +295,12 @@ class LiveFeed:
                 f"{bad} of {total} samples are out of range or stuck; wait {seconds:g} s, then check the tool",
             )
         # a window of so many seconds is full when the next sample would not fit any more
-        short = window.duration + (window.duration / max(len(window) - 1, 1)) < 0.9 * seconds
-        if short or len(window) < LEAST:
+        step = window.duration / max(len(window) - 1, 1)
+        if window.duration + step < 0.9 * seconds or len(window) < LEAST:
             have = f"{len(window)} samples in {window.duration:.1f} of {seconds:g} s"
-            return "few", f"{have}; at least {LEAST} samples over the whole time are needed: wait"
+            slow = len(window) > 1 and seconds < (LEAST - 1) * step
+            remedy = f"look at {np.ceil(LEAST * step):g} s, it sends slowly" if slow else "wait"
+            return "few", f"{have}; at least {LEAST} samples over the whole time are needed: {remedy}"
         return "", ""
 
     def capture(
