@@ -18,6 +18,7 @@ from inclinometry.io._json import canonical
 from inclinometry.io.tool_json import calibration_content, calibration_from
 from inclinometry.sensors.tool import parameter_vector
 from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
+from inclinometry.workflow.laboratory.listing import extract, listed
 from inclinometry.workflow.laboratory.registry import find_rig, find_site
 from inclinometry.workflow.laboratory.session import close_session_draft, load_session
 from inclinometry.workflow.laboratory.standing import BOTH, Goal, standing
@@ -59,6 +60,7 @@ def finish_calibration(
             "positions": len(seen.valid),
             "warnings": list(found.warnings),
             "odd": {str(number): sentence for number, sentence in now.odd.items()},
+            "parameters": [[name, *pair] for name, pair in parameters(found).items()],
         },
         "program": program(),
     }
@@ -135,17 +137,25 @@ def history(ledger: Ledger, serial: str, *, limit: int = 200) -> History:
     InputError
         A tool that was never calibrated.
     """
-    records = ledger.find("calibration", serial=serial, newest=True, limit=limit)[::-1]
+    records = listed(ledger, "calibration", serial=serial, limit=limit)[::-1]
     if not records:
         raise InputError(f"tool {serial!r} has no calibration in this ledger")
-    found = [calibration_of(record) for record in records]
-    names = list(dict.fromkeys(name for one in found for name in one.tool.parameter_names))
+    found = [extract(ledger, record, "parameters", recorded_parameters) for record in records]
+    names = list(dict.fromkeys(name for one in found for name in one))
     values = {name: np.full(len(found), np.nan) for name in names}
     u = {name: np.full(len(found), np.nan) for name in names}
     for row, one in enumerate(found):
-        for name, (value, sd) in parameters(one).items():
+        for name, (value, sd) in one.items():
             values[name][row], u[name][row] = value, sd
     return History(serial, [r.created for r in records], [r.id for r in records], values, u)
+
+
+def recorded_parameters(record: Record) -> dict[str, tuple[float, float]]:
+    """Parameter -> (estimate, standard uncertainty) of a recorded calibration, from its summary where it has one."""
+    summary = record.body.get("summary", {}).get("parameters")
+    if summary:
+        return {str(name): (float(value), float(sd)) for name, value, sd in summary}
+    return parameters(calibration_of(record))
 
 
 def parameters(calibration: Calibration) -> dict[str, tuple[float, float]]:
