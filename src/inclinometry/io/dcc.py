@@ -291,6 +291,6 @@ def _numbers(root: Any) -> Dcc:
         str(find("//dcc:item/dcc:identifications/dcc:identification/dcc:value")[0].text),
         table,
         {n: (float(v), float(s)) for n, v, s in zip(names, values, spread, strict=True)},
-        np.array(cells).reshape(size, size),
+        np.array(cells).reshape(size, size).T,  # written column by column
         errors,
     )

@@ -250,7 +250,7 @@ def _remarks(record: Content, say: Words) -> Content | None:
 def _inputs(record: Content, say: Words) -> Content:
     rows = [[name, digest] for name, digest in record["inputs"].items()]
     head = [say("input"), "SHA-256"]
-    made = tables.table("", head, rows, size=7.0) | {"columns": ["auto", "fr"]}
+    made = tables.table("", head, rows, left=2, size=7.0) | {"columns": ["auto", "fr"]}
     return tables.section(say("inputs"), [record["program"]], tables=[made] if rows else [])
 
 

@@ -131,7 +131,7 @@ def _item(tool: Tool, order: Order) -> Record:
     return {
         "name": order.item,
         "manufacturer": order.manufacturer,
-        "serial": order.serial or tool.name,
+        "serial": order.serial,
         "condition": order.condition,
         "triads": [
             {

@@ -160,7 +160,7 @@ def verification_section(record: Content, say: Words) -> Content | None:
         tables=tables,
         figures=_curves(positions, say),
         new_page=True,
-        list=report["reasons"],
+        list=[*report["reasons"], *report["warnings"]],
     )
 
 

@@ -96,7 +96,7 @@ def _completed(order: Order, calibration: Calibration, today: date | None) -> Or
     if order.serial and name not in UNNAMED and order.serial != name:
         raise InputError(f"the order is for {order.serial!r:.60}, the calibration of {name!r:.60}")
     issued = order.issued or today or datetime.now(UTC).date()
-    return replace(order, serial=order.serial or name, issued=issued)
+    return replace(order, serial=order.serial or ("" if name in UNNAMED else name), issued=issued)
 
 
 def _named(before: Calibration | None, path: Path | None) -> str:

@@ -143,10 +143,8 @@ def certificates(ledger: Ledger, *, serial: str | None = None, limit: int = 50, 
 def documents(ledger: Ledger, record: Record) -> dict[str, tuple[str, str, bytes]]:
     """ "pdf", "dcc", "json" -> (file name, media type, bytes) of a certificate."""
     stem = re.sub(r"[^\w.-]+", "_", f"{record.keys['number']}_{record.keys['serial']}")
-    return {
-        name: (f"{stem}{ENDINGS.get(name, '')}", *ledger.document(digest))
-        for name, digest in record.body["documents"].items()
-    }
+    digests = record.body["documents"]
+    return {name: (f"{stem}{end}", *ledger.document(digests[name])) for name, end in ENDINGS.items() if name in digests}
 
 
 def next_number(ledger: Ledger, year: int) -> str:

@@ -1,0 +1,187 @@
+"""The certificate on paper: everything it must say is on it, literally, on numbered pages, in three languages."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration.capability import capability
+from inclinometry.core.digest import digest_bytes
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.io.certificate_json import read_certificate, record_bytes, record_digest, write_certificate
+from inclinometry.report.certificate import certificate_pdf
+from inclinometry.report.certificate_record import coverage_probability
+from inclinometry.report.certificate_words import chinese_font, words
+
+from .certificates import LABORATORY, NASTY, ORDER, calibration, record, verification
+
+poppler = pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext is not installed")
+
+
+def pages(pdf: bytes, tmp_path: Path) -> list[str]:
+    """Text of each page, blanks and breaking places evened out."""
+    file = tmp_path / "certificate.pdf"
+    file.write_bytes(pdf)
+    text = subprocess.run(["pdftotext", "-layout", file, "-"], capture_output=True, check=True).stdout.decode()
+    return [" ".join(page.replace("\u200b", "").split()) for page in text.split("\f")[:-1]]
+
+
+def test_the_same_record_gives_the_same_archive_pdf() -> None:
+    """PDF/A-2b by its own metadata; the digest stands in it; the bytes repeat."""
+    content = record()
+    pdf = certificate_pdf(content)
+    assert pdf == certificate_pdf(json.loads(json.dumps(content)))
+    assert record_digest(content).encode() in pdf
+    assert re.search(rb"<pdfaid:part>2</pdfaid:part>\s*<pdfaid:conformance>B", pdf)
+    assert certificate_pdf(record(number="2026-0002")) != pdf
+
+
+@poppler
+def test_the_page_says_what_the_standard_asks_for(tmp_path: Path) -> None:
+    """ISO/IEC 17025, 7.8: who, what, for whom, when, how, result, unit, uncertainty, page n of m, end."""
+    content = record(head="7:" + "a" * 64, supersedes="2025-0003", order=replace(ORDER, interval_months=12))
+    found = pages(certificate_pdf(content), tmp_path)
+    first, whole = found[0], " ".join(found)
+    for text in (
+        "Calibration certificate", "No. 2026-0001", "Stand & Son", "2 Town", "Hall 3", "NA 12", "Driller",
+        "steering tool", "IN-7", "good", "2026-05-01", "2026-05-04 – 2026-05-05", "2026-05-06",
+        "orthogonal, 24 positions", "stand 1",
+        "temperature 21.5 to 23 °C", "level No. 7", "Anna, head", "12 months", "2025-0003", record_digest(content),
+        "7:" + "a" * 64, "The item conforms", "JCGM 106:2012, 8.2", "our own limits",
+    ):  # fmt: skip
+        assert text in first, text
+    for number, page in enumerate(found, 1):
+        assert f"2026-0001 Page {number} of {len(found)}" in page
+        assert "relate only to the item calibrated" in page
+    assert whole.endswith("End of certificate 2026-0001 — " + found[-1].rpartition("— ")[2])
+    for text in ("k = 2", "about 95 %", "U(I), °", "U0", "Residuals", "Verification at independent positions"):
+        assert text in whole, text
+
+
+@poppler
+def test_special_characters_are_printed_as_they_are(tmp_path: Path) -> None:
+    """Markup of the typesetter, of web pages and of spreadsheets in every free text."""
+    laboratory = replace(LABORATORY, name=NASTY, traceability=NASTY, address=NASTY)
+    order = replace(ORDER, customer=NASTY, item=NASTY, condition=NASTY, rig=NASTY, environment=NASTY, serial=NASTY)
+    content = record(laboratory=laboratory, order=order, previous=calibration(2), previous_from=NASTY, number=NASTY)
+    content["warnings"] = [NASTY]
+    whole = " ".join(pages(certificate_pdf(content), tmp_path)).replace(" ", "")
+    # name, traceability, address (twice: place), customer, item, condition, rig, environment, serial, number, ...
+    assert whole.count(NASTY.replace(" ", "")) >= 12
+
+
+def test_long_words_and_many_positions_stay_on_the_page() -> None:
+    """Nothing but the time grows."""
+    order = replace(ORDER, serial="X" * 180, customer="Y" * 400, condition="z " * 240)
+    seen = dict(verification())
+    seen["report"] = seen["report"] | {"positions": seen["report"]["positions"] * 40}
+    assert certificate_pdf(record(order=order, verification=seen)).startswith(b"%PDF")
+
+
+@poppler
+def test_russian_letters_are_shown(tmp_path: Path) -> None:
+    """Cyrillic with the fonts that come with the packages."""
+    first = pages(certificate_pdf(record(language="ru", order=replace(ORDER, customer="Буровая № 1"))), tmp_path)[0]
+    for text in ("Сертификат калибровки", "Буровая № 1", "Изделие соответствует", "Страница 1 из"):
+        assert text in first, text
+
+
+@poppler
+def test_chinese_is_shown_or_refused(tmp_path: Path) -> None:
+    """No boxes: without a font the certificate is refused in one sentence."""
+    content = record(language="zh")
+    if chinese_font() is None:
+        with pytest.raises(InputError, match="no font on this computer shows them; install one"):
+            certificate_pdf(content)
+        with pytest.raises(InputError, match="Chinese"):
+            certificate_pdf(record(order=replace(ORDER, customer="石油")))
+    else:
+        assert "校准证书" in pages(certificate_pdf(content), tmp_path)[0]
+
+
+def test_letters_without_a_font_are_refused() -> None:
+    """Never a box where a name should be."""
+    with pytest.raises(InputError, match="no font on this computer shows"):
+        certificate_pdf(record(order=replace(ORDER, customer="\U00013080")))
+
+
+def test_every_language_has_every_text() -> None:
+    """The same keys with the same places to fill in."""
+    texts = {language: words(language)._texts for language in ("en", "ru", "zh")}
+    for key, text in texts["en"].items():
+        for language in ("ru", "zh"):
+            assert sorted(re.findall(r"{\w+}", texts[language][key])) == sorted(re.findall(r"{\w+}", text)), key
+
+
+def test_uncertainties_are_those_of_the_calibration() -> None:
+    """Twice the worst standard uncertainty of each inclination, growing as 1 / sin I toward the vertical."""
+    table, found = record()["results"]["uncertainty"], calibration()
+    worst = capability(found.tool, np.radians(table["inclination_deg"]), found.dip).worst()
+    for place, name in enumerate(("inclination", "azimuth", "toolface")):
+        np.testing.assert_allclose(table[f"U_{name}_deg"], np.degrees(2.0 * worst[:, place]), rtol=1e-12)
+    product = np.array(table["U_toolface_deg"]) * np.sin(np.radians(table["inclination_deg"]))
+    assert product[0] == pytest.approx(product[1], rel=1e-2)
+    assert table["coverage_probability"] == round(coverage_probability(2.0), 4) == 0.9545
+
+
+def test_before_and_after() -> None:
+    """The earlier values, their difference; another kind of tool is refused."""
+    seen = record(previous=calibration(2), previous_from="2025-0001")["adjustment"]
+    assert seen["previous"] == "2025-0001"
+    assert 0.0 < seen["largest_difference_deg"]["azimuth"] < 1.0
+    assert [row["name"] for row in seen["parameters"]] == list(calibration().tool.parameter_names)
+
+
+@pytest.mark.parametrize(
+    ("seen", "statement", "rule"),
+    [
+        (lambda: verification(1.0), "pass", "simple"),
+        (lambda: verification(0.01), "fail", "simple"),
+        (lambda: verification(1.0, "expanded-uncertainty"), "pass", "guarded"),
+        (lambda: verification(None), "pass", "consistency"),
+        (lambda: None, "not assessed", None),
+    ],
+)
+def test_conformity_and_its_rule(seen, statement, rule) -> None:  # type: ignore[no-untyped-def]
+    """Stated as verified; every kind can be printed."""
+    content = record(verification=seen())
+    assert content["conformity"] == {"statement": statement, "rule": rule}
+    assert certificate_pdf(content).startswith(b"%PDF")
+
+
+def test_without_a_laboratory_it_says_that_it_is_none(tmp_path: Path) -> None:
+    """Printed all the same, with a box."""
+    pdf = certificate_pdf(record(laboratory=None))
+    if shutil.which("pdftotext"):
+        assert "not a certificate in the sense of ISO/IEC 17025" in pages(pdf, tmp_path)[0]
+
+
+def test_the_file_of_the_record(tmp_path: Path) -> None:
+    """Its digest is the one on the certificate; damage is refused with the place."""
+    content, path = record(), tmp_path / "record.json"
+    write_certificate(content, path)
+    assert read_certificate(path) == content
+    assert digest_bytes(path.read_bytes()) == record_digest(content)
+    path.write_bytes(record_bytes(content | {"language": "fr"}))
+    with pytest.raises(FileError, match=r"\$\.language is \"fr\"; it must be en, ru or zh"):
+        read_certificate(path)
+    path.write_bytes(record_bytes(content | {"version": 2}))
+    with pytest.raises(FileError, match="newer release"):
+        read_certificate(path)
+
+
+def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
+    """Control characters and marks that turn the direction of writing."""
+    content = record(order=replace(ORDER, customer="A\x00B\u202eC\nD"))
+    assert content["customer"]["name"] == "ABC\nD"
+    with pytest.raises(InputError, match="language is 'fr'"):
+        record(language="fr")
+    with pytest.raises(InputError, match="date of issue"):
+        record(order=replace(ORDER, issued=None))

@@ -1,0 +1,234 @@
+"""Certificates in the ledger: issued once, consecutive, voided or superseded, checked, refused."""
+
+from __future__ import annotations
+
+import copy
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.acceptance import Limits
+from inclinometry.core.errors import InputError
+from inclinometry.io.dcc import read_dcc
+from inclinometry.io.laboratory_toml import Laboratory
+from inclinometry.sensors.tool import Tool
+from inclinometry.simulate.tool import realistic_tool
+from inclinometry.store.ledger import Ledger, LedgerError, Record
+from inclinometry.store.verify import verify
+from inclinometry.workflow.laboratory.certificate_check import verify_certificate
+from inclinometry.workflow.laboratory.certificates import (
+    certificates,
+    documents,
+    issue,
+    next_number,
+    status,
+    supersede,
+    void,
+)
+from inclinometry.workflow.laboratory.registry import RegisteredSite, RegisteredTool, put_site, put_tool
+from inclinometry.workflow.laboratory.results import finish_calibration
+from inclinometry.workflow.laboratory.session import open_session
+from inclinometry.workflow.laboratory.verification import finish_verification
+
+LABORATORY = Laboratory("Stand 1", "Street 1", "NO", authoriser="Anna")
+WIDE, NARROW = (Limits("shop", "our own", float(np.radians(x)), None, None) for x in (5.0, 0.001))
+
+
+@pytest.fixture
+def made(laboratory: Ledger, bench: SimpleNamespace) -> Callable[..., tuple[str, str]]:
+    """made(seed, limits) -> ids of a calibration and its verification."""
+
+    def make(seed: int = 1, limits: Limits = WIDE) -> tuple[str, str]:
+        session = bench.calibrated(laboratory, plans.orthogonal(), seed)
+        calibration = finish_calibration(laboratory, session.id, author="anna").id
+        return calibration, checked(laboratory, bench, calibration, seed, limits)
+
+    return make
+
+
+def checked(ledger: Ledger, bench: SimpleNamespace, calibration: str, seed: int, limits: Limits) -> str:
+    """Id of a verification at six positions."""
+    tool: Tool = realistic_tool(7)
+    plan = plans.twelve()
+    session = open_session(ledger, "IN-7", plan, rig="stand 1", author="anna", purpose="verify")
+    bench.take(ledger, session, bench.sensors(tool, 100 + seed), range(1, 7))
+    return finish_verification(ledger, session.id, calibration, author="anna", limits=limits).id
+
+
+def test_from_issue_to_the_auditor(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """Number, documents, head of the chain; the check finds nothing; the ledger verifies."""
+    calibration, verification = made()
+    head = str(laboratory.head())
+    record = issue(laboratory, calibration, verification, LABORATORY, author="anna")
+    year = datetime.now(UTC).year
+    assert record.keys == {"number": f"{year}-0001", "serial": "IN-7"}
+    assert record.body["head"] == head
+    content = record.body["record"]
+    assert content["item"]["name"] == "steering tool"
+    assert content["interval_months"] == 12
+    assert content["conformity"] == {"statement": "pass", "rule": "simple"}
+    files = documents(laboratory, record)
+    assert [name for name, _, _ in files.values()] == [f"{year}-0001_IN-7{end}" for end in (".pdf", ".xml", ".json")]
+    assert files["pdf"][2].startswith(b"%PDF")
+    assert read_dcc(files["dcc"][2]).serial == "IN-7"
+    found = verify_certificate(laboratory, record.keys["number"])
+    assert found.ok, found.problems
+    assert verify(laboratory).ok
+    assert status(laboratory, record.keys["number"]).state == "issued"
+
+
+def test_numbers_are_consecutive_and_begin_anew_each_year(
+    laboratory: Ledger, made: Callable[..., tuple[str, str]]
+) -> None:
+    """A number of one's own does not disturb them; a taken one is refused."""
+    first, second, third = made(1)[0], made(2)[0], made(3)[0]
+    assert issue(laboratory, first, None, LABORATORY, author="a").keys["number"].endswith("-0001")
+    assert issue(laboratory, second, None, LABORATORY, author="a", number="X 1").keys["number"] == "X 1"
+    with pytest.raises(LedgerError, match="is taken; leave it out"):
+        issue(laboratory, third, None, LABORATORY, author="a", number="X 1")
+    year = datetime.now(UTC).year
+    assert next_number(laboratory, year) == f"{year}-0002"
+    assert next_number(laboratory, year + 1) == f"{year + 1}-0001"
+    previous = issue(laboratory, third, None, LABORATORY, author="a").body["record"]["adjustment"]["previous"]
+    assert previous.startswith("X 1 (")
+
+
+def test_what_does_not_belong_is_refused(
+    laboratory: Ledger, bench: SimpleNamespace, made: Callable[..., tuple[str, str]]
+) -> None:
+    """Another calibration's verification, a failed one unsaid, a second certificate, no laboratory."""
+    (one, good), (two, bad) = made(1), made(2, NARROW)
+    with pytest.raises(LedgerError, match="another calibration of this tool"):
+        issue(laboratory, one, bad, LABORATORY, author="a")
+    with pytest.raises(LedgerError, match="does not conform; agree to that"):
+        issue(laboratory, two, bad, LABORATORY, author="a")
+    with pytest.raises(LedgerError, match="no calibration record"):
+        issue(laboratory, good, None, LABORATORY, author="a")
+    with pytest.raises(InputError, match="laboratory is not known"):
+        issue(laboratory, one, good, author="a")
+    with pytest.raises(InputError, match="country"):
+        issue(laboratory, one, good, replace(LABORATORY, country=""), author="a")
+    assert certificates(laboratory) == []
+    stated = issue(laboratory, two, bad, LABORATORY, author="a", nonconforming=True)
+    assert stated.body["record"]["conformity"]["statement"] == "fail"
+    with pytest.raises(LedgerError, match=r"certified already by \d{4}-0001; void or supersede"):
+        issue(laboratory, two, None, LABORATORY, author="a")
+
+
+def test_a_verification_of_another_tool_is_refused(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """Though somebody recorded it with this calibration's id."""
+    calibration, verification = made()
+    body = laboratory.get("verification", verification).body
+    put_tool(laboratory, RegisteredTool("IN-8", "another"), author="a")
+    keys = {"serial": "IN-8", "calibration": calibration}
+    other = laboratory.append("verification", keys, body, author="a").id
+    with pytest.raises(LedgerError, match="verification is of tool IN-8, the calibration of IN-7"):
+        issue(laboratory, calibration, other, LABORATORY, author="a")
+
+
+def test_void_and_supersede_never_edit(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """The old records stay as they were; reasons are asked for; nothing is done twice."""
+    (one, good), (two, _) = made(1), made(2)
+    first = issue(laboratory, one, good, LABORATORY, author="a").keys["number"]
+    with pytest.raises(LedgerError, match="say why"):
+        void(laboratory, first, "  ", author="a")
+    second = supersede(laboratory, first, one, None, LABORATORY, reason="wrong customer", author="b")
+    assert second.body["supersedes"] == first
+    seen = status(laboratory, first)
+    assert (seen.state, seen.by, seen.reason) == ("superseded", second.keys["number"], "wrong customer")
+    assert void(laboratory, second.keys["number"], "tool dropped", author="a").state == "void"
+    for again in (first, second.keys["number"]):
+        with pytest.raises(LedgerError, match="already"):
+            void(laboratory, again, "x", author="a")
+        with pytest.raises(LedgerError, match="already"):
+            supersede(laboratory, again, two, None, LABORATORY, reason="x", author="a")
+    third = issue(laboratory, one, good, LABORATORY, author="a")
+    assert [found.state for found in certificates(laboratory, serial="IN-7")] == ["issued", "void", "superseded"]
+    for number in (first, second.keys["number"], third.keys["number"]):
+        assert verify_certificate(laboratory, number).ok
+    with pytest.raises(LedgerError, match="no certificate 'none'"):
+        status(laboratory, "none")
+
+
+def test_two_who_issue_at_once(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """Different calibrations get different numbers in sequence; the same one is certified once."""
+    one, two = made(1)[0], made(2)[0]
+    numbers: list[str] = []
+    refused: list[str] = []
+    start = threading.Barrier(3)
+
+    def work(calibration: str) -> None:
+        start.wait()
+        try:
+            numbers.append(issue(laboratory, calibration, None, LABORATORY, author="a").keys["number"])
+        except LedgerError as error:
+            refused.append(str(error))
+
+    threads = [threading.Thread(target=work, args=(name,)) for name in (one, two, two)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(number[-4:] for number in numbers) == ["0001", "0002"]
+    assert len(refused) == 1
+    assert "certified already" in refused[0]
+
+
+def test_the_laboratory_of_the_site(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """Taken from the site of the session; order and environment from the session; special characters kept."""
+    put_site(
+        laboratory, RegisteredSite("hall", laboratory={"name": "Hall <3>", "country": "NO", "fax": "1"}), author="a"
+    )
+    settings = {
+        "site": "hall",
+        "customer": "=A1 & #b",
+        "received": "2020-01-02",
+        "condition": "as new",
+        "order": "77",
+        "environment": {"temperature_degC": [20.0, 22.0], "humidity_percent": 40},
+    }
+    session = open_session(laboratory, "IN-7", plans.orthogonal(), rig="stand 1", author="a", settings=settings)
+    session = bench.take(laboratory, session, bench.sensors(realistic_tool(7), 5))
+    calibration = finish_calibration(laboratory, session.id, author="a").id
+    content = issue(laboratory, calibration, None, author="a").body["record"]
+    assert content["laboratory"]["name"] == "Hall <3>"
+    assert content["customer"] == {"name": "=A1 & #b", "address": "", "reference": "77"}
+    assert content["dates"]["received"] == "2020-01-02"
+    assert content["environment"] == {"text": "", "temperature_degC": [20.0, 22.0], "humidity_percent": [40.0, 40.0]}
+
+
+def forged(change: Callable[[dict[str, Any]], object], true: Record) -> dict[str, Any]:
+    """The body of a certificate with its record changed."""
+    body = copy.deepcopy(dict(true.body))
+    change(body["record"])
+    return body
+
+
+def test_a_record_that_contradicts_is_named(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """Whatever was recorded beside the documents."""
+    calibration, verification = made()
+    true = issue(laboratory, calibration, verification, LABORATORY, author="a")
+    changes: list[tuple[Callable[[dict[str, Any]], object], str]] = [
+        (
+            lambda content: content["results"]["parameters"][0].update(value=1.0),
+            "other parameters than its calibration",
+        ),
+        (lambda content: content["item"].update(serial="IN-9"), "JSON file is not its record"),
+        (lambda content: content["item"].update(serial="IN-9"), "PDF does not bear the digest"),
+        (lambda content: content["item"].update(serial="IN-9"), "DCC is of another record"),
+        (lambda content: content["verification"].update(verdict="fail"), "another verification"),
+        (lambda content: content.update(number="1"), "that of number 1"),
+        (lambda content: content.pop("dates"), "does not fit"),
+    ]
+    for place, (change, said) in enumerate(changes):
+        keys = {"number": f"forged {place}", "serial": "IN-7"}
+        laboratory.append("certificate", keys, forged(change, true), author="mallory")
+        problems = verify_certificate(laboratory, keys["number"]).problems
+        assert any(said in problem for problem in problems), (said, problems)
