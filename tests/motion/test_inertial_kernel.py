@@ -17,6 +17,7 @@ from inclinometry.motion.inertial import _recursions as kernels
 from inclinometry.motion.inertial.gravity import tapers
 
 DT, SIZE, STRENGTH, DIP = 0.005, 240, 5e4, 1.1
+AXIS = dcm(1.0, 0.5, 2.0)[2]
 EARTH = np.array([4e-5, 0.0, -6e-5])
 NOISE = np.concatenate(
     [np.full(3, 1e-10), np.full(3, 1e-14), np.full(3, 1e-14), np.full(3, 1e-8), np.full(3, 1e-2), [0]]
@@ -42,7 +43,7 @@ class Run:
         self.nominal = np.concatenate([self.q, self.values, np.zeros(3)])
         self.p, self.x = np.diag(SPREAD**2), np.zeros(16)
         self.last = self.gyro[0].copy()
-        self.constants = np.array([DT, *(EARTH * DT), STRENGTH, 2500.0, gate, HELD, *NOISE, 1.0])
+        self.constants = np.array([DT, *(EARTH * DT), STRENGTH, 2500.0, gate, HELD, *NOISE, 1.0, *AXIS])
         self.sums = np.zeros(kernels.SUMS)
         self.tape = (np.zeros((SIZE if taped else 0, 13)), np.zeros((SIZE if taped else 0, 34)))
         self.tapers = tapers(SIZE, DT)
@@ -88,7 +89,7 @@ class Dense:
         u = np.array([0.0, 1.0, 0.0]) if east else by_dip / STRENGTH
         h = np.zeros(16)
         h[:3] = matrix @ u @ cross_matrix(matrix @ field)  # estimate minus truth: -u.(e x b)
-        h[12:15], h[15] = -matrix @ u, -u @ by_dip
+        h[12:15], h[14], h[15] = -matrix @ u, -u @ AXIS, -u @ by_dip
         z = u @ (matrix.T @ (mag - v[9:12]) - field)
         s = h @ self.p @ h + 2500.0
         k = self.p @ h / s
@@ -171,7 +172,7 @@ def test_ten_million_steps_at_600_rpm_stay_finite() -> None:
     rng = np.random.default_rng(0)
     clean, noise = matrix @ field, rng.normal(0.0, 50.0, (100_000, 3))
     accel, gyro = matrix @ [0.0, 0.0, 9.8], np.tile([0.0, 0.0, rate], (2000, 1))
-    constants = np.array([DT, 0.0, 0.0, 0.0, STRENGTH, 2500.0, 36.0, HELD, *NOISE, 1.0])
+    constants = np.array([DT, 0.0, 0.0, 0.0, STRENGTH, 2500.0, 36.0, HELD, *NOISE, 1.0, *AXIS])
     nominal = np.concatenate([quaternion_from_dcm(dcm(1.0, 0.5, -rate * DT)), np.zeros(12), [DIP, 0, 0, 0]])
     p, last, marks, weights = np.diag(SPREAD**2), gyro[0].copy(), np.ones(2000, np.uint8), tapers(2000, DT)
     blank = (np.zeros((0, 13)), np.zeros((0, 34)))

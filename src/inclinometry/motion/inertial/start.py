@@ -54,7 +54,7 @@ def blank(window: Samples, model: Model) -> State:
         strength = float(np.sqrt(np.mean(np.sum(np.asarray(window.mag) ** 2, axis=1)))) if site.b is None else site.b
     covariance = model.settings.prior(np.eye(3), dip_sigma)
     gyro = np.asarray(window.gyro)
-    return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, 0.0, unshaken(model))
+    return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, 0.0, unshaken(model), np.zeros(3))
 
 
 def unshaken(model: Model) -> Shaking:
@@ -100,7 +100,7 @@ def placed(state: State, quaternion: Array, attitude: Array, last: Array) -> Sta
     nominal[:4] = quaternion
     covariance[:3, :], covariance[:, :3], offset[:3] = 0.0, 0.0, 0.0
     covariance[:3, :3] = attitude
-    return replace(state, nominal=nominal, covariance=covariance, offset=offset, last=last.copy())
+    return replace(state, nominal=nominal, covariance=covariance, offset=offset, last=last.copy(), axis=np.zeros(3))
 
 
 def given(state: State, window: Samples, start: Attitude, model: Model) -> State:

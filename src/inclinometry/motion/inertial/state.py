@@ -42,6 +42,7 @@ class State:
     strength : nT, of the reference field.
     field_variance : nT^2, of the noise that successive samples of the field show, averaged over windows.
     shaking : of the tool, as far as known.
+    axis : (3,) of the tool, north, east, down, averaged over some minutes; nought before the first window.
     """
 
     nominal: Array
@@ -51,6 +52,7 @@ class State:
     strength: float
     field_variance: float
     shaking: Shaking
+    axis: Array
 
     @property
     def quaternion(self) -> Array:

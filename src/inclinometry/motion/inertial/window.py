@@ -20,6 +20,8 @@ MOST_REFUSED: Final = 0.05
 """Share of field samples beyond the gate from which a window's field counts as disturbed."""
 MISFIT: Final = 1.5
 """Mean squared normalised innovation of the field, 1 where nothing disturbs it, from which it does too."""
+SLOW: Final = 30
+"""Windows over which the direction of the tool is averaged for `_field`."""
 HELD: Final = 0.2
 """rad/s, how far the rate may have moved while an unusable sample of the gyro was bridged."""
 
@@ -121,7 +123,9 @@ def filter_window(
     done = replace(done, field_variance=state.field_variance + (seen.noise - state.field_variance) / MEMORY)
     if len(tape.steps):
         tape.error[:] = x
-    return corrected(done, x), seen
+    done = corrected(done, x)
+    axis = dcm_from_quaternion(done.quaternion)[2]
+    return replace(done, axis=axis if not state.axis.any() else state.axis + (axis - state.axis) / SLOW), seen
 
 
 def hann_mean(state: State, window: Samples, vectors: Array) -> Array:
@@ -130,7 +134,7 @@ def hann_mean(state: State, window: Samples, vectors: Array) -> Array:
 
     nominal = np.zeros(len(state.nominal))
     nominal[0], nominal[4:10] = 1.0, state.nominal[4:10]
-    constants = np.zeros(25)
+    constants = np.zeros(28)
     constants[0] = window.interval
     sums, nothing, zero = np.zeros(kernels.SUMS), np.zeros((STATES, STATES)), np.zeros(STATES)
     marks, weights = np.zeros(len(window), np.uint8), tapers(len(window), window.interval)
@@ -173,6 +177,7 @@ def _constants(state: State, interval: float, model: Model, still: bool) -> Arra
         (HELD * interval) ** 2,
         *settings.step_variances(interval, settings.creep if still else model.gyro_noise),
         0.0 if still else 1.0,
+        *(state.axis if state.axis.any() else dcm_from_quaternion(state.quaternion)[2]),
     ]
     return np.array(head)
 
