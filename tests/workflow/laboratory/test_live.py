@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from inclinometry.core.errors import InputError
 from inclinometry.io.instrument.protocol import ChannelMap, Protocol
+from inclinometry.io.instrument.protocol_toml import read_protocol
 from inclinometry.io.instrument.sample import Sample
 from inclinometry.workflow.laboratory.live import CaptureError, LiveFeed
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument
@@ -288,14 +290,15 @@ def wait(condition, seconds=15.0):
 
 
 def test_a_simulated_instrument_is_captured_through_the_real_transport():
+    quick = replace(read_protocol("query-response"), interval=0.02)
     with (
-        SimulatedInstrument("query-response", seed=1, rate=50.0, speed=4.0) as instrument,
+        SimulatedInstrument(quick, seed=1, speed=4.0) as instrument,
         LiveFeed(instrument.url, instrument.protocol, backoff=(0.02, 0.1)) as feed,
     ):
         assert feed.stability().word in ("disconnected", "stale", "few")
         wait(lambda: len(feed.window(60.0)) >= 60)
-        wait(lambda: feed.stability(2.0).still)
-        taken = feed.capture((0.0, 0.0, 0.0), 2.0)
+        wait(lambda: feed.stability(1.0).still)
+        taken = feed.capture((0.0, 0.0, 0.0), 1.0)
         true = instrument.stand.sample(0, 0.0).channels
         for kind, values in taken.channels.items():
             spread = 5.0 * instrument.tool.noise[kind] * np.sqrt(1.0 + 1.0 / taken.count)
