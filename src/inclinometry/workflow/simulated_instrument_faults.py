@@ -112,17 +112,19 @@ class Fate:
         self.faults, self._streams = faults, Streams(seed, "instrument")
         self._limits = np.array([getattr(faults, name) for name in SHARES])
         self._any = bool(self._limits.any())
-        self._block, self._hits = -1, np.zeros((0, len(SHARES)), dtype=bool)
+        # one tuple, so that two readers never see the number of one block with the draws of another
+        self._drawn = (-1, np.zeros((0, len(SHARES)), dtype=bool))
 
     def of(self, number: int) -> tuple[str, ...]:
         """The faults that befall a sample."""
         if not self._any:
             return ()
         block, row = divmod(number, BLOCK)
-        if block != self._block:
-            draws = self._streams[f"faults.{block}"].random((BLOCK, len(SHARES)))
-            self._block, self._hits = block, draws < self._limits
-        hits = self._hits[row]
+        known, drawn = self._drawn
+        if block != known:
+            drawn = self._streams[f"faults.{block}"].random((BLOCK, len(SHARES))) < self._limits
+            self._drawn = (block, drawn)
+        hits = drawn[row]
         return tuple(name for name, hit in zip(SHARES, hits, strict=True) if hit) if hits.any() else ()
 
     def delay(self, number: int) -> float:
