@@ -24,7 +24,17 @@ if TYPE_CHECKING:
     from inclinometry.io.instrument.rig import RigDriver
     from inclinometry.workflow.laboratory.live import LiveFeed
 
-PAGES: Final = ("home", "calibrate.start", "calibrate.page", "tools", "results", "ledger", "people")
+PAGES: Final = (
+    "home",
+    "calibrate.start",
+    "calibrate.page",
+    "tools",
+    "results",
+    "verify",
+    "verify_report",
+    "ledger",
+    "people",
+)
 """Modules of pages, in inclinometry.web.pages."""
 LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
 

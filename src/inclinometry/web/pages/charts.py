@@ -10,6 +10,16 @@ from nicegui import ui
 BLUE: Final = "#2f7fd0"
 GREY: Final = "#8896a4"
 RED: Final = "#d0453b"
+GREEN: Final = "#2c9a56"
+AMBER: Final = "#b07a10"
+DECIDED: Final = {"pass": GREEN, "fail": RED, "inconclusive": AMBER}
+_BAR: Final = """(params, api) => {
+    const low = api.coord([api.value(0), api.value(1)]), high = api.coord([api.value(0), api.value(2)]);
+    const style = {stroke: api.visual("color"), lineWidth: 1};
+    const line = (x1, y1, x2, y2) => ({type: "line", shape: {x1, y1, x2, y2}, style});
+    return {type: "group", children: [line(low[0], low[1], high[0], high[1]),
+        line(low[0] - 3, low[1], low[0] + 3, low[1]), line(high[0] - 3, high[1], high[0] + 3, high[1])]};
+}"""
 
 
 def chart(options: dict[str, Any], label: str, *, height: str = "260px") -> None:
@@ -62,4 +72,22 @@ def band(name: str, middle: Sequence[float], half: Sequence[float], colour: str 
             "lineStyle": {"color": colour},
             "itemStyle": {"color": colour},
         },
+    ]
+
+
+def bars(
+    name: str, middle: Sequence[float | None], half: Sequence[float | None], decisions: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Series of points coloured by their decision, with bars."""
+    colours = [DECIDED.get(decision, GREY) for decision in decisions]
+    points = [{"value": m, "itemStyle": {"color": c}} for m, c in zip(middle, colours, strict=True)]
+    edges = [
+        {"value": [place, m - h, m + h], "itemStyle": {"color": colours[place]}}
+        for place, (m, h) in enumerate(zip(middle, half, strict=True))
+        if m is not None and h is not None
+    ]
+    bar = {"type": "custom", "name": f"{name} ±", ":renderItem": _BAR, "encode": {"x": 0, "y": [1, 2]}, "data": edges}
+    return [
+        {"type": "scatter", "name": name, "symbolSize": 7, "data": points, "itemStyle": {"color": BLUE}},
+        {**bar, "silent": True, "tooltip": {"show": False}},
     ]
