@@ -105,6 +105,24 @@ def test_a_wrong_lab_file_is_one_sentence(files: Any) -> None:
         assert said in done.err
 
 
+def test_the_example_of_the_documentation(files: Any) -> None:
+    """lab.toml as the how-to shows it."""
+    text = Path(__file__).parents[2].joinpath("docs/howto/certificate.md").read_text(encoding="utf-8")
+    Path("lab.toml").write_text(text.split("```toml")[1].split("```")[0], encoding="utf-8")
+    done = files("certificate", "tool.json", "-o", "c.pdf", "--dcc", "c.xml", *GIVEN)
+    assert done.status == 0, done.err
+    assert done.err == ""
+
+
+def test_what_is_lacking_is_named(files: Any) -> None:
+    """A warning each time, and the documents all the same."""
+    assert "no laboratory is named" in files("certificate", "tool.json", "-o", "c.pdf").err
+    Path("lab.toml").write_text("name = 'x'", encoding="utf-8")
+    done = files("certificate", "tool.json", "-o", "c.pdf", "--laboratory", "lab.toml")
+    assert "lab.toml does not state authoriser, traceability, customer" in done.err
+    assert done.status == 0
+
+
 def test_a_damaged_verification_is_refused(files: Any) -> None:
     """With the place in the file."""
     text = Path("verify.json").read_text(encoding="utf-8").replace('"verdict": "pass"', '"verdict": "perhaps"')

@@ -11,16 +11,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import etree
 
 from inclinometry.calibration.capability import capability
 from inclinometry.core.digest import digest_bytes
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io.certificate_json import read_certificate, record_bytes, record_digest, write_certificate
+from inclinometry.io.dcc import dcc_bytes
 from inclinometry.report.certificate import certificate_pdf
-from inclinometry.report.certificate_record import coverage_probability
+from inclinometry.report.certificate_record import certificate_record, coverage_probability
 from inclinometry.report.certificate_words import chinese_font, words
 
-from .certificates import LABORATORY, NASTY, ORDER, calibration, record, verification
+from .certificates import LABORATORY, NASTY, ORDER, calibration, dcc_schema, record, verification
+from .conftest import calibrated
 
 poppler = pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext is not installed")
 
@@ -129,6 +132,18 @@ def test_uncertainties_are_those_of_the_calibration() -> None:
     product = np.array(table["U_toolface_deg"]) * np.sin(np.radians(table["inclination_deg"]))
     assert product[0] == pytest.approx(product[1], rel=1e-2)
     assert table["coverage_probability"] == round(coverage_probability(2.0), 4) == 0.9545
+
+
+@pytest.mark.parametrize("sensors", [{"accelerometer": 3}, {"accelerometer": 3, "gyro": 3}, {"accelerometer": 2}])
+def test_every_kind_of_tool_can_be_certified(sensors: dict[str, int]) -> None:
+    """Angles it cannot give are left out, not invented; the digital certificate fits too."""
+    content = certificate_record(calibrated(sensors)[1], LABORATORY, ORDER, number="1", program="inclinometry 0")
+    table = content["results"]["uncertainty"]
+    assert (table is None) == (sensors["accelerometer"] == 2)
+    assert ("U_azimuth_deg" in (table or {})) == ("gyro" in sensors)
+    assert certificate_pdf(content).startswith(b"%PDF")
+    schema = dcc_schema()
+    assert schema.validate(etree.fromstring(dcc_bytes(content))), schema.error_log
 
 
 def test_before_and_after() -> None:

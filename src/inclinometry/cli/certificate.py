@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output
@@ -70,7 +70,7 @@ def certificate(
         files[record] = record_bytes(made)
     for path, data in files.items():
         write_bytes(data, path)
-    output.warnings(made["warnings"])
+    output.warnings([*_lacking(made), *made["warnings"]])
     digest, statement = record_digest(made), made["conformity"]["statement"]
     if json:
         summary = {"number": made["number"], "digest": digest, "conformity": statement, "written": list(files)}
@@ -81,7 +81,22 @@ def certificate(
     output.say(f"written to {', '.join(map(str, files))}")
 
 
-def _pdf(record: dict[str, object], fonts: Path | None) -> bytes:
+def _lacking(record: dict[str, Any]) -> list[str]:
+    """What ISO/IEC 17025 asks for and lab.toml can give."""
+    if record["laboratory"] is None:
+        return ["no laboratory is named: this is not a certificate in the sense of ISO/IEC 17025; give --laboratory"]
+    stated = {
+        "authoriser": record["laboratory"]["authoriser"],
+        "traceability": record["laboratory"]["traceability"],
+        "customer in [order]": record["customer"]["name"],
+        "serial in [order]": record["item"]["serial"],
+        "performed_from in [order]": record["dates"]["performed_from"],
+    }
+    lost = [name for name, value in stated.items() if not value]
+    return [f"lab.toml does not state {', '.join(lost)}"] if lost else []
+
+
+def _pdf(record: dict[str, Any], fonts: Path | None) -> bytes:
     from inclinometry.report.certificate import certificate_pdf
 
     with output.busy("setting the certificate"):

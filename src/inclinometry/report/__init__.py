@@ -3,6 +3,8 @@
 calibration, verification, survey, gyro, allan
     `calibration_report`, `verification_report`, `survey_report`, `gyro_report`, `scale_report`, `allan_report`:
     offline HTML, light and dark; same input, same bytes.
+certificate, certificate_record
+    `certificate_pdf`, `certificate_record`: PDF/A of a calibration certificate, and the record it is made from.
 comparison
     `comparison_figure`: methods side by side.
 tables, digits

@@ -180,6 +180,7 @@ def _facts(record: Content, say: Words) -> list[list[str]]:
         ("manufacturer", item["manufacturer"]),
         ("serial", item["serial"]),
         ("sensors", sensors),
+        ("range", _range(item, say)),
         ("condition", item["condition"]),
         ("received", dates["received"]),
         ("performed", performed),
@@ -191,13 +192,20 @@ def _facts(record: Content, say: Words) -> list[list[str]]:
         ("environment", _environment(record["environment"], say)),
         ("traceability", laboratory.get("traceability")),
     ]
-    optional = ("reference", "manufacturer")
+    optional = ("reference", "manufacturer", "range")
     rows = [[say(key), text or say("not_stated")] for key, text in pairs if text or key not in optional]
     if record["interval_months"] is not None:
         rows.append(["", say("interval", months=record["interval_months"])])
     if record["supersedes"]:
         rows.append([say("supersedes"), record["supersedes"]])
     return rows
+
+
+def _range(item: Content, say: Words) -> str:
+    if item["temperature_range_degC"] is None:
+        return ""
+    low, high = item["temperature_range_degC"]
+    return say("range_of", low=plain(low, 1), high=plain(high, 1))
 
 
 def _plan(method: Content, say: Words) -> str:

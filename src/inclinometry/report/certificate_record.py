@@ -18,7 +18,15 @@ from inclinometry.core.errors import InputError
 from inclinometry.io._json import canonical
 from inclinometry.io.certificate_json import SCHEMA, VERSION, checked
 from inclinometry.io.laboratory_toml import Laboratory, Order
-from inclinometry.report.expected import ASSUMED_DIP, EXPANDED, differences, expected, field_dip, second_kind
+from inclinometry.report.expected import (
+    ASSUMED_DIP,
+    EXPANDED,
+    differences,
+    expected,
+    field_dip,
+    second_kind,
+    tool_temperature,
+)
 from inclinometry.report.tables import Row, classical_rows, parameter_rows
 from inclinometry.sensors.tool import Tool
 
@@ -180,6 +188,7 @@ def _uncertainty(calibration: Calibration) -> Record | None:
         "azimuth_from": second,
         "dip_deg": None if second is None else float(np.degrees(found.dip)),
         "dip_assumed": assumed and second is not None,
+        "temperature_degC": tool_temperature(tool),
         "inclination_deg": list(INCLINATIONS_DEG),
     }
     for name in found.angles:

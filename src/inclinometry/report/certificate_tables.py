@@ -51,6 +51,8 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     if found["azimuth_from"] is not None:
         key = "dip_assumed" if found["dip_assumed"] else "dip"
         texts.append(say(key, triad=say(found["azimuth_from"]), dip=plain(found["dip_deg"], 2)))
+    if any(triad["degree"] for triad in record["item"]["triads"]):
+        texts.append(say("at_temperature", heat=plain(found["temperature_degC"], 1)))
     rows = [
         [f"{x:g}", *(_degrees(found[f"U_{name}_deg"][place], say) for name in names)]
         for place, x in enumerate(found["inclination_deg"])
@@ -110,7 +112,7 @@ def classical_section(record: Content, say: Words) -> Content:
         apart = adjustment["largest_difference_deg"].items()
         said = ", ".join(f"{say(name)} {significant(value)}°" for name, value in apart) or "–"
         texts.append(say("adjustment_note", previous=adjustment["previous"] or say("not_stated"), differences=said))
-    return section(say("parameters" if adjustment is None else "adjustment"), texts, tables=tables)
+    return section(say("classical_title" if adjustment is None else "adjustment"), texts, tables=tables)
 
 
 def _classical_row(row: Content, old: Mapping[str, Content] | None, say: Words) -> list[str]:

@@ -95,7 +95,7 @@ def expected(tool: Tool, inclination: Array, dip: float, *, azimuths: int = 12, 
     """
     if "accelerometer" not in tool.triads or not tool.triads["accelerometer"].full:
         return None
-    second, heat = second_kind(tool), _temperature(tool)
+    second, heat = second_kind(tool), tool_temperature(tool)
     if second == "gyro":
         return Expected(tuple(COLUMNS), "gyro", dip, _gyro(tool, inclination, dip, azimuths, toolfaces, heat))
     if second is None:
@@ -129,7 +129,7 @@ def differences(tool: Tool, other: Tool, dip: float) -> dict[str, float]:
     for kind, field in pair:
         if kind not in other.triads or not tool.triads[kind].full:
             return {}
-        heat = np.full(grid[0].shape, _temperature(tool))
+        heat = np.full(grid[0].shape, tool_temperature(tool))
         seen.append(other.triads[kind].field(tool.triads[kind].signals(field, heat), heat))
     if len(seen) == 2:
         found = angles(*seen)
@@ -141,7 +141,7 @@ def differences(tool: Tool, other: Tool, dip: float) -> dict[str, float]:
     return {name: float(np.abs(wrap_signed(a - b)).max()) for name, (a, b) in pairs.items()}
 
 
-def _temperature(tool: Tool) -> float:
+def tool_temperature(tool: Tool) -> float:
     """Middle of the calibrated range, the reference where none is stated, degC."""
     if tool.temperature_range is not None:
         return float(np.mean(tool.temperature_range))
