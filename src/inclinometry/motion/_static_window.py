@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from inclinometry.attitude.orientation import dip_angle, dip_jacobian, inclination_toolface
 from inclinometry.attitude.rotations import cross_matrix, dcm, quaternion_from_dcm
 from inclinometry.attitude.wahba import VectorAttitude, solve_davenport, solve_svd, solve_triad
-from inclinometry.core.arrays import Array
+from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
@@ -146,7 +146,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
         raise InputError(f"the samples have no {need}; a static attitude needs accel and mag, or accel and gyro")
     time = float(window.time[0] + 0.5 * window.interval * (len(window) - 1))
     name = "magnetic" if limits.north == "mag" else "true"
-    used = np.ones(len(window), np.bool_) if window.clipped is None else ~window.clipped
+    used = np.ones(len(window), np.bool_) if window.clipped is None else np.logical_not(window.clipped)
     share = 1.0 - float(used.mean())
     if share > settings.most_clipped:
         return refusals([time], ["clipped"], "static", name)
@@ -180,7 +180,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     return _row(time, solution.matrix, covariance, rate, max(ratios.values()), flags, name)
 
 
-def _mean(window: Samples, name: str, used: Array, limits: Limits) -> Mean:
+def _mean(window: Samples, name: str, used: Mask, limits: Limits) -> Mean:
     values = getattr(window, name)[used]
     fixed = rounding_variance(values, limits.of(name, "resolution")) + limits.of(name, "sigma") ** 2
     distinct = sorted(np.unique(column).size for column in values.T)
@@ -226,7 +226,7 @@ def _covariance(errors: Array, g: Mean, second: Mean | None, solution: Solution,
     return np.asarray(0.5 * (total + total.T))
 
 
-def _rate(window: Samples, used: Array, errors: Array) -> float:
+def _rate(window: Samples, used: Mask, errors: Array) -> float:
     """Mean speed about the tool axis: measured, else the slope of the batches (e grows against the rotation)."""
     if window.gyro is not None:
         return float(window.gyro[used, 2].mean())

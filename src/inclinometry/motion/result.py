@@ -65,7 +65,7 @@ class Attitude:
         NaN in a row that was refused.
     covariance : (k, 3, 3) ndarray
         Of the small rotation vector e in tool axes, rad^2: dcm = (1 + [e x]) true dcm. NaN where refused; a direction
-        about which nothing is known has a variance of `UNKNOWN`^2 or more, never infinity.
+        about which nothing is known has the square of `UNKNOWN` as variance or more, never infinity.
     rate : (k,) ndarray
         Mean rotation speed about the tool axis, rad/s, positive clockwise looking down hole; NaN where unknown.
     quality : (k,) ndarray

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.core.arrays import Index
+from inclinometry.core.arrays import Array, Index
 from inclinometry.motion.magnetic.stream import MagneticStream
 from inclinometry.motion.result import Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
@@ -88,9 +88,19 @@ class SampleSmoother:
 
 def _copied(samples: Samples) -> Samples:
     """Without what the samples are a part of."""
-    names = ("time", "accel", "mag", "gyro", "temperature", "clipped")
-    columns = {name: getattr(samples, name) for name in names}
-    return replace(samples, **{name: None if value is None else value.copy() for name, value in columns.items()})
+
+    def own(value: Array | None) -> Array | None:
+        return None if value is None else value.copy()
+
+    return replace(
+        samples,
+        time=samples.time.copy(),
+        accel=own(samples.accel),
+        mag=own(samples.mag),
+        gyro=own(samples.gyro),
+        temperature=own(samples.temperature),
+        clipped=None if samples.clipped is None else samples.clipped.copy(),
+    )
 
 
 class WindowSmoother:

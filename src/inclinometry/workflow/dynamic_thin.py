@@ -53,16 +53,15 @@ class Envelopes:
         for held, empty, join in ((self._low, np.inf, np.minimum), (self._high, -np.inf, np.maximum)):
             held[:MOST_BINS] = join(held[::2], held[1::2])
             held[MOST_BINS:] = empty
-        for held in (self._sum, self._count):
-            held[:MOST_BINS] = held[::2] + held[1::2]
-            held[MOST_BINS:] = 0.0
+        _halved(self._sum, MOST_BINS)
+        _halved(self._count, MOST_BINS)
         self._width *= 2.0
 
     def done(self) -> tuple[Envelope, ...]:
         """What has been seen; bins without a sample are left out."""
         seen = np.flatnonzero(self._count)
         time = self._start + self._width * (seen + 0.5)
-        mean = self._sum[seen] / self._count[seen][:, None]
+        mean: Array = np.divide(self._sum[seen], self._count[seen][:, None])
         return tuple(
             Envelope(name, unit, time, self._low[seen, k], mean[:, k], self._high[seen, k])
             for k, (name, unit) in enumerate(zip(self._names, self._units, strict=True))
@@ -89,9 +88,8 @@ class Spectra:
     def push(self, time: float, density: Array) -> None:
         """Take the spectrum (f,) of a window with this middle."""
         while time - self._start >= self._width * 2 * MOST_COLUMNS:
-            for held in (self._sum, self._count):
-                held[:MOST_COLUMNS] = held[::2] + held[1::2]
-                held[MOST_COLUMNS:] = 0.0
+            _halved(self._sum, MOST_COLUMNS)
+            _halved(self._count, MOST_COLUMNS)
             self._width *= 2.0
         place = int((time - self._start) / self._width)
         self._sum[place] += density
@@ -101,5 +99,11 @@ class Spectra:
         """What has been seen; NaN where no window was."""
         size = int(np.flatnonzero(self._count)[-1]) + 1 if self._count.any() else 0
         with np.errstate(invalid="ignore"):
-            density = self._sum[:size] / self._count[:size, None]
+            density: Array = np.divide(self._sum[:size], self._count[:size, None])
         return Spectrogram(self._what, self._start + self._width * np.arange(size + 1), self._frequency, density)
+
+
+def _halved(held: Array, half: int) -> None:
+    """Add up neighbours: the first half then covers what the whole did."""
+    held[:half] = held[::2] + held[1::2]
+    held[half:] = 0.0
