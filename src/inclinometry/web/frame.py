@@ -107,6 +107,7 @@ def dress(language: str, request: Request) -> None:
     """Styles, theme and language of a page."""
     ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
     theme = request.cookies.get(THEME_COOKIE, "")
+    ui.colors(primary="#2474c4")  # white on it, and it on either paper, can be read
     ui.dark_mode({"dark": True, "light": False}.get(theme))
     ui.query("html").props(f'lang="{language}"')
 

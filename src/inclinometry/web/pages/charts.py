@@ -22,6 +22,12 @@ _BAR: Final = """(params, api) => {
 }"""
 
 
+def legend(names: Sequence[str] | None = None) -> dict[str, Any]:
+    """A legend above the curves; of these series only, when named."""
+    found: dict[str, Any] = {"top": 0, "type": "scroll", "textStyle": {"color": GREY}}
+    return found if names is None else found | {"data": list(names)}
+
+
 def chart(options: dict[str, Any], label: str, *, height: str = "260px") -> None:
     """A chart with a name for those who cannot see it."""
     common: dict[str, Any] = {

@@ -13,7 +13,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import LedgerError, Record
 from inclinometry.web.frame import Visitor, frame
-from inclinometry.web.pages.charts import BLUE, axis, chart
+from inclinometry.web.pages.charts import BLUE, axis, chart, legend
 from inclinometry.workflow.calibrate import compare
 from inclinometry.workflow.laboratory.results import calibration_of, history, parameters
 from inclinometry.workflow.laboratory.session import bench_readings, load_session
@@ -71,7 +71,7 @@ def _promise(visitor: Visitor, record: Record) -> None:
     with ui.card().classes("panel"):
         ui.label(say("results.promise", k=f"{table['coverage_factor']:g}")).classes("subtitle")
         options = {
-            "legend": {"textStyle": {"color": "#8896a4"}},
+            "legend": legend(),
             "xAxis": axis(say("results.inclination"), kind="category", data=places),
             "yAxis": axis(say("results.degrees"), kind="log"),
             "series": series,
@@ -125,7 +125,7 @@ def _residuals(visitor: Visitor, found: Calibration) -> None:
     with ui.card().classes("panel"):
         ui.label(say("results.residuals")).classes("subtitle")
         options = {
-            "legend": {"textStyle": {"color": "#8896a4"}, "type": "scroll"},
+            "legend": legend(),
             "xAxis": axis(say("results.position"), kind="category", data=list(residuals.station)),
             "yAxis": axis(say("results.standardised")),
             "series": series,

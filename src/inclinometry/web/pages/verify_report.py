@@ -12,7 +12,7 @@ from inclinometry.calibration.acceptance import JUDGED
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import Ledger, LedgerError, Record
 from inclinometry.web.frame import Visitor, frame
-from inclinometry.web.pages.charts import GREY, RED, axis, bars, chart
+from inclinometry.web.pages.charts import GREY, RED, axis, bars, chart, legend
 from inclinometry.web.pages.lists import day, to
 from inclinometry.workflow.laboratory.begin_verification import limits_of
 from inclinometry.workflow.laboratory.session import load_session
@@ -128,7 +128,7 @@ def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str) -> Non
         for row in rows
     ]
     options = {
-        "legend": {"textStyle": {"color": GREY}, "data": [s["name"] for s in series if not s.get("silent")]},
+        "legend": legend([s["name"] for s in series if not s.get("silent")]),
         "xAxis": axis(say("verify.place"), kind="category", data=places),
         "yAxis": axis(say("results.degrees")),
         "series": series,

@@ -54,6 +54,7 @@ def issue(
     language: str = "en",
     nonconforming: bool = False,
     number: str | None = None,
+    about: Mapping[str, Any] | None = None,
     now: datetime | None = None,
     fonts: Sequence[str | Path] = (),
 ) -> Record:
@@ -69,6 +70,9 @@ def issue(
         Agree that a failed verification is certified as such.
     number : str, optional
         The next of the year when not given, as 2026-0001.
+    about : mapping, optional
+        Of the order: customer, order, condition, received (2026-01-31), environment; each in place of what the session
+        says, where it is not empty.
     now : datetime, optional
         Time of issue; the clock's when not given.
 
@@ -81,7 +85,7 @@ def issue(
     """
     return _issued(
         ledger,
-        _Wish(calibration, verification, laboratory, language, nonconforming, number, tuple(fonts)),
+        _Wish(calibration, verification, laboratory, language, nonconforming, number, tuple(fonts), about or {}),
         author,
         (now or datetime.now(UTC)).astimezone(UTC).date(),
     )
@@ -98,13 +102,14 @@ def supersede(
     author: str,
     language: str = "en",
     nonconforming: bool = False,
+    about: Mapping[str, Any] | None = None,
     now: datetime | None = None,
     fonts: Sequence[str | Path] = (),
 ) -> Record:
     """Issue a certificate in place of another, which stays in the ledger as superseded; arguments as `issue`."""
     return _issued(
         ledger,
-        _Wish(calibration, verification, laboratory, language, nonconforming, None, tuple(fonts)),
+        _Wish(calibration, verification, laboratory, language, nonconforming, None, tuple(fonts), about or {}),
         author,
         (now or datetime.now(UTC)).astimezone(UTC).date(),
         (number, _said(reason)),
@@ -172,6 +177,7 @@ class _Wish:
     nonconforming: bool
     number: str | None
     fonts: tuple[str | Path, ...]
+    about: Mapping[str, Any]
 
 
 def _issued(ledger: Ledger, wish: _Wish, author: str, today: date, replaced: tuple[str, str] | None = None) -> Record:
@@ -270,7 +276,7 @@ def _record(
     return certificate_record(
         found,
         wish.laboratory or _laboratory(ledger, session),
-        _order(ledger, session, calibration, verification, today),
+        _order(ledger, session, calibration, verification, today, wish.about),
         number=number,
         program=program(),
         language=wish.language,
@@ -306,8 +312,16 @@ def _laboratory(ledger: Ledger, session: Record) -> Laboratory:
     return laboratory_from(dict(site.laboratory))
 
 
-def _order(ledger: Ledger, session: Record, calibration: Record, verification: Record | None, today: date) -> Order:
-    body, tool = session.body, find_tool(ledger, session.keys["serial"])
+def _order(
+    ledger: Ledger,
+    session: Record,
+    calibration: Record,
+    verification: Record | None,
+    today: date,
+    said: Mapping[str, Any],
+) -> Order:
+    body = {**session.body, **{name: value for name, value in said.items() if value}}
+    tool = find_tool(ledger, session.keys["serial"])
     days = sorted(ledger.get("reading", name).created[:10] for name in calibration.body["readings"])
     days = days or [calibration.created[:10]]
     last = days[-1] if verification is None else max(days[-1], verification.created[:10])
