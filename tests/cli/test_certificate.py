@@ -108,7 +108,7 @@ def test_a_wrong_lab_file_is_one_sentence(files: Any) -> None:
 def test_the_example_of_the_documentation(files: Any) -> None:
     """lab.toml as the how-to shows it."""
     text = Path(__file__).parents[2].joinpath("docs/howto/certificate.md").read_text(encoding="utf-8")
-    Path("lab.toml").write_text(text.split("```toml")[1].split("```")[0], encoding="utf-8")
+    Path("lab.toml").write_text(text.split("```toml\n# lab.toml")[1].split("```")[0], encoding="utf-8")
     done = files("certificate", "tool.json", "-o", "c.pdf", "--dcc", "c.xml", *GIVEN)
     assert done.status == 0, done.err
     assert done.err == ""

@@ -45,6 +45,7 @@ def test_every_option_named_in_a_page_exists(capsys):
     known = capsys.readouterr().out
     commands = (
         "plan", "readings", "verify", "survey", "compare", "quality", "msa", "position", "field", "convert", "dynamic",
+        "certificate",
     )  # fmt: skip
     for command in commands:
         with pytest.raises(SystemExit):
@@ -54,6 +55,7 @@ def test_every_option_named_in_a_page_exists(capsys):
         "simulate": ("bench", "well", "log", "gyro", "drilling", "instrument"),
         "gyro": ("north", "scale", "plan", "quality", "table"),
         "shots": ("rotation", "repeat", "dual-depth"),
+        "ledger": ("init", "verify", "export", "import", "backup", "history", "users"),
     }
     for words in [["allan"], *([group, name] for group, names in groups.items() for name in names)]:
         with pytest.raises(SystemExit):
