@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from inclinometry.calibration.design import NextPosition
-from inclinometry.core.errors import InputError
+from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.store.ledger import Record
 from inclinometry.web.frame import Visitor
+from inclinometry.web.pages.calibrate.heat import Heat, heat_of
+from inclinometry.web.pages.calibrate.turning import RigState, RigWatch, watch_of
 from inclinometry.workflow.laboratory.goals import goal_of
 from inclinometry.workflow.laboratory.live import Stability
 from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site
@@ -30,29 +34,43 @@ class Guided:
 
     session : as the ledger has it, newest first call of `reload`.
     chosen : the position on the large card.
-    now, place : the running fit and the position it proposes; None before the first.
+    now, place : the running fit and the position it proposes; None before the first, and in a verification.
     automatic : capture by itself when the tool has moved and stands still.
+    turner : the watch of a motorised rig; None for one turned by hand.
     """
 
     def __init__(self, visitor: Visitor, session: str) -> None:
         self.visitor = visitor
-        self.ledger, self.feed, self.rig = visitor.bench.ledger, visitor.bench.feed, visitor.bench.rig
+        self.ledger, self.feed, rig = visitor.bench.ledger, visitor.bench.feed, visitor.bench.rig
         self.session: Session = load_session(self.ledger, session)
         self.goal = goal_of(self.ledger, self.session)
         found = find_rig(self.ledger, self.session.rig)
         # a session cannot be opened without its rig, and records are never removed
         self.about_rig: RegisteredRig = found if found is not None else RegisteredRig(self.session.rig, (0.0, 0.0, 0.0))
         self.site = find_site(self.ledger, str(self.session.settings.get("site", "")))
+        self.turner: RigWatch | None = watch_of(rig, _nothing if self.feed is None else self.feed.moved)
         self.now: Standing | None = None
         self.place: NextPosition | None = None
         self.automatic = False
         self._moved = True
-        self.chosen: Position = self._first()
+        self._known = self._mark()
+        self.chosen: Position = self.session.next or self.positions[-1]
 
     @property
     def adaptive(self) -> bool:
         """Whether the plan is made while it is run."""
         return bool(self.session.settings.get("settings", {}).get("adaptive"))
+
+    @property
+    def verifies(self) -> bool:
+        """Whether the readings are to judge a calibration, not to make one."""
+        return self.session.purpose == "verify"
+
+    @property
+    def wants(self) -> bool:
+        """Whether an uncertainty was agreed that is not reached yet."""
+        stated = self.goal.u_azimuth is not None or self.goal.u_inclination is not None
+        return stated and self.now is not None and not self.now.reached
 
     @property
     def positions(self) -> tuple[Position, ...]:
@@ -65,39 +83,89 @@ class Guided:
             every[max(every) + 1] = Position(max(every) + 1, dial)
         return tuple(every[n] for n in sorted(every))
 
-    def _first(self) -> Position:
-        return self.session.next or self.positions[-1]
+    @property
+    def proposed(self) -> int | None:
+        """Number of the position that is proposed beyond the plan; None when there is none."""
+        last = self.positions[-1].number
+        return last if self.place is not None and last not in self.session.taken else None
+
+    @property
+    def open_positions(self) -> tuple[Position, ...]:
+        """What is still to be captured: the plan, and the proposed one where a plan goes on by itself."""
+        goes_on = self.adaptive or self.wants
+        missing = [p for p in self.positions if not self.session.has(p.number)]
+        return tuple(p for p in missing if p.number != self.proposed or goes_on)
+
+    def gain(self) -> tuple[float, float] | None:
+        """Expanded uncertainty of the goal's angle now and after the proposed position, rad; None when not known."""
+        if self.place is None or self.goal.criterion == "trace":
+            return None
+        before, after = self.place.before, self.place.value
+        shown = float("nan") if self.now is None else getattr(self.now, f"u_{self.goal.criterion}")
+        if np.isfinite(shown) and np.isfinite(before):
+            return shown, shown * after / before
+        k = self.goal.coverage
+        return (k * before, k * after) if np.isfinite(after) else None
+
+    def target_temperature(self, number: int) -> float | None:
+        """degC a position of a temperature campaign is to be captured at; None without a campaign."""
+        targets = self.session.settings.get("settings", {}).get("target_degC", [])
+        return float(targets[number - 1]) if 1 <= number <= len(targets) else None
+
+    def heat(self) -> Heat | None:
+        """The temperature against the target of the chosen position; None where there is no target."""
+        target = self.target_temperature(self.chosen.number)
+        return None if target is None else heat_of(self.feed, target)
 
     def reload(self) -> None:
         """Read the session again: another browser may have captured something."""
         self.session = load_session(self.ledger, self.session.id)
 
-    @property
-    def known(self) -> int:
-        """How many readings of the session the ledger has."""
-        return self.ledger.count("reading", session=self.session.id)
+    def news(self) -> bool:
+        """Read the session again; whether another browser has changed it.
+
+        A page whose position has just been captured elsewhere goes on to the next, without turning the rig.
+        """
+        mark = self._mark()
+        if mark == self._known:
+            return False
+        self._known, before = mark, self.session
+        self.reload()
+        if self.session.has(self.chosen.number) and not before.has(self.chosen.number):
+            self.follow()
+        return _state(self.session) != _state(before)
+
+    def _mark(self) -> tuple[int, str]:
+        """Changes whenever the session may have: its readings, the newest event of the ledger."""
+        newest = self.ledger.find("event", newest=True, limit=1)
+        return self.ledger.count("reading", session=self.session.id), newest[0].id if newest else ""
 
     def judge(self) -> None:
         """Make the running fit, and where it is wanted the next position."""
+        if self.verifies:
+            return
         self.now = standing(self.session, self.goal, self.about_rig, self.site)
         self.place = None
         if self.session.next is None and not self.now.reached and (self.adaptive or self.now.calibration is not None):
             self.place = proposal(self.session, self.goal, self.about_rig, self.now)
 
-    def choose(self, number: int) -> None:
-        """Put a position on the card; a rig that can is turned to it."""
-        self.chosen = next((p for p in self.positions if p.number == number), self.chosen)
-        if self.rig is not None:
-            self.rig.move(*self.chosen.dial)
-        if self.feed is not None:
-            self.feed.moved()
-        self._moved = self.rig is not None
+    def follow(self) -> None:
+        """Show the first open position; the rig stays where it is."""
+        left = self.open_positions
+        if left:
+            self.chosen = left[0]
 
-    def choose_next(self) -> None:
-        """The first position without a reading, or the proposed one."""
-        open_ones = [p for p in self.positions if not self.session.has(p.number)]
-        if open_ones:
-            self.choose(open_ones[0].number)
+    def choose(self, number: int) -> None:
+        """Put a position on the card; the rig stays where it is."""
+        self.chosen = next((p for p in self.positions if p.number == number), self.chosen)
+        self._moved = self.turner is not None
+
+    def choose_next(self) -> bool:
+        """Put the first open position on the card; whether there was one."""
+        left = self.open_positions
+        if left:
+            self.choose(left[0].number)
+        return bool(left)
 
     def step(self, by: int) -> None:
         """The position before or after."""
@@ -105,26 +173,62 @@ class Guided:
         place = numbers.index(self.chosen.number) if self.chosen.number in numbers else 0
         self.choose(numbers[max(0, min(len(numbers) - 1, place + by))])
 
+    def turn(self) -> None:
+        """Turn a motorised rig to the position on the card; may take as long as the rig takes to answer.
+
+        Raises
+        ------
+        InclinometryError
+            Not allowed; the rig cannot be reached or refuses the setting.
+        """
+        self.visitor.require("capture")
+        if self.turner is not None:
+            self.turner.move(self.chosen.dial)
+            self._moved = True
+            self._cut()
+
+    @property
+    def rig_state(self) -> RigState | None:
+        """What a motorised rig last said; None for one turned by hand."""
+        return None if self.turner is None else self.turner.state
+
+    def _cut(self) -> None:
+        """Samples up to now belong to another position."""
+        if self.feed is not None:
+            self.feed.moved()
+
     def take(self, how: str = "key") -> Taken:
         """Capture the position on the card; it is on the disk when this returns.
 
         Raises
         ------
         InclinometryError
-            Not allowed, no instrument, nothing fresh from it, somebody else was first.
+            Not allowed, no instrument, nothing fresh from it, a motorised rig that stands elsewhere, somebody else was
+            first.
         """
-        user = self.visitor.require("capture")
+        user, chosen = self.visitor.require("capture"), self.chosen
         if self.feed is None:
             raise NoInstrumentError(self.visitor.say("home.no_instrument"))
-        reading: Capture = self.feed.capture(self.chosen.dial, how=how)
-        attempt = self.session.attempts.get(self.chosen.number, 0) + 1
-        taken = capture(self.ledger, self.session.id, self.chosen.number, reading, author=user.name, attempt=attempt)
+        if self.turner is not None and not self.turner.poll().at(chosen.dial):
+            raise ElsewhereError(self.visitor.say("bench.rig_elsewhere", number=chosen.number))
+        confirm = getattr(self.visitor.bench.rig, "confirm", None)
+        if confirm is not None and self.visitor.bench.rig is not None:
+            # turned by hand: to capture is to say that it is set
+            self.visitor.bench.rig.move(*chosen.dial)
+            confirm()
+        reading: Capture = self.feed.capture(chosen.dial, how=how)
+        attempt = self.session.attempts.get(chosen.number, 0) + 1
+        taken = capture(self.ledger, self.session.id, chosen.number, reading, author=user.name, attempt=attempt)
+        self._moved = False
+        self._cut()
         self.reload()
         return taken
 
     def leave_out(self, number: int, reason: str) -> None:
         """Leave a reading out; its position is open again."""
         user = self.visitor.require("capture")
+        if not self.session.has(number):
+            raise InputError(f"position {number} has no reading to leave out; capture it first")
         reject(self.ledger, self.session.taken[number], reason, author=user.name)
         self.reload()
 
@@ -144,8 +248,28 @@ class Guided:
             self._moved = True
         if not self.automatic or self.session.has(self.chosen.number) or self.session.closed:
             return False
-        return self._moved and seen.still and (self.rig is None or self.rig.ready())
+        if not self._moved or not seen.still:
+            return False
+        if self.turner is not None and not self.turner.state.at(self.chosen.dial):
+            return False
+        if self.target_temperature(self.chosen.number) is None:
+            return True
+        heat = self.heat()
+        return heat is not None and heat.near and heat.even
+
+
+def _state(session: Session) -> tuple[object, ...]:
+    """What a page shows of a session."""
+    return session.closed, tuple((t.record, bool(t.rejected)) for t in session.taken.values())
+
+
+def _nothing() -> None:
+    """Without an instrument there is nothing to tell."""
 
 
 class NoInstrumentError(InputError):
     """There is nothing to capture from."""
+
+
+class ElsewhereError(InclinometryError):
+    """The rig does not stand at the position that is to be captured."""

@@ -2,83 +2,155 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 import numpy as np
 from nicegui import ui
 
 from inclinometry.web.pages.calibrate.guided import Guided
+from inclinometry.workflow.laboratory.session import Position
 
 
 class Progress:
-    """The list of positions; a click puts one on the card."""
+    """The list of positions; a click puts one on the card. A button is changed only when its state is."""
 
-    def __init__(self, guided: Guided, choose: Callable[[int], None]) -> None:
+    def __init__(self, guided: Guided, choose: Callable[[int], Awaitable[None]]) -> None:
         self._guided, self._choose = guided, choose
-        with ui.card().classes("panel"):
-            ui.label(guided.visitor.say("bench.positions")).classes("subtitle")
-            self._box = ui.element("div").classes("positions").props('role="list"')
-        self.show()
+        self._buttons: dict[int, ui.html] = {}
+        self._states: dict[int, tuple[str, str]] = {}
+        with ui.card().classes("panel places"):
+            self._title = ui.label().classes("subtitle number").props('data-testid="progress"')
+            self._box = ui.element("div").classes("positions").props('role="group"')
 
     def show(self) -> None:
         """All positions as they are now."""
         guided, say = self._guided, self._guided.visitor.say
+        done, total = len(guided.session.valid), len(guided.session.positions)
+        self._title.set_text(f"{say('bench.positions')}: {say('home.progress', done=done, all=total)}")
+        positions = {p.number: p for p in guided.positions}
+        for number in [n for n in self._buttons if n not in positions]:
+            self._buttons.pop(number).delete()
+            self._states.pop(number)
+        for position in positions.values():
+            self._one(position)
+
+    def _one(self, position: Position) -> None:
+        guided, say, number = self._guided, self._guided.visitor.say, position.number
         odd = {} if guided.now is None else guided.now.odd
-        self._box.clear()
-        with self._box:
-            for position in guided.positions:
-                number = position.number
-                state = "odd" if number in odd else "done" if guided.session.has(number) else "open"
-                button = ui.button(str(number), on_click=lambda n=number: self._choose(n))
-                angles = " / ".join(f"{np.degrees(x):.1f}" for x in position.dial)
-                button.props(f'flat dense no-caps aria-label="{say(f"bench.state_{state}")} {number}: {angles}"')
-                button.classes(f"place {state}" + (" here" if number == guided.chosen.number else ""))
-                button.tooltip(odd.get(number, angles))
+        state = "odd" if number in odd else "done" if guided.session.has(number) else "open"
+        if number == guided.proposed:
+            state = "proposed"
+        here = " here" if number == guided.chosen.number else ""
+        angles = " / ".join(f"{np.degrees(x):.1f}°" for x in position.dial)
+        heat = guided.target_temperature(number)
+        angles += "" if heat is None else f", {heat:g} °C"
+        shown = (f"place {state}{here}", angles)
+        if self._states.get(number) == shown:
+            return
+        self._states[number] = shown
+        if number not in self._buttons:
+            with self._box:
+                made = ui.html(str(number), tag="button", sanitize=False)
+            made.on("click", lambda n=number: self._choose(n), [])
+            self._buttons[number] = made
+        button = self._buttons[number].classes(replace=shown[0])
+        current = "true" if here else "false"
+        label = f"{say(f'bench.state_{state}')} {number}: {angles}"
+        button.props(f'type=button data-testid="position-{number}" aria-current="{current}"')
+        button.props(f'aria-label="{label}" title="{label}" data-state="{state}"')
 
 
 class Certifies:
-    """What would be certified now, odd positions, warnings."""
+    """What would be certified now, odd positions, the next best position, warnings; or how a verification stands."""
 
-    def __init__(self, guided: Guided, choose: Callable[[int], None]) -> None:
+    def __init__(self, guided: Guided, choose: Callable[[int], Awaitable[None]], finish: Callable[[], object]) -> None:
         self._guided, self._choose = guided, choose
-        with ui.card().classes("panel"):
-            ui.label(guided.visitor.say("bench.certifies")).classes("subtitle")
-            self._box = ui.column().classes("gap-1")
-        self.show()
+        say = guided.visitor.say
+        with ui.card().classes("panel certifies"):
+            title = "bench.verifying" if guided.verifies else "bench.certifies"
+            ui.label(say(title)).classes("subtitle")
+            self._box = ui.element("div").classes("found")
+            text = say("bench.judge") if guided.verifies else say("bench.finish")
+            self._end = ui.button(text, on_click=finish).props('no-caps data-testid="finish"').classes("finish")
 
     def show(self) -> None:
         """The running fit as it is now."""
-        guided, say = self._guided, self._guided.visitor.say
-        now = guided.now
+        guided = self._guided
         self._box.clear()
         with self._box:
-            if now is None or now.calibration is None:
-                ui.label(say("bench.no_fit") if now is None else now.waiting).classes("dim")
-                return
-            low, high = np.degrees(guided.goal.inclination_range)
-            ui.label(say("bench.range", low=f"{low:g}", high=f"{high:g}")).classes("dim number")
+            self._goal()
+            if guided.now is not None:
+                self._odd()
+                self._uncertainty()
+                self._next_best()
+        ready = (
+            bool(guided.session.valid) if guided.verifies else guided.now is not None and bool(guided.now.calibration)
+        )
+        self._end.set_enabled(ready and not guided.session.closed)
+        ended = not guided.open_positions
+        self._end.props("unelevated", remove="outline") if ended else self._end.props("outline", remove="unelevated")
+
+    def _goal(self) -> None:
+        """The one large sentence: closed, reached, or everything captured."""
+        guided, say = self._guided, self._guided.visitor.say
+        now = guided.now
+        if guided.session.closed:
+            text, colour = say(f"bench.closed_{guided.session.closed}"), "dim"
+        elif now is not None and now.reached:
+            text, colour = say("bench.reached"), "good"
+        elif not guided.open_positions and not (now is not None and now.odd):
+            text, colour = say("bench.complete"), "good"
+        else:
+            return
+        ui.label(text).classes(f"word {colour}").props('data-testid="goal" role="status"')
+
+    def _odd(self) -> None:
+        guided, say = self._guided, self._guided.visitor.say
+        for number, sentence in ({} if guided.now is None else guided.now.odd).items():
+            with ui.element("div").classes("odd-row").props('role="alert"'):
+                ui.label(sentence).classes("bad").props(f'data-testid="odd-{number}"')
+                retake = ui.button(say("bench.retake", number=number), on_click=lambda n=number: self._choose(n))
+                retake.props(f'outline dense no-caps data-testid="retake-{number}"')
+
+    def _uncertainty(self) -> None:
+        guided, say = self._guided, self._guided.visitor.say
+        now = guided.now
+        if now is None or now.calibration is None:
+            ui.label(say("bench.no_fit") if now is None else now.waiting).classes("dim waiting")
+            return
+        low, high = np.degrees(guided.goal.inclination_range)
+        with ui.element("div").classes("pair"):
             self._line("U_azimuth", now.u_azimuth, guided.goal.u_azimuth)
             self._line("U_inclination", now.u_inclination, guided.goal.u_inclination)
-            if now.reached:
-                ui.label(say("bench.reached")).classes("good")
-            if guided.place is not None:
-                ui.label(say("bench.proposed", number=guided.positions[-1].number)).classes("number")
-            for number, sentence in now.odd.items():
-                with ui.row().classes("odd-row"):
-                    ui.label(sentence).classes("bad")
-                    ui.button(say("bench.retake", number=number), on_click=lambda n=number: self._choose(n)).props(
-                        "outline dense no-caps"
-                    )
-            others = [w for w in now.calibration.warnings if w not in now.odd.values()]
-            for sentence in others[:4]:
-                ui.label(sentence).classes("warn")
+        ui.label(say("bench.range", low=f"{low:g}", high=f"{high:g}")).classes("dim small number")
+        others = [w for w in now.calibration.warnings if w not in now.odd.values()]
+        for sentence in others[:3]:
+            ui.label(sentence).classes("warn small")
 
     def _line(self, name: str, value: float, wanted: float | None) -> None:
         say = self._guided.visitor.say
-        if not np.isfinite(value):
-            return
-        text = f"{say(f'bench.{name}')} {np.degrees(value):.3f}°"
-        if wanted is not None:
-            text += f"  ({say('bench.wanted')} {np.degrees(wanted):.3f}°)"
+        text = f"{np.degrees(value):.3f}°" if np.isfinite(value) else "–"
         colour = "" if wanted is None else "good" if value <= wanted else "warn"
-        ui.label(text).classes(f"uncertainty number {colour}")
+        with ui.element("div").classes("uncertainty"):
+            ui.label(say(f"bench.{name}")).classes("dim")
+            ui.label(text).classes(f"value number {colour}").props(f'data-testid="{name.lower()}"')
+            if wanted is not None:
+                ui.label(f"{say('bench.wanted')} {np.degrees(wanted):.3f}°").classes("dim small number")
+
+    def _next_best(self) -> None:
+        guided, say, number = self._guided, self._guided.visitor.say, self._guided.proposed
+        if number is None or guided.session.closed:
+            return
+        gain = guided.gain()
+        name = say(f"bench.U_{guided.goal.criterion}") if gain is not None else ""
+        text = say("bench.proposed", number=number)
+        if gain is not None:
+            text += " " + say("bench.gain", name=name, now=_degrees(gain[0]), then=_degrees(gain[1]))
+        with ui.element("div").classes("odd-row"):
+            ui.label(text).classes("number").props('data-testid="proposed"')
+            if number != guided.chosen.number:
+                ui.button(say("bench.take_it"), on_click=lambda: self._choose(number)).props("outline dense no-caps")
+
+
+def _degrees(angle: float) -> str:
+    return f"{np.degrees(angle):.3f}°" if np.isfinite(angle) else "–"

@@ -1,72 +1,111 @@
-"""The large card: where to turn the tool to, as numbers to be read from two metres and as a picture."""
+"""The large card: where to turn the tool to, as numbers to be read from two metres, and as a picture."""
 
 from __future__ import annotations
+
+from html import escape
 
 import numpy as np
 from nicegui import ui
 
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.arrays import Array
-from inclinometry.web.frame import Visitor
 from inclinometry.web.pages.calibrate.guided import Guided
+from inclinometry.web.pages.calibrate.picture import drawing
 
-_TO_SCENE = np.diag([1.0, -1.0, -1.0])
-"""North, east, down -> the picture's x (north), y (west), z (up)."""
+DIALS = ("azimuth", "inclination", "toolface")
+
+
+def big(angle: float) -> str:
+    """An angle for the card, in degrees: the whole number large, what follows it smaller.
+
+    Examples
+    --------
+    >>> big(np.pi / 2)
+    "90<span class='rest'>.00°</span>"
+    >>> big(-1e-9)
+    "0<span class='rest'>.00°</span>"
+    """
+    whole, _, rest = f"{round(float(np.degrees(angle)), 2) + 0.0:.2f}".partition(".")
+    return f"{whole.replace('-', '−')}<span class='rest'>.{rest}°</span>"
 
 
 class Target:
-    """Numbers and picture of the chosen position."""
+    """Numbers of the chosen position; call within its card."""
 
     def __init__(self, guided: Guided) -> None:
-        self._guided = guided
+        self._guided, self._shown = guided, ""
         say = guided.visitor.say
-        with ui.card().classes("panel target"):
-            with ui.row().classes("items-baseline justify-between"):
-                self._name = ui.label().classes("subtitle number")
-                self._state = ui.label().classes("number")
-            with ui.element("div").classes("dials"):
-                self._dials = [_dial(say(f"bench.{dial}")) for dial in ("azimuth", "inclination", "toolface")]
-            self._scene = _Picture(guided.visitor)
-        self.show()
+        with ui.element("div").classes("headline"):
+            self._name = ui.label().classes("subtitle number").props('data-testid="position-name"')
+            self._state = ui.label().props('data-testid="position-state"')
+            self._leave = ui.button(say("bench.leave_out")).props('flat dense no-caps data-testid="reject"')
+        self._dials = ui.html("", sanitize=False).classes("dials").props('data-testid="target"')
+        self._heat = ui.label().classes("heat number").props('data-testid="heat"')
+        self._heat.set_visibility(guided.target_temperature(1) is not None)
+
+    @property
+    def leave(self) -> ui.button:
+        """Leaves the reading of the chosen position out."""
+        return self._leave
 
     def show(self) -> None:
         """The chosen position as it is now."""
         guided, say = self._guided, self._guided.visitor.say
-        chosen = guided.chosen
-        self._name.set_text(say("bench.position", number=chosen.number, all=len(guided.positions)))
-        done = guided.session.has(chosen.number)
-        self._state.set_text(say("bench.captured") if done else say("bench.to_capture"))
-        self._state.classes(replace="number good" if done else "number dim")
-        for label, angle in zip(self._dials, chosen.dial, strict=True):
-            label.set_text(f"{np.degrees(angle):.2f}°")
-        self._scene.turn(dcm(*chosen.dial))
+        chosen, taken = guided.chosen, guided.session.taken.get(guided.chosen.number)
+        total = len(guided.session.positions)
+        proposed = chosen.number > total
+        name = say("bench.added", number=chosen.number) if proposed else ""
+        self._name.set_text(name or say("bench.position", number=chosen.number, all=total))
+        text, colour = say("bench.to_capture"), "dim"
+        if taken is not None and taken.rejected:
+            text, colour = say("bench.was_rejected", attempt=taken.attempt, reason=taken.rejected[:80]), "warn"
+        elif taken is not None:
+            text, colour = say("bench.was_captured", attempt=taken.attempt, time=taken.created[11:16]), "good"
+        self._state.set_text(text)
+        self._state.classes(replace=f"state number {colour}")
+        self._leave.set_visibility(guided.session.has(chosen.number) and not guided.session.closed)
+        dials = zip(DIALS, chosen.dial, strict=True)
+        cells = [
+            f"<div class='dial'><span class='dim'>{escape(say(f'bench.{name}'))}</span>"
+            f"<span class='digits number' data-testid='target-{name}'>{big(angle)}</span></div>"
+            for name, angle in dials
+        ]
+        if "".join(cells) != self._shown:
+            self._shown = "".join(cells)
+            self._dials.set_content(self._shown)
+        self.show_heat()
+
+    def show_heat(self) -> None:
+        """The target temperature beside the measured one; looked at every second."""
+        guided, say = self._guided, self._guided.visitor.say
+        target = guided.target_temperature(guided.chosen.number)
+        if target is None:
+            return
+        heat, text, colour = guided.heat(), say("bench.heat_target", target=f"{target:g}"), "warn"
+        if heat is None:
+            text += " · " + say("bench.heat_unknown")
+        else:
+            rate = "–" if np.isnan(heat.rate) else f"{heat.rate:+.2f}"
+            word = "even" if heat.even and heat.near else "uneven" if heat.near else "far"
+            measured = say("bench.heat_measured", measured=f"{heat.measured:.1f}", rate=rate)
+            text, colour = f"{text} · {measured} · {say(f'bench.heat_{word}')}", "good" if word == "even" else "warn"
+        self._heat.set_text(text)
+        self._heat.classes(replace=f"heat number {colour}")
 
 
-def _dial(name: str) -> ui.label:
-    with ui.element("div").classes("dial"):
-        ui.label(name).classes("dim")
-        return ui.label("0.00°").classes("digits number")
+class Picture:
+    """The tool in the stand at the chosen position."""
 
+    def __init__(self, guided: Guided) -> None:
+        self._guided, self._shown = guided, ""
+        say = guided.visitor.say
+        with ui.card().classes("panel picture"):
+            self._html = ui.html("", sanitize=False).props('data-testid="picture"')
+            ui.label(say("bench.picture_key")).classes("dim small")
 
-class _Picture:
-    """The tool in the stand, seen from the south-east and above."""
-
-    def __init__(self, visitor: Visitor) -> None:
-        with ui.scene(width=360, height=250, grid=(4, 4), background_color="#00000000").classes("scene") as self._scene:
-            self._scene.props(f'aria-label="{visitor.say("bench.picture")}"')
-            self._arrow([0.0, 0.0, 0.0], [1.6, 0.0, 0.0], "#b3261e")
-            ui.scene.text("N", "color:#b3261e;font-weight:bold").move(1.8, 0.0, 0.0)
-            with self._scene.group() as self._tool:
-                body = self._scene.cylinder(0.16, 0.16, 2.2).material("#5b7f9d")
-                body.rotate(np.pi / 2, 0.0, 0.0)
-                head = self._scene.cylinder(0.0, 0.2, 0.4).material("#0b5cad")
-                head.rotate(np.pi / 2, 0.0, 0.0).move(0.0, 0.0, 1.2)
-                self._scene.box(0.1, 0.08, 1.6).material("#e8b100").move(0.18, 0.0, 0.0)
-        self._scene.move_camera(x=2.2, y=-2.6, z=1.9, look_at_x=0, look_at_y=0, look_at_z=0, duration=0.0)
-
-    def _arrow(self, start: list[float], end: list[float], colour: str) -> None:
-        self._scene.line(start, end).material(colour)
-
-    def turn(self, attitude: Array) -> None:
-        """Show the tool at an attitude (north, east, down to tool)."""
-        self._tool.rotate_R((_TO_SCENE @ attitude.T).tolist())
+    def show(self) -> None:
+        """Drawn again when the position has changed."""
+        say, dial = self._guided.visitor.say, self._guided.chosen.dial
+        words = (escape(say("bench.north")), escape(say("bench.down")))
+        text = drawing(dial, escape(say("bench.picture"), quote=True), words)
+        if text != self._shown:
+            self._shown = text
+            self._html.set_content(text)
