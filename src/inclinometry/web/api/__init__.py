@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from inclinometry.web.api import ledger, people, registry, results, sessions
+from inclinometry.web.api import certificates, ledger, people, registry, results, sessions
 
 router = APIRouter(prefix="/api/v1")
-for part in (people, registry, sessions, results, ledger):
+for part in (people, registry, sessions, results, certificates, ledger):
     router.include_router(part.router)
