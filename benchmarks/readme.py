@@ -35,6 +35,7 @@ def table(results: dict) -> list[tuple[str, str, str]]:
         *_real(results["real_data"]),
         *_gyro(results),
         *_wells(results),
+        *_motion(results),
     ]
     return [*accuracy, *_speed(results)]
 
@@ -163,6 +164,38 @@ def _wells(results: dict) -> list[tuple[str, str, str]]:
     ]
 
 
+def _motion(results: dict) -> list[tuple[str, str, str]]:
+    table, reference = results["motion"]["table"], results["motion"]["reference"]
+    rows = []
+    for run, window in (("vibration-5g", "2 s"), ("vibration-5g", "10 s"), ("vibration-20g", "10 s")):
+        case = table[run][f"magnetic {window}"]
+        rows.append(
+            (
+                f"while drilling, {run.removeprefix('vibration-')} rms and shocks, {window}: rms inclination / azimuth",
+                f"{case['inclination_deg']:.3f}° / {case['azimuth_deg']:.3f}°",
+                "least squares {:.3f}° / {:.3f}°".format(*reference[f"{run}, {window}"]),
+            )
+        )
+    squared = [case["auto 10 s"]["normalised squared error"] for case in results["motion"]["drawn tools"].values()]
+    rows.append(
+        (
+            f"its stated covariance, tools with drawn errors, {len(squared)} kinds of run: normalised squared error",
+            f"{min(squared):.2f} to {max(squared):.2f}",
+            "1 is honest",
+        )
+    )
+    broad = results["motion_peers"]["broad"]["mean"]
+    for ours, peer, what in (("ours", "VQF", "as it comes"), ("ours, offline", "VQF, offline", "afterwards")):
+        rows.append(
+            (
+                f"BROAD, three trials of real motion, total rms error {what}",
+                f"{broad[ours]['total']:.2f}°",
+                f"VQF {broad[peer]['total']:.2f}°",
+            )
+        )
+    return rows
+
+
 def _speed(results: dict) -> list[tuple[str, str, str]]:
     kernel, closed, joint = results["kernel"]["ratios"], results["closed_forms"]["speed"], results["joint"]["speed"]
     times = list(joint.values())
@@ -177,6 +210,11 @@ def _speed(results: dict) -> list[tuple[str, str, str]]:
             "joint gyro estimate, stations a second on one core",
             f"{results['gyro']['speed']['stations a second (wanted 5e5)'] / 1e6:.2f} million",
             f"numpy × {results['gyro']['speed']['times faster than plain numpy']:.1f}",
+        ),
+        (
+            "nine-axis filter with covariance",
+            f"{results['motion_peers']['speed']['times VQF']:.1f} × VQF",
+            "same run",
         ),
         ("joint fit, 24 stations, two triads", f"{times[0]:.1f} ms", f"general solver × {times[1]:.1f}"),
         (
