@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -15,7 +16,6 @@ from inclinometry.cli.options import Flag
 from inclinometry.core.errors import InputError
 from inclinometry.store.admin import create
 from inclinometry.store.ledger import Ledger, default_path
-from inclinometry.store.users import users
 
 SIMULATED = "simulated"
 
@@ -61,21 +61,25 @@ def bench(
         raise InputError("--certificate and --key are needed together, or neither of them")
     where = str(default_path()) if ledger is None else ledger
     with ExitStack() as stack:
+        stack.enter_context(_endable())
         opened = stack.enter_context(create(where))
-        _check_users(opened, host)
         listening = stack.enter_context(_listening(host, port))
         feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
         _serve(opened, listening, host, name, feed, rig, instrument or (SIMULATED if demo else ""), certificate, key)
 
 
-def _check_users(ledger: Ledger, host: str) -> None:
-    from inclinometry.web.app import is_loopback
+@contextmanager
+def _endable() -> Iterator[None]:
+    """SIGTERM ends the bench like Ctrl-C does: ledger and instrument are closed; exit status 0."""
 
-    if not is_loopback(host) and not any(user.may("administer") for user in users(ledger)):
-        raise InputError(
-            f"the bench would be open to the network at {host}, and this ledger has no administrator yet: make one "
-            f"with `inclinometry ledger users NAME --role administrator --ledger {ledger.shown}`"
-        )
+    def end(*_: object) -> None:
+        raise SystemExit(0)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager
@@ -130,23 +134,12 @@ def _serve(
     certificate: Path | None,
     key: Path | None,
 ) -> None:
-    import uvicorn
-
-    from inclinometry.web.app import create_app, is_loopback
+    from inclinometry.web.app import create_app, is_loopback, run
 
     app = create_app(ledger, host=host, names=(*names, host), feed=feed, rig=rig, instrument=instrument)
     scheme = "http" if certificate is None else "https"
     if not is_loopback(host) and certificate is None:
         output.warnings(["passwords cross the network unencrypted; give --certificate and --key"])
     shown = f"[{host}]" if ":" in host else host
-    output.say(f"the bench is at {scheme}://{shown}:{listening.getsockname()[1]}/ (Ctrl-C ends it)")
-    config = uvicorn.Config(
-        app,
-        log_level="warning",
-        ssl_certfile=certificate,
-        ssl_keyfile=key,
-        server_header=False,
-        timeout_graceful_shutdown=3,
-        ws_max_size=2**20,
-    )
-    uvicorn.Server(config).run(sockets=[listening])
+    sentence = f"the bench is at {scheme}://{shown}:{listening.getsockname()[1]}/ (Ctrl-C ends it)"
+    run(app, listening, certificate=certificate, key=key, ready=lambda: output.say(sentence))

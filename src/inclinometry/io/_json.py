@@ -83,7 +83,7 @@ def load(path: str | Path) -> Json:
     except (OSError, ValueError) as error:
         raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
     try:
-        content = json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant, parse_float=_finite_number)
+        content = parse(text)
     except json.JSONDecodeError as error:
         raise FileError(f"not JSON: {error.msg} (column {error.colno})", path=path, line=error.lineno) from None
     except (ValueError, RecursionError) as error:
@@ -91,6 +91,11 @@ def load(path: str | Path) -> Json:
     if not isinstance(content, dict):
         raise FileError(f"holds a JSON {type(content).__name__}; an object is needed", path=path)
     return content
+
+
+def parse(text: str | bytes) -> Any:
+    """The value of a JSON text; ValueError for doubled keys, NaN and numbers too large, too."""
+    return json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant, parse_float=_finite_number)
 
 
 def _distinct(pairs: list[tuple[str, Any]]) -> Json:

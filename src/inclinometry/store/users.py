@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
+from inclinometry.core.digest import digest_bytes
 from inclinometry.core.errors import InputError
 from inclinometry.store.ledger import Ledger, LedgerError, Record
 
@@ -26,13 +27,14 @@ LONGEST: Final = 200
 
 @dataclass(frozen=True)
 class User:
-    """A user as the ledger has it now."""
+    """A user as the ledger has it now; `seal` changes with the password and tells nothing about it."""
 
     name: str
     full_name: str
     role: str
     active: bool
     language: str
+    seal: str = field(default="", repr=False)
 
     def may(self, what: str) -> bool:
         """Whether the user may "read", "capture", "issue" or "administer"."""
@@ -112,15 +114,21 @@ def guard_last_administrator(ledger: Ledger, name: str, role: str, active: bool)
     ------
     LedgerError
     """
-    others = [u for u in users(ledger) if u.name != name and u.may("administer")]
-    if not others and not (active and role == "administrator"):
+    administrators = {u.name for u in users(ledger) if u.may("administer")}
+    if administrators == {name} and not (active and role == "administrator"):
         raise LedgerError(f"{name!r} is the last active administrator; make another one first")
 
 
 def _user(record: Record) -> User:
     body = record.body
+    seal = digest_bytes(f"seal {body.get('password')}".encode())
     return User(
-        record.keys["name"], body.get("full_name", ""), body["role"], bool(body["active"]), body.get("language", "en")
+        record.keys["name"],
+        body.get("full_name", ""),
+        body["role"],
+        bool(body["active"]),
+        body.get("language", "en"),
+        seal,
     )
 
 

@@ -9,16 +9,20 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fastapi import FastAPI, Request
-from fastapi.responses import JSONResponse, PlainTextResponse
+from fastapi import FastAPI
+from fastapi.responses import PlainTextResponse
 from fastapi.staticfiles import StaticFiles
-from nicegui import ui
+from nicegui import core, ui
 
-from inclinometry.core.errors import InclinometryError
-from inclinometry.store.ledger import ConflictError, Ledger
-from inclinometry.web.bench import Bench, RefusedError, serve
+from inclinometry.core.errors import InputError
+from inclinometry.store.ledger import Ledger
+from inclinometry.store.users import users
+from inclinometry.web import refusals
+from inclinometry.web.bench import Bench, serve
 from inclinometry.web.guard import Guard
 from inclinometry.web.logins import Logins
+from inclinometry.web.server import run as run
+from inclinometry.web.sockets import guard_sockets
 
 if TYPE_CHECKING:
     from inclinometry.io.instrument.rig import RigDriver
@@ -32,6 +36,8 @@ PAGES: Final = (
     "results",
     "verify",
     "verify_report",
+    "certificates_new",
+    "certificates",
     "ledger",
     "people",
 )
@@ -84,28 +90,35 @@ def create_app(
         A host that is not loopback with a ledger that has no active administrator.
     """
     open_house = is_loopback(host)
+    if not open_house and not any(user.may("administer") for user in users(ledger)):
+        raise InputError(
+            f"the bench would be open to the network at {host}, and this ledger has no administrator yet: make one "
+            f"with `inclinometry ledger users NAME --role administrator --ledger {ledger.shown}`"
+        )
     logins = Logins(ledger)
     serve(Bench(ledger, logins, feed, rig, open_house, instrument))
     app = FastAPI(
-        title="inclinometry bench", version="1", docs_url=None, redoc_url=None, openapi_url="/api/openapi.json"
+        title="inclinometry bench",
+        description='Angles in degrees, each with its unit in its name. Every refusal is {"detail": "a sentence"}.',
+        version="1",
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/api/openapi.json",
     )
     app.mount("/static", StaticFiles(directory=Path(str(files("inclinometry.web").joinpath("static")))), "static")
-    app.add_exception_handler(InclinometryError, _explain)
+    refusals.explain(app)
     app.add_api_route("/healthz", _alive, include_in_schema=False)
     app.include_router(importlib.import_module("inclinometry.web.pages.login").router)
     app.include_router(importlib.import_module("inclinometry.web.pages.interface").router)
     app.include_router(importlib.import_module("inclinometry.web.api").router)
+    app.add_route("/api/{rest:path}", refusals.no_such_route, refusals.METHODS, include_in_schema=False)
     for name in PAGES:
         importlib.import_module(f"inclinometry.web.pages.{name}")
     ui.run_with(app, title="inclinometry", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0)
+    refusals.explain_pages(core.app)
+    guard_sockets()
     return Guard(app, logins=logins, hosts=LOOPBACK_NAMES | frozenset(names), open_house=open_house)
 
 
 def _alive() -> PlainTextResponse:
     return PlainTextResponse("ok")
-
-
-def _explain(_: Request, error: Exception) -> JSONResponse:
-    """What a user can mend, as JSON: 409 somebody was first, 403 not allowed, 422 the rest."""
-    status = 409 if isinstance(error, ConflictError) else 403 if isinstance(error, RefusedError) else 422
-    return JSONResponse({"detail": str(error)}, status)

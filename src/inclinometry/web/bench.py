@@ -35,6 +35,11 @@ class Bench:
     open_house: bool = True
     instrument: str = ""
 
+    def told(self, error: Exception) -> str:
+        """What an error says to a user; on a network nobody is told where on this computer the ledger lies."""
+        text = str(error)
+        return text if self.open_house else text.replace(self.ledger.shown, "the ledger")
+
     def user(self, login: Login | None) -> User:
         """The user of a login as the ledger has it now; RefusedError when the login has ended."""
         found = None if login is None else self.logins.find(login.token)

@@ -1,37 +1,31 @@
-"""What stands before every page and route: the right host, a login, no foreign sites, nothing too large."""
+"""What stands before every page and route: the right host, a login, no foreign sites, nothing too large or too slow."""
 
 from __future__ import annotations
 
+import ipaddress
 import json
 from collections.abc import Awaitable, Callable, MutableMapping
-from http.cookies import CookieError, SimpleCookie
 from typing import Any, Final
 
+from inclinometry.web.bodies import Metered, problem_of
+from inclinometry.web.headers import browser_headers, cookie_token
 from inclinometry.web.logins import Login, Logins, same_secret
 
+Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
+Problem = tuple[int, str]
 
-COOKIE: Final = "inclinometry"
-LARGEST_BODY: Final = 64_000_000
-OPEN: Final = ("/login", "/_nicegui/", "/static/", "/api/v1/login", "/favicon.ico", "/healthz")
+OPEN: Final = ("/login", "/api/v1/login", "/favicon.ico", "/healthz")
+OPEN_FOLDERS: Final = ("/_nicegui/", "/static/")
 """What can be seen without a login: the login itself, scripts and styles, whether the server lives."""
 SAFE: Final = ("GET", "HEAD", "OPTIONS")
-
-HEADERS: Final = {
-    # the pages' own framework builds its templates in the browser and sets styles inline; nothing comes from elsewhere
-    "content-security-policy": "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
-    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
-    "connect-src 'self' ws: wss:; frame-ancestors 'none'; base-uri 'self'; form-action 'self'; object-src 'none'",
-    "x-content-type-options": "nosniff",
-    "x-frame-options": "DENY",
-    "referrer-policy": "no-referrer",
-    "cross-origin-opener-policy": "same-origin",
-    "cross-origin-resource-policy": "same-origin",
-    "permissions-policy": "camera=(), microphone=(), geolocation=(), payment=(), usb=()",
-}
+ONCE: Final = ("host", "origin", "authorization", "content-length", "content-type", "x-csrf-token")
+"""Headers of which two could be read in two ways."""
+ENDED: Final = 4401
+"""Code with which a websocket is closed when its login has ended."""
 
 
 class Guard:
@@ -42,69 +36,105 @@ class Guard:
     app : the application.
     logins : who is logged in.
     hosts : names (without port) by which this server may be addressed; a page of another site that makes its own name
-        point here is refused.
+        point here is refused. Where users log in, the numeric address of the server itself will do, too: no foreign
+        site can have it for a name.
     open_house : True on loopback, where whoever sits at the computer is the one user.
     """
 
     def __init__(self, app: App, *, logins: Logins, hosts: frozenset[str], open_house: bool) -> None:
-        self._app, self._logins, self._hosts, self._open_house = app, logins, hosts, open_house
+        self._app, self._logins, self._open_house = app, logins, open_house
+        self._hosts = frozenset(host.lower() for host in hosts)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let through what may pass."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        problem = self._foreign(scope, headers)
+        headers: dict[str, str] = {}
+        problem = _read(scope, headers) or self._foreign(scope, headers)
         if problem is not None:
             await _refuse(scope, send, *problem)
             return
-        login, fresh = self._who(headers)
+        login = self._who(headers)
         scope.setdefault("state", {})["login"] = login
-        problem = self._stranger(scope, headers, login) or _too_large(headers)
+        problem = self._stranger(scope, headers, login) or problem_of(scope, headers)
         if problem is not None:
             await _refuse(scope, send, *problem)
             return
-        cookie = _cookie(login.token, scope.get("scheme") == "https") if fresh and login is not None else None
-        await self._app(scope, _counted(receive), _dressed(send, cookie))
+        if scope["type"] == "websocket":
+            await self._app(scope, self._watched(receive, send, login), send)
+            return
+        body = Metered(scope, receive)
+        await self._app(scope, body.receive, _answered(scope, headers, body, send))
 
-    def _foreign(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
+    def _foreign(self, scope: Scope, headers: dict[str, str]) -> Problem | None:
         """Requests meant for another host, or sent by a page of another site."""
-        host = headers.get("host", "")
-        if _name(host) not in self._hosts:
+        host = headers.get("host", "").lower()
+        if _name(host) not in self._hosts and not (not self._open_house and _own_address(scope, host)):
             return 421, f"this server does not answer to the name {host[:80]!r}; use the address it printed"
         origin = headers.get("origin")
         unsafe = scope["type"] == "websocket" or scope["method"] not in SAFE
-        if unsafe and origin is not None and origin.partition("://")[2] != host:
+        if unsafe and origin is not None and origin.lower().partition("://")[2] != host:
+            return 403, "this request comes from a page of another site"
+        # a browser's own word on where a request comes from: another site may link here, but embed or call nothing
+        if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none") and not (
+            not unsafe and headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
+        ):
             return 403, "this request comes from a page of another site"
         return None
 
-    def _who(self, headers: dict[str, str]) -> tuple[Login | None, bool]:
-        """The login of a request and whether it has just begun."""
-        token = bearer(headers) or _cookie_of(headers)
+    def _who(self, headers: dict[str, str]) -> Login | None:
+        """The login of a request, None for a stranger."""
+        given = bearer(headers)
+        if self._open_house and not given:
+            return self._logins.local()
+        token = given or cookie_token(headers)
         found = self._logins.find(token) if token else None
-        if found is not None:
-            return found[0], False
-        return (self._logins.local(), True) if self._open_house and not bearer(headers) else (None, False)
+        return None if found is None else found[0]
 
-    def _stranger(self, scope: Scope, headers: dict[str, str], login: Login | None) -> tuple[int, str] | None:
-        path = scope["path"]
+    def _stranger(self, scope: Scope, headers: dict[str, str], login: Login | None) -> Problem | None:
+        path, http = scope["path"], scope["type"] == "http"
+        safe = http and scope["method"] in SAFE
+        if (http and path in OPEN) or (safe and path.startswith(OPEN_FOLDERS)):
+            return None
         if login is None:
-            if path == "/login" or any(path.startswith(p) for p in OPEN if p.endswith("/")) or path in OPEN:
-                return None
-            return (
-                (401, "log in first") if path.startswith("/api/") or scope["type"] == "websocket" else (303, "/login")
-            )
-        api = scope["type"] == "http" and path.startswith("/api/") and scope["method"] not in SAFE
+            return (303, "/login") if http and not path.startswith("/api/") else (401, "log in first")
+        api = http and path.startswith("/api/") and not safe
         if api and not bearer(headers) and not same_secret(headers.get("x-csrf-token", ""), login.csrf):
             return 403, "the header X-CSRF-Token is missing or wrong; GET /api/v1/me gives it"
         return None
+
+    def _watched(self, receive: Receive, send: Send, login: Login | None) -> Receive:
+        """The messages of a websocket until its login ends: whoever has logged out does nothing more on any page."""
+
+        async def watched() -> Message:
+            message = await receive()
+            if message["type"] != "websocket.receive":
+                return message
+            # the connection's own heartbeat must not keep a login alive that nobody uses
+            used = str(message.get("text") or "").startswith('42["event"')
+            if login is None or self._logins.find(login.token, use=used) is None:
+                await send({"type": "websocket.close", "code": ENDED})
+                return {"type": "websocket.disconnect", "code": ENDED}
+            return message
+
+        return watched
 
 
 def bearer(headers: dict[str, str]) -> str:
     """The token of an Authorization header, "" when there is none."""
     kind, _, token = headers.get("authorization", "").partition(" ")
     return token.strip() if kind.lower() == "bearer" else ""
+
+
+def _read(scope: Scope, headers: dict[str, str]) -> Problem | None:
+    """Fill in the headers by name; refused when one that decides something comes twice."""
+    for raw_name, raw_value in scope["headers"]:
+        name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
+        if name in headers and name in ONCE:
+            return 400, f"the header {name} was sent twice"
+        headers[name] = f"{headers[name]}; {value}" if name in headers and name == "cookie" else value
+    return None
 
 
 def _name(host: str) -> str:
@@ -114,72 +144,49 @@ def _name(host: str) -> str:
     return host.rpartition(":")[0] if ":" in host else host
 
 
-def _cookie_of(headers: dict[str, str]) -> str:
+def _own_address(scope: Scope, host: str) -> bool:
+    """Whether the host is the numeric address at which the connection arrived."""
+    server = scope.get("server") or ("", 0)
     try:
-        morsel = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
-    except CookieError:
-        return ""
-    return "" if morsel is None else morsel.value
+        return ipaddress.ip_address(_name(host).strip("[]")) == ipaddress.ip_address(str(server[0]))
+    except ValueError:
+        return False
 
 
-def _cookie(token: str, secure: bool) -> str:
-    return f"{COOKIE}={token}; Path=/; HttpOnly; SameSite=Strict" + ("; Secure" if secure else "")
+def _answered(scope: Scope, headers: dict[str, str], body: Metered, send: Send) -> Send:
+    """Adds the headers that every answer carries; a body that was cut short is answered with the reason instead."""
+    over = False
 
-
-def login_cookie(login: Login, *, secure: bool) -> str:
-    """The Set-Cookie header of a login."""
-    return _cookie(login.token, secure)
-
-
-def _too_large(headers: dict[str, str]) -> tuple[int, str] | None:
-    length = headers.get("content-length", "0")
-    if not length.isascii() or not length.isdigit():
-        return 400, "the header Content-Length is not a number"
-    if int(length) > LARGEST_BODY:
-        return 413, f"{int(length)} bytes are too many; allowed {LARGEST_BODY}"
-    return None
-
-
-def _counted(receive: Receive) -> Receive:
-    """Ends a body that grows beyond what is allowed, whatever its headers said."""
-    total = 0
-
-    async def counted() -> MutableMapping[str, Any]:
-        nonlocal total
-        message = await receive()
-        if message["type"] == "http.request":
-            total += len(message.get("body", b""))
-            if total > LARGEST_BODY:
-                return {"type": "http.disconnect"}
-        return message
-
-    return counted
-
-
-def _dressed(send: Send, cookie: str | None) -> Send:
-    """Adds the headers that every answer carries."""
-
-    async def dressed(message: MutableMapping[str, Any]) -> None:
+    async def answered(message: Message) -> None:
+        nonlocal over
+        if over:
+            return
         if message["type"] == "http.response.start":
-            have = {name.lower() for name, _ in message.get("headers", [])}
-            extra = [(k.encode(), v.encode()) for k, v in HEADERS.items() if k.encode() not in have]
-            if cookie is not None:
-                extra.append((b"set-cookie", cookie.encode()))
-            message["headers"] = [*message.get("headers", []), *extra]
+            if body.problem is not None:
+                over = True
+                await _refuse(scope, send, *body.problem)
+                return
+            ours = browser_headers(scope, headers)
+            kept = [(name, value) for name, value in message.get("headers", []) if name.lower() not in ours]
+            message["headers"] = [*kept, *ours.items()]
         await send(message)
 
-    return dressed
+    return answered
 
 
 async def _refuse(scope: Scope, send: Send, status: int, what: str) -> None:
     """An answer without the application: JSON to programs, a redirect to browsers, a closed websocket."""
     if scope["type"] == "websocket":
-        await send({"type": "websocket.close", "code": 4401 if status == 401 else 4403})
+        await send({"type": "websocket.close", "code": ENDED if status == 401 else 4403})
         return
-    headers = [(b"content-type", b"application/json"), *((k.encode(), v.encode()) for k, v in HEADERS.items())]
+    headers = {b"content-type": b"application/json", **browser_headers(scope, {})}
     body = json.dumps({"detail": what}).encode()
     if status == 303:
-        headers.append((b"location", what.encode()))
-        body = b""
-    await send({"type": "http.response.start", "status": status, "headers": headers})
+        headers[b"location"], body = what.encode(), b""
+    elif status == 401:
+        headers[b"www-authenticate"] = b"Bearer"
+    headers[b"content-length"] = str(len(body)).encode()
+    if status in (408, 413):
+        headers[b"connection"] = b"close"
+    await send({"type": "http.response.start", "status": status, "headers": list(headers.items())})
     await send({"type": "http.response.body", "body": body})

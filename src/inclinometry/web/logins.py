@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+import ipaddress
 import secrets
 import threading
 import time
@@ -22,7 +23,9 @@ FREE_FAILURES: Final = 5
 FIRST_WAIT_S: Final = 2.0
 LONGEST_WAIT_S: Final = 900.0
 MOST: Final = 10_000
-"""Sessions and addresses remembered; the oldest go first."""
+"""Sessions and addresses remembered; those longest unused go first."""
+CHECKS_AT_ONCE: Final = 2
+"""Passwords checked side by side: each check takes 64 MB, on purpose."""
 _USER_FRESH_S: Final = 2.0
 
 
@@ -40,6 +43,7 @@ class Login:
 
     token : secret of the cookie or of the Authorization header.
     csrf : secret that a browser's requests carry beside the cookie.
+    seal : of the password it was opened with; another password ends it.
     """
 
     token: str
@@ -47,6 +51,7 @@ class Login:
     name: str
     began: float
     seen: float
+    seal: str = ""
 
 
 class Logins:
@@ -66,6 +71,8 @@ class Logins:
         self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()
         self._users: dict[str, tuple[float, User | None]] = {}
         self._lock = threading.Lock()
+        self._checking = threading.Semaphore(CHECKS_AT_ONCE)
+        self._local = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), LOCAL.name, 0.0, 0.0)
 
     def log_in(self, name: str, password: str, address: str) -> Login | None:
         """A new login, None when name or password is wrong.
@@ -75,29 +82,39 @@ class Logins:
         TooManyError
             The name or the address has guessed wrong too often.
         """
-        keys = (f"name {name[:200]}", f"address {address}")
+        keys = (f"name {name[:200]}", f"address {_network(address)}")
         with self._lock:
             wait = max(self._wait(key) for key in keys)
             if wait > 0.0:
                 raise TooManyError(wait)
+            before = self._failures.get(keys[1])
             # counted before the slow check, so that guesses in parallel do not pass together
             for key in keys:
                 self._fail(key)
-        user = check_password(self._ledger, name, password)
+        with self._checking:
+            user = check_password(self._ledger, name, password)
         if user is None:
             return None
         with self._lock:
-            for key in keys:
-                self._failures.pop(key, None)
-            return self._begin(user.name)
+            self._failures.pop(keys[0], None)
+            # whoever knows one password must not wash away what was guessed wrong for other names from the same address
+            self._failures.pop(keys[1], None)
+            if before is not None:
+                self._failures[keys[1]] = before
+            self._users.pop(user.name, None)
+            return self._begin(user)
 
     def local(self) -> Login:
-        """The login of whoever sits at a bench on loopback."""
-        with self._lock:
-            return self._begin(LOCAL.name)
+        """The login of whoever sits at a bench on loopback: one for all browsers there, and it never ends."""
+        return self._local
 
-    def find(self, token: str) -> tuple[Login, User] | None:
-        """The login with that token and its user as the ledger has it now; None when it has ended."""
+    def find(self, token: str, *, use: bool = True) -> tuple[Login, User] | None:
+        """The login with that token and its user as the ledger has it now; None when it has ended.
+
+        With `use` this counts as use of the login, which keeps it from ending.
+        """
+        if same_secret(token, self._local.token):
+            return self._local, LOCAL
         with self._lock:
             login, now = self._open.get(token), self._clock()
             if login is None:
@@ -105,9 +122,11 @@ class Logins:
             if now - login.seen > IDLE_S or now - login.began > LONGEST_S:
                 del self._open[token]
                 return None
-            login.seen = now
+            if use:
+                login.seen = now
+                self._open.move_to_end(token)
         user = self._user(login.name)
-        if user is None or not user.active:
+        if user is None or not user.active or user.seal != login.seal:
             self.log_out(token)
             return None
         return login, user
@@ -117,9 +136,9 @@ class Logins:
         with self._lock:
             self._open.pop(token, None)
 
-    def _begin(self, name: str) -> Login:
+    def _begin(self, user: User) -> Login:
         now = self._clock()
-        login = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), name, now, now)
+        login = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), user.name, now, now, user.seal)
         self._open[login.token] = login
         while len(self._open) > MOST:
             self._open.popitem(last=False)
@@ -127,8 +146,6 @@ class Logins:
 
     def _user(self, name: str) -> User | None:
         """The user, asked of the ledger no more often than every two seconds."""
-        if name == LOCAL.name:
-            return LOCAL
         now = self._clock()
         known = self._users.get(name)
         if known is None or now - known[0] > _USER_FRESH_S:
@@ -148,6 +165,17 @@ class Logins:
         self._failures[key] = (min(count + 1, 60), self._clock())
         while len(self._failures) > MOST:
             self._failures.popitem(last=False)
+
+
+def _network(address: str) -> str:
+    """An address as far as it tells one neighbour from another: a computer has a whole /64 of IPv6 for itself."""
+    try:
+        found = ipaddress.ip_address(address)
+    except ValueError:
+        return address[:200]
+    if isinstance(found, ipaddress.IPv4Address) or found.ipv4_mapped:
+        return str(getattr(found, "ipv4_mapped", None) or found)
+    return str(ipaddress.ip_network((int(found), 64), strict=False))
 
 
 def same_secret(one: str, other: str) -> bool:

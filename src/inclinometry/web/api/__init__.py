@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 
-from inclinometry.web.api import certificates, ledger, people, registry, results, sessions
+from inclinometry.web.api import access, certificates, ledger, people, registry, results, sessions
 
-router = APIRouter(prefix="/api/v1")
-for part in (people, registry, sessions, results, certificates, ledger):
+router = APIRouter(prefix="/api/v1", dependencies=[Depends(access.strict_body)])
+# a serial number may hold a slash: what follows it must be looked for first
+for part in (people, sessions, results, registry, certificates, ledger):
     router.include_router(part.router)

@@ -5,7 +5,11 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import Depends, Path, Query, Request
+from pydantic import BaseModel
 
+from inclinometry.core.errors import InputError
+from inclinometry.io._json import parse
+from inclinometry.store.chain import compact
 from inclinometry.store.ledger import Ledger
 from inclinometry.store.users import User
 from inclinometry.web.bench import current
@@ -33,10 +37,37 @@ RecordId = Annotated[str, Path(pattern="^[0-9a-f]{32}$")]
 After = Annotated[int, Query(ge=0, le=2**53)]
 Limit = Annotated[int, Query(ge=1, le=1000)]
 
+
+class Refusal(BaseModel):
+    """Why not: the value given, what is allowed, what to do."""
+
+    detail: str
+
+
 REFUSALS: dict[int | str, dict[str, Any]] = {
-    401: {"description": "not logged in"},
-    403: {"description": "logged in, but not allowed"},
-    409: {"description": "somebody else was first; nothing was lost"},
-    422: {"description": "what is wrong, the value and what is allowed"},
+    status: {"description": description, "model": Refusal}
+    for status, description in {
+        400: "a body that cannot be read",
+        401: "not logged in",
+        403: "logged in, but not allowed, or without the header X-CSRF-Token",
+        404: "there is no such record",
+        409: "somebody else was first; nothing was lost",
+        413: "a body that is too large",
+        422: "what is wrong, the value and what is allowed",
+        507: "the disk is full; nothing was recorded",
+    }.items()
 }
 """Answers every route may give besides its own."""
+
+
+async def strict_body(request: Request) -> None:
+    """Refuse JSON that programs read in different ways: doubled keys, NaN, numbers too large, halves of characters."""
+    body = await request.body()
+    if not body or "json" not in request.headers.get("content-type", "json"):
+        return
+    try:
+        compact(parse(body))
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"the body is not usable JSON: {error!s:.200}") from None

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import IO, Annotated, Any
 
 from fastapi import APIRouter, Query
-from fastapi.responses import FileResponse
-from starlette.background import BackgroundTask
+from fastapi.responses import StreamingResponse
 
 from inclinometry.core.errors import InputError
 from inclinometry.store.chain import parse_head
@@ -48,11 +49,25 @@ def records(ledger: TheLedger, _: Reader, kind: str, after: After = 0, limit: Li
     return [shown(record) for record in ledger.find(kind, after=after, limit=limit)]
 
 
-@router.get("/export", response_class=FileResponse)
-def everything(ledger: TheLedger, _: Administrator) -> FileResponse:
+@router.get("/export", response_class=StreamingResponse, responses={200: {"content": {"application/zip": {}}}})
+def everything(ledger: TheLedger, _: Administrator) -> StreamingResponse:
     """Everything in one file, password hashes included, which `inclinometry ledger import` reads."""
-    with tempfile.NamedTemporaryFile(suffix=".zip", delete=False) as made:
-        path = Path(made.name)
-    export(ledger, path)
-    forget = BackgroundTask(path.unlink, missing_ok=True)
-    return FileResponse(path, media_type="application/zip", filename="ledger.zip", background=forget)
+    whole = tempfile.TemporaryFile()  # noqa: SIM115 - closed, and with that gone, when it was sent or nobody reads on
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "ledger.zip"
+            export(ledger, path)
+            with path.open("rb") as made:
+                shutil.copyfileobj(made, whole)
+    except BaseException:
+        whole.close()
+        raise
+    headers = {"content-disposition": 'attachment; filename="ledger.zip"', "content-length": str(whole.tell())}
+    return StreamingResponse(_pieces(whole), media_type="application/zip", headers=headers)
+
+
+def _pieces(whole: IO[bytes]) -> Iterator[bytes]:
+    with whole:
+        whole.seek(0)
+        while piece := whole.read(2**18):
+            yield piece

@@ -8,7 +8,7 @@ from fastapi import APIRouter, HTTPException, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from inclinometry.store.users import User, guard_last_administrator, put_user, users
-from inclinometry.web.api.access import REFUSALS, Administrator, Key, Reader, TheLedger
+from inclinometry.web.api.access import REFUSALS, Administrator, Key, Reader, Refusal, TheLedger
 from inclinometry.web.bench import current
 from inclinometry.web.logins import Login, TooManyError
 
@@ -48,7 +48,7 @@ class UserBody(BaseModel):
     language: Literal["en", "ru", "zh"] = "en"
 
 
-@router.post("/login", responses={429: {"description": "too many wrong passwords"}})
+@router.post("/login", responses={429: {"description": "too many wrong passwords", "model": Refusal}})
 def log_in(request: Request, body: Credentials) -> Token:
     """A token for a program; it ends after half an hour without use, at the latest after twelve hours."""
     try:
@@ -79,7 +79,7 @@ def list_users(ledger: TheLedger, _: Administrator) -> list[dict[str, Any]]:
     return [_shown(user) for user in users(ledger)]
 
 
-@router.put("/users/{name}")
+@router.put("/users/{name:path}")
 def change_user(ledger: TheLedger, author: Administrator, name: Key, body: UserBody) -> dict[str, Any]:
     """Add or change a user."""
     guard_last_administrator(ledger, name, body.role, body.active)

@@ -64,7 +64,7 @@ def list_tools(
     return [shown(record) for record in ledger.current("tool", after=after, limit=limit)]
 
 
-@router.get("/tools/{serial}", responses={404: {"description": "no such tool"}})
+@router.get("/tools/{serial:path}")
 def one_tool(ledger: TheLedger, _: Reader, serial: Key) -> dict[str, Any]:
     """One tool as it is now."""
     record = ledger.latest("tool", serial=serial)
@@ -73,7 +73,7 @@ def one_tool(ledger: TheLedger, _: Reader, serial: Key) -> dict[str, Any]:
     return shown(record)
 
 
-@router.put("/tools/{serial}")
+@router.put("/tools/{serial:path}")
 def change_tool(ledger: TheLedger, user: Operator, serial: Key, body: ToolBody) -> dict[str, Any]:
     """Register a tool, or record what changed."""
     values = body.model_dump(exclude={"inclination_range_deg"})
@@ -88,7 +88,7 @@ def list_rigs(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
     return [shown(record) for record in ledger.current("rig")]
 
 
-@router.put("/rigs/{name}")
+@router.put("/rigs/{name:path}")
 def change_rig(ledger: TheLedger, user: Operator, name: Key, body: RigBody) -> dict[str, Any]:
     """Register a rig, or record what changed."""
     azimuth, inclination, toolface = _radians(body.sd_deg)
@@ -110,7 +110,7 @@ def list_sites(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
     return [shown(record) for record in ledger.current("site")]
 
 
-@router.put("/sites/{name}")
+@router.put("/sites/{name:path}")
 def change_site(ledger: TheLedger, user: Operator, name: Key, body: SiteBody) -> dict[str, Any]:
     """Register a site, or record what changed."""
     dip = None if body.dip_deg is None else float(np.radians(body.dip_deg))

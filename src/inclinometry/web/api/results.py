@@ -71,7 +71,7 @@ def list_protocols(_: Reader) -> dict[str, dict[str, Any]]:
     return {name: {"title": p.title, "source": p.source, "positions": len(p.plan)} for name, p in protocols().items()}
 
 
-@router.get("/tools/{serial}/history")
+@router.get("/tools/{serial:path}/history")
 def tool_history(ledger: TheLedger, _: Reader, serial: Key) -> dict[str, Any]:
     """How the parameters of a tool went from calibration to calibration."""
     found = history(ledger, serial)

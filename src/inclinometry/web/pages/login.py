@@ -9,7 +9,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from inclinometry.web.bench import current
 from inclinometry.web.frame import LANGUAGE_COOKIE
-from inclinometry.web.guard import login_cookie
+from inclinometry.web.headers import login_cookie
 from inclinometry.web.logins import Login, TooManyError
 from inclinometry.web.words import LANGUAGES, preferred, say
 
@@ -54,13 +54,19 @@ def log_in(request: Request, name: str = Form(max_length=200), password: str = F
         return answer
     if login is None:
         return _form(language, say(language, "login.wrong"), 401)
-    return RedirectResponse("/", 303, headers={"set-cookie": login_cookie(login, secure=request.url.scheme == "https")})
+    _end(request)  # of whoever was logged in on this browser before
+    cookie = login_cookie(login, host=request.headers.get("host", ""), secure=request.url.scheme == "https")
+    return RedirectResponse("/", 303, headers={"set-cookie": cookie})
 
 
 @router.get("/logout")
 def log_out(request: Request) -> Response:
     """End the login."""
+    _end(request)
+    return RedirectResponse("/login", 303)
+
+
+def _end(request: Request) -> None:
     login: Login | None = getattr(request.state, "login", None)
     if login is not None:
         current().logins.log_out(login.token)
-    return RedirectResponse("/login", 303)

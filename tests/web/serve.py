@@ -1,0 +1,28 @@
+"""A bench server of the tests: `python serve.py LEDGER open|users [instrument]`; prints its port, runs until ended."""
+
+from __future__ import annotations
+
+import socket
+import sys
+
+from inclinometry.store.admin import create
+from inclinometry.store.users import ROLES, put_user, users
+from inclinometry.web.app import create_app
+from inclinometry.web.server import run
+
+PASSWORD = "a long pass phrase"
+
+
+def main(where: str, kind: str) -> None:
+    with create(where) as ledger, socket.socket() as listening:
+        if kind == "users" and not users(ledger):
+            for role in ROLES:
+                put_user(ledger, role, role=role, author="test", password=PASSWORD)
+        listening.bind(("127.0.0.1", 0))
+        app = create_app(ledger, host="127.0.0.1" if kind == "open" else "0.0.0.0", names=("bench.lab",))
+        port = listening.getsockname()[1]
+        run(app, listening, ready=lambda: print(f"port {port}", flush=True), head_s=1.0)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
