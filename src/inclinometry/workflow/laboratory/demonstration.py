@@ -57,15 +57,17 @@ def _captured(ledger: Ledger, instrument: SimulatedInstrument, plan: plans.Plan,
         ledger, SERIAL, plan, rig="simulated stand", author=AUTHOR, settings={"site": "demonstration"}
     )
     for position in session.positions[:number]:
-        capture(ledger, session.id, position.number, reading(instrument, position.dial), author=AUTHOR)
+        # each its own noise: samples are numbered on
+        taken = reading(instrument, position.dial, first=SAMPLES * position.number)
+        capture(ledger, session.id, position.number, taken, author=AUTHOR)
     return load_session(ledger, session.id)
 
 
-def reading(instrument: SimulatedInstrument, dial: tuple[float, float, float]) -> Capture:
-    """The mean of some samples at a setting, without waiting for the stand to turn."""
+def reading(instrument: SimulatedInstrument, dial: tuple[float, float, float], first: int = 0) -> Capture:
+    """The mean of some samples at a setting, from the sample `first`, without waiting for the stand to turn."""
     stand = instrument.stand
     stand.move(dial, 0.0, at_once=True)
-    samples = [stand.sample(number, 0.0) for number in range(SAMPLES)]
+    samples = [stand.sample(first + number, 0.0) for number in range(SAMPLES)]
     channels = {kind: np.stack([s.channels[kind] for s in samples]) for kind in samples[0].channels}
     return Capture(
         {kind: values.mean(axis=0) for kind, values in channels.items()},

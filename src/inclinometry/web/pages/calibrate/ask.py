@@ -22,7 +22,7 @@ def ask_reason(
     say = visitor.say
     with ui.dialog() as dialog, ui.card().classes("panel"):
         ui.label(say(question, **values))
-        reason = ui.input(say("bench.reason")).props('autofocus maxlength=2000 data-testid="reason"').classes("w-full")
+        reason = ui.input(say("bench.reason")).props('autofocus maxlength=2000 data-testid="reason"').classes("wide")
 
         async def sure() -> None:
             if str(reason.value).strip():

@@ -35,6 +35,7 @@ from inclinometry.web.pages.calibrate.show_events import Events
 from inclinometry.web.pages.calibrate.show_live import PERIOD, Live
 from inclinometry.web.pages.calibrate.show_progress import Certifies, Progress
 from inclinometry.web.pages.calibrate.show_target import Picture, Target
+from inclinometry.web.pages.calibrate.turning import RigState
 from inclinometry.workflow.laboratory.live import CaptureError
 
 WATCH_S = 1.0
@@ -65,6 +66,7 @@ class BenchView:
         say, session = guided.visitor.say, guided.session
         about = f"{session.serial} · {session.plan} · {session.rig}"
         ui.label(about).classes("number dim about").props('data-testid="about"')
+        self._rig_shown: RigState | None = None
         live = Live(guided)
         self._live = live
         with ui.element("div").classes("bench"):
@@ -130,6 +132,7 @@ class BenchView:
         """What the main button does now."""
         guided, say = self.guided, self.guided.visitor.say
         rig, state, text = guided.rig_state, "capture", say("bench.capture")
+        self._rig_shown = rig
         if guided.session.has(guided.chosen.number):
             text = say("bench.capture_again")
         if guided.session.closed:
@@ -227,9 +230,9 @@ class BenchView:
     async def _ask_rig(self) -> None:
         guided = self.guided
         if guided.turner is not None:
-            before = (guided.rig_state, guided.chosen.number)
             await run.io_bound(guided.turner.poll)
-            if (guided.rig_state, guided.chosen.number) != before:
+            # another page may have asked before this one: what counts is what is shown here
+            if guided.rig_state != self._rig_shown:
                 self._show_rig()
 
     async def _finish(self) -> None:

@@ -26,7 +26,7 @@ class Progress:
         """All positions as they are now."""
         guided, say = self._guided, self._guided.visitor.say
         done, total = len(guided.session.valid), len(guided.session.positions)
-        self._title.set_text(f"{say('bench.positions')}: {say('home.progress', done=done, all=total)}")
+        self._title.set_text(say("home.progress", done=done, all=total))
         positions = {p.number: p for p in guided.positions}
         for number in [n for n in self._buttons if n not in positions]:
             self._buttons.pop(number).delete()
