@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Depends
 
-from inclinometry.web.api import access, certificates, ledger, people, registry, results, sessions
+from inclinometry.web.api import access, certificates, ledger, people, registry, results, sessions, tables
 
 router = APIRouter(prefix="/api/v1", dependencies=[Depends(access.strict_body)])
 # a serial number may hold a slash: what follows it must be looked for first
-for part in (people, sessions, results, registry, certificates, ledger):
+for part in (people, sessions, results, registry, certificates, tables, ledger):
     router.include_router(part.router)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Annotated, Any
 
@@ -13,7 +13,7 @@ from fastapi.responses import StreamingResponse
 
 from inclinometry.core.errors import InputError
 from inclinometry.store.chain import parse_head
-from inclinometry.store.exchange import export
+from inclinometry.store.exchange import backup, export
 from inclinometry.store.kinds import KINDS
 from inclinometry.store.verify import verify
 from inclinometry.web.api.access import REFUSALS, Administrator, After, Limit, Reader, TheLedger
@@ -21,6 +21,7 @@ from inclinometry.web.api.registry import shown
 
 router = APIRouter(prefix="/ledger", tags=["ledger"], responses=REFUSALS)
 
+SQLITE = "application/vnd.sqlite3"
 HIDDEN = ("user",)
 """Kinds whose bodies hold what nobody is to read."""
 
@@ -52,18 +53,29 @@ def records(ledger: TheLedger, _: Reader, kind: str, after: After = 0, limit: Li
 @router.get("/export", response_class=StreamingResponse, responses={200: {"content": {"application/zip": {}}}})
 def everything(ledger: TheLedger, _: Administrator) -> StreamingResponse:
     """Everything in one file, password hashes included, which `inclinometry ledger import` reads."""
+    return _file("ledger.zip", "application/zip", lambda path: export(ledger, path))
+
+
+@router.get("/backup", response_class=StreamingResponse, responses={200: {"content": {SQLITE: {}}}})
+def copy(ledger: TheLedger, _: Administrator) -> StreamingResponse:
+    """The SQLite ledger as it is at this moment, a ledger itself."""
+    return _file("ledger.sqlite", SQLITE, lambda path: backup(ledger, path))
+
+
+def _file(name: str, media: str, write: Callable[[Path], object]) -> StreamingResponse:
+    """A file that is made for one answer."""
     whole = tempfile.TemporaryFile()  # noqa: SIM115 - closed, and with that gone, when it was sent or nobody reads on
     try:
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "ledger.zip"
-            export(ledger, path)
+            path = Path(folder) / name
+            write(path)
             with path.open("rb") as made:
                 shutil.copyfileobj(made, whole)
     except BaseException:
         whole.close()
         raise
-    headers = {"content-disposition": 'attachment; filename="ledger.zip"', "content-length": str(whole.tell())}
-    return StreamingResponse(_pieces(whole), media_type="application/zip", headers=headers)
+    headers = {"content-disposition": f'attachment; filename="{name}"', "content-length": str(whole.tell())}
+    return StreamingResponse(_pieces(whole), media_type=media, headers=headers)
 
 
 def _pieces(whole: IO[bytes]) -> Iterator[bytes]:

@@ -60,7 +60,7 @@ class IssueForm:
         serial = calibration.keys["serial"]
         ui.label(f"{serial} · {day(calibration.created)} UTC").classes("subtitle number")
         choices = self._verifications(ledger)
-        chosen = verification if verification in choices else next((key for key in choices if key), "")
+        chosen = verification if verification and verification in choices else next((key for key in choices if key), "")
         self.verification = ui.select(choices, value=chosen, label=say("verify.one")).classes("wide")
         self.nonconforming = ui.switch(say("certificates.nonconforming"))
         session = ledger.get("session", calibration.keys["session"])

@@ -56,10 +56,12 @@ def axis(name: str, *, kind: str = "value", data: Sequence[str] | None = None) -
     return found
 
 
-def band(name: str, middle: Sequence[float], half: Sequence[float], colour: str = BLUE) -> list[dict[str, Any]]:
+def band(
+    name: str, middle: Sequence[float | None], half: Sequence[float | None], colour: str = BLUE
+) -> list[dict[str, Any]]:
     """Series of a line with its band: the lower edge, unseen, then the width stacked on it, then the line."""
-    low = [m - h for m, h in zip(middle, half, strict=True)]
-    width = [2.0 * h for h in half]
+    low = [None if m is None or h is None else m - h for m, h in zip(middle, half, strict=True)]
+    width = [None if h is None else 2.0 * h for h in half]
     hidden = {"type": "line", "symbol": "none", "lineStyle": {"opacity": 0}, "tooltip": {"show": False}, "silent": True}
     return [
         {**hidden, "name": f"{name} -", "data": low, "stack": name, "stackStrategy": "all"},

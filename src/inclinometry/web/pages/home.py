@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from typing import Final
 
 from fastapi import Request
 from nicegui import ui
 
 from inclinometry.web.frame import Visitor, frame
-from inclinometry.workflow.laboratory.registry import next_due, tools
-from inclinometry.workflow.laboratory.session import closing, load_session, sessions
+from inclinometry.web.pages.lists import to
+from inclinometry.workflow.laboratory.listing import due_days, listed
+from inclinometry.workflow.laboratory.registry import tools
+from inclinometry.workflow.laboratory.session import closing, load_session
 
-SHOWN = 10
+SHOWN: Final = 10
+LOOKED_AT: Final = 500
+"""Tools asked for their next calibration."""
 
 
 @ui.page("/")
@@ -27,7 +32,7 @@ def _open_sessions(visitor: Visitor) -> None:
     ledger = visitor.bench.ledger
     with ui.card().classes("panel"):
         ui.label(visitor.say("home.open_sessions")).classes("subtitle")
-        still_open = [r for r in sessions(ledger, limit=5 * SHOWN) if not closing(ledger, r.id)][:SHOWN]
+        still_open = [one for one in listed(ledger, "session", limit=5 * SHOWN) if not closing(ledger, one.id)][:SHOWN]
         for record in still_open:
             session = load_session(ledger, record.id)
             with ui.row().classes("items-center"):
@@ -55,12 +60,11 @@ def _due(visitor: Visitor) -> None:
     today = datetime.now(UTC).date()
     with ui.card().classes("panel"):
         ui.label(visitor.say("home.due")).classes("subtitle")
-        due = []
-        for tool in tools(visitor.bench.ledger, limit=500):
-            day = None if tool.retired else next_due(visitor.bench.ledger, tool)
-            if day is not None and day <= today:
-                due.append((day, tool.serial))
-        for day, serial in sorted(due)[:SHOWN]:
-            ui.link(f"{serial} ({day:%Y-%m-%d})", f"/tools/{serial}").classes("number")
+        days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=LOOKED_AT))
+        due = sorted((day, serial) for serial, day in days.items() if day <= today)
+        for day, serial in due[:SHOWN]:
+            ui.link(f"{serial} ({day:%Y-%m-%d})", to("/tools", serial)).classes("number")
+        if len(due) > SHOWN:
+            ui.link(visitor.say("home.more_due", number=len(due) - SHOWN), "/tools")
         if not due:
             ui.label(visitor.say("home.none_due")).classes("dim")

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import json
+import re
+from typing import Final
 
 from fastapi import Request
 from nicegui import run, ui
 
+from inclinometry.core.errors import InclinometryError
+from inclinometry.store.chain import parse_head
 from inclinometry.store.kinds import KINDS
-from inclinometry.store.ledger import Record
-from inclinometry.store.verify import verify
+from inclinometry.store.ledger import LedgerError
+from inclinometry.store.verify import Verdict, verify
 from inclinometry.web.api.ledger import HIDDEN
 from inclinometry.web.frame import Visitor, frame
+from inclinometry.web.pages.lists import to
+from inclinometry.workflow.laboratory.listing import Listed, listed
 
-PAGE = 50
-LONGEST_SHOWN = 20_000
+PAGE: Final = 50
+LONGEST_SHOWN: Final = 20_000
+FAULTS: Final = 50
+SHOWN_KINDS: Final = tuple(name for name in KINDS if name not in HIDDEN)
 
 
 @ui.page("/ledger")
@@ -22,17 +30,39 @@ def ledger_page(request: Request, kind: str = "event", before: int = 0, key: str
     """The audit trail of one kind of record, newest first."""
     with frame(request, "ledger.title") as visitor:
         _check(visitor)
-        chosen = kind if kind in KINDS and kind not in HIDDEN else "event"
-        _search(visitor, chosen, key)
-        keys = {next(iter(KINDS[chosen].keys)): key} if key else {}
-        records = visitor.bench.ledger.find(chosen, newest=True, after=max(before, 0), limit=PAGE, **keys)
+        chosen = kind if kind in SHOWN_KINDS else "event"
+        found = search(visitor, chosen, key.strip()[:200], max(before, 0))
         with ui.card().classes("panel"):
-            for record in records:
-                _row(record)
-            if not records:
+            _search(visitor, chosen, key)
+            for one in found:
+                _row(visitor, one)
+            if not found:
                 ui.label(visitor.say("ledger.none")).classes("dim")
-            if len(records) == PAGE:
-                ui.link(visitor.say("ledger.older"), f"/ledger?kind={chosen}&before={records[-1].seq}&key={key}")
+            if len(found) == PAGE:
+                ui.link(visitor.say("ledger.older"), to("/ledger", kind=chosen, before=found[-1].seq, key=key))
+
+
+def search(visitor: Visitor, kind: str, text: str, before: int) -> list[Listed]:
+    """Records of a kind of which any key is the text, or whose id or place in the chain it is; all without a text."""
+    ledger = visitor.bench.ledger
+    if not text:
+        return listed(ledger, kind, limit=PAGE, before=before)
+    found: dict[int, Listed] = {}
+    for name, type_ in KINDS[kind].keys.items():
+        if type_ is str:
+            found |= {one.seq: one for one in listed(ledger, kind, limit=PAGE, before=before, **{name: text})}
+    if re.fullmatch("[0-9a-f]{32}", text) and not before:
+        try:
+            record = ledger.get(kind, text)
+        except LedgerError:
+            pass
+        else:
+            found[record.seq] = Listed(
+                record.kind, record.id, record.seq, record.created, record.author, dict(record.keys)
+            )
+    if text.isascii() and text.isdigit() and len(text) < 15 and not before:
+        found |= {one.seq: one for one in listed(ledger, kind, limit=1, before=int(text) + 1) if one.seq == int(text)}
+    return [found[seq] for seq in sorted(found, reverse=True)][:PAGE]
 
 
 def _check(visitor: Visitor) -> None:
@@ -40,60 +70,85 @@ def _check(visitor: Visitor) -> None:
     with ui.card().classes("panel"):
         head = ledger.head()
         ui.label(say("ledger.records", number=head.seq)).classes("subtitle number")
-        ui.label(say("ledger.head", head=str(head))).classes("dim number").style("overflow-wrap:anywhere")
+        ui.label(say("ledger.head", head=str(head))).classes("dim number pre")
+        noted = ui.input(say("ledger.noted")).props("maxlength=100").classes("wide")
         box = ui.column()
 
         async def check() -> None:
+            button.disable()
             box.clear()
             with box:
-                ui.spinner()
-            found = await run.io_bound(lambda: verify(ledger))
+                done = [0.0]
+                bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback").classes("wide")
+                timer = ui.timer(0.2, lambda: bar.set_value(done[0]))
+            found: Verdict | str | None
+            try:
+                wanted = parse_head(noted.value.strip()) if noted.value.strip() else None
+                found = await run.io_bound(lambda: verify(ledger, head=wanted, progress=lambda x: _set(done, x)))
+            except InclinometryError as error:
+                found = str(error)
+            timer.cancel()
             box.clear()
-            if found is None:
-                return
-            with box:
-                if found.ok:
-                    ui.label(say("ledger.sound", number=found.records)).classes("good")
-                for fault in found.faults:
-                    ui.label(str(fault)).classes("bad number")
+            button.enable()
+            if found is not None:  # None when the server is being stopped
+                with box:
+                    _verdict(visitor, found)
 
-        with ui.row():
-            ui.button(say("ledger.verify"), on_click=check).props("outline no-caps")
+        with ui.row().classes("items-center"):
+            button = ui.button(say("ledger.verify"), on_click=check).props("outline no-caps")
             if visitor.user.may("administer"):
-                ui.link(say("ledger.export"), "/api/v1/ledger/export")
+                ui.link(say("ledger.export"), "/api/v1/ledger/export").props("download")
+                if "://" not in ledger.where:
+                    ui.link(say("ledger.backup"), "/api/v1/ledger/backup").props("download")
+        ui.label(say("ledger.import_hint")).classes("dim")
+
+
+def _set(done: list[float], share: float) -> None:
+    done[0] = share
+
+
+def _verdict(visitor: Visitor, found: Verdict | str) -> None:
+    if isinstance(found, str):
+        ui.label(found).classes("bad")
+        return
+    if found.ok:
+        ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
+    for fault in found.faults[:FAULTS]:
+        ui.label(str(fault)).classes("bad number")
+    if len(found.faults) > FAULTS:
+        ui.label(visitor.say("home.more_due", number=len(found.faults) - FAULTS)).classes("bad")
 
 
 def _search(visitor: Visitor, kind: str, key: str) -> None:
     say = visitor.say
-    kinds = [name for name in KINDS if name not in HIDDEN]
     with ui.row().classes("form"):
+        kinds = {name: say(f"kind.{name}") for name in SHOWN_KINDS}
         chosen = ui.select(kinds, value=kind, label=say("ledger.kind"))
         text = ui.input(say("ledger.key"), value=key).props("maxlength=200")
 
         def go() -> None:
-            ui.navigate.to(f"/ledger?kind={chosen.value}&key={_quoted(str(text.value).strip())}")
+            ui.navigate.to(to("/ledger", kind=str(chosen.value), key=str(text.value or "").strip()))
 
+        text.on("keydown.enter", go)
         ui.button(say("ledger.search"), on_click=go).props("outline no-caps")
 
 
-def _quoted(text: str) -> str:
-    from urllib.parse import quote
-
-    return quote(text, safe="")
-
-
-def _row(record: Record) -> None:
-    keys = ", ".join(f"{name} {value}" for name, value in record.keys.items())
-    title = f"{record.seq} · {record.created[:19].replace('T', ' ')} · {record.author} · {keys}"
+def _row(visitor: Visitor, one: Listed) -> None:
+    """One record; its body is read when it is opened."""
+    keys = ", ".join(str(value) for value in one.keys.values())
+    title = f"{one.seq} · {one.created[:19].replace('T', ' ')} · {one.author} · {keys}"
     with ui.expansion(title).classes("w-full number").props("dense") as box:
         loaded: list[bool] = []
 
         def show() -> None:
             if not loaded:
                 loaded.append(True)
+                record = visitor.bench.ledger.get(one.kind, one.id)
                 text = json.dumps(dict(record.body), ensure_ascii=False, indent=1)
                 with box:
-                    ui.code(text[:LONGEST_SHOWN], language="json").classes("w-full")
-                    ui.label(record.digest).classes("dim number").style("overflow-wrap:anywhere")
+                    ui.label(text[:LONGEST_SHOWN]).classes("pre")
+                    if len(text) > LONGEST_SHOWN:
+                        ui.label(visitor.say("ledger.cut", number=LONGEST_SHOWN)).classes("dim")
+                    ui.label(f"{one.id} · {record.digest}").classes("dim pre")
 
-        box.on_value_change(show)
+        box.on_value_change(visitor.action("read", lambda _: show()))

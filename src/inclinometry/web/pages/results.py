@@ -14,12 +14,17 @@ from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import LedgerError, Record
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.web.pages.charts import BLUE, axis, chart, legend
+from inclinometry.web.pages.lists import day, to
 from inclinometry.workflow.calibrate import compare
-from inclinometry.workflow.laboratory.results import calibration_of, history, parameters
+from inclinometry.workflow.laboratory.listing import extract, listed
+from inclinometry.workflow.laboratory.results import calibration_of, parameters, recorded_parameters
 from inclinometry.workflow.laboratory.session import bench_readings, load_session
 from inclinometry.workflow.laboratory.standing import BOTH
 
 MAP_INCLINATIONS = np.radians([2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
+
+HEAT_SLACK = 5.0
+"""Beyond the calibrated range by more than this, degC, a reading is said to be extrapolated."""
 
 
 @ui.page("/results/{calibration}")
@@ -34,6 +39,7 @@ def result_page(request: Request, calibration: str) -> None:
         _summary(visitor, record, found)
         _promise(visitor, record)
         _map(visitor, found)
+        _heat(visitor, found)
         _residuals(visitor, found)
         _parameters(visitor, record, found)
         _methods(visitor, record)
@@ -42,7 +48,7 @@ def result_page(request: Request, calibration: str) -> None:
 def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
     say = visitor.say
     with ui.card().classes("panel"):
-        ui.label(f"{record.keys['serial']} · {record.created[:16].replace('T', ' ')} UTC").classes("subtitle number")
+        ui.label(f"{record.keys['serial']} · {day(record.created)} UTC").classes("subtitle number")
         about = record.body.get("summary", {})
         text = f"{about.get('plan', '')} · {about.get('rig', '')} · {found.method} · {record.author}"
         ui.label(text).classes("dim")
@@ -51,6 +57,7 @@ def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
         if not found.warnings:
             ui.label(say("results.no_warnings")).classes("good")
         with ui.row():
+            ui.link(say("tools.one"), to("/tools", record.keys["serial"]))
             if visitor.user.may("capture"):
                 ui.link(say("results.verify"), f"/verify?calibration={record.id}")
             if visitor.user.may("issue"):
@@ -112,6 +119,27 @@ def _map(visitor: Visitor, found: Calibration) -> None:
         chart(options, say("results.map"), height="300px")
 
 
+def _heat(visitor: Visitor, found: Calibration) -> None:
+    """Degree of the temperature polynomials, the range they hold in, and whether the tool is outside of it now."""
+    say, tool = visitor.say, found.tool
+    degrees = {kind: len(triad.tensor) - 1 for kind, triad in tool.triads.items()}
+    with ui.card().classes("panel"):
+        ui.label(say("results.temperature")).classes("subtitle")
+        for kind, degree in degrees.items():
+            ui.label(say("results.degree", kind=say(f"results.{kind}"), degree=degree)).classes("number")
+        if tool.temperature_range is None:
+            ui.label(say("results.no_temperature")).classes("dim")
+            return
+        low, high = tool.temperature_range
+        ui.label(say("results.range", low=f"{low:.1f}", high=f"{high:.1f}")).classes("number")
+        if max(degrees.values()) == 0:
+            ui.label(say("results.constant")).classes("dim")
+        feed = visitor.bench.feed
+        now = None if feed is None else feed.stability().temperature
+        if now is not None and not low - HEAT_SLACK <= now <= high + HEAT_SLACK:
+            ui.label(say("results.outside", now=f"{now:.1f}")).classes("warn")
+
+
 def _residuals(visitor: Visitor, found: Calibration) -> None:
     """Standardised residuals station by station."""
     say, residuals = visitor.say, found.residuals
@@ -155,11 +183,10 @@ def _parameters(visitor: Visitor, record: Record, found: Calibration) -> None:
 
 
 def _before(visitor: Visitor, record: Record) -> dict[str, tuple[float, float]]:
-    seen = history(visitor.bench.ledger, record.keys["serial"])
-    place = list(seen.records).index(record.id) if record.id in seen.records else 0
-    if place == 0:
-        return {}
-    return {name: (float(seen.values[name][place - 1]), float(seen.u[name][place - 1])) for name in seen.values}
+    """Parameters of the calibration before this one."""
+    ledger = visitor.bench.ledger
+    seen = listed(ledger, "calibration", serial=record.keys["serial"], before=record.seq, limit=1)
+    return extract(ledger, seen[0], "parameters", recorded_parameters) if seen else {}
 
 
 def _methods(visitor: Visitor, record: Record) -> None:

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from typing import Final
 
 import numpy as np
 from fastapi import HTTPException, Request
 from nicegui import ui
 
+from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
 from inclinometry.store.users import User
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.web.pages.charts import axis, band, chart
-from inclinometry.workflow.laboratory.registry import RegisteredTool, find_tool, next_due, put_tool, tools
+from inclinometry.web.pages.lists import Cell, day, table, to
+from inclinometry.workflow.laboratory.listing import due_days, listed
+from inclinometry.workflow.laboratory.registry import RegisteredTool, find_tool, put_tool, tools
 from inclinometry.workflow.laboratory.results import History, history
-from inclinometry.workflow.laboratory.session import sessions
 
-PAGE = 50
-SHOWN_SESSIONS = 20
+PAGE: Final = 50
+SHOWN: Final = 20
+DRAWN: Final = 100
+"""Calibrations in a drift plot, the newest."""
 
 
 @ui.page("/tools")
@@ -26,38 +31,48 @@ def tools_page(request: Request, after: str = "") -> None:
     with frame(request, "tools.title") as visitor:
         found = tools(visitor.bench.ledger, limit=PAGE, after=after)
         with ui.card().classes("panel"):
+            _find(visitor)
             _table(visitor, found)
-            if len(found) == PAGE:
-                ui.link(visitor.say("tools.more"), f"/tools?after={found[-1].serial}")
+            with ui.row():
+                if len(found) == PAGE:
+                    ui.link(visitor.say("tools.more"), to("/tools", after=found[-1].serial))
+                ui.link("CSV", "/api/v1/tables/tools.csv")
         if visitor.user.may("capture"):
             with ui.card().classes("panel"):
                 ui.label(visitor.say("tools.register")).classes("subtitle")
                 ToolForm(visitor, None)
 
 
+def _find(visitor: Visitor) -> None:
+    """A serial number leads to its tool, or to the tools from there on."""
+    with ui.row().classes("form"):
+        text = ui.input(visitor.say("tools.serial")).props("maxlength=200")
+
+        def go() -> None:
+            serial = str(text.value or "").strip()
+            known = serial and find_tool(visitor.bench.ledger, serial) is not None
+            ui.navigate.to(to("/tools", serial) if known else to("/tools", after=serial))
+
+        text.on("keydown.enter", go)
+        ui.button(visitor.say("ledger.search"), on_click=go).props("outline no-caps")
+
+
 def _table(visitor: Visitor, found: list[RegisteredTool]) -> None:
     say, today = visitor.say, datetime.now(UTC).date()
-    with ui.element("table").classes("list"):
-        with ui.element("tr"):
-            for key in ("serial", "name", "customer", "due"):
-                with ui.element("th"):
-                    ui.label(say(f"tools.{key}"))
-        for tool in found:
-            day = None if tool.retired else next_due(visitor.bench.ledger, tool)
-            with ui.element("tr"):
-                with ui.element("td"):
-                    ui.link(tool.serial, f"/tools/{tool.serial}").classes("number")
-                for text in (tool.name, tool.customer):
-                    with ui.element("td"):
-                        ui.label(text)
-                with ui.element("td"):
-                    due = say("tools.retired") if tool.retired else "" if day is None else f"{day:%Y-%m-%d}"
-                    ui.label(due).classes("number" + (" bad" if day is not None and day <= today else ""))
+    due = due_days(visitor.bench.ledger, found)
+
+    def line(tool: RegisteredTool) -> tuple[Cell | str, ...]:
+        when = due.get(tool.serial)
+        text = say("tools.retired") if tool.retired else "" if when is None else f"{when:%Y-%m-%d}"
+        late = "bad" if when is not None and when <= today else ""
+        return Cell(tool.serial, to("/tools", tool.serial)), tool.name, tool.customer, Cell(text, style=late)
+
+    table([say(f"tools.{key}") for key in ("serial", "name", "customer", "due")], map(line, found))
     if not found:
         ui.label(say("tools.none")).classes("dim")
 
 
-@ui.page("/tools/{serial}")
+@ui.page("/tools/{serial:path}")
 def tool_page(request: Request, serial: str) -> None:
     """One tool."""
     with frame(request, "tools.one") as visitor:
@@ -67,8 +82,9 @@ def tool_page(request: Request, serial: str) -> None:
         with ui.card().classes("panel"):
             ui.label(f"{tool.serial} · {tool.name}").classes("subtitle number")
             ui.label(" · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)).classes("dim")
+            _due(visitor, tool)
             if visitor.user.may("capture"):
-                ui.link(visitor.say("home.start"), f"/calibrate?serial={tool.serial}")
+                ui.link(visitor.say("home.start"), to("/calibrate", serial=tool.serial))
         _history(visitor, serial)
         _sessions(visitor, serial)
         if visitor.user.may("capture"):
@@ -77,17 +93,32 @@ def tool_page(request: Request, serial: str) -> None:
                 ToolForm(visitor, tool)
 
 
+def _due(visitor: Visitor, tool: RegisteredTool) -> None:
+    if tool.retired:
+        ui.label(visitor.say("tools.retired")).classes("warn")
+        return
+    due = due_days(visitor.bench.ledger, [tool]).get(tool.serial)
+    if due is None:
+        ui.label(visitor.say("tools.no_interval")).classes("dim")
+    else:
+        late = due <= datetime.now(UTC).date()
+        ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}").classes("number " + ("bad" if late else "good"))
+
+
 def _history(visitor: Visitor, serial: str) -> None:
     with ui.card().classes("panel"):
         ui.label(visitor.say("tools.drift")).classes("subtitle")
         try:
-            found = history(visitor.bench.ledger, serial)
+            found = history(visitor.bench.ledger, serial, limit=DRAWN)
         except InputError:
             ui.label(visitor.say("tools.no_calibration")).classes("dim")
             return
-        with ui.row():
-            for record, created in zip(found.records[::-1], found.created[::-1], strict=True):
-                ui.link(created[:16].replace("T", " "), f"/results/{record}").classes("number")
+        with ui.row().classes("list-of-links"):
+            for record, created in list(zip(found.records, found.created, strict=True))[: -SHOWN - 1 : -1]:
+                ui.link(day(created), f"/results/{record}").classes("number")
+            ui.link("CSV", to("/api/v1/tables/history.csv", serial=serial))
+        if len(found) == DRAWN:
+            ui.label(visitor.say("tools.newest", number=DRAWN)).classes("dim")
         names = list(found.values)
         box = ui.column().classes("w-full")
 
@@ -103,24 +134,31 @@ def _history(visitor: Visitor, serial: str) -> None:
 def _drift(visitor: Visitor, found: History, name: str) -> None:
     """Change of one parameter since the first calibration, with a band of two standard uncertainties."""
     change, spread = found.change(name)
-    days = [created[:10] for created in found.created]
+    days = [day(created) for created in found.created]
     options = {
         "xAxis": axis(visitor.say("tools.day"), kind="category", data=days),
         "yAxis": axis(visitor.say("tools.change_of", name=name)),
-        "series": band(name, change.tolist(), (2.0 * spread).tolist()),
+        "series": band(name, _plain(change), _plain(2.0 * spread)),
     }
     chart(options, visitor.say("tools.drift"))
-    worst = float(np.max(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
+    worst = float(np.nanmax(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
     ui.label(visitor.say("tools.largest", ratio=f"{worst:.1f}")).classes("number " + ("bad" if worst > 3.0 else "dim"))
+
+
+def _plain(values: Array) -> list[float | None]:
+    """Numbers, None where a calibration does not have the parameter."""
+    return [float(x) if np.isfinite(x) else None for x in values]
 
 
 def _sessions(visitor: Visitor, serial: str) -> None:
     with ui.card().classes("panel"):
         ui.label(visitor.say("tools.sessions")).classes("subtitle")
-        for record in sessions(visitor.bench.ledger, serial=serial, limit=SHOWN_SESSIONS):
-            with ui.row():
-                ui.link(record.created[:16].replace("T", " "), f"/calibrate/{record.id}").classes("number")
-                ui.label(f"{record.keys['purpose']} · {record.body['plan']['name']} · {record.author}")
+        found = listed(visitor.bench.ledger, "session", serial=serial, limit=SHOWN)
+        lines = [
+            (Cell(day(one.created), f"/calibrate/{one.id}"), visitor.say(f"purpose.{one.keys['purpose']}"), one.author)
+            for one in found
+        ]
+        table([visitor.say("verify.when"), visitor.say("tools.purpose"), visitor.say("verify.by")], lines)
 
 
 class ToolForm:
@@ -162,4 +200,4 @@ class ToolForm:
             bool(self.retired.value),
         )
         put_tool(ledger, tool, author=user.name)
-        ui.navigate.to(f"/tools/{serial}")
+        ui.navigate.to(to("/tools", serial))
