@@ -6,10 +6,11 @@ import numpy as np
 
 from inclinometry.calibration.design import NextPosition
 from inclinometry.core.errors import InclinometryError, InputError
+from inclinometry.io.instrument.rig import ManualRig
 from inclinometry.store.ledger import Record
 from inclinometry.web.frame import Visitor
 from inclinometry.web.pages.calibrate.heat import Heat, heat_of
-from inclinometry.web.pages.calibrate.turning import RigState, RigWatch, watch_of
+from inclinometry.web.pages.calibrate.turning import RigState, RigWatch, driver_of, watch_of
 from inclinometry.workflow.laboratory.goals import goal_of
 from inclinometry.workflow.laboratory.live import Stability
 from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site
@@ -41,14 +42,15 @@ class Guided:
 
     def __init__(self, visitor: Visitor, session: str) -> None:
         self.visitor = visitor
-        self.ledger, self.feed, rig = visitor.bench.ledger, visitor.bench.feed, visitor.bench.rig
+        self.ledger, self.feed = visitor.bench.ledger, visitor.bench.feed
         self.session: Session = load_session(self.ledger, session)
         self.goal = goal_of(self.ledger, self.session)
         found = find_rig(self.ledger, self.session.rig)
         # a session cannot be opened without its rig, and records are never removed
         self.about_rig: RegisteredRig = found if found is not None else RegisteredRig(self.session.rig, (0.0, 0.0, 0.0))
         self.site = find_site(self.ledger, str(self.session.settings.get("site", "")))
-        self.turner: RigWatch | None = watch_of(rig, _nothing if self.feed is None else self.feed.moved)
+        self.rig = visitor.bench.rig if visitor.bench.rig is not None else driver_of(self.about_rig)
+        self.turner: RigWatch | None = watch_of(self.rig, _nothing if self.feed is None else self.feed.moved)
         self.now: Standing | None = None
         self.place: NextPosition | None = None
         self.automatic = False
@@ -211,11 +213,10 @@ class Guided:
             raise NoInstrumentError(self.visitor.say("home.no_instrument"))
         if self.turner is not None and not self.turner.poll().at(chosen.dial):
             raise ElsewhereError(self.visitor.say("bench.rig_elsewhere", number=chosen.number))
-        confirm = getattr(self.visitor.bench.rig, "confirm", None)
-        if confirm is not None and self.visitor.bench.rig is not None:
+        if isinstance(self.rig, ManualRig):
             # turned by hand: to capture is to say that it is set
-            self.visitor.bench.rig.move(*chosen.dial)
-            confirm()
+            self.rig.move(*chosen.dial)
+            self.rig.confirm()
         reading: Capture = self.feed.capture(chosen.dial, how=how)
         attempt = self.session.attempts.get(chosen.number, 0) + 1
         taken = capture(self.ledger, self.session.id, chosen.number, reading, author=user.name, attempt=attempt)

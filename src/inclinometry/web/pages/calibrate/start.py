@@ -9,7 +9,7 @@ from nicegui import ui
 from inclinometry.core.errors import InputError
 from inclinometry.store.users import User
 from inclinometry.web.frame import Visitor, frame
-from inclinometry.workflow.laboratory.guided import CALIBRATING, GuidedPlan, plan_for
+from inclinometry.workflow.laboratory.guided import ADAPTIVE, CALIBRATING, GuidedPlan, plan_for
 from inclinometry.workflow.laboratory.registry import (
     RegisteredRig,
     RegisteredTool,
@@ -26,7 +26,7 @@ from inclinometry.workflow.laboratory.session import open_session
 @ui.page("/calibrate")
 def start_page(request: Request, serial: str = "") -> None:
     """A form, and the session it opens."""
-    with frame(request, "start.title", needs="capture") as visitor, ui.card().classes("panel"):
+    with frame(request, "start.title", needs="capture") as visitor, ui.card().classes("panel start"):
         StartForm(visitor, serial)
 
 
@@ -38,29 +38,31 @@ class StartForm:
         serials = [tool.serial for tool in tools(ledger) if not tool.retired]
         names = [rig.name for rig in rigs(ledger)]
         places = [""] + [site.name for site in sites(ledger)]
-        self.serial = ui.select(
-            serials, label=say("start.tool"), value=serial or (serials[0] if serials else None), with_input=True,
-            new_value_mode="add-unique",
-        )  # fmt: skip
-        self.rig = ui.select(
-            names,
-            label=say("start.rig"),
-            value=names[0] if names else None,
-            with_input=True,
-            new_value_mode="add-unique",
-        )
+        self.serial = _known(say("start.tool"), "serials", serials, serial or (serials[0] if serials else ""))
+        self.rig = _known(say("start.rig"), "rigs", names, names[0] if names else "")
         self.rig_sd = ui.number(say("start.rig_sd"), value=0.1, min=0.0, max=10.0, step=0.01)
-        self.rig_sd.bind_visibility_from(self.rig, "value", lambda name: bool(name) and name not in names)
+        self.rig_sd.bind_visibility_from(self.rig, "value", lambda name: bool(name) and str(name).strip() not in names)
         self.site = ui.select(places, label=say("start.site"), value=places[-1])
         plans = {name: say(f"plan.{name}") for name in CALIBRATING}
-        self.plan = ui.select(plans, label=say("start.plan"), value="orthogonal")
+        self.plan = ui.select(plans, label=say("start.plan"), value="orthogonal").props('data-testid="plan"')
         self.number = ui.number(say("start.number"), value=16, min=6, max=200, step=1)
         self.number.bind_visibility_from(self.plan, "value", lambda name: name == "optimal")
         self.wanted = ui.number(say("start.wanted"), value=None, min=0.001, max=90.0, step=0.01)
+        self.wanted_inclination = ui.number(say("start.wanted_inclination"), value=None, min=0.001, max=90.0, step=0.01)
         self.heat = ui.input(say("start.temperatures"), placeholder="20, 60, 100")
-        ui.button(say("start.go"), on_click=visitor.action("capture", self._open)).props("unelevated no-caps")
+        go = ui.button(say("start.go"), on_click=visitor.action("capture", self._open))
+        go.props('unelevated no-caps size=lg data-testid="begin"')
+
+    def _wanted(self) -> dict[str, float]:
+        """Wanted uncertainties, degrees; an adaptive plan would not end without one."""
+        asked = {"u_azimuth_deg": self.wanted.value, "u_inclination_deg": self.wanted_inclination.value}
+        found = {name: float(value) for name, value in asked.items() if value is not None}
+        if self.plan.value == ADAPTIVE and not found:
+            raise InputError(self._visitor.say("start.needs_wanted"))
+        return found
 
     def _open(self, user: User) -> None:
+        wanted = self._wanted()
         ledger, author = self._visitor.bench.ledger, user.name
         serial, name = str(self.serial.value or "").strip(), str(self.rig.value or "").strip()
         if ledger.latest("tool", serial=serial) is None:
@@ -75,11 +77,20 @@ class StartForm:
         plan, settings = plan_for(chosen, ledger, serial, rig)
         if self.site.value:
             settings["site"] = str(self.site.value)
-        if self.wanted.value is not None:
-            settings["wanted"] = {"u_azimuth_deg": float(self.wanted.value)}
+        if wanted:
+            only = "inclination" if set(wanted) == {"u_inclination_deg"} else "azimuth"
+            settings["wanted"] = {**wanted, "criterion": only}
         purpose = "temperature" if chosen.temperatures else "calibrate"
         session = open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
         ui.navigate.to(f"/calibrate/{session.id}")
+
+
+def _known(label: str, name: str, values: list[str], value: str) -> ui.input:
+    """A text with those known so far to choose from."""
+    with ui.element("datalist").props(f"id={name}"):
+        for known in values:
+            ui.element("option").props["value"] = known
+    return ui.input(label, value=value).props(f'list={name} maxlength=200 data-testid="{name}"')
 
 
 def _temperatures(text: str) -> tuple[float, ...]:

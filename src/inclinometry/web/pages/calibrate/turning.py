@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from inclinometry.core.errors import InclinometryError
+from inclinometry.io.instrument.rig import ManualRig, rig_driver
+from inclinometry.workflow.laboratory.registry import RegisteredRig
 
 if TYPE_CHECKING:
     from inclinometry.io.instrument.rig import RigDriver
@@ -73,12 +75,32 @@ class RigWatch:
         self.state, self._asked = RigState("moving"), float("-inf")
 
 
+_DRIVERS: dict[str, tuple[Mapping[str, Any], RigDriver]] = {}
+
+
+def driver_of(rig: RegisteredRig) -> RigDriver | None:
+    """The driver a registered rig names, one a process; None for a rig without one.
+
+    Raises
+    ------
+    InputError
+        A driver that cannot be made of what is registered.
+    """
+    if not rig.driver:
+        return None
+    known = _DRIVERS.get(rig.name)
+    if known is None or known[0] != rig.driver:
+        known = (dict(rig.driver), rig_driver(rig.driver, rig.name))
+        _DRIVERS[rig.name] = known
+    return known[1]
+
+
 _WATCHES: weakref.WeakKeyDictionary[RigDriver, RigWatch] = weakref.WeakKeyDictionary()
 
 
 def watch_of(rig: RigDriver | None, settled: Callable[[], None]) -> RigWatch | None:
     """The one watch of a motorised rig; None for a rig turned by hand, which only its operator knows the setting of."""
-    if rig is None or hasattr(rig, "confirm"):
+    if rig is None or isinstance(rig, ManualRig):
         return None
     if rig not in _WATCHES:
         _WATCHES[rig] = RigWatch(rig, settled)
