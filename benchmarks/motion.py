@@ -115,6 +115,8 @@ TOLD = (
         "lever_sigma": 0.02,
         "gyro_bias_sigma": 3e-3,
         "gyro_scale_sigma": 2e-3,
+        "coupling_sigma": 0.0,
+        "delay_sigma_s": 0.0,
     },
     {"accel_sigma": 0.01, "mag_sigma": 100.0},
 )

@@ -26,6 +26,7 @@ from inclinometry.motion.result import Attitude, joined
 from inclinometry.motion.robust import igg3_weight
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
+from inclinometry.simulate.drilling.faults import MagLag
 from inclinometry.simulate.drilling.instrument import TriadErrors
 from inclinometry.simulate.drilling.run import DrillingSimulation
 from inclinometry.simulate.drilling.scenario import Scenario
@@ -33,6 +34,9 @@ from inclinometry.simulate.drilling.scenario import Scenario
 SITE = Site(
     latitude=float(np.radians(50.0)), g=9.80665, dip=float(np.radians(65.0)), dip_sigma=1e-3, b=50_000.0
 )  # where the scenarios are
+
+
+TOLD = InertialSettings(coupling_sigma=0.0, delay_sigma_s=0.0)  # the simulated tools' axes and clocks are perfect
 
 
 def drawn(name: str, seed: int) -> Scenario:
@@ -168,7 +172,7 @@ def test_covariance_is_honest(name: str) -> None:
     found = []
     for seed in range(16):
         run = simulate_drilling(drawn(name, seed), seed, duration=30.0)
-        found.append(score(inertial_attitude(samples(run), None, SITE), run).normalised[-1])
+        found.append(score(inertial_attitude(samples(run), TOLD, SITE), run).normalised[-1])
     assert 0.4 < np.mean(found) < 1.7
 
 
@@ -349,8 +353,8 @@ def test_gyro_drift_grows_and_two_stations_close_it() -> None:
         run = simulate_drilling(drawn("vibration-5g", seed), seed, duration=120.0)
         record = samples(run, field=False)
         first, last = station(run, 0, seed), station(run, len(run) - 1, seed + 100)
-        alone = gyro_attitude(record, None, SITE, first)
-        both = continuous_survey(record, first, last, None, SITE)
+        alone = gyro_attitude(record, TOLD, SITE, first)
+        both = continuous_survey(record, first, last, TOLD, SITE)
         assert all("drift" in alone.names(k) for k in range(len(alone)))
         assert "misclosure" in both.notes[0]
         grown.append(alone.u.azimuth[[0, 11, 23]])
@@ -390,3 +394,46 @@ def test_bad_input_is_refused() -> None:
     with pytest.raises(InputError, match="lever_arm"):
         InertialSettings(lever_arm=(0.0, 0.0))  # type: ignore[arg-type]
     assert len(inertial_attitude(record.part(0, 0), None, SITE)) == 0
+
+
+def test_axes_askew_and_clocks_out_of_step_are_in_the_uncertainty_of_a_turning_tool() -> None:
+    """2e-3 rad and 0.1 ms at the rate of rotation; a tool that stands still does not feel them."""
+    turning, still = simulated("smooth", 1, 30.0), simulated("stationary", 1, 30.0)
+    for run, more in ((turning, True), (still, False)):
+        plain = inertial_attitude(samples(run), TOLD, SITE)
+        rows = inertial_attitude(samples(run), None, SITE)
+        tilt = np.sqrt(np.maximum(rows.u.inclination[-1] ** 2 - plain.u.inclination[-1] ** 2, 0.0))
+        roll = np.sqrt(np.maximum(rows.covariance[-1, 2, 2] - plain.covariance[-1, 2, 2], 0.0))
+        late = 1e-4 * np.sqrt(np.mean(run.gyro[:, 2] ** 2))
+        assert tilt == pytest.approx(2e-3 if more else 0.0, abs=1e-4)
+        assert (roll >= 0.99 * late) if more else (roll < 1e-4)
+
+
+def test_a_field_out_of_step_turns_azimuth_by_less_than_three_uncertainties() -> None:
+    """The magnetometer 0.2 ms late, twice the stated, at 120 rpm swinging: or it is refused."""
+    run = simulate_drilling(replace(SCENARIOS["vibration-5g"], faults=(MagLag(0.2e-3),)), 1, duration=60.0)
+    rows = inertial_attitude(samples(run), None, SITE)
+    good = ~rows.refused
+    assert np.abs(score(rows, run).azimuth[good] / rows.u.azimuth[good]).max(initial=0.0) < 3.0
+
+
+def test_shaking_too_strong_for_a_linear_filter_is_refused() -> None:
+    """Lateral acceleration of 5 g rms at a third of a hertz: no window's mean is gravity."""
+    run = simulated("vibration-5g", 2, 60.0)
+    phase = np.random.default_rng(3).uniform(0.0, 6.28, (3, 40))
+    rates = np.linspace(0.2, 0.6, 40)[:, None]
+    sway = np.stack([np.sin(2.0 * np.pi * rates * run.time + p[:, None]).sum(axis=0) for p in phase], axis=1)
+    matrix = dcm(run.truth.azimuth, run.truth.inclination, run.truth.toolface)
+    shaken = run.accel + 11.0 * np.einsum("nij,nj->ni", matrix, sway)
+    rows = inertial_attitude(Samples(run.time, run.interval, shaken, run.mag, run.gyro), None, SITE)
+    assert rows.refused.all()
+    assert any("vibration" in rows.names(k) for k in range(len(rows)))
+
+
+def test_a_gyro_started_while_rotating_is_right_or_refused() -> None:
+    """Scale error 0.1 %, 120 rpm, azimuth unknown: inclination within four uncertainties where one is given."""
+    for seed in range(3):
+        run = simulated("smooth", seed, 60.0)
+        rows = gyro_attitude(samples(run, field=False), None, SITE)
+        good = ~rows.refused
+        assert np.abs(score(rows, run).inclination[good] / rows.u.inclination[good]).max(initial=0.0) < 4.0

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from inclinometry.core.errors import InputError
 from inclinometry.motion._window_buffer import LARGEST_BREAK
 from inclinometry.motion.inertial.model import Model
-from inclinometry.motion.inertial.rows import LOST, row
+from inclinometry.motion.inertial.rows import LOST, SETTLED, row
 from inclinometry.motion.inertial.start import azimuth_variance, blank, given, linearised, sought
 from inclinometry.motion.inertial.state import State
 from inclinometry.motion.inertial.window import Seen, is_still, reduce_window
 from inclinometry.motion.result import Attitude, refusals
 from inclinometry.motion.samples import Samples
+
+ROUGH: Final = 1.0
+"""m/s^2, scatter of a window's mean gravity beyond which shaking is no longer a small error: nothing is said."""
+BELIEVED: Final = 3
+"""Windows in a row whose gravity contradicts the filter, from which the filter is not believed."""
 
 
 class Node(NamedTuple):
@@ -44,6 +49,7 @@ class Engine:
         self._lost = True  # nothing tells the attitude: at the beginning and after a gap
         self._seeking = False  # a standstill in which azimuth is being found
         self._age = 0
+        self._misfits = 0  # windows in a row whose gravity contradicts the filter
         self._first, self._count = np.nan, 0
 
     def advance(self, window: Samples) -> Node:
@@ -62,7 +68,13 @@ class Engine:
         if self._lost and not self._stated and (seen.disturbed or seen.gravity < 0.0):
             return Node(None, None, None, True, 0, time, model)  # no beginning to build on; the next window may be one
         self._age = 0 if self._lost else self._age + 1
+        self._misfits = self._misfits + 1 if seen.gravity < 0.0 else 0
         self._state, self._lost = after, False
+        rough = seen.shaking > ROUGH
+        if rough or self._misfits >= BELIEVED or (self._misfits and self._age < SETTLED):
+            # a filter that gravity contradicts again and again is wrong, however sure it is: begin anew
+            self._state, self._lost = None, True
+            return Node(None, None, seen, True, 0, time, model)
         return Node(state, after, seen, anew, self._age, time, model)
 
     def row(self, node: Node, window: Samples, method: str) -> Attitude:
@@ -70,6 +82,7 @@ class Engine:
         if node.after is None or node.seen is None:
             north = "magnetic" if self._model.magnetic else "true"
             why = "clipped" if window.clipped is not None and window.clipped.any() else "misfit"
+            why = "vibration" if node.seen is not None and node.seen.shaking > ROUGH else why
             return refusals([node.time], (why, "start"), method, north)
         covariance = node.after.covariance[:3, :3]
         return row(node.time, node.after, covariance, node.seen, node.age, window, self._model, method)

@@ -21,6 +21,8 @@ UPRIGHT: Final = float(np.radians(1.0))
 """Inclination, rad, below which azimuth and toolface are said to be hardly defined."""
 LOST: Final = 0.26
 """Standard uncertainty of azimuth, rad, from which nothing is said to determine it: no longer small."""
+TURNING: Final = 0.1
+"""rad/s, rate about the tool axis above which a tool counts as turning."""
 FASTEST: Final = 1.5
 """Turn between two samples, rad, from which the integration is no longer trusted."""
 
@@ -31,6 +33,9 @@ def row(
     """One row; `age` counts windows since the start."""
     quaternion, dip = state.quaternion, float(state.nominal[16])
     covariance = with_gain(quaternion, covariance, dip, model.gain(np.asarray(window.gyro)), model.magnetic)
+    covariance = covariance + common(
+        quaternion, dip, float(np.sqrt(np.mean(np.asarray(window.gyro)[:, 2] ** 2))), model
+    )
     names = _names(quaternion, covariance, seen, age, window, model)
     return Attitude(
         time=np.array([time]),
@@ -59,6 +64,25 @@ def with_gain(quaternion: Array, covariance: Array, dip: float, gain: float, mag
         turn[2] = turn[0] * np.tan(dip)
     tilt = matrix @ turn * (gain * level * axis[2])
     return np.asarray(covariance + np.outer(tilt, tilt))
+
+
+def common(quaternion: Array, dip: float, speed: float, model: Model) -> Array:
+    """Covariance (3, 3) of what is the same in every window of a turning tool: axes askew, clocks out of step.
+
+    A field late by t is turned about the tool axis by `speed` t against gravity: azimuth follows, by what of that turn
+    goes east over the horizontal field; a gyro late by t carries the toolface on as far.
+    """
+    settings, matrix = model.settings, dcm_from_quaternion(quaternion)
+    turning = speed / np.hypot(speed, TURNING)
+    found = np.diag([1.0, 1.0, 0.0]) * (settings.coupling_sigma * turning) ** 2
+    late = speed * settings.delay_sigma_s
+    found[2, 2] += late**2
+    if model.magnetic:
+        north, east, down = matrix.T
+        field = np.cos(dip) * north + np.sin(dip) * down
+        across = np.cross([0.0, 0.0, 1.0], field) @ east / max(np.cos(dip), 1e-6)
+        found += np.outer(down, down) * (late * across) ** 2
+    return np.asarray(found)
 
 
 def _names(quaternion: Array, covariance: Array, seen: Seen, age: int, window: Samples, model: Model) -> list[str]:

@@ -29,6 +29,8 @@ _RANGES: Final = {
     "hard_iron_walk": (0.0, 1e3, "nT/sqrt(s)"),
     "gain_sigma": (0.0, 0.1, ""),
     "ripple_sigma": (0.0, 0.1, ""),
+    "coupling_sigma": (0.0, 0.1, ""),
+    "delay_sigma_s": (0.0, 0.1, "s"),
     "lever_sigma": (0.0, 1.0, "m"),
     "gate": (1.0, 1e6, "variances"),
     "still_rate": (0.0, 1.0, "rad/s"),
@@ -65,6 +67,13 @@ class InertialSettings:
         Standard uncertainty of the accelerometers' gain across the tool relative to along it: of their scales, and of
         the anti-alias filter at 10 turns a second (it grows with the square of the rate). Neither can be seen from
         within; they tilt by gain x sin I cos I and are added to the covariance of every row.
+    coupling_sigma : float
+        Standard uncertainty of the directions of the gyro's axes against the accelerometers', rad. A spinning gyro
+        takes its own axis for the tool's; nothing within tells, and it is added to the tilt of every row of a turning
+        tool.
+    delay_sigma_s : float
+        Standard uncertainty, s, of the time by which the magnetometer or the gyro is out of step with the
+        accelerometers. At the rate w it turns azimuth and toolface by w times the delay in every row.
     lever_arm, lever_sigma : three floats, float
         Position of the accelerometers from the axis of rotation, tool axes, m, and its standard uncertainty.
     gate : float
@@ -106,6 +115,8 @@ class InertialSettings:
     hard_iron_walk: float = 0.05
     gain_sigma: float = 2e-4
     ripple_sigma: float = 1e-3
+    coupling_sigma: float = 2e-3
+    delay_sigma_s: float = 1e-4
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lever_sigma: float = 0.02
     gate: float = 36.0

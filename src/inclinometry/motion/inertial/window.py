@@ -37,6 +37,7 @@ class Seen(NamedTuple):
     noise : nT^2, variance of the field's samples by their second differences.
     disturbed : the field was left out.
     gravity : largest squared normalised innovation of gravity, negative when it was refused.
+    shaking : m/s^2, what shaking leaves in a mean of the window, as far as known.
     """
 
     rate: float
@@ -47,6 +48,7 @@ class Seen(NamedTuple):
     noise: float
     disturbed: bool
     gravity: float
+    shaking: float
 
 
 def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_TAPE) -> tuple[State, Seen]:
@@ -119,6 +121,7 @@ def filter_window(
         noise=counts[6] / counts[7] if counts[7] else state.field_variance,
         disturbed=False,
         gravity=level,
+        shaking=float(np.sqrt(np.max(shaking.scatter))) if shaking.windows else 0.0,
     )
     done = replace(done, field_variance=state.field_variance + (seen.noise - state.field_variance) / MEMORY)
     if len(tape.steps):
