@@ -41,7 +41,7 @@ FLAGS: Final = {
     "not-still": "the tool moved in a window treated as still",
     "step": "magnetometer and accelerometer are out of step in time",
     "axes": "the magnetometer's and accelerometer's axes contradict each other: a wrong axis map",
-    "misfit": "gravity, field and rate contradict each other beyond their uncertainty: a scale, a clock or an axis is off",
+    "misfit": "gravity, field and rate contradict each other beyond their uncertainty: a scale, clock or axis is off",
     "start": "the filter had not settled",
     "drift": "azimuth rests on the gyro alone since its last update; its uncertainty grows",
     "vertical": "azimuth and toolface are hardly defined; use azimuth + toolface",
