@@ -32,6 +32,7 @@ PAGES: Final = (
     "home",
     "calibrate.start",
     "calibrate.page",
+    "import_file",
     "tools",
     "results",
     "verify",

@@ -10,7 +10,7 @@ from nicegui import ui
 from inclinometry.store.ledger import LedgerError
 from inclinometry.store.users import User
 from inclinometry.web.frame import Visitor, frame
-from inclinometry.web.pages.lists import Cell, day, table, to
+from inclinometry.web.pages.lists import Cell, day, table, to, visible
 from inclinometry.workflow.laboratory.certificates import MEDIA, Standing, certificates, digest_of, status, void
 
 SHOWN: Final = 25
@@ -80,7 +80,7 @@ def _standing(visitor: Visitor, found: Standing) -> None:
         ui.label(found.number).classes("subtitle number")
         ui.label(say(f"state.{found.state}")).classes(f"judgement {STYLES[found.state]}")
         if found.reason:
-            ui.label(say("certificates.because", reason=found.reason))
+            ui.label(say("certificates.because", reason=visible(found.reason)))
         if found.by:
             ui.link(say("certificates.replaced_by", number=found.by), to("/certificates", found.by))
         if record.body.get("supersedes"):

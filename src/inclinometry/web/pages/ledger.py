@@ -16,7 +16,7 @@ from inclinometry.store.ledger import LedgerError
 from inclinometry.store.verify import Verdict, verify
 from inclinometry.web.api.ledger import HIDDEN
 from inclinometry.web.frame import Visitor, frame
-from inclinometry.web.pages.lists import to
+from inclinometry.web.pages.lists import to, visible
 from inclinometry.workflow.laboratory.listing import Listed, listed
 
 PAGE: Final = 50
@@ -137,7 +137,7 @@ def _row(visitor: Visitor, one: Listed) -> None:
     """One record; its body is read when it is opened."""
     keys = ", ".join(str(value) for value in one.keys.values())
     title = f"{one.seq} · {one.created[:19].replace('T', ' ')} · {one.author} · {keys}"
-    with ui.expansion(title).classes("w-full number").props("dense") as box:
+    with ui.expansion(visible(title)).classes("w-full number").props("dense") as box:
         loaded: list[bool] = []
 
         def show() -> None:
@@ -146,7 +146,7 @@ def _row(visitor: Visitor, one: Listed) -> None:
                 record = visitor.bench.ledger.get(one.kind, one.id)
                 text = json.dumps(dict(record.body), ensure_ascii=False, indent=1)
                 with box:
-                    ui.label(text[:LONGEST_SHOWN]).classes("pre")
+                    ui.label(visible(text[:LONGEST_SHOWN])).classes("pre")
                     if len(text) > LONGEST_SHOWN:
                         ui.label(visitor.say("ledger.cut", number=LONGEST_SHOWN)).classes("dim")
                     ui.label(f"{one.id} · {record.digest}").classes("dim pre")

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
 from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
+
+BIDI: Final = dict.fromkeys([0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)], "\ufffd")
+_FROM_TO: Final = '(first, last, all) => first + " - " + last + " / " + all'
 
 
 class Cell(NamedTuple):
@@ -16,6 +19,25 @@ class Cell(NamedTuple):
     text: str
     link: str = ""
     style: str = ""
+
+
+def visible(text: str) -> str:
+    """A text whose characters are read in the order in which they stand: marks that turn it around are shown as such.
+
+    Examples
+    --------
+    >>> visible("A\u202e1")
+    'A�1'
+    """
+    return text.translate(BIDI)
+
+
+def paged(columns: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]], key: str, size: int) -> None:
+    """A long table, so many rows at a time; columns and rows as `ui.table` takes them."""
+    made = ui.table(columns=list(columns), rows=list(rows), row_key=key, pagination=size)
+    made.classes("number paged").props("flat dense")
+    made.props[":rows-per-page-options"] = f"[{size}]"
+    made.props[":pagination-label"] = _FROM_TO
 
 
 def table(heads: Sequence[str], lines: Iterable[Sequence[Cell | str]]) -> None:
@@ -34,9 +56,9 @@ def table(heads: Sequence[str], lines: Iterable[Sequence[Cell | str]]) -> None:
 def _cell(cell: Cell) -> None:
     if cell.link:
         with ui.element("td"):
-            ui.link(cell.text, cell.link).classes(f"number {cell.style}")
+            ui.link(visible(cell.text), cell.link).classes(f"number {cell.style}")
     else:
-        TextElement(tag="td", text=cell.text).classes(f"number {cell.style}")
+        TextElement(tag="td", text=visible(cell.text)).classes(f"number {cell.style}")
 
 
 def to(place: str, name: str = "", **query: str | int) -> str:

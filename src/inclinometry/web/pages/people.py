@@ -7,6 +7,7 @@ from nicegui import ui
 
 from inclinometry.store.users import ROLES, User, find_user, guard_last_administrator, put_user, users
 from inclinometry.web.frame import Visitor, frame
+from inclinometry.web.pages.lists import visible
 from inclinometry.web.words import LANGUAGES
 
 
@@ -15,11 +16,14 @@ def users_page(request: Request) -> None:
     """All users, and a form."""
     with frame(request, "people.title", needs="administer") as visitor:
         with ui.card().classes("panel"):
-            for user in users(visitor.bench.ledger):
+            known = users(visitor.bench.ledger)
+            if not known:
+                ui.label(visitor.say("people.none")).classes("dim")
+            for user in known:
                 with ui.row().classes("items-center"):
                     ui.label(user.name).classes("number")
                     ui.label(visitor.say(f"role.{user.role}"))
-                    ui.label(user.full_name).classes("dim")
+                    ui.label(visible(user.full_name)).classes("dim")
                     if not user.active:
                         ui.label(visitor.say("people.inactive")).classes("warn")
         with ui.card().classes("panel"):

@@ -14,7 +14,7 @@ from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import LedgerError, Record
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.web.pages.charts import BLUE, axis, chart, legend
-from inclinometry.web.pages.lists import day, to
+from inclinometry.web.pages.lists import day, paged, to
 from inclinometry.workflow.calibrate import compare
 from inclinometry.workflow.laboratory.listing import extract, listed
 from inclinometry.workflow.laboratory.results import calibration_of, parameters, recorded_parameters
@@ -23,6 +23,7 @@ from inclinometry.workflow.laboratory.standing import BOTH
 
 MAP_INCLINATIONS = np.radians([2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
 
+PAGE = 12
 HEAT_SLACK = 5.0
 """Beyond the calibrated range by more than this, degC, a reading is said to be extrapolated."""
 
@@ -110,6 +111,7 @@ def _map(visitor: Visitor, found: Calibration) -> None:
                 "min": 0.0,
                 "max": float(np.quantile(values, 0.9)),
                 "calculable": True,
+                "precision": 4,
                 "right": 0,
                 "textStyle": {"color": "#8896a4"},
             },
@@ -179,7 +181,7 @@ def _parameters(visitor: Visitor, record: Record, found: Calibration) -> None:
     ]
     with ui.card().classes("panel"):
         ui.label(say("results.parameters")).classes("subtitle")
-        ui.table(columns=columns, rows=rows, row_key="name", pagination=12).classes("number").props("flat dense")
+        paged(columns, rows, "name", PAGE)
 
 
 def _before(visitor: Visitor, record: Record) -> dict[str, tuple[float, float]]:

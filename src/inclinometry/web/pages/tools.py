@@ -14,7 +14,7 @@ from inclinometry.core.errors import InputError
 from inclinometry.store.users import User
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.web.pages.charts import axis, band, chart
-from inclinometry.web.pages.lists import Cell, day, table, to
+from inclinometry.web.pages.lists import Cell, day, table, to, visible
 from inclinometry.workflow.laboratory.listing import due_days, listed
 from inclinometry.workflow.laboratory.registry import RegisteredTool, find_tool, put_tool, tools
 from inclinometry.workflow.laboratory.results import History, history
@@ -80,11 +80,14 @@ def tool_page(request: Request, serial: str) -> None:
         if tool is None:
             raise HTTPException(404, f"there is no tool {serial!r:.80}")
         with ui.card().classes("panel"):
-            ui.label(f"{tool.serial} · {tool.name}").classes("subtitle number")
-            ui.label(" · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)).classes("dim")
+            ui.label(visible(f"{tool.serial} · {tool.name}")).classes("subtitle number")
+            about = " · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)
+            ui.label(visible(about)).classes("dim")
             _due(visitor, tool)
             if visitor.user.may("capture"):
-                ui.link(visitor.say("home.start"), to("/calibrate", serial=tool.serial))
+                with ui.row():
+                    ui.link(visitor.say("home.start"), to("/calibrate", serial=tool.serial))
+                    ui.link(visitor.say("import.title"), to("/import", serial=tool.serial))
         _history(visitor, serial)
         _sessions(visitor, serial)
         if visitor.user.may("capture"):
@@ -154,6 +157,9 @@ def _sessions(visitor: Visitor, serial: str) -> None:
     with ui.card().classes("panel"):
         ui.label(visitor.say("tools.sessions")).classes("subtitle")
         found = listed(visitor.bench.ledger, "session", serial=serial, limit=SHOWN)
+        if not found:
+            ui.label(visitor.say("tools.no_session")).classes("dim")
+            return
         lines = [
             (Cell(day(one.created), f"/calibrate/{one.id}"), visitor.say(f"purpose.{one.keys['purpose']}"), one.author)
             for one in found

@@ -13,7 +13,7 @@ from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import Ledger, LedgerError, Record
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.web.pages.charts import GREY, RED, axis, bars, chart, legend
-from inclinometry.web.pages.lists import day, to
+from inclinometry.web.pages.lists import day, paged, to, visible
 from inclinometry.workflow.laboratory.begin_verification import limits_of
 from inclinometry.workflow.laboratory.session import load_session
 from inclinometry.workflow.laboratory.verification import finish_verification, judged, report, stated_limits
@@ -103,7 +103,7 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
             ui.label(str(sentence))
         for sentence in content.get("warnings", ()):
             ui.label(str(sentence)).classes("warn")
-        ui.label(say("verify.against", name=str(limits.get("name", "")), source=str(limits.get("source", ""))))
+        ui.label(say("verify.against", name=str(limits.get("name", "")), source=visible(str(limits.get("source", "")))))
         guard = str(limits.get("guard", "none"))
         k = float(content.get("coverage_factor", 2.0))
         ui.label(say(f"verify.rule.{guard}", k=f"{k:.3g}")).classes("dim")
@@ -174,8 +174,7 @@ def _positions(visitor: Visitor, rows: list[Content]) -> None:
         columns.append(_column(f"d_{name}", say("verify.decision")))
     with ui.card().classes("panel"):
         ui.label(say("verify.positions")).classes("subtitle")
-        made = ui.table(columns=columns, rows=shown, row_key="position", pagination=ROWS)
-        made.classes("number").props("flat dense")
+        paged(columns, shown, "position", ROWS)
 
 
 def _column(name: str, label: str) -> dict[str, Any]:

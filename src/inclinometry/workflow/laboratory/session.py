@@ -195,6 +195,11 @@ def capture(
     return _taken(ledger.append("reading", keys, _capture_body(taken), author=author))
 
 
+def reading_draft(session: str, number: int, taken: Capture) -> Draft:
+    """The record of the first reading of a position, for recording many of a new session in one step."""
+    return Draft("reading", {"session": session, "position": number, "attempt": 1}, _capture_body(taken))
+
+
 def reject(ledger: Ledger, taken: Taken, reason: str, *, author: str) -> None:
     """Leave a reading out from now on; it stays in the ledger with the reason."""
     ledger.append(
