@@ -65,9 +65,11 @@ class IssueForm:
         self.nonconforming = ui.switch(say("certificates.nonconforming"))
         session = ledger.get("session", calibration.keys["session"])
         ui.label(say("certificates.laboratory")).classes("subtitle")
-        self.laboratory = _fields(visitor, LABORATORY, "laboratory", _laboratory(ledger, session))
+        self.laboratory = _fields(
+            {name: say(f"laboratory.{name}") for name in LABORATORY}, _laboratory(ledger, session)
+        )
         ui.label(say("certificates.order")).classes("subtitle")
-        self.order = _fields(visitor, ORDER, "order", _order(ledger, session))
+        self.order = _fields({name: say(f"order.{name}") for name in ORDER}, _order(ledger, session))
         with ui.row().classes("form"):
             self.language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
             if supersedes:
@@ -120,11 +122,11 @@ class IssueForm:
         return issue(ledger, calibration, verification, author=user.name, **wish)
 
 
-def _fields(visitor: Visitor, names: tuple[str, ...], group: str, values: dict[str, str]) -> dict[str, ui.input]:
+def _fields(labels: dict[str, str], values: dict[str, str]) -> dict[str, ui.input]:
     with ui.row().classes("form"):
         return {
-            name: ui.input(visitor.say(f"{group}.{name}"), value=values.get(name, "")).props(f"maxlength={LONGEST}")
-            for name in names
+            name: ui.input(label, value=values.get(name, "")).props(f"maxlength={LONGEST}")
+            for name, label in labels.items()
         }
 
 
