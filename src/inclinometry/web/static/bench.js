@@ -25,6 +25,13 @@
     cells.forEach((text, i) => put(`live-${i}`, text));
   };
 
+  // a long list of positions shows the chosen one; the page itself stays where it is
+  window.benchHere = () => {
+    const here = document.querySelector(".place.here");
+    const list = here?.closest(".positions");
+    if (list) list.scrollTop = here.offsetTop - list.offsetTop - list.clientHeight / 2;
+  };
+
   // a verdict must not stay on the screen when nothing arrives any more
   setInterval(() => {
     const verdict = document.getElementById("live-word");

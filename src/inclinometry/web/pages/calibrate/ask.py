@@ -35,3 +35,20 @@ def ask_reason(
             ui.button(say("bench.cancel"), on_click=dialog.close).props('flat no-caps data-testid="cancel"')
     dialog.on("hide", dialog.delete)
     dialog.open()
+
+
+def ask_sure(visitor: Visitor, question: str, action: str, go: Callable[[], Awaitable[None]], **values: Any) -> None:
+    """Ask once more before something that is not meant to happen by a slip."""
+    say = visitor.say
+    with ui.dialog() as dialog, ui.card().classes("panel"):
+        ui.label(say(question, **values))
+
+        async def sure() -> None:
+            dialog.close()
+            await go()
+
+        with ui.row():
+            ui.button(say(action), on_click=sure).props('outline no-caps data-testid="confirm"')
+            ui.button(say("bench.cancel"), on_click=dialog.close).props('flat no-caps autofocus data-testid="cancel"')
+    dialog.on("hide", dialog.delete)
+    dialog.open()

@@ -29,7 +29,7 @@ from nicegui.events import GenericEventArguments
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import ConflictError, LedgerError
 from inclinometry.web.frame import frame
-from inclinometry.web.pages.calibrate.ask import ask_reason, say_problem
+from inclinometry.web.pages.calibrate.ask import ask_reason, ask_sure, say_problem
 from inclinometry.web.pages.calibrate.guided import Guided
 from inclinometry.web.pages.calibrate.show_events import Events
 from inclinometry.web.pages.calibrate.show_live import PERIOD, Live
@@ -116,7 +116,13 @@ class BenchView:
         """Show everything, then judge what has been taken: the fit must not keep the page waiting."""
         await self._ask_rig()
         self._show()
-        ui.timer(0.01, self.refresh, once=True)
+        ui.timer(0.01, self._first, once=True)
+
+    async def _first(self) -> None:
+        await self.refresh()
+        if self.guided.session.has(self.guided.chosen.number) and self.guided.open_positions:
+            self.guided.follow()
+            self._show()
 
     async def refresh(self) -> None:
         """Judge what has been taken, then show everything."""
@@ -144,6 +150,9 @@ class BenchView:
         self._take.set_text(text)
         self._take.props(f'data-state="{state}"')
         self._take.set_enabled(state in ("capture", "turn"))
+        # when all is captured the next thing to do is to finish
+        left = bool(guided.open_positions)
+        self._take.props("unelevated" if left else "outline", remove="outline" if left else "unelevated")
         closed = bool(guided.session.closed)
         self._auto.set_enabled(not closed)
         self._stop.set_enabled(not closed)
@@ -236,6 +245,17 @@ class BenchView:
                 self._show_rig()
 
     async def _finish(self) -> None:
+        guided = self.guided
+        left, odd = len(guided.open_positions), {} if guided.now is None else guided.now.odd
+        if left or odd:
+            question = "bench.finish_odd" if odd else "bench.finish_open"
+            numbers = ", ".join(str(number) for number in odd)
+            ask_sure(guided.visitor, question, "bench.finish_anyway", self._end, number=left, numbers=numbers)
+        else:
+            await self._end()
+
+    async def _end(self) -> None:
+        """What is captured is enough: to the judgement of a verification, to the result of a calibration."""
         if self.guided.verifies:
             ui.navigate.to(f"/verify/{self.guided.session.id}/finish")
             return

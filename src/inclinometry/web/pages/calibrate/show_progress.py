@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from typing import Final
 
 import numpy as np
 from nicegui import ui
 
 from inclinometry.web.pages.calibrate.guided import Guided
 from inclinometry.workflow.laboratory.session import Position
+
+
+MANY: Final = 60
+"""Positions beyond which the list is scrolled to the chosen one."""
 
 
 class Progress:
@@ -18,6 +23,7 @@ class Progress:
         self._guided, self._choose = guided, choose
         self._buttons: dict[int, ui.html] = {}
         self._states: dict[int, tuple[str, str]] = {}
+        self._here = 0
         with ui.card().classes("panel places"):
             self._title = ui.label().classes("subtitle number").props('data-testid="progress"')
             self._box = ui.element("div").classes("positions").props('role="group"')
@@ -26,13 +32,17 @@ class Progress:
         """All positions as they are now."""
         guided, say = self._guided, self._guided.visitor.say
         done, total = len(guided.session.valid), len(guided.session.positions)
-        self._title.set_text(say("home.progress", done=done, all=total))
+        planned = say("home.progress", done=done, all=total)
+        self._title.set_text(say("bench.so_far", done=done) if guided.adaptive else planned)
         positions = {p.number: p for p in guided.positions}
         for number in [n for n in self._buttons if n not in positions]:
             self._buttons.pop(number).delete()
             self._states.pop(number)
         for position in positions.values():
             self._one(position)
+        if len(positions) > MANY and self._here != guided.chosen.number:
+            self._here = guided.chosen.number
+            ui.run_javascript("benchHere()")
 
     def _one(self, position: Position) -> None:
         guided, say, number = self._guided, self._guided.visitor.say, position.number
@@ -145,7 +155,7 @@ class Certifies:
         name = say(f"bench.U_{guided.goal.criterion}") if gain is not None else ""
         text = say("bench.proposed", number=number)
         if gain is not None:
-            text += " " + say("bench.gain", name=name, now=_degrees(gain[0]), then=_degrees(gain[1]))
+            text += " · " + say("bench.gain", name=name, now=_degrees(gain[0]), then=_degrees(gain[1]))
         with ui.element("div").classes("odd-row"):
             ui.label(text).classes("number").props('data-testid="proposed"')
             if number != guided.chosen.number:

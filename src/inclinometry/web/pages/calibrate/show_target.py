@@ -51,8 +51,7 @@ class Target:
         guided, say = self._guided, self._guided.visitor.say
         chosen, taken = guided.chosen, guided.session.taken.get(guided.chosen.number)
         total = len(guided.session.positions)
-        proposed = chosen.number > total
-        name = say("bench.added", number=chosen.number) if proposed else ""
+        name = say("bench.added", number=chosen.number) if chosen.number > total or guided.adaptive else ""
         self._name.set_text(name or say("bench.position", number=chosen.number, all=total))
         text, colour = say("bench.to_capture"), "dim"
         if taken is not None and taken.rejected:
@@ -83,7 +82,7 @@ class Target:
         if heat is None:
             text += " · " + say("bench.heat_unknown")
         else:
-            rate = "–" if np.isnan(heat.rate) else f"{heat.rate:+.2f}"
+            rate = "–" if np.isnan(heat.rate) else f"{round(heat.rate, 1) + 0.0:+.1f}"
             word = "even" if heat.even and heat.near else "uneven" if heat.near else "far"
             measured = say("bench.heat_measured", measured=f"{heat.measured:.1f}", rate=rate)
             text, colour = f"{text} · {measured} · {say(f'bench.heat_{word}')}", "good" if word == "even" else "warn"
