@@ -17,6 +17,7 @@ from inclinometry.store import exchange
 from inclinometry.store.admin import create
 from inclinometry.store.chain import parse_head
 from inclinometry.store.ledger import Ledger, default_path
+from inclinometry.store.restore import restore
 from inclinometry.store.users import find_user, guard_last_administrator, put_user
 from inclinometry.store.users import users as all_users
 from inclinometry.store.verify import verify as verify_ledger
@@ -31,15 +32,20 @@ def _where(given: str | None) -> str:
     return str(default_path()) if given is None else given
 
 
-def init(where: str | None = None, /) -> None:
+def init(where: str | None = None, /, *, clock: str | None = None) -> None:
     """Make an empty ledger, or bring an old one up to date.
 
     Parameters
     ----------
     where
         Path of a SQLite file, or postgresql://user:password@host/database; in the user's data folder when not given.
+    clock
+        Reason for going on where the last record's time lies in the future, since the clock was wrong then; it is
+        recorded.
     """
     with create(_where(where)) as ledger:
+        if clock is not None:
+            ledger.correct_clock(clock, author=_who())
         output.say(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
 
 
@@ -109,7 +115,7 @@ def import_(source: Path, /, *, ledger: Where = None) -> None:
         Path or address of the empty ledger, made when it is not there; the user's own when not given.
     """
     with create(_where(ledger)) as opened, output.working("importing") as progress:
-        head = exchange.restore(opened, source, progress=progress)
+        head = restore(opened, source, progress=progress)
         output.say(f"{output.counted(head.seq, 'record')} imported into {opened.shown}")
         output.say(f"head {head}")
 
@@ -246,7 +252,7 @@ def _put(
         ledger,
         name,
         role=str(new_role),
-        author=getpass.getuser(),
+        author=_who(),
         password=_ask(name) if password or old is None else None,
         full_name=full_name if full_name is not None else ("" if old is None else old.full_name),
         active=now_active,
@@ -265,6 +271,14 @@ def _ask(name: str) -> str:
     if getpass.getpass("again: ") != first:
         raise InputError("the two passwords differ; nothing was changed")
     return first
+
+
+def _who() -> str:
+    """The user of this computer: whoever changes a ledger from the command line is recorded with it."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # no name for this user on the system
+        return f"uid {os.getuid()}" if hasattr(os, "getuid") else "command line"
 
 
 def _path(where: str) -> Path | None:

@@ -7,8 +7,9 @@ from pathlib import Path
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
-from inclinometry.store.ledger import Ledger, LedgerError, engine, shown
-from inclinometry.store.schema import unprotected
+from inclinometry.store.engine import LedgerError, engine, shown
+from inclinometry.store.guards import unprotected
+from inclinometry.store.ledger import Ledger
 
 
 def create(where: str | Path) -> Ledger:
@@ -42,11 +43,14 @@ def create(where: str | Path) -> Ledger:
     finally:
         made.dispose()
     if bare:
-        raise LedgerError(f"{shown(where)}: the tables {', '.join(bare)} are not protected against changes")
+        raise LedgerError(
+            f"{shown(where)}: somebody removed the protection against changes of {', '.join(bare)}; run `inclinometry "
+            "ledger verify`, and move a ledger that is sound into a new one with `ledger export` and `ledger import`"
+        )
     return Ledger(where)
 
 
-def _migrate(made: Engine) -> None:
+def _migrate(made: Engine, revision: str = "head") -> None:
     from alembic import command
     from alembic.config import Config
     from alembic.util import CommandError
@@ -55,6 +59,6 @@ def _migrate(made: Engine) -> None:
     config.set_main_option("script_location", str(Path(__file__).parent / "migrations").replace("%", "%%"))
     config.attributes["engine"] = made
     try:
-        command.upgrade(config, "head")
+        command.upgrade(config, revision)
     except CommandError as error:
         raise LedgerError(f"the ledger was made by a newer program ({error}); update inclinometry") from None

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 VERSION: Final = 1
 """Version of the records written; records of older versions stay readable for ever."""
+INTEGERS: Final = range(2**31)
+"""Whole numbers a key may be: what both engines can keep."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +85,13 @@ def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: 
         raise InputError(f"a {kind} record has the keys {', '.join(known.keys)}; given: {', '.join(keys) or 'none'}")
     for name, wanted in known.keys.items():
         value = keys[name]
-        if not isinstance(value, wanted) or isinstance(value, bool) or (wanted is str and not _plain(value)):
-            raise InputError(
-                f"{kind}.{name} is {value!r:.60}; it must be "
-                + ("a text of 1 to 200 printable characters" if wanted is str else "a whole number")
-            )
+        fits = plain(value) if wanted is str else (type(value) is int and value in INTEGERS)
+        if not fits:
+            must = "a text of 1 to 200 printable characters"
+            must = must if wanted is str else f"a whole number, 0 to {INTEGERS[-1]}"
+            raise InputError(f"{kind}.{name} is {_shown(value)}; it must be {must}")
+    if type(version) is not int:
+        raise InputError(f"the version of a {kind} record is {version!r:.60}; it must be a whole number")
     error = next(iter(_validator(kind, version).iter_errors(body)), None)
     if error is not None:
         where = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
@@ -95,5 +99,12 @@ def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: 
     return known
 
 
-def _plain(text: object) -> bool:
+def plain(text: object) -> bool:
+    """Whether this is a text that both engines keep as it is: 1 to 200 printable characters, no blanks at its ends."""
     return isinstance(text, str) and 1 <= len(text) <= 200 and text.isprintable() and text == text.strip()
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, int) and value.bit_length() > 64:
+        return f"a number of {value.bit_length()} bits"
+    return f"{value!r:.60}"

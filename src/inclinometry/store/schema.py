@@ -1,4 +1,4 @@
-"""The tables of a ledger and the triggers that make them append-only."""
+"""The tables of a ledger, as this program uses them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from sqlalchemy import (
     Text,
     UniqueConstraint,
 )
-from sqlalchemy.engine import Connection
 
 from inclinometry.store.kinds import KINDS, Kind
 
@@ -66,43 +65,3 @@ def _table(kind: Kind) -> Table:
 
 TABLES: Final = {name: _table(kind) for name, kind in KINDS.items()}
 """Table of each kind of record."""
-
-
-def protect(connection: Connection) -> None:
-    """(Re-)create the triggers that refuse UPDATE, DELETE and TRUNCATE on every table.
-
-    A migration that rebuilds a SQLite table drops its triggers silently: every migration ends with this.
-    """
-    names = ["chain", "document", *TABLES]
-    if connection.dialect.name == "sqlite":
-        for name in names:
-            for verb in ("UPDATE", "DELETE"):
-                connection.exec_driver_sql(f'DROP TRIGGER IF EXISTS "{name}_{verb.lower()}"')
-                connection.exec_driver_sql(
-                    f'CREATE TRIGGER "{name}_{verb.lower()}" BEFORE {verb} ON "{name}" '
-                    f"BEGIN SELECT RAISE(ABORT, 'the ledger is append-only: {name}'); END"
-                )
-        return
-    connection.exec_driver_sql(
-        "CREATE OR REPLACE FUNCTION ledger_append_only() RETURNS trigger LANGUAGE plpgsql AS "
-        "$$ BEGIN RAISE EXCEPTION 'the ledger is append-only: %%', TG_TABLE_NAME; END $$"
-    )
-    for name in names:
-        connection.exec_driver_sql(f'DROP TRIGGER IF EXISTS append_only ON "{name}"')
-        connection.exec_driver_sql(
-            f'CREATE TRIGGER append_only BEFORE UPDATE OR DELETE OR TRUNCATE ON "{name}" '
-            "FOR EACH STATEMENT EXECUTE FUNCTION ledger_append_only()"
-        )
-
-
-def unprotected(connection: Connection) -> list[str]:
-    """Tables whose triggers are missing."""
-    names = ["chain", "document", *TABLES]
-    if connection.dialect.name == "sqlite":
-        found = connection.exec_driver_sql("SELECT name FROM sqlite_master WHERE type = 'trigger'").scalars().all()
-        return [n for n in names if not {f"{n}_update", f"{n}_delete"} <= set(found)]
-    rows = connection.exec_driver_sql(
-        "SELECT c.relname FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid "
-        "WHERE t.tgname = 'append_only' AND t.tgenabled <> 'D'"
-    )
-    return sorted(set(names) - set(rows.scalars().all()))

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from sqlalchemy import func, select
 from sqlalchemy.engine import Connection
 
 from inclinometry.core.digest import digest_bytes
 from inclinometry.store import chain
-from inclinometry.store.kinds import KINDS
+from inclinometry.store.guards import strange, unprotected
 from inclinometry.store.ledger import Ledger
-from inclinometry.store.schema import CHAIN, DOCUMENT, TABLES, unprotected
+from inclinometry.store.records import row_digest
+from inclinometry.store.schema import CHAIN, DOCUMENT, TABLES
 
 Progress = Callable[[float], None]
-BLOCK: Final = 5000
+BLOCK: Final = 500
+_BEYOND: Final = 2**63 - 1  # no place in the chain is before minus this
 MOST_FAULTS: Final = 100
 """So many faults are listed; what lies beyond is not read."""
 
@@ -65,21 +69,44 @@ def verify(ledger: Ledger, *, head: chain.Head | None = None, progress: Progress
     It proves that nobody changed the ledger who did not also recompute every later link; the heads on certificates in
     other hands prove it for those, too.
     """
-    with ledger.snapshot() as connection:
+    with ledger.snapshot() as connection, _any_text(connection):
         faults = [Fault(name, "-", "the triggers that forbid changes are missing") for name in unprotected(connection)]
+        foreign = "is none of the program's; it could change what is recorded"
+        faults += [Fault("trigger", name, foreign) for name in strange(connection)]
+        faults += _structure(connection)
         walk = _Walk(head)
-        last = connection.execute(select(func.max(CHAIN.c.seq))).scalar() or 0
-        for start in range(0, last, BLOCK):
-            faults.extend(walk.block(connection, start))
-            if len(faults) >= MOST_FAULTS:
-                break
+        last = connection.execute(select(func.count()).select_from(CHAIN)).scalar_one()
+        while len(faults) < MOST_FAULTS and (found := walk.block(connection)) is not None:
+            faults += found
             if progress is not None:
-                progress(min(1.0, (start + BLOCK) / last))
-        faults.extend(walk.end())
-        faults.extend(_strays(connection))
+                progress(min(1.0, walk.records / max(last, 1)))
+        faults += walk.end()
+        faults += _strays(connection)
         documents = connection.execute(select(func.count()).select_from(DOCUMENT)).scalar_one()
-        faults.extend(_documents(connection))
+        faults += _documents(connection)
     return Verdict(walk.records, documents, chain.Head(walk.seq, walk.link), tuple(faults[:MOST_FAULTS]))
+
+
+@contextmanager
+def _any_text(connection: Connection) -> Iterator[None]:
+    """Let SQLite hand over texts that are no longer UTF-8, so that their row can be named."""
+    if connection.dialect.name != "sqlite":
+        yield
+        return
+    raw = cast(sqlite3.Connection, connection.connection.driver_connection)
+    raw.text_factory = lambda data: data.decode("utf-8", "surrogateescape")
+    try:
+        yield
+    finally:
+        raw.text_factory = str
+
+
+def _structure(connection: Connection) -> list[Fault]:
+    """What SQLite finds wrong with its file: pages, and indexes that hide rows or show others."""
+    if connection.dialect.name != "sqlite":
+        return []
+    said = connection.exec_driver_sql(f"PRAGMA integrity_check({MOST_FAULTS})").scalars().all()
+    return [Fault("file", "-", f"{text:.200}") for text in said if text != "ok"]
 
 
 class _Walk:
@@ -87,25 +114,30 @@ class _Walk:
 
     def __init__(self, head: chain.Head | None) -> None:
         self.seq, self.link, self.records = 0, chain.GENESIS, 0
+        self._at = -_BEYOND
         self._noted, self._met = head, head is None or head.seq == 0
 
-    def block(self, connection: Connection, start: int) -> Iterator[Fault]:
-        """Faults of the links beyond `start`."""
-        inside = (CHAIN.c.seq > start) & (CHAIN.c.seq <= start + BLOCK)
-        links = connection.execute(select(CHAIN).where(inside).order_by(CHAIN.c.seq)).all()
+    def block(self, connection: Connection) -> list[Fault] | None:
+        """Faults of the next links; None when there are no more."""
+        query = select(CHAIN).where(CHAIN.c.seq > self._at).order_by(CHAIN.c.seq).limit(BLOCK)
+        links = connection.execute(query).all()
+        if not links:
+            return None
+        start, self._at = self._at, links[-1].seq
         rows: dict[tuple[str, int], Any] = {}
         for kind, table in TABLES.items():
-            chosen = select(table).where((table.c.seq > start) & (table.c.seq <= start + BLOCK))
+            chosen = select(table).where((table.c.seq > start) & (table.c.seq <= self._at))
             rows.update({(kind, row.seq): row for row in connection.execute(chosen)})
-        for link in links:
-            yield from self._step(link, rows.get((link.kind, link.seq)))
+        return [fault for link in links for fault in self._step(link, rows.get((link.kind, link.seq)))]
 
     def _step(self, link: Any, row: Any) -> Iterator[Fault]:
         where = f"{link.seq} ({link.record})"
         if link.seq != self.seq + 1:
             lost = f"{self.seq + 1}" if link.seq == self.seq + 2 else f"{self.seq + 1} to {link.seq - 1}"
-            yield Fault("chain", lost, "removed: the numbers of the chain have a gap")
-        elif link.link != chain.next_link(self.link, link.seq, link.kind, link.record, link.created, link.digest):
+            gap = link.seq > self.seq
+            problem = "removed: the numbers of the chain have a gap" if gap else "inserted: records begin with 1"
+            yield Fault("chain", lost if gap else where, problem)
+        elif link.link != _next(self.link, link):
             yield Fault("chain", where, "this link does not follow from the one before: changed or moved")
         self.seq, self.link, self.records = link.seq, link.link, self.records + 1
         if self._noted is not None and link.seq == self._noted.seq:
@@ -116,7 +148,7 @@ class _Walk:
             yield Fault(link.kind, where, "removed: the chain has it, the table has not")
         elif row.id != link.record:
             yield Fault(link.kind, where, f"another record ({row.id}) stands in its place")
-        elif _digest(link.kind, row) != link.digest or row.created != link.created:
+        elif row_digest(link.kind, row) != link.digest or row.created != link.created:
             yield Fault(link.kind, where, "its content was changed after it was recorded")
 
     def end(self) -> Iterator[Fault]:
@@ -126,9 +158,11 @@ class _Walk:
             yield Fault("chain", lost, "removed: the ledger ends before the head noted earlier")
 
 
-def _digest(kind: str, row: Any) -> str:
-    keys = {name: getattr(row, name) for name in KINDS[kind].keys}
-    return chain.record_digest(kind, row.id, row.created, row.author, row.version, keys, row.body)
+def _next(previous: str, link: Any) -> str:
+    try:
+        return chain.next_link(previous, link.seq, link.kind, link.record, link.created, link.digest)
+    except (TypeError, UnicodeEncodeError):  # bytes in a text's place, broken UTF-8
+        return ""
 
 
 def _strays(connection: Connection) -> Iterator[Fault]:
@@ -142,7 +176,7 @@ def _strays(connection: Connection) -> Iterator[Fault]:
 def _documents(connection: Connection) -> Iterator[Fault]:
     """Files whose bytes changed, and files that certificates refer to and that are gone."""
     have = set()
-    for row in connection.execution_options(yield_per=20).execute(select(DOCUMENT.c.digest, DOCUMENT.c.data)):
+    for row in connection.execution_options(yield_per=1).execute(select(DOCUMENT.c.digest, DOCUMENT.c.data)):
         have.add(row.digest)
         if digest_bytes(row.data) != row.digest:
             yield Fault("document", row.digest, "its bytes were changed")
