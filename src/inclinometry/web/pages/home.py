@@ -54,6 +54,9 @@ def _instrument(visitor: Visitor) -> None:
             ui.label(visitor.say("home.no_instrument")).classes("dim")
         else:
             ui.label(visitor.bench.instrument).classes("number")
+            connected = feed.connected
+            word = visitor.say("home.connected" if connected else "home.not_connected")
+            ui.label(word).classes("good" if connected else "bad")
 
 
 def _due(visitor: Visitor) -> None:
