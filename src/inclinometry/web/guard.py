@@ -73,13 +73,13 @@ class Guard:
         if _name(host) not in self._hosts and not (not self._open_house and _own_address(scope, host)):
             return 421, f"this server does not answer to the name {host[:80]!r}; use the address it printed"
         origin = headers.get("origin")
-        unsafe = scope["type"] == "websocket" or scope["method"] not in SAFE
-        if unsafe and origin is not None and origin.lower().partition("://")[2] != host:
+        # whoever only follows a link here sends no origin
+        if origin is not None and origin.lower().partition("://")[2] != host:
             return 403, "this request comes from a page of another site"
         # a browser's own word on where a request comes from: another site may link here, but embed or call nothing
-        if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none") and not (
-            not unsafe and headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
-        ):
+        linked = scope["type"] == "http" and scope["method"] in SAFE and headers.get("sec-fetch-mode") == "navigate"
+        linked = linked and headers.get("sec-fetch-dest") == "document"
+        if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none") and not linked:
             return 403, "this request comes from a page of another site"
         return None
 
@@ -167,7 +167,12 @@ def _answered(scope: Scope, headers: dict[str, str], body: Metered, send: Send) 
                 await _refuse(scope, send, *body.problem)
                 return
             ours = browser_headers(scope, headers)
-            kept = [(name, value) for name, value in message.get("headers", []) if name.lower() not in ours]
+            # the framework's live connection would let any site read it
+            kept = [
+                (name, value)
+                for name, value in message.get("headers", [])
+                if name.lower() not in ours and not name.lower().startswith(b"access-control-")
+            ]
             message["headers"] = [*kept, *ours.items()]
         await send(message)
 
