@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from inclinometry.core.errors import InputError
@@ -31,7 +32,10 @@ def test_delay_is_found(delay: float, gyro: bool) -> None:
         assert abs(found.delay_s - delay) < 5e-5
         assert abs(found.delay_s - delay) < 3.0 * found.sigma_s
         assert found.significant == (delay != 0.0)
-        assert found.against == ("gyro" if gyro else "accelerometer")
+        assert np.isnan(found.gyro_lag_s) != gyro
+        if gyro:
+            # gyro and accelerometer are in step: the gyro is early against the late magnetometer
+            assert abs(found.gyro_lag_s + delay) < 3.0 * found.gyro_sigma_s
 
 
 @pytest.mark.parametrize("gyro", [True, False])

@@ -41,7 +41,9 @@ class ToolConstants:
     trust : (4, r) ndarray
         Log weights of the noise spectra of transverse gravity and field, axial gravity and field.
     delay : tuple of float
-        Information about the magnetometer's delay, 1/s^2, and information times delay.
+        Information about the magnetometer's delay against the accelerometer, 1/s^2, and information times delay.
+    gyro_lag : tuple of float
+        Likewise of the gyro against the magnetometer.
     met : (2, SECTORS) ndarray
         Sums and numbers of the transverse field by direction, as long as no arc sufficed.
     """
@@ -53,6 +55,7 @@ class ToolConstants:
     motion_covariance: Complex
     trust: Array
     delay: tuple[float, float]
+    gyro_lag: tuple[float, float]
     met: Complex
 
     def aged(self, seconds: float) -> ToolConstants:
@@ -66,6 +69,7 @@ class ToolConstants:
             self.motion_covariance + walk,
             remembered(self.trust),
             self.delay,
+            self.gyro_lag,
             self.met,
         )
 
@@ -80,5 +84,6 @@ def beforehand(settings: MagneticSettings) -> ToolConstants:
         np.diag([settings.accel_sigma**2, settings.lever_sigma**2]).astype(np.complex128),
         np.tile(untried(), (4, 1)),
         (DELAY_SIGMA**-2, settings.mag_delay_s * DELAY_SIGMA**-2),
+        (DELAY_SIGMA**-2, 0.0),
         np.zeros((2, SECTORS), dtype=np.complex128),
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.core.arrays import Array
 from inclinometry.motion.magnetic.band import Complex
-from inclinometry.motion.magnetic.phase import Track, filtered, smooth
+from inclinometry.motion.magnetic.phase import Track, smooth
 from inclinometry.motion.samples import Samples
 
 MOST_TURN: Final = 1.5
@@ -35,7 +35,9 @@ class Demodulated:
     turned : (m,) ndarray
         Angle by the gyro, rad; empty where none was used.
     delay : float
-        s, that was taken off.
+        s, by which the magnetometer was taken to be late against the accelerometer.
+    gyro_lag : float
+        s, by which the gyro was taken to be late against the magnetometer.
     lag : (m,) ndarray
         Phase by which the magnetometer is late, rad, already taken off gravity.
     turn : float
@@ -53,11 +55,14 @@ class Demodulated:
     track: Track
     turned: Array
     delay: float
+    gyro_lag: float
     lag: Array
     turn: float
 
 
-def demodulate(samples: Samples, step: int, offset: complex, *, with_gyro: bool, delay: float) -> Demodulated:
+def demodulate(
+    samples: Samples, step: int, offset: complex, *, with_gyro: bool, delay: float, gyro_lag: float = 0.0
+) -> Demodulated:
     """Turn a window back.
 
     Parameters
@@ -71,7 +76,9 @@ def demodulate(samples: Samples, step: int, offset: complex, *, with_gyro: bool,
     with_gyro : bool
         Whether the gyro carries the phase from sample to sample; the magnetometer then only guides it, slowly.
     delay : float
-        By how much the magnetometer is late, s.
+        By how much the magnetometer is late against the accelerometer, s.
+    gyro_lag : float
+        By how much the gyro is late against the magnetometer, s: its angle is brought to the magnetometer's time.
     """
     from inclinometry.motion.magnetic import _kernels
 
@@ -86,6 +93,8 @@ def demodulate(samples: Samples, step: int, offset: complex, *, with_gyro: bool,
     else:
         theta = np.empty(len(samples))
         _kernels.turned(gyro, theta, samples.interval)
+        if gyro_lag:
+            theta += gyro_lag * gyro[:, 2]
         middle = 0.5 * (theta[(step - 1) // 2 :: step] + theta[step // 2 :: step])
         _kernels.averaged(mag, theta, middle, offset.real, offset.imag, step, means)
     phase = np.unwrap(np.angle(means[0] + 1j * means[1]) + (middle if middle.size else 0.0))
@@ -102,8 +111,7 @@ def demodulate(samples: Samples, step: int, offset: complex, *, with_gyro: bool,
     u = np.stack([phasor.real, phasor.imag])
     _kernels.demodulated(accel, mag, local, u, offset.real, offset.imag, step, table)
     table /= table[-1]
-    # with a gyro the phase follows the field's lateness only as fast as it is smoothed
-    lag = delay * (filtered(rate, track.half) if middle.size else rate)
+    lag = delay * rate
     late = np.exp(1j * lag)
     return Demodulated(
         gravity=(table[0] + 1j * table[1]) * late,
@@ -117,6 +125,7 @@ def demodulate(samples: Samples, step: int, offset: complex, *, with_gyro: bool,
         track=track,
         turned=middle,
         delay=delay,
+        gyro_lag=gyro_lag,
         lag=lag,
         turn=float(np.abs(np.diff(middle if middle.size else phase)).max(initial=0.0)),
     )

@@ -1,9 +1,13 @@
-"""By how much the magnetometer is late against accelerometer and gyro: phase that grows with the speed of rotation."""
+"""By how much the clocks of magnetometer, accelerometer and gyro differ: phase that grows with the speed of rotation.
+
+Pairwise: the magnetometer against the accelerometer by the phases of field and gravity, the gyro against the
+magnetometer by the angle it carries. A late gyro says nothing of the other two.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,42 +24,94 @@ from inclinometry.motion.samples import Samples
 FLOOR_S: Final = 2e-5
 """Least standard deviation stated: what differences of filters leave."""
 SIGNIFICANT: Final = 5.0
-"""Standard deviations from which a delay is corrected."""
+"""Standard deviations from which a delay is called one."""
+UNSEEN_DEG: Final = 0.01
+"""Turn of the field by a delay that cannot be seen, from which it is said."""
 
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """Delay of the magnetometer.
+    """Delays of magnetometer and gyro.
 
     Attributes
     ----------
     delay_s : float
-        Positive when the magnetometer's samples are late: they show what was true that long ago.
+        Of the magnetometer against the accelerometer, positive when its samples are late: they show what was true that
+        long ago.
     sigma_s : float
-        Its standard deviation. A run that turns evenly shows no delay: the sigma is then that of the prior, 0.05 s.
-    against : {"gyro", "accelerometer"}
-        What it was compared with.
+        Its standard deviation. A run that turns evenly shows no delay: the sigma is then 0.05 s.
+    gyro_lag_s, gyro_sigma_s : float
+        Of the gyro against the magnetometer, likewise; NaN without a gyro.
     windows : int
     """
 
     delay_s: float
     sigma_s: float
-    against: str
+    gyro_lag_s: float
+    gyro_sigma_s: float
     windows: int
 
     @property
     def significant(self) -> bool:
-        """Whether it differs from nothing by five standard deviations."""
+        """Whether the magnetometer's delay differs from nothing by five standard deviations."""
         return abs(self.delay_s) > SIGNIFICANT * self.sigma_s
 
 
+class Clocks(NamedTuple):
+    """What is made of the evidence so far, s.
+
+    Attributes
+    ----------
+    delay, sigma : float
+        Of the magnetometer against the accelerometer, and the standard deviation left.
+    seen : bool
+        Whether the readings tell more of it than was known beforehand.
+    stepped : bool
+        Whether it departs from the setting by five standard deviations.
+    gyro_lag : float
+        Of the gyro against the magnetometer; 0 unless it is five standard deviations.
+    """
+
+    delay: float
+    sigma: float
+    seen: bool
+    stepped: bool
+    gyro_lag: float
+
+
+def clocks(known: ToolConstants, settings: MagneticSettings) -> Clocks:
+    """Delays by what was known and what was found.
+
+    Notes
+    -----
+    A found delay that `delay_sigma_s` allows is weighed with it; one far beyond is taken as it is: the tool is then not
+    what was stated.
+    """
+    delay, sigma = _found(known.delay)
+    off, beforehand_sigma = delay - settings.mag_delay_s, settings.delay_sigma_s
+    both = float(np.hypot(sigma, beforehand_sigma))
+    stepped = abs(off) > SIGNIFICANT * sigma
+    seen = sigma < beforehand_sigma
+    lag, lag_sigma = _found(known.gyro_lag)
+    lag = lag if abs(lag) > SIGNIFICANT * lag_sigma else 0.0
+    if abs(off) > SIGNIFICANT * both:
+        return Clocks(delay, sigma, True, stepped, lag)
+    share = (beforehand_sigma / both) ** 2
+    return Clocks(settings.mag_delay_s + share * off, sigma * beforehand_sigma / both, seen, stepped, lag)
+
+
+def _found(evidence: tuple[float, float]) -> tuple[float, float]:
+    """Delay and standard deviation of summed evidence."""
+    return evidence[1] / evidence[0], float(np.hypot(evidence[0] ** -0.5, FLOOR_S))
+
+
 def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> ClockOffset:
-    """Delay of the magnetometer, from the changes of the speed of rotation.
+    """Delays between the sensors, from the changes of the speed of rotation.
 
     Parameters
     ----------
     samples : Samples
-        With magnetometer and a gyro, or magnetometer and accelerometer.
+        With magnetometer and accelerometer; a gyro, where there is one, is judged against the magnetometer.
     settings : MagneticSettings, optional
         Its window and offsets; `mag_delay_s` is not applied.
 
@@ -70,9 +126,9 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
 
     Notes
     -----
-    The phase of the field, with the angle from the gyro added, is constant + drift t + scale error angle + delay omega.
-    Without a gyro gravity turned back is G exp(-i delay omega): the delay is fitted in the band of the window, beside
-    the lever arm. A conducting collar delays the field likewise (eddy currents) and is included.
+    Gravity turned back by the field's phase is G exp(-i delay omega): the delay is fitted in the band of the window,
+    beside the lever arm. The phase of the field, with the angle from the gyro added, is constant + drift t
+    + scale error angle - lag omega: least squares. A conducting collar delays the field likewise (eddy currents) and is included.
 
     Examples
     --------
@@ -82,8 +138,8 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
     >>> late = 9.0 * (time - 0.003) + 8.0 * np.sin(time - 0.003)
     >>> (g, _), (_, b) = (fields(np.full(4000, 1.0), 0.5, angle, 1.1) for angle in (turn, late))
     >>> found = clock_offset(Samples(time, 0.005, accel=9.81 * g, mag=50_000.0 * b))
-    >>> round(found.delay_s, 5), found.against, found.significant
-    (0.003, 'accelerometer', True)
+    >>> round(found.delay_s, 5), found.significant
+    (0.003, True)
     """
     chosen = settings or MagneticSettings()
     if not (samples.has("accel") and samples.has("mag")):
@@ -94,34 +150,30 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
         raise InputError(f"the run of {len(samples)} samples is shorter than a window of {size}; shorten the window")
     known = beforehand(chosen)
     with_gyro = chosen.use_gyro and samples.has("gyro")
-    information, moment, windows = DELAY_SIGMA**-2, 0.0, 0
+    delay, lag, windows = (DELAY_SIGMA**-2, 0.0), (DELAY_SIGMA**-2, 0.0), 0
     held = Held()
     held.add(samples)
     for start in range(0, len(samples) - size + 1, size):
         part = held.cut(start, start + size)
         d = demodulate(part, step, known.offset, with_gyro=with_gyro, delay=0.0)
-        gain, pull = window_delay(d, known, step * samples.interval)
-        information, moment, windows = information + gain, moment + pull, windows + 1
-    sigma = float(np.hypot(information**-0.5, FLOOR_S))
-    return ClockOffset(moment / information, sigma, "gyro" if with_gyro else "accelerometer", windows)
+        if with_gyro:
+            lag = summed(lag, gyro_evidence(d, step * samples.interval))
+            d = demodulate(part, step, known.offset, with_gyro=True, delay=0.0, gyro_lag=lag[1] / lag[0])
+        delay, windows = summed(delay, delay_evidence(d, known)), windows + 1
+    no_gyro = (np.nan, np.nan)
+    return ClockOffset(*_found(delay), *(_found(lag) if with_gyro else no_gyro), windows)
 
 
-def window_delay(d: Demodulated, known: ToolConstants, span: float) -> tuple[float, float]:
-    """Information (1/s^2) about the delay in one window, and information times delay.
+def summed(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """Evidence of both."""
+    return one[0] + other[0], one[1] + other[1]
 
-    Parameters
-    ----------
-    d : Demodulated
-        Whatever delay was taken off is counted in.
-    known : ToolConstants
-    span : float
-        s, of a node.
+
+def gyro_evidence(d: Demodulated, span: float) -> tuple[float, float]:
+    """Information (1/s^2) about the gyro's lag in one window of nodes of `span` s, and information times lag.
+
+    Least squares of the phase beyond the gyro's angle; the lag that was taken off is counted in.
     """
-    return _against_gyro(d, span) if d.turned.size else _against_gravity(d, known)
-
-
-def _against_gyro(d: Demodulated, span: float) -> tuple[float, float]:
-    """Least squares of the phase beyond the gyro's angle."""
     time = (np.arange(d.rate.size) - 0.5 * (d.rate.size - 1)) * span
     rows = np.stack([np.ones_like(time), time, d.turned - d.turned.mean(), d.rate - d.rate.mean()], axis=1)
     q, r = np.linalg.qr(rows[:, :3])
@@ -132,14 +184,17 @@ def _against_gyro(d: Demodulated, span: float) -> tuple[float, float]:
     # an even speed leaves rounding of its mean
     if power <= 1e-12 * float(d.rate @ d.rate):
         return 0.0, 0.0
-    delay = float(clean @ phase) / power
-    variance = max(raised(phase - delay * clean), 1e-18)
+    early = float(clean @ phase) / power
+    variance = max(raised(phase - early * clean), 1e-18)
     information = 1.0 / (variance / power + FLOOR_S**2)
-    return information, information * delay
+    return information, information * (d.gyro_lag - early)
 
 
-def _against_gravity(d: Demodulated, known: ToolConstants) -> tuple[float, float]:
-    """Fit of gravity turned back with one regressor more."""
+def delay_evidence(d: Demodulated, known: ToolConstants) -> tuple[float, float]:
+    """Information (1/s^2) about the magnetometer's delay against the accelerometer, and information times delay.
+
+    Fit of gravity turned back with one regressor more; the delay that was taken off is counted in.
+    """
     of, rows = basis(d.rate.size), regressors(d)
     mean = np.concatenate([[0.0], known.motion])
     gravity = fit(of, d.gravity, rows, mean, prior(known), known.trust[0]).value[0]
@@ -154,3 +209,30 @@ def _against_gravity(d: Demodulated, known: ToolConstants) -> tuple[float, float
         return 0.0, 0.0
     information = 1.0 / (variance + FLOOR_S**2)
     return information, information * (d.delay + float(found.value[3].real))
+
+
+def clock_notes(known: ToolConstants, settings: MagneticSettings, fastest: float) -> list[str]:
+    """What is to be said of the sensors' clocks after a run whose fastest window turned with `fastest` rad/s."""
+    found = clocks(known, settings)
+    delay, lag = 1e3 * _found(known.delay)[0], 1e3 * found.gyro_lag
+    with_gyro = known.gyro_lag[0] > 4.0 * DELAY_SIGMA**-2
+    # the gyro's lag against the accelerometer
+    agrees = with_gyro and abs(lag + delay) < 1e3 * SIGNIFICANT * float(
+        np.hypot(_found(known.gyro_lag)[1], _found(known.delay)[1])
+    )
+    if found.stepped and not settings.mag_delay_s and with_gyro and not lag:
+        return [f"the accelerometer is late by {-delay:.2f} ms against magnetometer and gyro: taken off their phases"]
+    said = []
+    if found.stepped:
+        against = "the other sensors" if agrees or not with_gyro else "the accelerometer"
+        said.append(f"the magnetometer is late by {delay:.2f} ms against {against}: taken off")
+    if lag and not agrees:
+        against = "the magnetometer" if found.stepped else "magnetometer and accelerometer"
+        said.append(f"the gyro is late by {lag:.2f} ms against {against}: its angle is brought to their time")
+    shift = float(np.degrees(fastest * found.sigma))
+    if not found.seen and shift > UNSEEN_DEG:
+        said.append(
+            "the speed of rotation changes too little to show a delay between magnetometer and accelerometer: the "
+            f"standard deviation of {1e3 * found.sigma:.2g} ms that is allowed turns the field by up to {shift:.2g} deg"
+        )
+    return said

@@ -8,7 +8,7 @@ from inclinometry.core.errors import InputError
 from inclinometry.motion.magnetic.blocks import Held
 from inclinometry.motion.magnetic.constants import ToolConstants, beforehand
 from inclinometry.motion.magnetic.judge import Verdict, judge, stuck
-from inclinometry.motion.magnetic.offset import FLOOR_S, SIGNIFICANT
+from inclinometry.motion.magnetic.offset import clock_notes
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.window import fit_window
 from inclinometry.motion.result import BITS, METHODS, Attitude, joined
@@ -72,6 +72,7 @@ class MagneticStream:
         self._first = 0  # index in the run of the first sample held
         self._known: list[tuple[int, ToolConstants]] = [(0, beforehand(self.settings))]
         self._gaps = 0
+        self._fastest = 0.0  # rad/s
         self._rows = 0
 
     def push(self, samples: Samples) -> Attitude:
@@ -120,9 +121,7 @@ class MagneticStream:
                 f"transverse magnetic offset found and taken off: {constants.offset.real:.0f} and "
                 f"{constants.offset.imag:.0f} nT, standard uncertainty {sigma:.1f} nT"
             )
-        delay = constants.delay[1] / constants.delay[0]
-        if abs(delay - self.settings.mag_delay_s) > SIGNIFICANT * float(np.hypot(constants.delay[0] ** -0.5, FLOOR_S)):
-            notes.append(f"the magnetometer is late by {1e3 * delay:.2f} ms against the other sensors: taken off")
+        notes += clock_notes(constants, self.settings, self._fastest)
         if self._gaps:
             notes.append(f"{self._gaps} gaps between blocks: windows were begun anew after each")
         if not self._rows:
@@ -138,6 +137,7 @@ class MagneticStream:
         self._known = self._known[place:]
         if not np.isnan(verdict.quaternion[0]):
             self._known.append((start + size, window.constants))
+            self._fastest = max(self._fastest, abs(window.rate))
         return window.rate, verdict
 
 

@@ -14,7 +14,7 @@ from inclinometry.motion.magnetic.band import BandFit, Basis, Complex, basis, fi
 from inclinometry.motion.magnetic.circle import SECTORS, Circle, arc, fit_circle, sectors
 from inclinometry.motion.magnetic.constants import ToolConstants
 from inclinometry.motion.magnetic.demodulate import Demodulated, demodulate
-from inclinometry.motion.magnetic.offset import FLOOR_S, SIGNIFICANT, window_delay
+from inclinometry.motion.magnetic.offset import Clocks, clocks, delay_evidence, gyro_evidence, summed
 from inclinometry.motion.magnetic.phase import filtered
 from inclinometry.motion.magnetic.regressors import prior, regressors
 from inclinometry.motion.magnetic.settings import MagneticSettings
@@ -80,26 +80,29 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
     step = settings.node(samples.interval)
     clipped = 0.0 if samples.clipped is None else clipped_share(samples.clipped)
     with_gyro = settings.use_gyro and samples.has("gyro")
-    offset, delay, stepped = known.offset, settings.mag_delay_s, False
+    offset, clock = known.offset, clocks(known, settings)
     for _ in range(3):
-        found = demodulate(samples, step, offset, with_gyro=with_gyro, delay=delay)
+        found = demodulate(
+            samples, step, offset, with_gyro=with_gyro, delay=settings.mag_delay_s, gyro_lag=clock.gyro_lag
+        )
         covered = arc(np.unwrap(np.angle(found.phasor)))
         points = found.field * found.phasor + offset
         circle, covered, met = _centre(points, covered, known, settings.least_arc)
         if abs(circle.centre - offset) < 1e-4 * circle.radius:
             break
         offset = circle.centre
-    information, moment = known.delay
     if float(np.linalg.eigvalsh(circle.covariance)[-1]) < (KNOWN_OFFSET * circle.radius) ** 2:
-        more, pull = window_delay(found, known, step * samples.interval)
-        information, moment = information + more, moment + pull
-        stepped = abs(moment / information - delay) > SIGNIFICANT * float(np.hypot(information**-0.5, FLOOR_S))
-    if stepped:
-        delay = moment / information
-        found = demodulate(samples, step, offset, with_gyro=with_gyro, delay=delay)
-    fitted = _fields(found, settings, known, circle, covered, clipped)
-    constants = replace(fitted.constants, delay=(information, moment), met=met)
-    return replace(fitted, stepped=stepped, constants=constants)
+        if with_gyro:
+            known = replace(known, gyro_lag=summed(known.gyro_lag, gyro_evidence(found, step * samples.interval)))
+            lag = clocks(known, settings).gyro_lag
+            if lag != found.gyro_lag:
+                found = demodulate(samples, step, offset, with_gyro=True, delay=found.delay, gyro_lag=lag)
+        known = replace(known, delay=summed(known.delay, delay_evidence(found, known)))
+        clock = clocks(known, settings)
+    if clock.delay != found.delay:
+        found = demodulate(samples, step, offset, with_gyro=with_gyro, delay=clock.delay, gyro_lag=found.gyro_lag)
+    fitted = _fields(found, settings, known, circle, covered, clipped, clock)
+    return replace(fitted, constants=replace(fitted.constants, met=met))
 
 
 def _centre(points: Complex, covered: float, known: ToolConstants, least: float) -> tuple[Circle, float, Complex]:
@@ -120,7 +123,13 @@ def _centre(points: Complex, covered: float, known: ToolConstants, least: float)
 
 
 def _fields(
-    d: Demodulated, settings: MagneticSettings, known: ToolConstants, circle: Circle, covered: float, clipped: float
+    d: Demodulated,
+    settings: MagneticSettings,
+    known: ToolConstants,
+    circle: Circle,
+    covered: float,
+    clipped: float,
+    clock: Clocks,
 ) -> WindowFit:
     """Band-limited fits of the four series, put together."""
     of = basis(d.rate.size)
@@ -136,6 +145,10 @@ def _fields(
     gain = _by_gain(complex(g.value[0]), complex(b.value[0]), d.rate, settings.bandwidth_hz)
     covariance = _by_noise((g, gz, b, bz), settings) + by_offset @ circle.covariance @ by_offset.T
     covariance += np.outer(gain, gain) + _by_clipping(clipped, gravity)
+    hann = np.hanning(d.rate.size + 2)[1:-1]
+    rate = float(hann @ d.rate / hann.sum())
+    turn = _by_delay(complex(b.value[0]), rate * clock.sigma)
+    covariance += np.outer(turn, turn)
     constants = ToolConstants(
         circle.centre,
         circle.covariance,
@@ -144,16 +157,16 @@ def _fields(
         g.covariance[1:, 1:],
         np.stack([g.trust, b.trust, gz.trust, bz.trust]),
         known.delay,
+        known.gyro_lag,
         known.met,
     )
-    hann = np.hanning(d.rate.size + 2)[1:-1]
     return WindowFit(
         gravity=gravity,
         field=np.array([b.value[0].real, b.value[0].imag, bz.value[0].real]),
         covariance=covariance,
         phase=_middle(np.unwrap(np.angle(d.phasor)) - d.lag),
-        phase_sigma=d.track.sigma,
-        rate=float(hann @ d.rate / hann.sum()),
+        phase_sigma=float(np.hypot(d.track.sigma, rate * settings.delay_sigma_s)),
+        rate=rate,
         arc=covered,
         circle=circle,
         ripple=float(np.sqrt(max(circle.scatter**2 - (d.track.noise * circle.radius) ** 2, 0.0))),
@@ -163,7 +176,7 @@ def _fields(
         offset_sigma=float(np.sqrt(np.linalg.eigvalsh(by_offset[3:5] @ circle.covariance @ by_offset[3:5].T)[-1])),
         turn=d.turn,
         mirrored=_mirrored(d, covered),
-        stepped=False,
+        stepped=clock.stepped,
     )
 
 
@@ -193,6 +206,11 @@ def _by_gain(gravity: complex, field: complex, rate: Array, bandwidth: float) ->
     """Change (6,) of gravity and field when what turns is seen too small by a standard deviation."""
     sigma = 0.5 * float(np.mean(rate**2)) / (2.0 * np.pi * bandwidth) ** 2
     return sigma * np.array([gravity.real, gravity.imag, 0.0, field.real, field.imag, 0.0])
+
+
+def _by_delay(field: complex, angle: float) -> Array:
+    """Change (6,) of gravity and field when the magnetometer is late by so much of a turn: the stamps are gravity's."""
+    return np.array([0.0, 0.0, 0.0, -angle * field.imag, angle * field.real, 0.0])
 
 
 def clipped_share(clipped: Mask) -> float:
