@@ -62,3 +62,16 @@ def test_due_dates(laboratory: Ledger) -> None:
         raise AssertionError
     assert next_due(laboratory, tool) == date.fromisoformat(laboratory.find("tool")[0].created[:10])
     assert months_after(date(2028, 2, 29), 12) == date(2029, 2, 28)
+
+
+def test_a_void_certificate_postpones_nothing(laboratory: Ledger) -> None:
+    """The tool is due again when its only certificate was declared void."""
+    body = {"record": {}, "calibration": "c", "documents": {}, "head": "0"}
+    issued = laboratory.append("certificate", {"number": "2026-0001", "serial": "IN-7"}, body, author="anna")
+    tool = find_tool(laboratory, "IN-7")
+    if tool is None:
+        raise AssertionError
+    assert next_due(laboratory, tool) == months_after(date.fromisoformat(issued.created[:10]), 12)
+    keys = {"subject_kind": "certificate", "subject": "2026-0001", "action": "void"}
+    laboratory.append("event", keys, {"reason": "wrong tool"}, author="anna")
+    assert next_due(laboratory, tool) == date.fromisoformat(issued.created[:10])
