@@ -11,7 +11,6 @@ from nicegui import ui
 from inclinometry.web.pages.calibrate.guided import Guided
 from inclinometry.workflow.laboratory.session import Position
 
-
 MANY: Final = 60
 """Positions beyond which the list is scrolled to the chosen one."""
 
