@@ -10,9 +10,9 @@ from nicegui import ui
 from inclinometry.web.frame import Visitor
 
 
-def say_problem(sentence: str) -> None:
+def say_problem(sentence: str) -> ui.notification:
     """A sentence that stays until it is put away."""
-    ui.notify(sentence, type="negative", multi_line=True, timeout=0, close_button="OK", position="top")
+    return ui.notification(sentence, type="negative", multi_line=True, timeout=None, close_button="OK", position="top")
 
 
 def ask_reason(

@@ -67,6 +67,7 @@ class BenchView:
         about = f"{session.serial} · {session.plan} · {session.rig}"
         ui.label(about).classes("number dim about").props('data-testid="about"')
         self._rig_shown: RigState | None = None
+        self._problem: ui.notification | None = None
         live = Live(guided)
         self._live = live
         with ui.element("div").classes("bench"):
@@ -262,7 +263,7 @@ class BenchView:
         try:
             record = await run.io_bound(self.guided.finish)
         except InclinometryError as error:
-            say_problem(str(error))
+            self._complain(str(error))
             return
         if record is not None:  # None when the server is being stopped
             ui.navigate.to(f"/results/{record.id}")
@@ -283,18 +284,30 @@ class BenchView:
 
         ask_reason(self.guided.visitor, "bench.leave_out_ask", "bench.leave_out", go, number=number)
 
+    def _complain(self, sentence: str) -> None:
+        """Say what went wrong, instead of what was said before."""
+        self._settle()
+        self._problem = say_problem(sentence)
+
+    def _settle(self) -> None:
+        """What was said is out of date."""
+        if self._problem is not None:
+            self._problem.dismiss()
+            self._problem = None
+
     async def _tried(self, do: Callable[[], Any], *, by_itself: bool = False) -> bool:
         """Do something that may take its time; what goes wrong is said, and ends automatic work."""
         try:
             await run.io_bound(do)
         except CaptureError as error:
             if not by_itself:  # the tool has just begun to move: it will be still again
-                say_problem(str(error))
+                self._complain(str(error))
             return False
         except InclinometryError as error:
-            say_problem(str(error))
+            self._complain(str(error))
             self._auto.set_value(False)
             if isinstance(error, ConflictError):
                 self.guided.reload()
             return False
+        self._settle()
         return True
