@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import string
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from inclinometry.calibration import plans
 from inclinometry.io.instrument.sample import InstrumentEvent
 from inclinometry.store.admin import create
 from inclinometry.web.pages.calibrate.show_events import folded
-from inclinometry.web.words import LANGUAGES, catalogue
 from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredTool, put_rig, put_tool
 from inclinometry.workflow.laboratory.session import open_session
 
@@ -62,15 +60,6 @@ def test_the_form_offers_what_is_registered(open_server, session):
         text = client.get("/calibrate").text
     assert "stand" in text
     assert SERIAL not in text
-
-
-@pytest.mark.parametrize("language", list(LANGUAGES))
-def test_every_text_of_the_bench_takes_the_same_values_in_each_language(language):
-    mine = {k: v for k, v in catalogue("en").items() if k.split(".")[0] in ("bench", "live", "start", "plan")}
-    for key, text in mine.items():
-        wanted = {name for _, name, _, _ in string.Formatter().parse(text) if name}
-        found = {name for _, name, _, _ in string.Formatter().parse(catalogue(language)[key]) if name}
-        assert found == wanted, key
 
 
 def test_events_in_a_row_are_folded():
