@@ -1,0 +1,93 @@
+"""A verification opened with its limits, on the rig of the calibration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration import plans
+from inclinometry.core.errors import InputError
+from inclinometry.io.limits_toml import limit_names, read_limits
+from inclinometry.store.ledger import Ledger, LedgerError
+from inclinometry.workflow.laboratory.begin_verification import (
+    begin_verification,
+    limits_content,
+    limits_from,
+    limits_of,
+    reachable,
+)
+from inclinometry.workflow.laboratory.registry import RegisteredRig, put_rig
+from inclinometry.workflow.laboratory.results import finish_calibration
+from inclinometry.workflow.laboratory.session import load_session
+from inclinometry.workflow.laboratory.verification import protocol
+
+
+@pytest.fixture
+def calibration(laboratory: Ledger, bench: SimpleNamespace) -> str:
+    """Id of a recorded calibration."""
+    session = bench.calibrated(laboratory, plans.orthogonal())
+    return finish_calibration(laboratory, session.id, author="anna").id
+
+
+def test_the_session_keeps_calibration_and_limits(laboratory: Ledger, calibration: str) -> None:
+    """What it will be judged by is agreed before the first reading."""
+    limits = replace(read_limits("rogatykh-2018-fluxgate"), guard="expanded-uncertainty")
+    made = begin_verification(laboratory, calibration, "roll-4", author="anna", limits=limits)
+    seen = load_session(laboratory, made.id)
+    assert (seen.purpose, seen.rig, len(seen.positions)) == ("verify", "stand 1", 4)
+    assert seen.settings["calibration"] == calibration
+    kept = limits_of(seen)
+    assert kept is not None
+    assert limits_content(kept) == limits_content(limits)
+    bare = begin_verification(laboratory, calibration, "roll-4", author="anna")
+    assert limits_of(load_session(laboratory, bare.id)) is None
+
+
+@pytest.mark.parametrize("name", limit_names())
+def test_limits_survive_being_stated(name: str) -> None:
+    """Degrees and back."""
+    limits = read_limits(name)
+    again = limits_from(limits_content(limits))
+    assert limits_content(again) == limits_content(limits)
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ({"azimuth_deg": 1.0}, "no source"),
+        ({"source": " ", "azimuth_deg": 1.0}, "no source"),
+        ({"source": "contract"}, "no limit"),
+        ({"source": "contract", "azimuth_deg": -1.0}, "limit of azimuth"),
+        ({"source": "contract", "azimuth_deg": 1.0, "guard": "half"}, "guard is 'half'"),
+        ({"source": "contract", "azimuth_deg": 1.0, "min_inclination_deg_for_azimuth": 91.0}, "min_inclination"),
+    ],
+)
+def test_limits_that_are_none_are_refused(content: dict[str, object], problem: str) -> None:
+    """Never a limit without a source."""
+    with pytest.raises(InputError, match=problem):
+        limits_from(content)
+
+
+def test_positions_beyond_the_rig_are_left_out_and_the_plan_says_so(laboratory: Ledger, calibration: str) -> None:
+    """A rig that stops at 95 degrees; one that reaches nothing."""
+    low = RegisteredRig("stand 1", (0.001, 0.001, 0.001), inclination=(0.0, float(np.radians(95.0))))
+    put_rig(laboratory, low, author="anna")
+    made = begin_verification(laboratory, calibration, "azimuth", author="anna")
+    assert len(made.positions) == 60
+    assert "60 of 72" in made.plan
+    turned = RegisteredRig("x", (0.001, 0.001, 0.001), azimuth=(float(-np.pi), float(np.pi)))
+    assert len(reachable(protocol("azimuth").plan, turned)) == 72
+    flat = replace(low, inclination=(0.0, 0.1))
+    with pytest.raises(InputError, match="none of the positions"):
+        reachable(protocol("roll-4").plan, flat)
+
+
+def test_what_is_unknown_is_refused(laboratory: Ledger, calibration: str) -> None:
+    """No such calibration, no such protocol."""
+    with pytest.raises(LedgerError, match="no calibration record"):
+        begin_verification(laboratory, "0" * 32, "roll-4", author="anna")
+    with pytest.raises(InputError, match="protocol 'half'"):
+        begin_verification(laboratory, calibration, "half", author="anna")
