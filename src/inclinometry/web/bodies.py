@@ -13,6 +13,8 @@ LARGEST: Final = (("/login", 20_000), ("/api/", 2_000_000), ("/_nicegui_ws/", 2_
 """Start of a path -> bytes a body may have; the first that fits counts."""
 LONGEST_S: Final = 60.0
 """How long a body may take to arrive."""
+DRAINED: Final = 65_536
+"""Bytes that are read after the answer was given, for the next request on the same connection."""
 
 Message = MutableMapping[str, Any]
 
@@ -51,12 +53,22 @@ class Metered:
     """
 
     def __init__(
-        self, scope: MutableMapping[str, Any], receive: Callable[[], Awaitable[Message]], longest_s: float = LONGEST_S
+        self,
+        scope: MutableMapping[str, Any],
+        receive: Callable[[], Awaitable[Message]],
+        headers: dict[str, str],
+        longest_s: float = LONGEST_S,
     ) -> None:
         self._receive, self._most, self._longest = receive, largest(scope["path"]), longest_s
         self._until = time.monotonic() + longest_s
         self._size, self._more = 0, True
+        self._long = "transfer-encoding" in headers or int(headers.get("content-length", "0")) > DRAINED
         self.problem: tuple[int, str] | None = None
+
+    @property
+    def unread(self) -> bool:
+        """Whether so much of the body is still to come that hanging up is better than reading on to no purpose."""
+        return self._long and self._more
 
     async def receive(self) -> Message:
         """The next message; BodyError when the body ends here."""

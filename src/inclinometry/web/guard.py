@@ -64,7 +64,7 @@ class Guard:
         if scope["type"] == "websocket":
             await self._app(scope, self._watched(receive, send, login), send)
             return
-        body = Metered(scope, receive)
+        body = Metered(scope, receive, headers)
         await self._app(scope, body.receive, _answered(scope, headers, body, send))
 
     def _foreign(self, scope: Scope, headers: dict[str, str]) -> Problem | None:
@@ -173,6 +173,8 @@ def _answered(scope: Scope, headers: dict[str, str], body: Metered, send: Send) 
                 for name, value in message.get("headers", [])
                 if name.lower() not in ours and not name.lower().startswith(b"access-control-")
             ]
+            if body.unread:
+                ours[b"connection"] = b"close"
             message["headers"] = [*kept, *ours.items()]
         await send(message)
 

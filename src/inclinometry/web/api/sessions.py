@@ -189,6 +189,7 @@ def finish(ledger: TheLedger, user: Operator, session: RecordId) -> dict[str, An
 @router.post("/sessions/{session}/abandon", status_code=204)
 def abandon(ledger: TheLedger, user: Operator, session: RecordId, body: Reason) -> None:
     """Close the session without a result; its readings stay."""
+    ledger.get("session", session)
     close_session(ledger, session, "abandoned", author=user.name, reason=body.reason)
 
 
