@@ -19,8 +19,8 @@ from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Rotation
 
-KNOWN = {"offset_sigma": 2.0, "accel_sigma": 1e-4, "axial_sigma": 0.1}
-"""Settings for the scenarios' tools, which have no offsets."""
+KNOWN = {"offset_sigma": 2.0, "accel_sigma": 1e-4, "axial_sigma": 0.1, "delay_sigma_s": 0.0}
+"""Settings for the scenarios' tools, which have no offsets and one clock."""
 
 FIVE = SCENARIOS["vibration-5g"]
 RPM = np.pi / 30.0

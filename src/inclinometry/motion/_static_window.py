@@ -17,15 +17,11 @@ from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.motion._long_run import batch_means, covariance_of_mean, rounding_variance
+from inclinometry.motion.reference import COVERAGE, DIP_SIGMA, STRENGTH_SIGMA, departure
 from inclinometry.motion.result import BITS, METHODS, Attitude, refusals
 from inclinometry.motion.samples import Samples
 from inclinometry.uncertainty.propagation import UNKNOWN
 
-DIP_SIGMA: Final = float(np.radians(0.2))
-STRENGTH_SIGMA: Final = 130.0
-"""Of a reference without its own: rad and nT (ISCWSA error model for MWD, MDI and MFI of a global model)."""
-COVERAGE: Final = 3.0
-"""Standard deviations a reference may be missed by."""
 LEAST_SINE: Final = 1e-3
 """Sine of the angle between gravity and field below which the field tells no azimuth."""
 LIVELY: Final = 5
@@ -63,6 +59,12 @@ class Limits:
     def of(self, name: str, what: str) -> float:
         """Setting of a triad: `what` is "sigma" or "resolution"."""
         return float(getattr(self.settings, f"{name}_{what}"))
+
+    def sigma(self, name: str) -> Array:
+        """Standard deviations (3,) of what calibration left."""
+        across = self.of(name, "sigma")
+        axial = getattr(self.settings, f"{name}_axial_sigma", None)
+        return np.array([across, across, across if axial is None else axial])
 
 
 class Mean(NamedTuple):
@@ -164,6 +166,12 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     solution, unknown = _solve(g, second, limits, solve, flags)
     if solution is None:
         return refusals([time], sorted({*flags, "misfit"}), "static", name)
+    told = {} if second is None or unknown else _references(g, second, limits)
+    if second is not None and not unknown and limits.north == "mag":
+        far = departure(g.value, second.value, _fixed(g, second) + _scattered(g, second), limits.site)
+        if far.far:
+            return refusals([time], sorted({*flags, "axes", "disturbed"}), "static", name)
+        second = second._replace(fixed=second.fixed + far.extra**2 * np.eye(3))
     errors = _batch_errors(g, second, solution)
     shake = float(np.sqrt(np.mean(np.sum((window.accel[used] - g.value) ** 2, axis=1))))
     rate = _rate(window, used, errors)
@@ -173,7 +181,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     ratios = {
         "vibration": shake / settings.shake,
         "not-still": max(turned / settings.turn, abs(rate) / settings.spin),
-        **({} if second is None or unknown else _references(g, second, limits)),
+        **told,
     }
     flags |= {what for what, ratio in ratios.items() if ratio > 1.0}
     covariance = _covariance(errors, g, second, solution, unknown)
@@ -182,7 +190,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
 
 def _mean(window: Samples, name: str, used: Mask, limits: Limits) -> Mean:
     values = getattr(window, name)[used]
-    fixed = rounding_variance(values, limits.of(name, "resolution")) + limits.of(name, "sigma") ** 2
+    fixed = rounding_variance(values, limits.of(name, "resolution")) + limits.sigma(name) ** 2
     distinct = sorted(np.unique(column).size for column in values.T)
     life = "never" if distinct[2] == 1 else ("one" if distinct[0] == 1 and distinct[1] >= LIVELY else "all")
     return Mean(values.mean(axis=0), batch_means(values, limits.settings.batches), np.diag(fixed), life)
@@ -216,14 +224,27 @@ def _turned(errors: Array) -> float:
 
 
 def _covariance(errors: Array, g: Mean, second: Mean | None, solution: Solution, unknown: bool) -> Array:
+    spread = solution.response @ _fixed(g, second) @ solution.response.T
+    total = covariance_of_mean(errors) + spread + solution.reference
+    down = solution.matrix[:, 2]
+    total = total + (2.0 * UNKNOWN**2 * np.outer(down, down) if unknown else 0.0)
+    return np.asarray(0.5 * (total + total.T))
+
+
+def _fixed(g: Mean, second: Mean | None) -> Array:
+    """Covariance (6, 6) of the two means by rounding and calibration."""
     fixed = np.zeros((6, 6))
     fixed[:3, :3] = g.fixed
     if second is not None:
         fixed[3:, 3:] = second.fixed
-    total = covariance_of_mean(errors) + solution.response @ fixed @ solution.response.T + solution.reference
-    down = solution.matrix[:, 2]
-    total = total + (2.0 * UNKNOWN**2 * np.outer(down, down) if unknown else 0.0)
-    return np.asarray(0.5 * (total + total.T))
+    return fixed
+
+
+def _scattered(g: Mean, second: Mean) -> Array:
+    """Covariance (6, 6) of the two means by their batches."""
+    noise = np.zeros((6, 6))
+    noise[:3, :3], noise[3:, 3:] = covariance_of_mean(g.batches), covariance_of_mean(second.batches)
+    return noise
 
 
 def _rate(window: Samples, used: Mask, errors: Array) -> float:

@@ -35,7 +35,7 @@ class WindowBuffer:
         """Windows that became complete."""
         if not len(block):
             return []
-        columns, done = _columns(block), []
+        columns, done = columns_of(block), []
         if self._held and not self._continues(columns, block.interval):
             done = self.finish()
         self._interval = block.interval
@@ -44,7 +44,7 @@ class WindowBuffer:
         size = max(round(self._seconds / block.interval), 1)
         if self._held < size:
             return done
-        held = _joined(self._parts)
+        held = joined_columns(self._parts)
         whole = self._held // size * size
         done += [self._window(held, start, start + size) for start in range(0, whole, size)]
         self._held -= whole
@@ -57,7 +57,7 @@ class WindowBuffer:
         self._held, self._parts = 0, []
         if not held or held < LEAST_SHARE * max(round(self._seconds / self._interval), 1):
             return []
-        return [self._window(_joined(parts), 0, held)]
+        return [self._window(joined_columns(parts), 0, held)]
 
     def _window(self, held: Columns, start: int, stop: int) -> Samples:
         cut = {name: values[start:stop] for name, values in held.items() if name != "time"}
@@ -75,7 +75,8 @@ class WindowBuffer:
         return bool(abs(at - (first["time"][0] + interval * self._held)) <= slack)
 
 
-def _columns(block: Samples) -> Columns:
+def columns_of(block: Samples) -> Columns:
+    """Time, marks and what channels there are."""
     clipped = np.zeros(len(block), np.bool_) if block.clipped is None else block.clipped
     found: Columns = {"time": block.time, "clipped": clipped}
     for name in (*CHANNELS, "temperature"):
@@ -85,6 +86,6 @@ def _columns(block: Samples) -> Columns:
     return found
 
 
-def _joined(parts: list[Columns]) -> Columns:
+def joined_columns(parts: list[Columns]) -> Columns:
     """One contiguous stretch."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -33,7 +33,8 @@ _RANGES: Final = {
     "spin": (1e-9, 100.0, "rad/s"),
     "most_clipped": (0.0, 0.5, ""),
     "accel_sigma": (0.0, 1.0, "m/s^2"),
-    "mag_sigma": (0.0, 1e4, "nT"),
+    "mag_sigma": (0.0, 1e5, "nT"),
+    "mag_axial_sigma": (0.0, 1e5, "nT"),
     "gyro_sigma": (0.0, 1e-2, "rad/s"),
     "accel_resolution": (0.0, 1.0, "m/s^2"),
     "mag_resolution": (0.0, 1e4, "nT"),
@@ -64,6 +65,8 @@ class StaticSettings:
     accel_sigma, mag_sigma, gyro_sigma : float
         Standard deviation of what calibration left on each axis: m/s^2, nT, rad/s. No window can show it. The
         default of the gyro is 0.1 deg/h, of the others 0: their noise alone is then stated.
+    mag_axial_sigma : float, optional
+        nT, of the magnetometer along the tool where it is another than across.
     accel_resolution, mag_resolution, gyro_resolution : float
         Step of the readings, taken for a triad of which no channel changes during a window (flag "stuck": its
         uncertainty rests on this alone).
@@ -83,6 +86,7 @@ class StaticSettings:
     most_clipped: float = 0.02
     accel_sigma: float = 0.0
     mag_sigma: float = 0.0
+    mag_axial_sigma: float | None = None
     gyro_sigma: float = float(np.radians(0.1 / 3600.0))
     accel_resolution: float = 0.01
     mag_resolution: float = 10.0
@@ -90,7 +94,8 @@ class StaticSettings:
 
     def __post_init__(self) -> None:
         for name, (low, high, unit) in _RANGES.items():
-            within(getattr(self, name), name, low, high, unit)
+            if getattr(self, name) is not None:
+                within(getattr(self, name), name, low, high, unit)
         if self.turn > self.most_turn:
             raise InputError(f"turn is {self.turn:g} rad, above most_turn {self.most_turn:g}; flag before refusing")
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.core.arrays import Array, Index, Mask, finite, within
 from inclinometry.core.errors import InputError
+from inclinometry.motion._window_buffer import columns_of, joined_columns
 from inclinometry.motion.grid import MOST_JITTER, NOBODY, Grid, fit_grid
 from inclinometry.motion.samples import CHANNELS, Samples
 from inclinometry.motion.timing_report import LISTED, Gap, TimingReport
@@ -388,10 +389,4 @@ def rejoined(parts: list[Samples]) -> Samples:
     """Samples of pieces that follow each other on one grid."""
     if len(parts) == 1:
         return parts[0]
-
-    def column(name: str) -> Array | None:
-        values = [getattr(part, name) for part in parts]
-        return None if any(value is None for value in values) else np.concatenate(values)
-
-    names = (*CHANNELS, "temperature", "clipped")
-    return Samples(column("time"), parts[0].interval, **{name: column(name) for name in names})  # type: ignore[arg-type]
+    return Samples(interval=parts[0].interval, **joined_columns([columns_of(part) for part in parts]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from inclinometry.earth.site import Site
 from inclinometry.motion.magnetic.demodulate import MOST_TURN
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.window import LEAST_FIELD_NT, WindowFit, attitude_of
+from inclinometry.motion.reference import departure, doubted
 from inclinometry.motion.samples import Samples
 
 DISTURBED: Final = 0.02
@@ -22,6 +23,8 @@ DISTURBED: Final = 0.02
 NO_FIELD: Final = 0.2
 """Scatter above which there is no field to turn back by."""
 DISTURBED_DIP: Final = float(np.radians(1.0))
+WORTHLESS: Final = 6.0
+"""Times `SHAKEN`, from which a window is refused: linear covariance and the small mean of shaking no longer hold."""
 SHAKEN: Final = float(np.radians(0.5))
 """Uncertainty of inclination that is called too much vibration."""
 OFFSET: Final = float(np.radians(0.5))
@@ -43,6 +46,7 @@ class Verdict:
     flags: tuple[str, ...]
     quality: float
     method: str
+    said: str = ""
 
 
 def stuck(samples: Samples) -> bool:
@@ -61,10 +65,29 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     method = "mean" if window.taken < MEAN else "magnetic"
     refused = _refusals(window, settings, is_stuck)
     if refused:
-        return Verdict(np.full(4, np.nan), np.full((3, 3), np.nan), refused, 0.0, method)
-    matrix, covariance = attitude_of(window)
+        return _refused(refused, method)
+    off = departure(window.gravity, window.field, window.covariance, settings.site)
+    if off.far:
+        return _refused(("disturbed", "axes"), method, off.text)
+    doubtful = replace(window, covariance=doubted(window.covariance, off.extra))
+    matrix, covariance = attitude_of(doubtful)
+    if _tilt(covariance, matrix) > WORTHLESS * SHAKEN:
+        return _refused(("vibration",), method)
     flags, worst = _doubts(window, settings, covariance, matrix)
     return Verdict(quaternion_from_dcm(matrix), covariance, flags, float(np.clip(1.0 - worst, 0.0, 1.0)), method)
+
+
+def _refused(names: tuple[str, ...], method: str, said: str = "") -> Verdict:
+    """No attitude, for these reasons."""
+    return Verdict(np.full(4, np.nan), np.full((3, 3), np.nan), names, 0.0, method, said)
+
+
+def _tilt(covariance: Array, matrix: Array) -> float:
+    """Standard uncertainty of inclination, rad; 0 near the vertical."""
+    down = matrix[:, 2]
+    level = float(np.hypot(down[0], down[1]))
+    across = np.array([down[1], -down[0]]) / max(level, 1e-12)
+    return float(np.sqrt(across @ covariance[:2, :2] @ across)) if level > LEVEL else 0.0
 
 
 def _refusals(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> tuple[str, ...]:
@@ -89,10 +112,8 @@ def _doubts(
     window: WindowFit, settings: MagneticSettings, covariance: Array, matrix: Array
 ) -> tuple[tuple[str, ...], float]:
     """Names of what is doubtful, and the largest share of a limit that is used up."""
-    down = matrix[:, 2]
-    level = float(np.hypot(down[0], down[1]))
-    across = np.array([down[1], -down[0]]) / max(level, 1e-12)
-    tilt = float(np.sqrt(across @ covariance[:2, :2] @ across)) if level > LEVEL else 0.0
+    level = float(np.hypot(matrix[0, 2], matrix[1, 2]))
+    tilt = _tilt(covariance, matrix)
     transverse = float(np.hypot(window.field[0], window.field[1]))
     shares = {
         "clipped": window.clipped / max(settings.clipped_share, 1e-12),

@@ -128,7 +128,8 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
     -----
     Gravity turned back by the field's phase is G exp(-i delay omega): the delay is fitted in the band of the window,
     beside the lever arm. The phase of the field, with the angle from the gyro added, is constant + drift t
-    + scale error angle - lag omega: least squares. A conducting collar delays the field likewise (eddy currents) and is included.
+    + scale error angle - lag omega: least squares. A conducting collar delays the field likewise (eddy currents) and
+    is included.
 
     Examples
     --------

@@ -73,6 +73,7 @@ class MagneticStream:
         self._known: list[tuple[int, ToolConstants]] = [(0, beforehand(self.settings))]
         self._gaps = 0
         self._fastest = 0.0  # rad/s
+        self._far = ("", 0)  # why windows were refused, in words, and how many
         self._rows = 0
 
     def push(self, samples: Samples) -> Attitude:
@@ -122,6 +123,8 @@ class MagneticStream:
                 f"{constants.offset.imag:.0f} nT, standard uncertainty {sigma:.1f} nT"
             )
         notes += clock_notes(constants, self.settings, self._fastest)
+        if self._far[1]:
+            notes.append(f"{self._far[0]} ({self._far[1]} windows were refused for the like)")
         if self._gaps:
             notes.append(f"{self._gaps} gaps between blocks: windows were begun anew after each")
         if not self._rows:
@@ -135,6 +138,8 @@ class MagneticStream:
         window = fit_window(part, self.settings, constants.aged((start + size - end) * part.interval))
         verdict = judge(window, self.settings, stuck(part))
         self._known = self._known[place:]
+        if verdict.said:
+            self._far = (self._far[0] or verdict.said, self._far[1] + 1)
         if not np.isnan(verdict.quaternion[0]):
             self._known.append((start + size, window.constants))
             self._fastest = max(self._fastest, abs(window.rate))
