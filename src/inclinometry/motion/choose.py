@@ -13,7 +13,8 @@ from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.motion._standby import Standby, single
 from inclinometry.motion._window_buffer import WindowBuffer
-from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
+from inclinometry.motion.dip_check import azimuth_doubt, widened
+from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth, named
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.magnetic.settings import MagneticSettings
@@ -162,6 +163,7 @@ class AttitudeChooser:
             self._end = float(window.time[-1])
             health = self._health.check(window)
             choice = self._choose(health)
+            choice = choice._replace(row=named(choice.row, health))
             self._counts[choice.kind, choice.outcome] += 1
             if choice.outcome == "refused":
                 self._why.update(choice.row.names(0))
@@ -175,7 +177,7 @@ class AttitudeChooser:
         usable = not health.spoilt("accel")
         refused: Attitude | None = None
         if usable and (shake := _shake(window)) < self._settings.static.shake:
-            row = self._static(window if field else replace(window, mag=None))
+            row = self._honest(self._static(window), health) if field else self._static(replace(window, mag=None))
             if not bool(row.refused[0]) and not int(row.flags[0]) & BITS["not-still"]:
                 if field or not self._drives(health):
                     return self._settled(health, row, "still", good=field)
@@ -229,7 +231,11 @@ class AttitudeChooser:
         use = self._drives(health)
         if use not in self._magnetic:
             self._magnetic[use] = MagneticStream(self._magnetic_settings(use_gyro=use))
-        return self._magnetic[use].push(health.samples)
+        return self._honest(self._magnetic[use].push(health.samples), health)
+
+    def _honest(self, row: Attitude, health: WindowHealth) -> Attitude:
+        """The row with what the field's departure from the site's adds to its uncertainty."""
+        return widened(row, azimuth_doubt(health.off, self._site))
 
     def _carried(self, health: WindowHealth) -> Attitude | None:
         """Row by gyro: of the filter that began in a good field, else of the gyro that finds north itself."""
@@ -239,8 +245,10 @@ class AttitudeChooser:
         lone = self._gyro.take(window, good=whole, wanted=not single(row))
         if single(row):
             return row
-        if lone is None or not single(lone) or self._north == "true":
+        if lone is None or self._north == "true":
             return lone
+        if not single(lone):
+            return replace(lone, north=self._north)
         return to_magnetic(lone, self._site)
 
     def _refusal(self, health: WindowHealth) -> Attitude:
@@ -268,7 +276,8 @@ class AttitudeChooser:
         if self._why:
             said.append("refused for: " + ", ".join(f"{name} ({count})" for name, count in sorted(self._why.items())))
         if self._short:
-            said.append(f"{self._short} rests of less than a window, at gaps and at the end, were left out")
+            rests = "rest" if self._short == 1 else "rests"
+            said.append(f"{self._short} {rests} of less than a window, at gaps or at the end, left out")
         return said
 
 
