@@ -12,6 +12,8 @@ GREY: Final = "#8896a4"
 RED: Final = "#d0453b"
 GREEN: Final = "#2c9a56"
 AMBER: Final = "#b07a10"
+PALETTE: Final = [BLUE, "#c77d14", GREEN, "#b0529c", "#1ba3b5", GREY]
+"""Colours of series that can be told apart on either paper."""
 DECIDED: Final = {"pass": GREEN, "fail": RED, "inconclusive": AMBER}
 _BAR: Final = """(params, api) => {
     const low = api.coord([api.value(0), api.value(1)]), high = api.coord([api.value(0), api.value(2)]);
@@ -33,6 +35,7 @@ def chart(options: dict[str, Any], label: str, *, height: str = "260px") -> None
     common: dict[str, Any] = {
         "animation": False,
         "backgroundColor": "transparent",
+        "color": PALETTE,
         "grid": {"left": 60, "right": 20, "top": 30, "bottom": 45},
         "tooltip": {"trigger": "axis"},
     }
