@@ -157,6 +157,7 @@ class BenchView:
         closed = bool(guided.session.closed)
         self._auto.set_enabled(not closed)
         self._stop.set_enabled(not closed)
+        self._rig.set_visibility(rig is not None and not closed)
         if rig is not None:
             there = rig.word == "ready" and not rig.at(guided.chosen.dial)
             word = "elsewhere" if there else rig.word

@@ -96,6 +96,7 @@ class Certifies:
             bool(guided.session.valid) if guided.verifies else guided.now is not None and bool(guided.now.calibration)
         )
         self._end.set_enabled(ready and not guided.session.closed)
+        self._end.set_visibility(not guided.session.closed)
         ended = not guided.open_positions
         self._end.props("unelevated", remove="outline") if ended else self._end.props("outline", remove="unelevated")
 
@@ -112,6 +113,9 @@ class Certifies:
         else:
             return
         ui.label(text).classes(f"word {colour}").props('data-testid="goal" role="status"')
+        record = guided.ledger.latest("calibration", session=guided.session.id) if guided.session.closed else None
+        if record is not None:
+            ui.link(say("results.title"), f"/results/{record.id}")
 
     def _odd(self) -> None:
         guided, say = self._guided, self._guided.visitor.say
