@@ -9,7 +9,13 @@ from typing import Any, Final
 
 from inclinometry.core.errors import InputError
 
-LARGEST: Final = (("/login", 20_000), ("/api/", 2_000_000), ("/_nicegui_ws/", 2_000_000), ("/", 64_000_000))
+LARGEST: Final = (
+    ("/login", 20_000),
+    ("/api/", 2_000_000),
+    ("/_nicegui_ws/", 2_000_000),
+    ("/_nicegui/", 6_000_000),  # files of the import page, of 5 MB, with what surrounds them
+    ("/", 64_000_000),
+)
 """Start of a path -> bytes a body may have; the first that fits counts."""
 LONGEST_S: Final = 60.0
 """How long a body may take to arrive."""
