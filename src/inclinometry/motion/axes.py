@@ -14,8 +14,9 @@ from inclinometry.core.arrays import Array
 from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
+from inclinometry.motion.dip_check import FieldOff
 from inclinometry.motion.finding import Finding
-from inclinometry.motion.harmonics import LEAST_TURNS, Harmonics, find_harmonics
+from inclinometry.motion.harmonics import LEAST_TURNS, Harmonics
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.turning import Turning
 
@@ -46,6 +47,21 @@ RATE_UNITS: Final = {"deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0, "r
 FIELD_RANGE: Final = (18_000.0, 72_000.0)
 """nT, of the Earth's field."""
 
+LEAST_SPAN: Final = 1.0
+"""rad, rotation from which the field and a gyro can be held against each other,"""
+MIRRORED: Final = 0.3
+"""and departure of their ratio from -1 with which they contradict."""
+ROOM: Final = 4.0
+"""Standard deviations allowed to the dip of a single window, beside `SLACK`."""
+_AGAINST: Final = (
+    "the magnetic field turns against the gyro: one of them has a wrong sign or two exchanged transverse axes; gyro_z "
+    "is positive clockwise looking down hole, and then the field's angle from x to y falls"
+)
+_SIGNS: Final = (
+    "signs of the accelerometer or of the magnetometer are wrong. Give accel as gravity minus acceleration; an "
+    "accelerometer that reports specific force needs all three signs exchanged"
+)
+
 
 @dataclass
 class AxesCheck:
@@ -67,14 +83,22 @@ class AxesCheck:
     _believed: bool = False
     _turns: bool = False
     _seen: list[Harmonics] = field(default_factory=list)
+    _against: int = 0
+    _right: int = 0
+    _up: int = 0
+    _climbs: int = 0
 
-    def add(self, window: Samples, turning: Turning, *, field_usable: bool, phase_usable: bool) -> list[Finding]:
+    def add(
+        self, window: Samples, turning: Turning, found: Harmonics | None, *, field_usable: bool, phase_usable: bool
+    ) -> list[Finding]:
         """Look at one more window.
 
         Parameters
         ----------
         window : Samples
         turning : Turning
+        found : Harmonics, optional
+            Of the window, where the phase is usable.
         field_usable, phase_usable : bool
             Whether the window has an undisturbed field, and an angle from sample to sample, to be judged by.
 
@@ -98,16 +122,74 @@ class AxesCheck:
                 self._field_axis(window.mag)
         if not phase_usable:
             return []
-        findings = self._fields(find_harmonics(window, turning), field_usable=field_usable)
+        findings = self._fields(found, field_usable=field_usable)
         if turning.span > LEAST_TURNS * 2.0 * np.pi and window.accel is not None and not self._believed:
             self._gravity_axis(window.accel, turning.angle)
         return findings
+
+    def against(self, turning: Turning) -> list[Finding]:
+        """A steady field that turns against the gyro, in a window of its own.
+
+        Raises
+        ------
+        InputError
+            In so many windows in succession.
+        """
+        if turning.by != "gyro" or self._turns or not (turning.span > LEAST_SPAN and np.isfinite(turning.slope)):
+            return []
+        self._against = self._against + 1 if abs(turning.slope + 1.0) < MIRRORED else 0
+        if self._against >= ENOUGH:
+            raise InputError(_AGAINST)
+        return [Finding("axes", "mag and gyro", 2.0, True, _AGAINST)] if self._against else []
+
+    def dip(self, off: FieldOff) -> list[Finding]:
+        """A dip that is not the site's although the strength is: nothing can be made of the window.
+
+        Parameters
+        ----------
+        off : FieldOff
+            Of a window whose field is strong enough and steady.
+
+        Raises
+        ------
+        InputError
+            The dip has the other sign in several windows and was never right.
+        """
+        expected = None if self.site is None else self.site.dip
+        if expected is None or not np.isfinite(off.dip):
+            return []
+        limit = SLACK + ROOM * off.u
+        if off.off <= limit:
+            self._right += 1
+            return []
+        opposite = abs(expected) > np.radians(10.0) and abs(off.dip + expected) < FAR_DIP + ROOM * off.u
+        self._up = self._up + 1 if opposite else 0
+        said = f"the dip comes out as {np.degrees(off.dip):.1f} deg, the site's is {np.degrees(expected):.1f} deg"
+        if self._up >= ENOUGH and not self._right:
+            raise InputError(f"{said}: {_SIGNS}")
+        # axes that were right once are right: then it is the field
+        where = "mag" if self._right >= ENOUGH else "accel and mag"
+        cause = (
+            "the field is disturbed"
+            if self._right >= ENOUGH
+            else "axes or signs of the magnetometer or of the accelerometer are exchanged, the field is disturbed, or "
+            "the site's dip is wrong"
+        )
+        return [Finding("axes", where, off.off / limit, True, f"{said}, while the strength is right: {cause}")]
+
+    def notes(self) -> tuple[str, ...]:
+        """What is possible but not likely."""
+        if not self._climbs:
+            return ()
+        climb = f"in {self._climbs} windows the tool axis points up: the hole climbs, or z points up the hole"
+        return (f"{climb} (z lies along the hole, pointing down it)",)
 
     def _fields(self, found: Harmonics | None, *, field_usable: bool) -> list[Finding]:
         """Strength of gravity, and its angle to the field."""
         if found is None:
             return []
         strength = np.linalg.norm(found.accel, axis=1)
+        self._climbs += bool((found.accel[:, 2] < UP * strength).all())
         if not (strength.min() > 0.0 and found.u_accel < ROUGH * float(strength.mean())):
             return []
         if not field_usable:
@@ -234,10 +316,7 @@ class AxesCheck:
             if down < UP:
                 wrong = f"gravity comes out pointing up the hole ({down:.2f} of it along the tool axis)"
         if wrong:
-            raise InputError(
-                f"{wrong}: signs of the accelerometer or of the magnetometer are wrong. Give accel as gravity minus "
-                "acceleration; an accelerometer that reports specific force needs all three signs exchanged"
-            )
+            raise InputError(f"{wrong}: {_SIGNS}")
 
 
 def _unit(what: str, unit: str, strength: float, low: float, high: float, others: dict[str, float]) -> None:
@@ -256,10 +335,7 @@ def _judge_slope(slopes: Array, *, sampled: bool) -> None:
     """Field against gyro: opposite (told only when sampled fast enough), or in another unit."""
     slope = float(np.median(slopes))
     if sampled and (slopes < -0.5).all():
-        raise InputError(
-            "the magnetic field turns against the gyro: one of them has a wrong sign or two exchanged transverse axes; "
-            "gyro_z is positive clockwise looking down hole, and then the field's angle from x to y falls"
-        )
+        raise InputError(_AGAINST)
     for unit, factor in RATE_UNITS.items():
         if (np.abs(slopes / factor - 1.0) < 0.2).all():
             raise InputError(

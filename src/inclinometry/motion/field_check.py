@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -48,12 +48,26 @@ def field_findings(window: Samples, turning: Turning, site: Site | None) -> list
     return found
 
 
-def steady_strength(window: Samples, site: Site | None) -> bool:
-    """Whether the field's strength is right and constant: what no exchange of axes or signs can change."""
+class FieldStrength(NamedTuple):
+    """What no exchange of axes or signs can change.
+
+    off, scatter : departure of the strength from the site's, 0 without a site, and variation in the window, of it.
+    steady : whether the strength is right and constant.
+    """
+
+    off: float
+    scatter: float
+    steady: bool
+
+
+def field_strength(window: Samples, site: Site | None) -> FieldStrength:
+    """The field's strength in a window."""
     if window.mag is None:
-        return False
+        return FieldStrength(0.0, 0.0, False)
     strength = np.sqrt(np.einsum("ij,ij->i", window.mag, window.mag))
-    return max(max(one[:2]) for one in (_strength(strength, site), _scatter(strength))) <= 1.0
+    wrong, varied = _strength(strength, site), _scatter(strength)
+    steady = max(*wrong[:2], *varied[:2]) <= 1.0
+    return FieldStrength(wrong[1] * DISTURBED, varied[1] * DISTURBED, steady)
 
 
 def _strength(strength: Array, site: Site | None) -> tuple[float, float, str]:

@@ -15,9 +15,11 @@ from inclinometry.earth.site import Site
 from inclinometry.motion.aliasing import aliasing_findings
 from inclinometry.motion.axes import AxesCheck
 from inclinometry.motion.clipping import clipping_findings, held_findings, stuck_findings
-from inclinometry.motion.field_check import field_findings, steady_strength
+from inclinometry.motion.dip_check import FieldOff, field_off
+from inclinometry.motion.field_check import field_findings, field_strength
 from inclinometry.motion.finding import Finding
-from inclinometry.motion.result import BITS
+from inclinometry.motion.harmonics import find_harmonics
+from inclinometry.motion.result import BITS, Attitude
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.turning import Turning, find_turning
 
@@ -66,11 +68,14 @@ class WindowHealth:
         The window; samples at the end of a range are marked as clipped.
     turning : Turning
     findings : tuple of Finding
+    off : FieldOff
+        The window's field against the site's.
     """
 
     samples: Samples
     turning: Turning
     findings: tuple[Finding, ...]
+    off: FieldOff
 
     @property
     def flags(self) -> int:
@@ -79,7 +84,7 @@ class WindowHealth:
 
     def spoilt(self, triad: str) -> bool:
         """Whether a triad must not be used."""
-        return any(one.refuse and one.where.startswith(triad) for one in self.findings)
+        return any(one.refuse and triad in one.where for one in self.findings)
 
     def has(self, flag: str) -> bool:
         """Whether a flag was raised."""
@@ -127,17 +132,20 @@ class HealthCheck:
         aliased = aliasing_findings(turning, window.interval)
         field = field_findings(judged, turning, self._site)
         findings += aliased + field
+        strength = field_strength(judged, self._site)
+        found = None if aliased else find_harmonics(judged, turning)
+        off = field_off(judged, found, self._site, strength=strength.off, scatter=strength.scatter)
         if not self._settings.believe_axes and not any(
             one.refuse for one in findings if one.flag in ("stuck", "clipped")
         ):
-            findings += self._axes.add(
-                judged, turning, field_usable=steady_strength(judged, self._site), phase_usable=not aliased
-            )
+            findings += self._axes.add(judged, turning, found, field_usable=strength.steady, phase_usable=not aliased)
+            if strength.steady and not aliased:
+                findings += self._axes.against(turning) + self._axes.dip(off)
         self._note(findings)
         if marked.any():
             already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
             window = replace(window, clipped=already | marked)
-        return WindowHealth(window, turning, tuple(findings))
+        return WindowHealth(window, turning, tuple(findings), off)
 
     def _note(self, findings: list[Finding]) -> None:
         self._windows += 1
@@ -146,12 +154,23 @@ class HealthCheck:
         for one in findings:
             self._first.setdefault((one.flag, one.where), one.text)
 
-    def notes(self) -> tuple[str, ...]:
-        """A sentence for each kind of finding, with the number of windows."""
-        return tuple(
+    def notes(self, besides: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """A sentence for each kind of finding, with the number of windows; without some flags."""
+        said = tuple(
             f"{text} (and the like in {self._counts[key]} of {self._windows} windows)" if self._windows > 1 else text
             for key, text in self._first.items()
+            if key[0] not in besides
         )
+        return said + self._axes.notes()
+
+
+def named(row: Attitude, health: WindowHealth) -> Attitude:
+    """The row with the reason that samples were marked for: missing ones are a gap, not clipped."""
+    if health.has("clipped") or not health.has("gap"):
+        return row
+    clipped = (row.flags & np.uint32(BITS["clipped"])).astype(np.bool_)
+    swap = np.uint32(BITS["clipped"] | BITS["gap"])
+    return replace(row, flags=np.where(clipped, row.flags ^ swap | np.uint32(BITS["gap"]), row.flags))
 
 
 def _dead(window: Samples) -> list[Finding]:

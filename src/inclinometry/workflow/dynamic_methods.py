@@ -10,6 +10,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from inclinometry.calibration.result import Calibration
+from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.motion.choose import AttitudeChooser, ChooserSettings
@@ -21,11 +22,15 @@ from inclinometry.motion.magnetic.stream import MagneticStream
 from inclinometry.motion.result import Attitude, refusals
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.static import StaticSettings
+from inclinometry.motion.window_filter import WindowFilterSettings
+from inclinometry.workflow.dynamic_checked import Checked
 from inclinometry.workflow.dynamic_smoother import SampleSmoother, WindowSmoother
 
 SHORTEST: Final = 0.5
 LONGEST: Final = 600.0
 """s, windows allowed: a shorter one averages nothing away, in a longer one the hole has moved on."""
+USUAL_FIELD: Final = 20_000.0
+"""nT, horizontal, where the site states none."""
 STRING_FIELD: Final = 50.0
 """nT, standard deviation of the transverse field a drill string adds to a calibrated tool."""
 
@@ -50,11 +55,15 @@ class Setup:
     window : s, spacing of the rows.
     doubt : standard uncertainties of offsets by the calibration, SI, where there is one: "accelerometer",
         "magnetometer" across and "axial".
+    delay : s, standard uncertainty of the time by which the sensors are out of step.
+
+    One tool has one set of priors, whatever the method.
     """
 
     site: Site
     window: float
     doubt: Mapping[str, float]
+    delay: float = 1e-4
 
     def magnetic(self) -> MagneticSettings:
         """Windows side by side; offsets as the calibration leaves them, but no better than drilling allows."""
@@ -66,24 +75,35 @@ class Setup:
             offset_sigma=plain.offset_sigma if across is None else min(1e5, max(STRING_FIELD, across)),
             accel_sigma=min(1.0, max(plain.accel_sigma, self.doubt.get("accelerometer", 0.0))),
             axial_sigma=min(1e5, max(plain.axial_sigma, self.doubt.get("axial", 0.0))),
+            delay_sigma_s=self.delay,
             site=self.site,
         )
 
     def static(self) -> StaticSettings:
-        """As above; without a calibration the noise alone is stated."""
+        """As above."""
+        same = self.magnetic()
         return StaticSettings(
-            accel_sigma=min(1.0, self.doubt.get("accelerometer", 0.0)),
-            mag_sigma=min(1e4, max(STRING_FIELD, self.doubt["magnetometer"])) if "magnetometer" in self.doubt else 0.0,
+            accel_sigma=same.accel_sigma, mag_sigma=same.offset_sigma, mag_axial_sigma=same.axial_sigma
         )
 
     def inertial(self) -> InertialSettings:
         """As above."""
-        plain = InertialSettings()
-        iron = max(float(np.max(plain.hard_iron_sigma)), self.doubt.get("magnetometer", 0.0))
+        same = self.magnetic()
         return InertialSettings(
             window=self.window,
-            accel_bias_sigma=min(10.0, max(plain.accel_bias_sigma, self.doubt.get("accelerometer", 0.0))),
-            hard_iron_sigma=min(1e5, iron),
+            accel_bias_sigma=same.accel_sigma,
+            hard_iron_sigma=(same.offset_sigma, same.offset_sigma, same.axial_sigma),
+            delay_sigma_s=self.delay,
+        )
+
+    def robust(self) -> WindowFilterSettings:
+        """As above: offsets and delay are the same in all rows."""
+        same = self.magnetic()
+        level = USUAL_FIELD if self.site.b is None or self.site.dip is None else self.site.b * np.cos(self.site.dip)
+        return WindowFilterSettings(
+            common_tilt=same.accel_sigma / STANDARD_GRAVITY,
+            common_turn=min(3.0, same.axial_sigma / max(float(level), 1.0)),
+            common_delay=self.delay,
         )
 
 
@@ -94,16 +114,21 @@ def _auto(setup: Setup) -> Stream:
     return AttitudeChooser(settings, setup.site)
 
 
+def _checked(stream: Stream, setup: Setup, *needs: str, carries: bool = True) -> Stream:
+    """With the checks that the chooser makes itself."""
+    return Checked(stream, setup.window, setup.site, needs, carries=carries)
+
+
 def _magnetic(setup: Setup) -> Stream:
-    return MagneticStream(setup.magnetic())
+    return _checked(MagneticStream(setup.magnetic()), setup, "accel", "mag", carries=False)
 
 
 def _gyro(setup: Setup) -> Stream:
-    return GyroStream(setup.inertial(), setup.site)
+    return _checked(GyroStream(setup.inertial(), setup.site), setup, "accel", "gyro")
 
 
 def _filter(setup: Setup) -> Stream:
-    return InertialStream(setup.inertial(), setup.site)
+    return _checked(InertialStream(setup.inertial(), setup.site), setup, "accel", "gyro", "mag")
 
 
 class _Smoother:
@@ -124,9 +149,11 @@ class _Smoother:
     def _chosen(self, gyro: bool) -> Stream:
         setup = self._setup
         if not gyro:
-            return WindowSmoother(MagneticStream(setup.magnetic()))
+            stream = WindowSmoother(MagneticStream(setup.magnetic()), setup.robust())
+            return _checked(stream, setup, "accel", "mag", carries=False)
         settings = setup.inertial()
-        return SampleSmoother(lambda samples: smoothed_attitude(samples, settings, setup.site), setup.window)
+        smoother = SampleSmoother(lambda samples: smoothed_attitude(samples, settings, setup.site), setup.window)
+        return _checked(smoother, setup, "accel", "gyro", "mag")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,131 @@
+"""How far the field of a window is from the site's: dip, strength, steadiness; and what that means for an azimuth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.attitude.orientation import dip_angle
+from inclinometry.attitude.rotations import dcm_from_quaternion
+from inclinometry.core.arrays import Array
+from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.earth.site import Site
+from inclinometry.motion._long_run import batch_means
+from inclinometry.motion.harmonics import BATCHES, Harmonics
+from inclinometry.motion.result import Attitude
+from inclinometry.motion.samples import Samples
+
+WEAK: Final = (0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY)
+"""m/s^2, strength of gravity with which its direction is believed."""
+MOST_U: Final = 0.05
+"""rad, uncertainty of a dip that tells something."""
+UNSURE: Final = 3.0
+"""Standard deviations by which a dip must be off before it counts."""
+OFF: Final = 0.02
+"""Departure and scatter of the strength, of it, from which they count."""
+STEEPEST: Final = 0.05
+"""Least cosine of the dip that is used."""
+
+
+class FieldOff(NamedTuple):
+    """A window's field against the site's.
+
+    dip : rad, mean; NaN where the window does not tell.
+    off : rad, root mean square departure from the site's dip (without a site from its own mean); 0 where unknown.
+    u : rad, standard uncertainty of the dip.
+    strength, scatter : departure from the site's strength and variation within the window, of it.
+    """
+
+    dip: float
+    off: float
+    u: float
+    strength: float
+    scatter: float
+
+
+def field_off(
+    window: Samples, found: Harmonics | None, site: Site | None, *, strength: float, scatter: float
+) -> FieldOff:
+    """Dip of a window, whether the tool turns, slides or rests.
+
+    Parameters
+    ----------
+    window : Samples
+        With accelerometer and magnetometer, or the dip is NaN.
+    found : Harmonics, optional
+        Of a window that turned or rested.
+    site : Site, optional
+    strength, scatter : float
+        As in the result.
+
+    Notes
+    -----
+    A window without harmonics (a tool that slides) is turned back sample by sample by the magnetic phase; offsets stay.
+    """
+    accel, mag, u = (None, None, np.inf) if found is None else (found.accel, found.mag, found.u_accel)
+    if found is None and window.accel is not None and window.mag is not None:
+        accel, mag, u = _turned_back(window)
+    expected = None if site is None else site.dip
+    nothing = FieldOff(np.nan, 0.0, np.inf, strength, scatter)
+    if accel is None or mag is None or not (np.isfinite(mag).all() and np.linalg.norm(mag, axis=1).all()):
+        return nothing
+    size = np.linalg.norm(accel, axis=1)
+    if not (WEAK[0] < float(size.mean()) < WEAK[1] and u < MOST_U * STANDARD_GRAVITY):
+        return nothing
+    dips = dip_angle(accel, mag)
+    mean = float(dips.mean())
+    off = float(np.sqrt(np.mean((dips - (mean if expected is None else expected)) ** 2)))
+    return FieldOff(mean, off, u / STANDARD_GRAVITY, strength, scatter)
+
+
+def _turned_back(window: Samples) -> tuple[Array | None, Array | None, float]:
+    """Gravity and field (1, 3) with the transverse field along x, and gravity's uncertainty."""
+    used = slice(None) if window.clipped is None else ~window.clipped
+    accel, mag = window.accel[used], window.mag[used]  # type: ignore[index]
+    size = np.hypot(mag[:, 0], mag[:, 1]) if len(mag) else np.zeros(0)
+    if len(mag) < 2 * BATCHES or not size.all():
+        return None, None, np.inf
+    phase = (mag[:, 0] - 1j * mag[:, 1]) / size
+    across = (accel[:, 0] + 1j * accel[:, 1]) * phase
+    turned = np.stack([across.real, across.imag, accel[:, 2]], axis=1)
+    spread = batch_means(turned, BATCHES).var(axis=0, ddof=1) / BATCHES
+    field = np.array([[float(size.mean()), 0.0, float(mag[:, 2].mean())]])
+    return turned.mean(axis=0)[None], field, float(np.sqrt(spread.sum() / 3.0))
+
+
+def azimuth_doubt(off: FieldOff, site: Site | None) -> float:
+    """rad, standard uncertainty of azimuth in a field that is off by so much: its share over the cosine of the dip.
+
+    Notes
+    -----
+    A disturbance that turns or stretches the field by x of its strength turns its horizontal part by up to x / cos D;
+    what lies across the meridian is not seen, so that the part that is seen is the estimate.
+
+    Examples
+    --------
+    >>> round(azimuth_doubt(FieldOff(1.1, 0.05, 0.001, 0.0, 0.0), Site(dip=1.0)), 4)
+    0.0925
+    """
+    noise = UNSURE * float(np.hypot(off.u, (site.dip_sigma or 0.0) if site is not None else 0.0))
+    turned = off.off if off.off > noise else 0.0
+    uneven = UNSURE * (site.b_sigma or 0.0) / site.b if site is not None and site.b else 0.0
+    parts = [turned] + [one if one > max(OFF, uneven) else 0.0 for one in (off.strength, off.scatter)]
+    dip = site.dip if site is not None and site.dip is not None else off.dip
+    level = float(np.cos(dip)) if np.isfinite(dip) else 1.0
+    return float(np.linalg.norm(parts)) / max(level, STEEPEST)
+
+
+def widened(row: Attitude, doubt: float) -> Attitude:
+    """The rows with the uncertainty `doubt` (rad) of azimuth added where theirs is less than a third of it."""
+    if not doubt > 0.0:
+        return row
+    spread = row.u.azimuth
+    short = ~row.refused & (UNSURE * np.nan_to_num(spread, nan=np.inf) < doubt)
+    if not short.any():
+        return row
+    covariance = row.covariance.copy()
+    down = dcm_from_quaternion(row.quaternion[short])[:, :, 2]
+    covariance[short] += doubt**2 * down[:, :, None] * down[:, None, :]
+    return replace(row, covariance=covariance)
