@@ -157,15 +157,15 @@ class BenchView:
         closed = bool(guided.session.closed)
         self._auto.set_enabled(not closed)
         self._stop.set_enabled(not closed)
-        if rig is not None:
+        self._rig.set_visibility(rig is not None and not closed)
+        # replaced classes would lose what hides it
+        if rig is not None and not closed:
             there = rig.word == "ready" and not rig.at(guided.chosen.dial)
             word = "elsewhere" if there else rig.word
             self._rig.set_text(rig.reason or say(f"bench.rig_{word}", number=guided.chosen.number))
             self._rig.classes(
                 replace=f"rig number {'good' if word == 'ready' else 'warn' if word != 'lost' else 'bad'}"
             )
-        # last: classes hold the visibility too
-        self._rig.set_visibility(rig is not None and not closed)
 
     async def _key(self, event: GenericEventArguments) -> None:
         do = self._keys.get(str(event.args[0] if isinstance(event.args, list) else event.args))
