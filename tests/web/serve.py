@@ -5,6 +5,9 @@ from __future__ import annotations
 import socket
 import sys
 
+from argon2 import PasswordHasher
+
+from inclinometry.store import users as stored
 from inclinometry.store.admin import create
 from inclinometry.store.users import ROLES, put_user, users
 from inclinometry.web.app import create_app
@@ -14,6 +17,9 @@ PASSWORD = "a long pass phrase"
 
 
 def main(where: str, kind: str) -> None:
+    # quick, so that the tests are
+    cheap = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+    stored._hasher = lambda: cheap
     with create(where) as ledger, socket.socket() as listening:
         if kind == "users" and not users(ledger):
             for role in ROLES:

@@ -89,7 +89,15 @@ def test_every_route_says_what_it_does(described):
 def test_each_route_for_each_role(users_server, method, path):
     if path.endswith("/logout"):
         return  # it would end the logins of the others; see test_logins
-    values = {"name": "x y", "serial": "none", "session": ID, "number": "1", "calibration": ID, "verification": ID, "kind": "event"}
+    values = {
+        "name": "x y",
+        "serial": "none",
+        "session": ID,
+        "number": "1",
+        "calibration": ID,
+        "verification": ID,
+        "kind": "event",
+    }
     where = path.format(**values, document="pdf")
     # a body that fits nothing: whoever may call the route is told so, whoever may not is refused before it is looked at
     body = None if method == "get" else {"surplus": 1}

@@ -35,9 +35,8 @@ class Bench:
     open_house: bool = True
     instrument: str = ""
 
-    def told(self, error: Exception) -> str:
-        """What an error says to a user; on a network nobody is told where on this computer the ledger lies."""
-        text = str(error)
+    def told(self, text: str) -> str:
+        """What an error says, for a user; on a network nobody is told where on this computer the ledger lies."""
         return text if self.open_house else text.replace(self.ledger.shown, "the ledger")
 
     def user(self, login: Login | None) -> User:

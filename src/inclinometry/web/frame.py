@@ -53,7 +53,7 @@ class Visitor:
             try:
                 do(self.require(what))
             except InclinometryError as error:
-                ui.notify(str(error), type="negative", multi_line=True, timeout=0, close_button="OK")
+                ui.notify(self.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK")
 
         return handler
 

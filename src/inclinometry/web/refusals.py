@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Mapping
+from functools import cache
 from html import escape
 from typing import Any, Final
 
@@ -11,7 +13,6 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
-from starlette.routing import Match, Route
 
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import ConflictError
@@ -54,17 +55,23 @@ def explain_pages(app: FastAPI) -> None:
 def no_such_route(request: Request) -> JSONResponse:
     """404, or 405 with the methods that are there."""
     path = request.url.path
-    allowed: set[str] = set()
-    for route in request.app.routes:
-        if isinstance(route, Route) and route.endpoint is not no_such_route:
-            found, _ = route.matches(request.scope)
-            allowed |= (route.methods or set()) if found is Match.PARTIAL else set()
+    allowed = {
+        method.upper()
+        for template, methods in request.app.openapi()["paths"].items()
+        if _pattern(template).fullmatch(path)
+        for method in methods
+    }
     if allowed:
         words = ", ".join(sorted(allowed))
         return JSONResponse(
             {"detail": f"{request.method} is not for {path[:200]}; allowed: {words}"}, 405, {"allow": words}
         )
     return JSONResponse({"detail": f"there is no {path[:200]}; GET /api describes what there is"}, 404)
+
+
+@cache
+def _pattern(template: str) -> re.Pattern[str]:
+    return re.compile(re.sub(r"\\{\w+\\}", ".+", re.escape(template)))
 
 
 def in_words(errors: list[Mapping[str, Any]]) -> str:
@@ -86,7 +93,8 @@ def in_words(errors: list[Mapping[str, Any]]) -> str:
         elif error.get("type") == "missing":
             parts.append(f"{place[:200]} is missing; add it")
         else:
-            parts.append(f"{place[:200]} is {_short(error.get('input'))}: {message}")
+            value = "not shown" if "password" in place else _short(error.get("input"))
+            parts.append(f"{place[:200]} is {value}: {message}")
     more = f"; and {len(errors) - 3} more" if len(errors) > 3 else ""
     return "; ".join(parts).encode("utf-8", "replace").decode() + more
 
@@ -101,7 +109,7 @@ def _short(value: Any) -> str:
 
 
 def _mendable(_: Request, error: Exception) -> JSONResponse:
-    return JSONResponse({"detail": current().told(error)}, status_of(error))
+    return JSONResponse({"detail": current().told(str(error))}, status_of(error))
 
 
 def _invalid(_: Request, error: Exception) -> JSONResponse:
@@ -117,14 +125,14 @@ def _page(request: Request, error: Exception) -> Response:
     """A page of its own with the sentence and a way back."""
     status, sentence = 500, OURS
     if isinstance(error, HTTPException):
-        status, sentence = error.status_code, str(error.detail)
+        status, sentence = error.status_code, current().told(str(error.detail))
         place = (error.headers or {}).get("location")
         if place is not None:
             return RedirectResponse(place, status)
     elif isinstance(error, RequestValidationError):
         status, sentence = 422, in_words(list(error.errors()))
     elif isinstance(error, InclinometryError):
-        status, sentence = status_of(error), current().told(error)
+        status, sentence = status_of(error), current().told(str(error))
     else:
         _LOG.error("page %s failed", ascii(request.url.path), exc_info=error)
     return HTMLResponse(_PAGE.format(status=status, sentence=escape(sentence)), status)

@@ -1,0 +1,218 @@
+"""The REST interface: a run of positions, refusals that say what to do, and text that stays text."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+UNKNOWN = "0" * 32
+NASTY = (
+    "<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "=cmd|' /C calc'!A0", "{{7*7}} ${7*7} %s {0}",
+    "'; DROP TABLE tool; --", "../../etc/passwd", "%2e%2e%2f", "a/b", "a?b#c", "Ünïcödé 工具 Прибор", "x" * 200, "\\", ".", "..",
+)  # fmt: skip
+JSON = {"Content-Type": "application/json"}
+
+
+@pytest.fixture(scope="module")
+def api(open_server):
+    with open_server.local() as browser:
+        assert browser.put("/api/v1/rigs/stand", json={"sd_deg": [0.1, 0.1, 0.1]}).status_code == 200
+        assert browser.put("/api/v1/tools/T", json={"name": "tool"}).status_code == 200
+        yield browser
+
+
+@pytest.fixture
+def session(api):
+    return api.post("/api/v1/sessions", json={"serial": "T", "rig": "stand", "plan": "twelve"}).json()["id"]
+
+
+def reading(attempt=1, **more):
+    channels = {"accelerometer": [0.0, 0.0, 9.8], "magnetometer": [2e4, 0.0, 4e4]}
+    return {"attempt": attempt, "dial_deg": [0, 0, 0], "channels": channels, **more}
+
+
+def quoted(text):
+    from urllib.parse import quote
+
+    return quote(text, safe="")
+
+
+def test_a_run_is_opened_captured_and_left(api, session):
+    for number in range(1, 4):
+        answer = api.post(f"/api/v1/sessions/{session}/readings/{number}", json=reading())
+        assert (answer.status_code, answer.json()["number"]) == (201, number)
+    assert [p["done"] for p in api.get(f"/api/v1/sessions/{session}").json()["positions"][:4]] == [True] * 3 + [False]
+    refused = api.post(f"/api/v1/sessions/{session}/readings/2/reject", json={"reason": "bumped"})
+    assert refused.json()["readings"][1]["rejected"] == "bumped"
+    assert api.get(f"/api/v1/sessions/{session}/standing").json()["captured"] == 2
+    assert api.post(f"/api/v1/sessions/{session}/abandon", json={"reason": "test"}).status_code == 204
+    late = api.post(f"/api/v1/sessions/{session}/readings/2", json=reading(2))
+    assert (late.status_code, "closed" in late.json()["detail"]) == (422, True)
+
+
+def test_a_repeated_request_is_noticed(api, session):
+    where = f"/api/v1/sessions/{session}/readings/1"
+    assert [api.post(where, json=reading()).status_code for _ in range(3)] == [201, 409, 409]
+    assert api.post(where, json=reading(2)).status_code == 201
+    assert api.post(where, json=reading(9)).status_code == 409
+    assert len(api.get(f"/api/v1/sessions/{session}").json()["readings"]) == 1
+
+
+@pytest.mark.parametrize(("method", "path", "body"), [
+    ("get", "tools/none", None),
+    ("get", f"sessions/{UNKNOWN}", None),
+    ("get", f"sessions/{UNKNOWN}/standing", None),
+    ("get", f"calibrations/{UNKNOWN}", None),
+    ("get", "certificates/none", None),
+    ("post", f"sessions/{UNKNOWN}/readings/1", reading()),
+    ("post", f"sessions/{UNKNOWN}/finish", None),
+    ("post", f"sessions/{UNKNOWN}/abandon", {"reason": "x"}),
+    ("post", "certificates/none/void", {"reason": "x"}),
+    ("get", "nothing", None),
+    ("post", "tools/T/nothing", {}),
+])  # fmt: skip
+def test_what_is_not_there_is_404(api, method, path, body):
+    answer = api.request(method, f"/api/v1/{path}", json=body)
+    assert answer.status_code in (404, 405), answer.text
+    assert isinstance(answer.json()["detail"], str)
+
+
+@pytest.mark.parametrize(("method", "path", "allowed"), [
+    ("delete", "/api/v1/tools", "GET"), ("post", "/api/v1/me", "GET"), ("put", "/api/v1/sessions", "GET, POST"),
+    ("patch", "/api/v1/tools/T", "GET, PUT"), ("trace", "/api/v1/me", "GET"),
+])  # fmt: skip
+def test_wrong_methods_are_405_with_the_right_ones(api, method, path, allowed):
+    answer = api.request(method, path)
+    assert (answer.status_code, answer.headers["allow"]) == (405, allowed)
+    assert allowed in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(("body", "words"), [
+    (b"", "missing"),
+    (b"{", "not JSON"),
+    (b"nonsense", "not JSON"),
+    (b"[]", "body"),
+    (b"null", "body"),
+    (b'{"sd_deg": [0.1, 0.1, NaN]}', "NaN"),
+    (b'{"sd_deg": [0.1, 0.1, -Infinity]}', "Infinity"),
+    (b'{"sd_deg": [0.1, 0.1, 1e999]}', "too large"),
+    (b'{"sd_deg": [0.1, 0.1, 0.1], "sd_deg": [9, 9, 9]}', "twice"),
+    (b'{"sd_deg": [0.1, 0.1, 0.1], "description": "\\ud800"}', "surrogate"),
+    (b'{"sd_deg": [0.1, 0.1, 0.1], "surplus": 1}', "surplus"),
+    (b'{"sd_deg": [0.1, 0.1]}', "sd_deg"),
+    (b'{"sd_deg": ["a", 0.1, 0.1]}', "sd_deg"),
+    (b'{"sd_deg": [0.1, 0.1, -1]}', "-"),
+    (b'{"sd_deg": [0.1, 0.1, 1e300]}', "sd"),
+    (b'{"sd_deg": [0.1, 0.1, ' + b"9" * 5000 + b"]}", ""),
+    (b"[" * 100_000, ""),
+    (b'{"a":' * 50_000, ""),
+    (b"\xff\xfe\x00", ""),
+    (b'{"sd_deg": [0.1, 0.1, 0.1], "description": "' + b"x" * 2001 + b'"}', "2000"),
+])  # fmt: skip
+def test_bodies_that_cannot_be_used(api, body, words):
+    answer = api.put("/api/v1/rigs/bad", content=body, headers=JSON)
+    assert answer.status_code in (400, 422), answer.text
+    assert words in answer.json()["detail"]
+    assert len(answer.text) < 2000
+    assert "bad" not in [rig["name"] for rig in api.get("/api/v1/rigs").json()]
+
+
+def test_free_fields_are_read_as_strictly(api):
+    for value in ("NaN", "1e999", '{"b":1,"b":2}', '"\\udfff"'):
+        body = f'{{"name": "x", "triads": {{"accelerometer": {{"a": {value}}}}}}}'
+        assert api.put("/api/v1/tools/strict", content=body, headers=JSON).status_code == 422
+    assert api.get("/api/v1/tools/strict").status_code == 404
+
+
+@pytest.mark.parametrize("text", NASTY)
+def test_text_stays_text(api, text):
+    put = api.put(f"/api/v1/tools/{quoted(text)}", json={"name": text, "customer": text, "description": text})
+    if text in (".", ".."):
+        return  # a client takes these out of the path before it asks
+    assert put.status_code == 200, put.text
+    back = api.get(f"/api/v1/tools/{quoted(text)}").json()
+    assert (back["serial"], back["body"]["name"], back["body"]["customer"]) == (text, text, text)
+    for page in ("/tools", "/calibrate", "/ledger?kind=tool", f"/ledger?kind=tool&key={quoted(text)}"):
+        shown = api.get(page).text
+        assert "<script>alert" not in shown
+        assert "<img src=x" not in shown
+        assert "7*7}} $" not in shown or "49" not in shown
+    table = api.get("/api/v1/tables/tools.csv").text
+    assert "\n=" not in table
+    assert ",=" not in table
+
+
+@pytest.mark.parametrize("serial", ["", " x", "x ", "a\nb", "a\x00b", "a\x1b[31m", "x" * 201, "\u202etxt", "\ufeffx"])
+def test_names_that_nobody_could_read_are_refused(api, open_server, serial):
+    answer = api.put(f"/api/v1/tools/{quoted(serial)}", json={"name": "x"})
+    assert answer.status_code in (404, 405, 422), answer.text
+    log = open_server.log.read_text()
+    assert "\x1b[31m" not in log
+    assert "\na\nb" not in log
+
+
+def test_lists_are_given_in_parts(api):
+    for number in range(5):
+        api.put(f"/api/v1/tools/part{number}", json={"name": "x"})
+    first = [t["serial"] for t in api.get("/api/v1/tools?after=part&limit=2").json()]
+    then = [t["serial"] for t in api.get(f"/api/v1/tools?after={first[-1]}&limit=3").json()]
+    assert first + then == [f"part{n}" for n in range(5)]
+    for query in ("limit=0", "limit=1001", "limit=x", "limit=1e3", "after=" + "x" * 201):
+        answer = api.get(f"/api/v1/tools?{query}")
+        assert answer.status_code == 422
+        assert query.partition("=")[0] in answer.json()["detail"]
+    for query in ("after=-1", "after=99999999999999999999", "after=NaN"):
+        assert api.get(f"/api/v1/ledger/records/event?{query}").status_code == 422
+
+
+def test_no_file_of_the_server_is_named_by_a_request(api, session):
+    body = {"calibration": UNKNOWN, "limits": "/etc/passwd"}
+    answer = api.post(f"/api/v1/sessions/{session}/verdict", json=body)
+    assert answer.status_code == 422
+    assert "root:" not in answer.text
+
+
+def test_private_answers_are_not_kept_and_say_nothing_of_the_inside(api, open_server):
+    for path in ("me", "tools", "ledger/head", "nothing"):
+        answer = api.get(f"/api/v1/{path}")
+        assert answer.headers["cache-control"] == "no-store"
+        assert answer.headers["content-type"].startswith("application/json")
+    for path in (
+        "/tools/none",
+        "/results/x",
+        "/calibrate/x",
+        "/nothing",
+        "/ledger?before=x",
+        "/_nicegui/x",
+        "/static/x",
+    ):
+        answer = api.get(path)
+        assert answer.status_code in (404, 422), path
+        assert "Traceback" not in answer.text
+        assert "site-packages" not in answer.text
+        assert "Error" not in answer.text.replace("NiceGUI", "")
+
+
+def test_a_network_is_not_told_where_the_ledger_lies(users_server):
+    with users_server.program("administrator") as program:
+        for path in (f"/api/v1/sessions/{UNKNOWN}", f"/api/v1/calibrations/{UNKNOWN}", f"/results/{UNKNOWN}"):
+            answer = program.get(path)
+            assert answer.status_code == 404
+            assert str(users_server.ledger.parent) not in answer.text
+
+
+def test_the_description_needs_no_network(api):
+    page = api.get("/api")
+    assert "http://" not in page.text.replace("http://127.0.0.1", "")
+    assert "https://" not in page.text
+    for path in ("/docs", "/redoc", "/openapi.json"):
+        assert api.get(path).status_code == 404
+    assert len(json.dumps(api.get("/api/openapi.json").json()["paths"])) > 1000
+
+
+def test_everything_in_one_file(api, open_server):
+    answer = api.get("/api/v1/ledger/export")
+    assert answer.headers["content-type"] == "application/zip"
+    assert answer.content[:2] == b"PK"
+    assert len(answer.content) == int(answer.headers["content-length"])
