@@ -52,7 +52,7 @@ CASES = (
 
 def variants() -> dict[str, WindowFilterSettings]:
     """Name -> settings: each part alone on the plain filter, then together."""
-    alone = {"common_tilt": 0.0, "common_turn": 0.0}
+    alone = {"common_tilt": 0.0, "common_turn": 0.0, "common_delay": 0.0}
     off = {**alone, "igg3": None, "adaptive_three": None, "forgetting": None}
     both = {**alone, "forgetting": None}
     return {

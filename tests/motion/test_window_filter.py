@@ -18,7 +18,7 @@ from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings
 from inclinometry.motion.window_smoother import smooth_windows
 
 TILT, TURN = float(np.radians(0.03)), float(np.radians(0.06))
-DEFAULT = WindowFilterSettings(common_tilt=0.0, common_turn=0.0)
+DEFAULT = WindowFilterSettings(common_tilt=0.0, common_turn=0.0, common_delay=0.0)
 PLAIN = replace(DEFAULT, igg3=None, adaptive_three=None, forgetting=None)
 
 
@@ -357,7 +357,7 @@ def test_nothing_and_nothing_known() -> None:
     """Empty in, empty out; all refused in, all refused out; a single row comes back."""
     assert len(robust_filter(part(MIXED, slice(0, 0)))) == 0
     assert robust_filter(part(MIXED, slice(20, 27))).refused.all()
-    one = smooth_windows(part(MIXED, slice(0, 1)))
+    one = smooth_windows(part(MIXED, slice(0, 1)), WindowFilterSettings(common_delay=0.0))
     np.testing.assert_allclose(one.quaternion, MIXED.quaternion[:1], atol=1e-14)
     np.testing.assert_allclose(one.covariance, MIXED.covariance[:1], rtol=0.2, atol=5e-8)  # what is common added
 
@@ -385,3 +385,13 @@ def test_another_north_is_refused() -> None:
     stream.push(part(MIXED, slice(0, 2)))
     with pytest.raises(InputError, match="true north"):
         stream.push(replace(part(MIXED, slice(2, 4)), north="true"))
+
+
+@pytest.mark.parametrize("rolling", [True, False])
+def test_a_delay_that_all_rows_share_does_not_average_out(rolling: bool) -> None:
+    """0.5 ms at 12 rad/s turn all azimuths alike by more than a row is unsure of; at rest they turn nothing."""
+    rows, _ = run(3, size=40, rolling=rolling)
+    late, free = robust_filter(rows, replace(DEFAULT, common_delay=5e-4)), robust_filter(rows, DEFAULT)
+    assert (late.u.azimuth[-1] > rows.u.azimuth[-1]) == rolling
+    assert (late.u.azimuth[-1] > 1.5 * free.u.azimuth[-1]) == rolling
+    np.testing.assert_allclose(late.u.inclination, free.u.inclination, rtol=1e-3)

@@ -18,7 +18,14 @@ from inclinometry.io.site_toml import read_site
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.motion.result import FLAGS, METHODS
 from inclinometry.motion.run_result import DynamicRun
-from inclinometry.workflow.dynamic import DEFAULT_WINDOW, DynamicOptions, dynamic_run, write_dynamic
+from inclinometry.workflow.dynamic import (
+    DEFAULT_WINDOW,
+    DELAY_SIGMA,
+    SCALE_SIGMA,
+    DynamicOptions,
+    dynamic_run,
+    write_dynamic,
+)
 
 RPM = 30.0 / np.pi
 
@@ -32,6 +39,8 @@ def dynamic(
     calibration: Path | None = None,
     method: str = "auto",
     window_s: float = DEFAULT_WINDOW,
+    delay_sd_ms: float = 1e3 * DELAY_SIGMA,
+    scale_sd_percent: float = 1e2 * SCALE_SIGMA,
     report: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -51,6 +60,12 @@ def dynamic(
         auto (looks at the data), magnetic, gyro, filter or smoother.
     window_s
         Length of a window.
+    delay_sd_ms
+        Standard deviation of the time by which magnetometer, accelerometers and gyro are out of step, ms. A changing
+        speed of rotation shows a delay; at an even speed this turns azimuth by the angle turned in that time.
+    scale_sd_percent
+        Without --calibration: standard deviation of each scale error and coupling of the magnetometer, percent; a third
+        of it is taken for the accelerometers.
     report
         Write an HTML report.
     json
@@ -59,7 +74,7 @@ def dynamic(
     output.claim(
         {"--output": output_, "--report": report}, {"the run": run, "--site": site, "--calibration": calibration}
     )
-    options = DynamicOptions(method, window_s)
+    options = DynamicOptions(method, window_s, delay_sigma=1e-3 * delay_sd_ms, scale_sigma=1e-2 * scale_sd_percent)
     checked_ending(output_)
     found = _reduced(run, site, calibration, options)
     page = None

@@ -16,6 +16,8 @@ BIASED: Final = sum(BITS[name] for name in ("disturbed", "step", "aliased", "axe
 """Flags of rows that may be off together: no evidence for a bend of the hole."""
 DOUBTFUL: Final = BIASED | sum(BITS[name] for name in ("clipped", "vibration", "misfit", "not-still"))
 """Flags of rows whose uncertainty is counted larger."""
+DELAYED: Final = 2.0
+"""Azimuth by the angle that the field is turned by a delay: 1 / cos D at most, 2 at a dip of 60 deg."""
 LOW_WEIGHT: Final = 0.1
 """Weight below which a row is flagged as a misfit."""
 
@@ -46,6 +48,26 @@ class Row(NamedTuple):
         if self.matrix is None or self.covariance is None:
             return False
         return not azimuth_unknown(self.matrix, self.covariance)
+
+
+class Common(NamedTuple):
+    """Standard deviations of what all rows share: rad about horizontal axes, rad about the vertical, s of delay."""
+
+    tilt: float
+    turn: float
+    delay: float
+
+    def covariance(self, step: Step, matrix: Array) -> Array:
+        """Share (3, 3) of a row, tool axes; what a delay turns is no more than the row itself is unsure of."""
+        down = matrix[:, 2]
+        speed = step.rate if np.isfinite(step.rate) else 0.0
+        delayed = (DELAYED * speed * self.delay) ** 2
+        if step.row.covariance is not None:
+            # the row's own variance of azimuth
+            level = max(float(down[:2] @ down[:2]), 1e-12)
+            delayed = min(delayed, float(down[:2] @ step.row.covariance[:2, :2] @ down[:2]) / level**2)
+        spread = np.array([self.tilt**2, self.tilt**2, self.turn**2 + delayed])
+        return np.asarray((matrix * spread) @ matrix.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,12 +135,10 @@ def updated(predicted: Belief, offset: Array, noise: Array) -> Belief:
     return Belief(predicted.time, frame, predicted.rate + change[2:], 0.5 * (covariance + covariance.T))
 
 
-def attitude_of(
-    steps: list[Step], north: str, method: str, common: tuple[float, float, float], notes: tuple[str, ...] = ()
-) -> Attitude:
+def attitude_of(steps: list[Step], north: str, method: str, common: Common, notes: tuple[str, ...] = ()) -> Attitude:
     """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits.
 
-    common : standard deviations about north, east and down of what all rows share, rad; added to every row.
+    common : what all rows share; added to every row.
     """
     size = len(steps)
     quaternion, covariance = np.full((size, 4), np.nan), np.full((size, 3, 3), np.nan)
@@ -127,7 +147,7 @@ def attitude_of(
         if step.matrix is None or step.covariance is None:
             continue
         quaternion[place] = quaternion_from_dcm(step.matrix)
-        covariance[place] = step.covariance + (step.matrix * np.square(common)) @ step.matrix.T
+        covariance[place] = step.covariance + common.covariance(step, step.matrix)
         if step.belief is not None and step.row.matrix is not None and step.weight < LOW_WEIGHT:
             flags[place] |= BITS["misfit"]
     return Attitude(

@@ -10,7 +10,7 @@ import numpy as np
 from inclinometry.attitude.rotations import dcm_from_quaternion
 from inclinometry.core.arrays import within
 from inclinometry.core.errors import InputError
-from inclinometry.motion._window_model import Row, Step, attitude_of
+from inclinometry.motion._window_model import Common, Row, Step, attitude_of
 from inclinometry.motion._window_recursion import Recursion
 from inclinometry.motion.adaptive import sage_husa_share, yang_factor_three
 from inclinometry.motion.result import Attitude
@@ -30,6 +30,7 @@ _RANGES: Final = {
     "roll_share": (0.0, 1.0, ""),
     "common_tilt": (0.0, 1.0, "rad"),
     "common_turn": (0.0, 3.0, "rad"),
+    "common_delay": (0.0, 0.1, "s"),
     "longest_bridge": (0.0, 1e7, "s"),
 }
 
@@ -71,6 +72,10 @@ class WindowFilterSettings:
         rad, standard deviation of errors that all rows share (calibration, reference), about each horizontal axis and
         about the vertical. They are added to the result; the rows' own covariance should not hold them. The
         defaults, 0.006 and 0.011 deg, are of a perfectly calibrated tool in simulated drilling; state your own.
+    common_delay : float
+        s, standard deviation of the delay between magnetometer and accelerometer, which turns the azimuth of all rows
+        of one speed alike (twice the angle turned meanwhile at most dips). About the vertical no more than a row's own
+        variance is taken for common: a delay that was found no longer counts.
     longest_bridge : float
         s, without an attitude, after which the filter starts anew.
 
@@ -94,6 +99,7 @@ class WindowFilterSettings:
     roll_share: float = 0.01
     common_tilt: float = 1e-4
     common_turn: float = 2e-4
+    common_delay: float = 1e-4
     longest_bridge: float = 1800.0
 
     def __post_init__(self) -> None:
@@ -128,9 +134,10 @@ class RobustStream:
         self._north: str | None = None
 
     @property
-    def common(self) -> tuple[float, float, float]:
-        """Standard deviations of what all rows share, about north, east and down."""
-        return self._settings.common_tilt, self._settings.common_tilt, self._settings.common_turn
+    def common(self) -> Common:
+        """Standard deviations of what all rows share."""
+        chosen = self._settings
+        return Common(chosen.common_tilt, chosen.common_turn, chosen.common_delay)
 
     def push(self, rows: Attitude) -> Attitude:
         """Rows that became complete.

@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Final
 
 from inclinometry.calibration.result import Calibration
+from inclinometry.core.arrays import within
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.attitude_file import write_attitude
 from inclinometry.io.columns import KIND_PREFIX
 from inclinometry.io.run_file import BLOCK, RunFile
+from inclinometry.motion.grid import unit_doubt
 from inclinometry.motion.run_result import DynamicRun, RunCounts
 from inclinometry.motion.timing import Piece, StretchCutter
 from inclinometry.workflow.dynamic_methods import (
@@ -31,7 +33,12 @@ from inclinometry.workflow.dynamic_signals import Signals, temperature_doubts, t
 from inclinometry.workflow.field import completed
 
 Progress = Callable[[int], None]
+_REMEDY: Final = "add columns such as accel_x, accel_y, accel_z (m/s^2, gravity minus acceleration)"
 DEFAULT_WINDOW: Final = 10.0
+DELAY_SIGMA: Final = 1e-4
+"""s: triads sampled together whose anti-alias filters are alike to a few per cent of their delay."""
+SCALE_SIGMA: Final = 3e-3
+"""Of a triad trimmed once and never calibrated in its housing."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,10 @@ class DynamicOptions:
 
     method : a key of `METHODS`.
     window : s, length of a window.
+    delay_sigma : s, standard uncertainty of the time by which the sensors are out of step; a speed that changes shows
+        more.
+    scale_sigma : without a calibration, of each scale error and coupling of the magnetometer, a third of it of the
+        accelerometers.
     block : samples handled at a time; results do not depend on it.
 
     Raises
@@ -57,11 +68,15 @@ class DynamicOptions:
     method: str = "auto"
     window: float = DEFAULT_WINDOW
     block: int = BLOCK
+    delay_sigma: float = DELAY_SIGMA
+    scale_sigma: float = SCALE_SIGMA
 
     def __post_init__(self) -> None:
         chosen_method(self.method)
         if not SHORTEST <= self.window <= LONGEST:
             raise InputError(f"the window is {self.window:g} s; allowed {SHORTEST:g} to {LONGEST:g} s")
+        within(self.delay_sigma, "the standard deviation of the delay", 0.0, 0.01, "s")
+        within(self.scale_sigma, "the standard deviation of the scale errors", 0.0, 0.1)
         if self.block < 1:
             raise InputError(f"the block is {self.block} samples; allowed: 1 or more")
 
@@ -105,8 +120,14 @@ def dynamic_run(
     place, said = completed(site)
     _check_triads(run, chosen.method, method)
     _check_north(place, run)
-    setup = Setup(place, chosen.window, offset_doubt(calibration, place))
-    work = _Work(run, Signals(run, place, calibration), Rows(place, calibration, chosen.window), setup, method)
+    setup = Setup(place, chosen.window, offset_doubt(calibration, place), chosen.delay_sigma)
+    work = _Work(
+        run,
+        Signals(run, place, calibration),
+        Rows(place, calibration, chosen.window, chosen.scale_sigma),
+        setup,
+        method,
+    )
     try:
         for block in run.blocks(chosen.block):
             fields = work.signals.fields(block)
@@ -163,6 +184,9 @@ class _Work:
             samples = piece.samples
             if not len(samples):
                 continue
+            doubt = unit_doubt(samples.interval)
+            if doubt:
+                raise InputError(doubt)
             if self.start != self.start:
                 self.start = float(samples.time[0])
             self.stop = float(samples.time[-1])
@@ -198,7 +222,7 @@ def _check_triads(run: RunFile, name: str, method: Method) -> None:
     if not missing:
         return
     able = [other for other, each in METHODS.items() if set(each.needs) <= there]
-    remedy = f"; it can be reduced with --method {' or '.join(able)}" if able else ""
+    remedy = f"; it can be reduced with --method {' or '.join(able)}" if able else ": " + _REMEDY
     raise FileError(f"the method {name!r} needs {', '.join(missing)}, which the run has not{remedy}", path=run.path)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
-from inclinometry.attitude.orientation import Angles, fields
+from inclinometry.attitude.orientation import Angles, angles_jacobian, fields
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.angles import TAU
 from inclinometry.core.arrays import Array, Mask
@@ -22,6 +23,8 @@ TURNS: Final = 8
 """Toolfaces over which the calibration's share is averaged while the tool turns."""
 NOTHING: Final = 0.999
 """Share of the uncertainty of an angle nothing is known of from which it is left blank."""
+ACCEL_SHARE: Final = 1.0 / 3.0
+"""Scale errors of uncalibrated accelerometers, of those of the magnetometer."""
 USUAL_DIP: Final = float(np.radians(65.0))
 """Dip for the calibration's share where the site has none."""
 
@@ -36,9 +39,13 @@ class Rows:
     calibration : Calibration, optional
     window : float
         s; a tool that turns more than once in it is seen from all sides.
+    scale : float
+        Without a calibration, standard deviation of each scale error and coupling of the magnetometer; a third of it
+        is the accelerometers'.
     """
 
-    def __init__(self, site: Site, calibration: Calibration | None, window: float) -> None:
+    def __init__(self, site: Site, calibration: Calibration | None, window: float, scale: float = 0.0) -> None:
+        self._scale = scale
         self._site, self._calibration, self._window = site, calibration, window
         self._parts: list[AttitudeRows] = []
         self.notes: list[str] = []
@@ -62,10 +69,13 @@ class Rows:
         at, u = found.angles, found.u
         good = ~found.refused
         own = np.stack([u.inclination, u.azimuth, u.toolface], axis=1) ** 2
-        if self._calibration is not None and good.any():
+        if good.any():
             turning = np.abs(np.nan_to_num(found.rate[good])) * self._window > TAU
             seen = Angles(*(column[good] for column in at))
-            own[good] += self._by_calibration(self._calibration, seen, turning, found.north)
+            if self._calibration is not None:
+                own[good] += self._by_calibration(self._calibration, seen, turning, found.north)
+            elif self._scale:
+                own[good] += self._by_scale(seen, turning, found.north)
         azimuth, north = np.full(len(found), np.nan), found.north
         if good.any():
             padded = np.concatenate([own[good], np.zeros((int(good.sum()), 1))], axis=1)
@@ -114,12 +124,9 @@ class Rows:
         tool = calibration.tool
         if "accelerometer" not in tool.triads:
             return np.zeros((len(turning), 3))
-        dip = USUAL_DIP if self._site.dip is None else self._site.dip
         heat = None if self.heat is None else np.full(len(turning), self.heat)
         moved = np.zeros((len(turning), 4, len(tool.parameter_names)))
-        for step in range(TURNS):
-            toolface = at.toolface + np.where(turning, TAU * step / TURNS, 0.0)
-            g, b = fields(at.azimuth, at.inclination, toolface, dip)
+        for g, b in self._seen(at, turning):
             seen = {"accelerometer": g}
             if source == "magnetic" and "magnetometer" in tool.triads:
                 seen["magnetometer"] = b
@@ -128,3 +135,24 @@ class Rows:
         moved = np.where(np.isfinite(moved), moved, 0.0)
         moved[..., [".offset[" in name for name in tool.parameter_names]] = 0.0
         return np.asarray(np.einsum("kap,pq,kaq->ka", moved, tool.covariance, moved, optimize=True)[:, :3])
+
+    def _by_scale(self, at: Angles, turning: Mask, source: str) -> Array:
+        """Variances (k, 3) by scale errors and couplings, each independent, of sensors that no calibration vouches for.
+
+        A change E of a triad's matrix moves its field v by E v; what turns with the tool averages out.
+        """
+        moved = np.zeros((2, len(turning), 4, 3, 3))
+        for g, b in self._seen(at, turning):
+            slopes = angles_jacobian(g, b) / TURNS
+            slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+            moved[0] += slopes[:, :, :3, None] * g[:, None, None, :]
+            moved[1] += slopes[:, :, 3:, None] * b[:, None, None, :]
+        by_accel, by_mag = np.sum(moved**2, axis=(3, 4))[:, :, :3]
+        return np.asarray(self._scale**2 * (ACCEL_SHARE**2 * by_accel + (by_mag if source == "magnetic" else 0.0)))
+
+    def _seen(self, at: Angles, turning: Mask) -> Iterator[tuple[Array, Array]]:
+        """Directions of gravity and field from `TURNS` sides where the tool turns, else as often from the one."""
+        dip = USUAL_DIP if self._site.dip is None else self._site.dip
+        for step in range(TURNS):
+            toolface = at.toolface + np.where(turning, TAU * step / TURNS, 0.0)
+            yield fields(at.azimuth, at.inclination, toolface, dip)

@@ -13,6 +13,7 @@ from inclinometry.motion.magnetic.stream import MagneticStream
 from inclinometry.motion.result import Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.timing import rejoined
+from inclinometry.motion.window_filter import WindowFilterSettings
 
 MOST_SAMPLES: Final = 1_000_000
 """Samples smoothed at a time, some 300 MB."""
@@ -106,8 +107,10 @@ def _copied(samples: Samples) -> Samples:
 class WindowSmoother:
     """The smoother of magnetic windows, for runs without a gyro."""
 
-    def __init__(self, stream: MagneticStream, most: int = MOST_ROWS) -> None:
-        self._stream, self._most = stream, most
+    def __init__(
+        self, stream: MagneticStream, settings: WindowFilterSettings | None = None, most: int = MOST_ROWS
+    ) -> None:
+        self._stream, self._settings, self._most = stream, settings, most
         self._parts: list[Attitude] = []
 
     def push(self, samples: Samples) -> Attitude:
@@ -126,7 +129,8 @@ class WindowSmoother:
         found = []
         for start in range(0, len(rows), self._most):
             first = max(0, start - LEAD)
-            part = smooth_windows(taken(rows, np.arange(first, min(start + self._most + LEAD, len(rows)))))
+            piece = taken(rows, np.arange(first, min(start + self._most + LEAD, len(rows))))
+            part = smooth_windows(piece, self._settings)
             found.append(taken(part, np.arange(start - first, min(start + self._most, len(rows)) - first)))
         return joined(found)
 
