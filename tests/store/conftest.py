@@ -2,64 +2,43 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from benchmarks.postgresql import Server, programs, server
 
 from inclinometry.store.admin import create
 from inclinometry.store.ledger import Ledger
 
 
-def _programs() -> Path | None:
-    """Folder of initdb and pg_ctl: on the path, or where Debian keeps them."""
-    found = shutil.which("initdb")
-    folders = [Path(found).parent] if found else sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
-    return next((folder for folder in folders if (folder / "pg_ctl").exists()), None)
-
-
 @pytest.fixture(scope="session")
-def postgresql(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Address of a server of our own, reached through a socket in a temporary folder."""
-    programs = _programs()
-    if programs is None:
+def postgresql(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A server of our own, reached through a socket in a temporary folder."""
+    if programs() is None:
         pytest.skip("PostgreSQL's server is not installed")
-    folder = tmp_path_factory.mktemp("pg")
-    as_user: list[str] = []
-    if os.geteuid() == 0:  # the server refuses to run as root
-        as_user = ["runuser", "-u", "postgres", "--"]
-        for part in (folder, *folder.parents[:2]):
-            part.chmod(0o755)
-        shutil.chown(folder, "postgres")
-    data = folder / "data"
-
-    def run(*command: str | Path) -> None:
-        subprocess.run([*as_user, *map(str, command)], check=True, capture_output=True, cwd=folder)
-
-    run(programs / "initdb", "-D", data, "-A", "trust", "-U", "ledger", "-N", "-E", "UTF8", "--locale=C")
-    options = f"-c listen_addresses='' -c fsync=off -k {folder}"
-    run(programs / "pg_ctl", "-D", data, "-w", "-l", folder / "log", "-o", options, "start")
-    yield f"postgresql+psycopg://ledger@/{{name}}?host={folder}"
-    run(programs / "pg_ctl", "-D", data, "-w", "-m", "immediate", "stop")
+    with server(tmp_path_factory.mktemp("pg"), safe=False) as running:
+        yield running
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def ledger(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Ledger]:
-    """An empty ledger."""
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[], str]:
+    """Gives new places for ledgers on one engine."""
     if request.param == "sqlite":
-        where = str(tmp_path / "ledger.sqlite")
-    else:
-        import psycopg
+        turn = iter("abcdefgh")
+        return lambda: str(tmp_path / f"{next(turn)}.sqlite")
+    running: Server = request.getfixturevalue("postgresql")
+    return running.database
 
-        server = request.getfixturevalue("postgresql")
-        name = f"l{uuid.uuid4().hex}"
-        address = server.format(name="postgres").replace("+psycopg", "")
-        with psycopg.connect(address, autocommit=True) as connection:
-            connection.execute(f"CREATE DATABASE {name}")
-        where = server.format(name=name)
-    with create(where) as made:
+
+@pytest.fixture
+def ledger(place: Callable[[], str]) -> Iterator[Ledger]:
+    """An empty ledger."""
+    with create(place()) as made:
         yield made
+
+
+@pytest.fixture
+def engine_name(ledger: Ledger) -> str:
+    """Name of the engine of `ledger`."""
+    return "postgresql" if "://" in ledger.where else "sqlite"

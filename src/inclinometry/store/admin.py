@@ -22,12 +22,13 @@ def create(where: str | Path) -> Ledger:
     """
     if "://" not in str(where):
         path = Path(where)
-        if path.is_dir():
-            raise LedgerError(f"{where} is a folder; name a file in it, e.g. {path / 'ledger.sqlite'}")
         try:
+            if path.is_dir():
+                raise LedgerError(f"{where} is a folder; name a file in it, e.g. {path / 'ledger.sqlite'}")
             path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise LedgerError(f"{where}: the folder cannot be made ({error.strerror})") from None
+        except (OSError, UnicodeEncodeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise LedgerError(f"{where!r:.200}: the folder cannot be made ({reason})") from None
     made = engine(where, create=True)
     try:
         if made.dialect.name == "sqlite":

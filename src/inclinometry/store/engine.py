@@ -99,9 +99,13 @@ def engine(where: str | Path, *, create: bool = False, read_only: bool = False) 
 def _file(text: str, create: bool, read_only: bool) -> Engine:
     path = Path(text)
     try:
+        os.fsencode(text)
+        if "\0" in text:
+            raise ValueError("a NUL character")
         there, plain = path.exists(), path.is_file()
     except (OSError, ValueError) as error:
-        raise LedgerError(f"{text!r:.200}: this cannot be the path of a ledger ({error})") from None
+        reason = getattr(error, "strerror", None) or error
+        raise LedgerError(f"{text!r:.200}: this cannot be the path of a ledger ({reason})") from None
     if there and not plain:
         kind = "a folder" if path.is_dir() else "a device or pipe"
         raise LedgerError(f"{text} is {kind}, not a ledger; name a file")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -52,16 +52,27 @@ KINDS: Final[Mapping[str, Kind]] = {
 """A tool, rig, site or user is changed by a newer record of the same key; the others are never changed."""
 
 
+def _items(validator: Any, items: Any, instance: Any, schema: Any) -> Iterator[Any]:
+    """The keyword "items", without a validator for each number of a list of numbers: half the time of a reading."""
+    from jsonschema import Draft202012Validator
+
+    if items == {"type": "number"} and type(instance) is list and {*map(type, instance)} <= {float, int}:
+        return
+    yield from Draft202012Validator.VALIDATORS["items"](validator, items, instance, schema) or ()
+
+
 @cache
 def _validator(kind: str, version: int) -> Draft202012Validator:
     from jsonschema import Draft202012Validator
+    from jsonschema.validators import extend
 
     name = f"{kind}-{version}.json"
     try:
         text = files("inclinometry.store").joinpath("schemas", name).read_text("utf-8")
     except FileNotFoundError:
         raise InputError(f"{kind} records of version {version} are not known; update inclinometry") from None
-    return Draft202012Validator(json.loads(text))
+    made: Draft202012Validator = extend(Draft202012Validator, {"items": _items})(json.loads(text))  # type: ignore[no-untyped-call]
+    return made
 
 
 def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: int = VERSION) -> Kind:

@@ -159,7 +159,8 @@ class Ledger:
     def find(self, kind: str, *, after: int = 0, limit: int = 1000, newest: bool = False, **keys: Any) -> list[Record]:
         """Records with these keys in order of their place in the chain, beyond `after`; newest first when asked.
 
-        With `newest`, `after` is the place before which to go on (0: from the end).
+        With `newest`, `after` is the place before which to go on (0: from the end). A list as the value of a key finds
+        the records that have any of its values.
         """
         column = _table(kind).c.seq
         after, limit = min(max(after, 0), _LAST), min(max(limit, 0), _LAST)
@@ -224,9 +225,9 @@ class Ledger:
             return [record_of(kind, row) for row in connection.execute(query)]
 
     def _tail(self, connection: Connection) -> tuple[chain.Head, str | None]:
-        row = connection.execute(
-            select(CHAIN.c.seq, CHAIN.c.link, CHAIN.c.created).order_by(CHAIN.c.seq.desc())
-        ).first()
+        # without the limit PostgreSQL's driver fetches the whole chain
+        query = select(CHAIN.c.seq, CHAIN.c.link, CHAIN.c.created).order_by(CHAIN.c.seq.desc()).limit(1)
+        row = connection.execute(query).first()
         return (chain.Head(0, chain.GENESIS), None) if row is None else (chain.Head(row.seq, row.link), row.created)
 
     @contextmanager
@@ -263,8 +264,15 @@ def _matching(kind: str, keys: Mapping[str, Any]) -> ColumnElement[bool]:
     unknown = set(keys) - set(KINDS[kind].keys)
     if unknown:
         raise InputError(f"{kind} records are not found by {', '.join(sorted(unknown))}; use {tuple(KINDS[kind].keys)}")
-    for name, wanted in KINDS[kind].keys.items():
-        # what no record can have finds none; the engines would each complain in their own way
-        if name in keys and not (plain(keys[name]) if wanted is str else keys[name] in INTEGERS):
-            return false()
-    return and_(True, *(TABLES[kind].c[name] == value for name, value in keys.items()))
+    return and_(True, *(_equal(kind, name, value) for name, value in keys.items()))
+
+
+def _equal(kind: str, name: str, value: Any) -> ColumnElement[bool]:
+    # what no record can have finds none; the engines would each complain in their own way
+    text = KINDS[kind].keys[name] is str
+    wanted = value if isinstance(value, list | tuple | set) else [value]
+    possible = [one for one in wanted if (plain(one) if text else type(one) is int and one in INTEGERS)]
+    column = TABLES[kind].c[name]
+    if not possible:
+        return false()
+    return column == possible[0] if len(possible) == 1 else column.in_(possible)
