@@ -46,7 +46,7 @@ class RunHeader(NamedTuple):
 
 
 def run_header(path: Path, header: Sequence[str], line: int, stated: Mapping[str, str] | None = None) -> RunHeader:
-    """The columns of a run by their names, and by the units `stated` apart from them.
+    """The columns of a run by their names, in a `line` (0: no text file), and by the units `stated` apart from them.
 
     Raises
     ------
@@ -64,8 +64,13 @@ def run_header(path: Path, header: Sequence[str], line: int, stated: Mapping[str
         "",
     )
     unused = [f"column {name!r} is not known and was not used" for name in table.unknown(LOG)]
-    table.require(["time_s"])
-    signals = read_signals(table)
+    try:
+        table.require(["time_s"])
+        signals = read_signals(table)
+    except FileError as error:
+        if line:
+            raise
+        raise FileError(error.problem, path=path) from None
     unused += [f"column {c.name!r} was not used" for c in map(channel, table.header) if c is not None and c.sd]
     names = {kind: tuple(named[name] for name in found) for kind, found in signals.names.items()}
     return RunHeader(

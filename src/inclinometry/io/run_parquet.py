@@ -31,7 +31,7 @@ class ParquetRun:
             twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
             if twice is not None:
                 raise FileError(f"column {twice!r} appears twice; remove one", path=path)
-            self.header: RunHeader = run_header(path, names, 1, _units(schema))
+            self.header: RunHeader = run_header(path, names, 0, _units(schema))
             _check_types(path, schema, self.header.wanted)
             self._rows = int(file.metadata.num_rows)
 

@@ -194,8 +194,13 @@ def _turned_otherwise(speed: float, mag: Array, interval: float) -> bool:
     strength = np.linalg.norm(mag, axis=1)
     if float(strength.std()) > STEADY * float(strength.mean()):
         return False
-    turned = -float(np.sum(wrap_signed(np.diff(np.arctan2(mag[:, 1], mag[:, 0])))))
-    return abs(turned - speed * interval * (len(mag) - 1)) > OTHERWISE + OTHERWISE_SHARE * abs(turned)
+    path = np.cumsum(-wrap_signed(np.diff(np.arctan2(mag[:, 1], mag[:, 0]))))
+    if abs(path[-1] - speed * interval * path.size) > OTHERWISE + OTHERWISE_SHARE * abs(path[-1]):
+        return True
+    # the right mean speed, but the field turns now faster, now slower
+    x = np.arange(path.size) - 0.5 * (path.size - 1)
+    uneven = path - path.mean() - x * float(x @ path / max(float(x @ x), 1.0))
+    return float(np.ptp(uneven)) > OTHERWISE
 
 
 def _axial_alive(values: Array, *, turning: bool) -> bool:

@@ -16,8 +16,16 @@ MOST_SHARED: Final = 0.02
 """Share of stamps that may fall on a place that is taken."""
 FIRST: Final = 64
 """Stamps the interval is searched with."""
+CLEAR: Final = 0.7
+"""Closeness of the first stamps' phases (1 - 2 (pi jitter)^2, of an interval) below which all are searched with."""
 CERTAIN: Final = 1e-3
 """Uncertainty of an interval, as a share of it, below which a round one beside it is no chance."""
+SHORTEST: Final = 2e-5
+"""s, intervals between samples that are believed,"""
+LONGEST: Final = 2.0
+PLAUSIBLE: Final = (2e-4, 0.5)
+"""and those that another unit is guessed from."""
+TIME_UNITS: Final = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "hours": 3600.0, "days": 86400.0}
 _DIGITS: Final = (1, 2, 3, 4)
 """Significant digits of intervals and rates people choose."""
 
@@ -95,7 +103,11 @@ def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
     if t.size < 2:
         raise InputError(f"{t.size} time stamps; a sampling interval needs 2 or more")
     count = min(t.size, FIRST)
-    start, interval = _coarse(t[:count])
+    start, interval, clear = _coarse(t[:count])
+    if clear < CLEAR:
+        # stamps that jitter this much hide the interval from a few of them
+        count = t.size
+        start, interval, _ = _coarse(t)
     while interval > 0.0:
         places = np.rint((t[:count] - start) / interval)
         start, interval = _line(places, t[:count])
@@ -117,13 +129,42 @@ def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
     return grid._replace(start=grid.start + interval * float(numbers[0])) if good else None
 
 
-def _coarse(t: Array) -> tuple[float, float]:
-    """Start and interval that bring the phases of the stamps closest together."""
+def unit_doubt(interval: float) -> str:
+    """What is to be said of an interval that no sensor of a moving tool has; empty for a usual one.
+
+    Parameters
+    ----------
+    interval : float
+        s.
+
+    Examples
+    --------
+    >>> unit_doubt(0.01), unit_doubt(5.0)
+    ('', 'the stamps are 5 s apart; are they in milliseconds? time_s is in seconds: divide by 1000')
+    """
+    if SHORTEST <= interval <= LONGEST:
+        return ""
+    said = f"the stamps are {interval:.6g} s apart"
+    for unit, factor in TIME_UNITS.items():
+        if PLAUSIBLE[0] <= interval * factor <= PLAUSIBLE[1]:
+            way = f"divide by {1.0 / factor:.6g}" if factor < 1.0 else f"multiply by {factor:.6g}"
+            return f"{said}; are they in {unit}? time_s is in seconds: {way}"
+    return f"{said}; a moving tool is sampled every {SHORTEST:g} to {LONGEST:g} s, in seconds"
+
+
+def _coarse(t: Array) -> tuple[float, float, float]:
+    """Start and interval that bring the phases of the stamps closest together, and how close: 1 is one phase."""
     usual = float(np.median(np.diff(t)))
     tried = usual * np.concatenate([[1.0], np.arange(0.7, 1.3, 0.1 / t.size)])
-    phasor = np.exp(2j * np.pi * (t - t[0]) / tried[:, None]).mean(axis=1)
+    phasor = np.concatenate(
+        [
+            np.exp(2j * np.pi * (t - t[0]) / some[:, None]).mean(axis=1)
+            for some in np.array_split(tried, max(tried.size // 512, 1))
+        ]
+    )
     best = int(np.abs(phasor).argmax())
-    return float(t[0] + np.angle(phasor[best]) / (2.0 * np.pi) * tried[best]), float(tried[best])
+    start = float(t[0] + np.angle(phasor[best]) / (2.0 * np.pi) * tried[best])
+    return start, float(tried[best]), float(np.abs(phasor[best]))
 
 
 def _line(places: Array, t: Array) -> tuple[float, float]:

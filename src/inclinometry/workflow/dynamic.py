@@ -142,7 +142,7 @@ def dynamic_run(
         raise FileError(f"{length} of {chosen.window:g} s; give a longer run or a shorter window", path=run.path)
     vibration, envelopes, excerpts, spectrogram = work.monitor.finish()
     heat = temperature_doubts(work.monitor.heat, calibration)
-    notes = (*run.notes, *said, *work.cutter.report.notes(), *heat, *work.rows.notes)
+    notes = (*run.notes, *said, *work.signals.absurd.notes(), *work.cutter.report.notes(), *heat, *work.rows.notes)
     return DynamicRun(
         work.rows.done(),
         vibration,

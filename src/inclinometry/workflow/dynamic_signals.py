@@ -15,6 +15,7 @@ from inclinometry.io.columns import KIND_PREFIX
 from inclinometry.io.even_log import TO_SI
 from inclinometry.io.run_file import RunBlock, RunFile
 from inclinometry.sensors.triad import Triad
+from inclinometry.workflow.dynamic_absurd import Absurd
 
 INSIDE: Final = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
 _ALLOWED: Final = {
@@ -54,6 +55,7 @@ class Signals:
         self._run, self._calibration = run, calibration
         self._warm: float | None = None
         self._judged = False
+        self.absurd = Absurd(run.names)
         if calibration is None:
             self._factors = {kind: _factor(kind, run.units[kind], names) for kind, names in run.names.items()}
         else:
@@ -77,6 +79,8 @@ class Signals:
             else:
                 triad = self._calibration.tool.triads[kind]
                 found[kind] = self._strengths[kind] * _field(triad, values, heat, found.get("accelerometer"))
+            found[kind] = self.absurd.blanked(kind, values, found[kind])
+        self.absurd.counted(len(block.time))
         if not self._judged:
             self._judged = True
             for kind, vectors in found.items():
