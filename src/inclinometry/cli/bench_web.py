@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import socket
+import ssl
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -57,8 +58,7 @@ def bench(
     """
     if demo and instrument not in (None, SIMULATED):
         raise InputError("--demo brings its own simulated instrument; leave --instrument out")
-    if (certificate is None) != (key is None):
-        raise InputError("--certificate and --key are needed together, or neither of them")
+    _check_secrets(certificate, key)
     where = str(default_path()) if ledger is None else ledger
     with ExitStack() as stack:
         stack.enter_context(_endable())
@@ -85,17 +85,32 @@ def _endable() -> Iterator[None]:
 @contextmanager
 def _listening(host: str, port: int) -> Iterator[socket.socket]:
     """The socket, opened before anything else is started."""
-    try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        with socket.socket(family, socket.SOCK_STREAM) as made:
+    if not 0 <= port <= 65535:
+        raise InputError(f"--port is {port}; allowed 0 to 65535")
+    with ExitStack() as stack:
+        try:
+            family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+            made = stack.enter_context(socket.socket(family, socket.SOCK_STREAM))
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             made.bind((host, port))
-            yield made
-    except OverflowError:
-        raise InputError(f"--port is {port}; allowed 0 to 65535") from None
-    except (OSError, UnicodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot listen at {host} port {port} ({reason}); choose another --port") from None
+        except (OSError, UnicodeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise InputError(
+                f"cannot listen at {host} port {port} ({reason}); choose another --port or --host"
+            ) from None
+        yield made
+
+
+def _check_secrets(certificate: Path | None, key: Path | None) -> None:
+    """The files for TLS, before anything is started."""
+    if (certificate is None) != (key is None):
+        raise InputError("--certificate and --key are needed together, or neither of them")
+    if certificate is not None and key is not None:
+        try:
+            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+        except OSError as error:
+            reason = error.strerror or error
+            raise InputError(f"--certificate {certificate} with --key {key} cannot be used ({reason})") from None
 
 
 @contextmanager
