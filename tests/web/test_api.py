@@ -9,7 +9,8 @@ import pytest
 UNKNOWN = "0" * 32
 NASTY = (
     "<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "=cmd|' /C calc'!A0", "{{7*7}} ${7*7} %s {0}",
-    "'; DROP TABLE tool; --", "../../etc/passwd", "%2e%2e%2f", "a/b", "a?b#c", "Ünïcödé 工具 Прибор", "x" * 200, "\\", ".", "..",
+    "'; DROP TABLE tool; --", "../../etc/passwd", "%2e%2e%2f", "a/b", "a?b#c", "Ünïcödé 工具 Прибор",
+    "x" * 200, "\\", ".", "..",
 )  # fmt: skip
 JSON = {"Content-Type": "application/json"}
 

@@ -85,7 +85,7 @@ def test_every_route_says_what_it_does(described):
             assert {"401", "403", "422"} <= set(about["responses"]), (method, path)
 
 
-@pytest.mark.parametrize(("method", "path"), ROUTES, ids=lambda x: str(x))
+@pytest.mark.parametrize(("method", "path"), ROUTES, ids=str)
 def test_each_route_for_each_role(users_server, method, path):
     if path.endswith("/logout"):
         return  # it would end the logins of the others; see test_logins

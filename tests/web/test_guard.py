@@ -12,8 +12,8 @@ SITES = ("http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1
 
 @pytest.mark.parametrize(
     "host",
-    ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example", "localhost.evil.example:{port}", "", "[::2]", "::1",
-     "127.0.0.1@evil.example", "192.168.1.1", "0.0.0.0", "\u0131localhost".encode().decode("latin-1")],
+    ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example", "localhost.evil.example:{port}", "", "[::2]",
+     "::1", "127.0.0.1@evil.example", "192.168.1.1", "0.0.0.0", "\u0131localhost".encode().decode("latin-1")],
 )  # fmt: skip
 def test_a_name_that_is_not_ours_is_refused(open_server, host):
     # DNS rebinding: the name of another site made to point here
