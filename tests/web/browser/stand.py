@@ -14,6 +14,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from inclinometry.io.laboratory_toml import Laboratory
+from inclinometry.store.admin import create
+from inclinometry.workflow.laboratory import demonstration
+from inclinometry.workflow.laboratory.begin_verification import begin_verification
+from inclinometry.workflow.laboratory.certificates import issue
+from inclinometry.workflow.laboratory.session import capture
+from inclinometry.workflow.laboratory.verification import finish_verification
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument
 from inclinometry.workflow.simulated_instrument_faults import parse_faults
 from inclinometry.workflow.simulated_instrument_stand import StandSettings
@@ -69,7 +76,7 @@ class Cable:
 
 @dataclass
 class Stand:
-    """A laboratory: `url` of the bench, its ledger, the instrument and its cable."""
+    """A laboratory: `url` of the bench, its ledger, the instrument and its cable, addresses of pages by name."""
 
     url: str
     ledger: Path
@@ -77,18 +84,57 @@ class Stand:
     cable: Cable
     process: subprocess.Popen[str]
     log: Path
+    pages: dict[str, str]
+
+
+def furnish(where: Path, seed: int) -> dict[str, str]:
+    """A ledger with something on every page; addresses of its pages, by name."""
+    laboratory = Laboratory("Demonstration laboratory", address="Example street 1", country="NO")
+    with create(str(where)) as ledger, SimulatedInstrument(seed=seed) as instrument:
+        session = demonstration.half_way(ledger, instrument).id
+        calibration = ledger.find("calibration", newest=True, limit=1)[0].id
+        rolls = begin_verification(ledger, calibration, "roll-4", author="anna")
+        for position in rolls.positions:
+            reading = demonstration.reading(instrument, position.dial, first=5000 + 100 * position.number)
+            capture(ledger, rolls.id, position.number, reading, author="anna")
+        verification = finish_verification(ledger, rolls.id, calibration, author="anna").id
+        number = issue(ledger, calibration, verification, laboratory, author="anna").keys["number"]
+    return {
+        "home": "/",
+        "tools": "/tools",
+        "tool": f"/tools/{demonstration.SERIAL}",
+        "start": "/calibrate",
+        "bench": f"/calibrate/{session}",
+        "result": f"/results/{calibration}",
+        "verify": "/verify",
+        "verification": f"/verifications/{verification}",
+        "issue": f"/certificates/new?calibration={calibration}",
+        "certificates": "/certificates",
+        "certificate": f"/certificates/{number}",
+        "ledger": "/ledger",
+        "users": "/users",
+    }
 
 
 @contextmanager
 def standing_ready(
-    folder: Path, *, faults: str = "", rate: float = 200.0, seconds: float = 0.25, turn: float = 0.05, seed: int = 3
+    folder: Path,
+    *,
+    faults: str = "",
+    rate: float = 200.0,
+    seconds: float = 0.25,
+    turn: float = 0.05,
+    seed: int = 3,
+    furnished: bool = False,
 ) -> Iterator[Stand]:
     """Start everything and end it: ledger, logs and downloads are in `folder`.
 
-    rate : samples a second; seconds : over which a reading is averaged; turn : s that a turn of the rig takes.
+    rate : samples a second; seconds : over which a reading is averaged; turn : s that a turn of the rig takes;
+    furnished : whether the ledger has records already.
     """
     folder.mkdir(parents=True, exist_ok=True)
     ledger, log = folder / "ledger.sqlite", folder / "server.log"
+    pages = furnish(ledger, seed) if furnished else {}
     settings = StandSettings(turn=turn)
     with SimulatedInstrument(
         seed=seed, rate=rate, rig_port=0, stand=settings, faults=parse_faults(faults)
@@ -104,7 +150,7 @@ def standing_ready(
         try:
             word, _, port = process.stdout.readline().strip().partition(" ")
             assert word == "port", log.read_text()
-            yield Stand(f"http://127.0.0.1:{port}", ledger, instrument, cable, process, log)
+            yield Stand(f"http://127.0.0.1:{port}", ledger, instrument, cable, process, log, pages)
         finally:
             process.terminate()
             process.wait(20)
