@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from sqlalchemy.engine import Engine
-from sqlalchemy.exc import SQLAlchemyError
 
-from inclinometry.store.engine import LedgerError, engine, shown
+from inclinometry.store.engine import LedgerError, engine, shown, translated
 from inclinometry.store.guards import unprotected
 from inclinometry.store.ledger import Ledger
 
@@ -31,16 +30,14 @@ def create(where: str | Path) -> Ledger:
             raise LedgerError(f"{where!r:.200}: the folder cannot be made ({reason})") from None
     made = engine(where, create=True)
     try:
-        if made.dialect.name == "sqlite":
-            raw = made.raw_connection()  # the mode cannot be set inside a transaction
-            raw.cursor().execute("PRAGMA journal_mode = WAL")
-            raw.close()
-        _migrate(made)
-        with made.connect() as connection:
-            bare = unprotected(connection)
-    except SQLAlchemyError as error:
-        cause = " ".join(str(getattr(error, "orig", error)).split())[:200]
-        raise LedgerError(f"{shown(where)}: no ledger can be made here ({cause})") from None
+        with translated(shown(where)):
+            if made.dialect.name == "sqlite":
+                raw = made.raw_connection()  # the mode cannot be set inside a transaction
+                raw.cursor().execute("PRAGMA journal_mode = WAL")
+                raw.close()
+            _migrate(made)
+            with made.connect() as connection:
+                bare = unprotected(connection)
     finally:
         made.dispose()
     if bare:

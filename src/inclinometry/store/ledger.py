@@ -199,7 +199,7 @@ class Ledger:
             query = select(DOCUMENT).where(DOCUMENT.c.digest == digest if plain(digest) else false())
             row = connection.execute(query).first()
         if row is None:
-            raise LedgerError(f"there is no document {digest:.80} in {self.shown}")
+            raise LedgerError(f"there is no document {digest!r:.80} in {self.shown}")
         if digest_bytes(row.data) != digest:
             raise LedgerError(f"document {digest} in {self.shown} was changed; run `inclinometry ledger verify`")
         return row.media_type, row.data

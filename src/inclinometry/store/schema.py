@@ -1,4 +1,4 @@
-"""The tables of a ledger, as this program uses them."""
+"""The tables of a ledger, as this program uses them; the migrations make them, and their indexes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from sqlalchemy import (
     BigInteger,
     Column,
     ForeignKey,
-    Index,
     Integer,
     LargeBinary,
     MetaData,
@@ -59,7 +58,6 @@ def _table(kind: Kind) -> Table:
         *columns,
         Column("body", Text, nullable=False),
         *extra,
-        *(Index(f"ix_{kind.name}_{name}", name, "seq") for name in kind.keys),
     )
 
 

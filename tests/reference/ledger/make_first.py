@@ -16,7 +16,9 @@ from inclinometry.store.ledger import Draft, Ledger
 TRIAD = {"units": "counts", "axes": ["x", "y", "z"]}
 SEALED = "sha256:2689367b205c16ce32ed4200942b8b8b1e262dfc70d9bc9fbc77c49699a4f1df"  # of b"ok"
 DRAFTS = (
-    Draft("user", {"name": "anna"}, {"role": "metrologist", "active": True, "full_name": "Анна 安娜", "password": None}),
+    Draft(
+        "user", {"name": "anna"}, {"role": "metrologist", "active": True, "full_name": "Анна 安娜", "password": None}
+    ),
     Draft("site", {"name": "stand house"}, {"g_mps2": 9.8066, "b_nT": 50123.5, "dip_deg": 66.25, "u": {"b_nT": 5.0}}),
     Draft("rig", {"name": "stand 1"}, {"sd_deg": [0.01, 0.01, 0.02], "place": "hall", "driver": {}}),
     Draft("tool", {"serial": "IN-7"}, {"name": "steering tool", "triads": {"accelerometer": TRIAD}}),

@@ -14,6 +14,5 @@ def upgrade() -> None:
     """Change indexes only: a program that knows the first revision still reads and writes the ledger."""
     op.drop_index("ix_reading_position", "reading")
     op.drop_index("ix_reading_attempt", "reading")
-    op.drop_index("ix_event_subject_kind", "event")
     op.drop_index("ix_event_action", "event")
     op.create_index("ix_event_all", "event", ["subject_kind", "subject", "action", "seq"])

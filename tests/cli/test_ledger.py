@@ -1,0 +1,107 @@
+"""The ledger command: flows of a laboratory, exit states, users without a terminal, who did what."""
+
+from __future__ import annotations
+
+import getpass
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from inclinometry.store.ledger import Ledger
+from inclinometry.store.users import check_password
+
+PASSWORD = "a long enough one"
+
+
+@pytest.fixture
+def lab(run, tmp_path):
+    """An empty ledger, lab.sqlite in the folder."""
+    assert run("ledger", "init", "lab.sqlite").status == 0
+    return tmp_path / "lab.sqlite"
+
+
+def test_copies_keep_the_head(run, lab, monkeypatch):
+    """init, users, verify, backup, export, import: the same head everywhere."""
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    assert run("ledger", "users", "anna", "--role", "administrator", "--ledger", lab).status == 0
+    sound = run("ledger", "verify", "--ledger", lab, "--json").json
+    assert sound["ok"]
+    assert sound["records"] == 1
+    run("ledger", "backup", "copy.sqlite", "--ledger", lab)
+    run("ledger", "export", "all.zip", "--ledger", lab)
+    assert sound["head"] in run("ledger", "import", "all.zip", "--ledger", "new.sqlite").out
+    for name in ("copy.sqlite", "new.sqlite"):
+        assert run("ledger", "verify", "--ledger", name, "--head", sound["head"]).status == 0
+    assert run("ledger", "import", "all.zip", "--ledger", "new.sqlite").status == 2
+    assert run("ledger", "backup", "copy.sqlite", "--ledger", lab).status == 2
+    assert run("ledger", "backup", lab, "--ledger", lab).status == 2
+
+
+def test_verify_tells_by_its_status(run, lab, monkeypatch):
+    """0 sound, 1 changed, 2 cannot be read."""
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    run("ledger", "users", "anna", "--role", "administrator", "--ledger", lab)
+    assert run("ledger", "verify", "--ledger", lab).status == 0
+    with sqlite3.connect(lab) as raw:
+        raw.execute("DROP TRIGGER user_update")
+        raw.execute("UPDATE user SET body = replace(body, 'administrator', 'operator')")
+    raw.close()
+    changed = run("ledger", "verify", "--ledger", lab)
+    assert changed.status == 1
+    assert "user 1 " in changed.out
+    assert "content was changed" in changed.out
+    refused = run("ledger", "users", "--ledger", lab)
+    assert refused.status == 2
+    assert "ledger verify" in refused.err
+    Path("rubbish").write_text("rubbish" * 500)
+    assert run("ledger", "verify", "--ledger", "rubbish").status == 2
+    assert run("ledger", "verify", "--ledger", "none.sqlite").status == 2
+    assert run("ledger", "verify", "--ledger", lab, "--head", "7").status == 2
+
+
+def test_users_without_a_terminal(run, lab, monkeypatch):
+    """The password from the environment; changes keep it; the author is the account on this computer."""
+    monkeypatch.delenv("INCLINOMETRY_PASSWORD", raising=False)
+    lacking = run("ledger", "users", "anna", "--role", "administrator", "--ledger", lab)
+    assert lacking.status == 2
+    assert "INCLINOMETRY_PASSWORD" in lacking.err
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    for arguments in (
+        ("anna", "--role", "administrator", "--full-name", "Anna Berg"),
+        ("boris", "--role", "operator"),
+    ):
+        assert run("ledger", "users", *arguments, "--ledger", lab).status == 0
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", "short")
+    assert run("ledger", "users", "boris", "--password", "--ledger", lab).status == 2
+    assert run("ledger", "users", "boris", "--disable", "--ledger", lab).status == 0
+    last = run("ledger", "users", "anna", "--disable", "--ledger", lab)
+    assert "last active administrator" in last.err
+    listed = run("ledger", "users", "--ledger", lab, "--json").json
+    assert [(user["name"], user["role"], user["active"]) for user in listed] == [
+        ("anna", "administrator", True),
+        ("boris", "operator", False),
+    ]
+    with Ledger(lab) as ledger:
+        assert check_password(ledger, "anna", PASSWORD) is not None
+        assert check_password(ledger, "boris", PASSWORD) is None
+        assert {record.author for record in ledger.find("user")} == {getpass.getuser()}
+        assert [record.body["active"] for record in ledger.find("user", name="boris")] == [True, False]
+        assert PASSWORD not in str(ledger.find("user"))
+
+
+def test_a_corrected_clock_is_recorded_with_its_reason(run, lab):
+    """By whom, too."""
+    assert run("ledger", "init", lab, "--clock", "the battery was empty").status == 0
+    with Ledger(lab) as ledger:
+        (event,) = ledger.find("event", subject="clock")
+    assert event.body["reason"] == "the battery was empty"
+    assert event.author == getpass.getuser()
+
+
+def test_a_password_in_an_address_is_not_printed(run):
+    """Nobody answers there."""
+    refused = run("ledger", "verify", "--ledger", "postgresql://anna:secret@127.0.0.1:1/lab")
+    assert refused.status == 2
+    assert "secret" not in refused.out + refused.err
+    assert "check that the server runs" in refused.err
