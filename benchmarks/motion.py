@@ -34,6 +34,7 @@ from inclinometry.motion.samples import Samples  # noqa: E402
 from inclinometry.motion.static import StaticSettings  # noqa: E402
 from inclinometry.motion.window_filter import robust_filter  # noqa: E402
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling  # noqa: E402
+from inclinometry.simulate.drilling.faults import MagLag  # noqa: E402
 
 NAMES = ("smooth", "vibration-5g", "vibration-20g", "stick-slip", "sliding", "stationary", "fast")
 WINDOWS = (2, 5, 10, 30)
@@ -91,7 +92,7 @@ def methods(
 
 
 def drawn(name: str, seed: int):
-    """A scenario with a tool whose errors are drawn, as large as the methods are told they may be."""
+    """A scenario with a tool whose errors are drawn, as large as the methods are told they may be; so is its delay."""
     random = np.random.default_rng([seed, 77])
     scenario = SCENARIOS[name]
     tool = scenario.instrument
@@ -104,11 +105,19 @@ def drawn(name: str, seed: int):
         tool, lever=three(0.02), hard_iron=three((100.0, 100.0, 10.0)), accel=replace(tool.accel, bias=three(0.01)),
         gyro=gyro,
     )  # fmt: skip
-    return replace(scenario, instrument=made)
+    return replace(scenario, instrument=made, faults=(MagLag(float(random.normal(0.0, DELAY))),))
 
 
+DELAY = 1e-4
+"""s, standard deviation of the magnetometer's delay."""
 TOLD = (
-    {"offset_sigma": 100.0, "axial_sigma": 10.0, "accel_sigma": 0.01, "lever_sigma": 0.02},
+    {
+        "offset_sigma": 100.0,
+        "axial_sigma": 10.0,
+        "accel_sigma": 0.01,
+        "lever_sigma": 0.02,
+        "delay_sigma_s": DELAY,
+    },
     {
         "hard_iron_sigma": (100.0, 100.0, 10.0),
         "accel_bias_sigma": 0.01,
@@ -123,9 +132,14 @@ TOLD = (
 """Settings of the magnetic, inertial and static methods for such tools."""
 
 
-def samples_of(run) -> Samples:
-    """What an estimator sees of a run."""
-    return Samples(run.time, run.interval, run.accel, run.mag, run.gyro, run.temperature)
+def stamped_late(seed: int) -> float:
+    """s, by which the stamps of a drawn tool are off its accelerometers' samples."""
+    return float(np.random.default_rng([seed, 78]).normal(0.0, DELAY))
+
+
+def samples_of(run, late: float = 0.0) -> Samples:
+    """What an estimator sees of a run, its stamps late."""
+    return Samples(run.time + late, run.interval, run.accel, run.mag, run.gyro, run.temperature)
 
 
 def rotation_errors(found: Attitude, run):
@@ -182,7 +196,7 @@ def run(draws: int = 5, tools: int = 20) -> dict:
         "draws": draws,
         "table": table(draws, list(NAMES), lambda name, seed: name, methods())
         | table(draws, ["600 rpm, swinging"], lambda *_: swinging(600.0), methods()),
-        "drawn tools": table(tools, list(NAMES), drawn, honest()),
+        "drawn tools": table(tools, list(NAMES), drawn, honest(), stamped_late),
         "drawn": tools,
         "reference": {f"{name}, {seconds} s": pair for (name, seconds), pair in REFERENCE.items()},
         "published_deg": PUBLISHED,
@@ -195,12 +209,18 @@ def honest() -> dict[str, Callable[[Samples], Attitude]]:
     return {name: ways[name] for name in ("auto 10 s", "magnetic 10 s", "robust", "filter", "smoother")}
 
 
-def table(draws: int, names: list[str], made: Callable, ways: dict[str, Callable[[Samples], Attitude]]) -> dict:
+def table(
+    draws: int,
+    names: list[str],
+    made: Callable,
+    ways: dict[str, Callable[[Samples], Attitude]],
+    late: Callable[[int], float] = lambda seed: 0.0,
+) -> dict:
     """Scenario -> method -> scores."""
     found = {}
     for name in names:
         runs = [simulate_drilling(made(name, seed), seed) for seed in range(1, draws + 1)]
-        cells = [samples_of(one) for one in runs]
+        cells = [samples_of(one, late(seed)) for seed, one in enumerate(runs, 1)]
         found[name] = {way: scored([method(one) for one in cells], runs) for way, method in ways.items()}
     return found
 

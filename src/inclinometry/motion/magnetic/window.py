@@ -165,7 +165,7 @@ def _fields(
         field=np.array([b.value[0].real, b.value[0].imag, bz.value[0].real]),
         covariance=covariance,
         phase=_middle(np.unwrap(np.angle(d.phasor)) - d.lag),
-        phase_sigma=float(np.hypot(d.track.sigma, rate * settings.delay_sigma_s)),
+        phase_sigma=_phase_sigma(d, rate, settings.delay_sigma_s, clock.sigma),
         rate=rate,
         arc=covered,
         circle=circle,
@@ -211,6 +211,12 @@ def _by_gain(gravity: complex, field: complex, rate: Array, bandwidth: float) ->
 def _by_delay(field: complex, angle: float) -> Array:
     """Change (6,) of gravity and field when the magnetometer is late by so much of a turn: the stamps are gravity's."""
     return np.array([0.0, 0.0, 0.0, -angle * field.imag, angle * field.real, 0.0])
+
+
+def _phase_sigma(d: Demodulated, mean: float, stamps: float, delay: float) -> float:
+    """rad, of the phase at the middle instant: late stamps, and a delay seen at the mean speed of the window."""
+    now = _middle(d.rate)
+    return float(np.linalg.norm([d.track.sigma, now * stamps, (now - mean) * delay]))
 
 
 def clipped_share(clipped: Mask) -> float:
