@@ -17,7 +17,7 @@ COMMAND = [sys.executable, "-c", "from inclinometry.cli import main; main()", "b
 
 
 def run(rounds: int = 3) -> dict[str, Any]:
-    """Seconds until the server is up, until the first and a later page is there, until Ctrl-C has ended it; medians."""
+    """Medians of the seconds until the server is up, the first and a later page are there, Ctrl-C has ended it."""
     found = [_once() for _ in range(rounds)]
     return {name: statistics.median(one[name] for one in found) for name in found[0]} | {"rounds": rounds}
 
@@ -64,9 +64,8 @@ def report(found: dict[str, Any]) -> None:
     """Print the figures."""
     print(f"bench, median of {found['rounds']} starts with an empty ledger and a simulated instrument:")
     print(f"  from the command to a listening server {found['up_s']:.2f} s")
-    print(
-        f"  first page with its styles and scripts  {found['first_page_s']:.2f} s, later ones {found['later_page_s']:.2f} s"
-    )
+    print(f"  first page with its styles and scripts  {found['first_page_s']:.2f} s")
+    print(f"  the same again                          {found['later_page_s']:.2f} s")
     print(f"  from Ctrl-C to the end                  {found['end_s']:.2f} s")
 
 

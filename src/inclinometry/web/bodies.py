@@ -45,6 +45,9 @@ def problem_of(scope: MutableMapping[str, Any], headers: dict[str, str]) -> tupl
     length, most = headers.get("content-length", "0"), largest(scope["path"])
     if not (length.isascii() and length.isdigit() and len(length) < 20):
         return 400, "the header Content-Length is not a number"
+    if "content-length" in headers and "transfer-encoding" in headers:
+        # a proxy in front may believe the other one, and then a second request hides in the first
+        return 400, "Content-Length and Transfer-Encoding exclude each other; send one of them"
     if int(length) > most:
         return 413, f"{int(length)} bytes are too many; allowed {most}"
     if headers.get("content-encoding", "identity").strip().lower() != "identity":

@@ -193,7 +193,7 @@ async def _refuse(scope: Scope, send: Send, status: int, what: str) -> None:
     elif status == 401:
         headers[b"www-authenticate"] = b"Bearer"
     headers[b"content-length"] = str(len(body)).encode()
-    if status in (408, 413):
+    if status in (400, 408, 413):
         headers[b"connection"] = b"close"
     await send({"type": "http.response.start", "status": status, "headers": list(headers.items())})
     await send({"type": "http.response.body", "body": body})
