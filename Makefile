@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test bench docs lint clean
+.PHONY: demo bench-demo test bench docs lint clean
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -13,6 +13,11 @@ $(STAMP): pyproject.toml constraints.txt
 
 demo: $(STAMP)
 	$(BIN)/inclinometry demo --output demo-output
+
+# a bench in the browser: a ledger, a simulated instrument, one tool half-way through its calibration
+bench-demo: $(STAMP)
+	mkdir -p demo-output
+	$(BIN)/inclinometry bench --demo --ledger demo-output/bench.sqlite
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --cov --cov-report=

@@ -45,7 +45,7 @@ def test_every_option_named_in_a_page_exists(capsys):
     known = capsys.readouterr().out
     commands = (
         "plan", "readings", "verify", "survey", "compare", "quality", "msa", "position", "field", "convert", "dynamic",
-        "certificate",
+        "certificate", "bench",
     )  # fmt: skip
     for command in commands:
         with pytest.raises(SystemExit):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import struct
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from selenium.webdriver.common.keys import Keys
@@ -14,6 +17,8 @@ from .browser.stand import Stand, standing_ready
 
 pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING)
 
+README = Path(__file__).parents[2] / "docs" / "_static" / "bench.png"
+"""Written anew with BENCH_SCREENSHOT=1 in the environment."""
 JUMPS = 0.02
 """Most that live data may shift the page; the web's own word for good is 0.1."""
 STEPS = 60
@@ -99,3 +104,17 @@ def test_titles_are_large_enough_to_be_read_from_two_metres(stand, browser):
     )
     assert len(sizes) == 3
     assert min(sizes) * 0.72 >= 44.0  # height of a figure, px
+
+
+def test_the_picture_of_the_readme_is_the_page_as_it_is(stand, browser, tmp_path):
+    """Half-way through a calibration, the rig turned to the next position, the tool at rest."""
+    dressed(browser, 1280, 800, "light", "en")
+    browser.open(stand.pages["bench"])
+    browser.wait(lambda: browser.state("capture") == "turn", "the rig is not elsewhere")
+    browser.press(Keys.SPACE)
+    browser.wait(lambda: browser.state("capture") == "capture" and browser.state("verdict") == "still", "not still")
+    browser.wait(lambda: "°" in browser.text("u_azimuth"), "nothing would be certified")
+    file = README if os.environ.get("BENCH_SCREENSHOT") else tmp_path / "bench.png"
+    browser.picture(file, whole=False)
+    assert struct.unpack(">II", file.read_bytes()[16:24]) == (1280, 800)
+    assert struct.unpack(">II", README.read_bytes()[16:24]) == (1280, 800)
