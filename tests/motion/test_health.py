@@ -11,6 +11,7 @@ import pytest
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.motion._window_buffer import WindowBuffer
+from inclinometry.motion.dip_check import azimuth_doubt
 from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
@@ -258,3 +259,41 @@ def test_notes_count_windows() -> None:
     for part in WindowBuffer(10.0).push(samples):
         check.check(part)
     assert check.notes() == ("there is no magnetometer (and the like in 6 of 6 windows)",)
+
+
+def test_a_gyro_stuck_at_its_mean_speed_is_told_by_the_field() -> None:
+    """The angle after 10 s is right; on the way there it is not."""
+    simulation = run("stick-slip")
+    gyro = simulation.gyro.copy()
+    gyro[:, 2] = gyro[:, 2].mean()
+    found = checked(replace(simulation, gyro=gyro), site=SITE)
+    assert all(one.spoilt("gyro") and not one.spoilt("mag") for one in found)
+
+
+def test_short_runs_with_wrong_signs_are_refused() -> None:
+    """Three windows are enough for gravity reversed, and for a gyro that turns the other way; turning or sliding."""
+    for name in ("vibration-5g", "sliding"):
+        simulation = simulate_drilling(name, 4, duration=30.5)
+        for triad, match in (("accel", "specific force"), ("gyro", "turns against the gyro")):
+            with pytest.raises(InputError, match=match):
+                checked(simulation, site=SITE, mapped=(triad, -np.eye(3)))
+
+
+def test_a_hole_that_climbs_is_doubted() -> None:
+    """Channels of which y and z are reversed: nothing contradicts, but the hole would climb."""
+    simulation = run("vibration-5g")
+    turned = np.array([1.0, -1.0, -1.0])
+    check = HealthCheck(site=SITE)
+    columns = {name: getattr(simulation, name) * turned for name in ("accel", "mag", "gyro")}
+    for part in WindowBuffer(10.0).push(Samples(simulation.time, simulation.interval, **columns)):
+        assert check.check(part).findings == ()
+    assert "z points up the hole" in check.notes()[0]
+
+
+def test_a_field_off_the_site_widens_the_azimuth() -> None:
+    """2 deg of dip at a dip of 65 deg: 2 / cos 65 = 4.7 deg of azimuth."""
+    site = Site(b=50_000.0, dip=np.radians(67.0))
+    for one in checked(run("stationary"), site=site):
+        assert abs(np.degrees(azimuth_doubt(one.off, site)) - 2.0 / np.cos(np.radians(67.0))) < 0.5
+    for one in checked(run("stationary"), site=SITE):
+        assert azimuth_doubt(one.off, SITE) == 0.0

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from inclinometry.core.errors import InputError
-from inclinometry.motion.grid import fit_grid
+from inclinometry.motion.grid import fit_grid, unit_doubt
 from inclinometry.motion.timing import GATHERED, StretchCutter, TimingSettings, cut_stretches, rejoined
 
 RATE = 200.0
@@ -226,3 +226,30 @@ def test_damaged_record_loses_nothing() -> None:
 def test_settings_are_checked() -> None:
     with pytest.raises(InputError, match="fill"):
         TimingSettings(fill=-1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("dropped", [0, 40])
+def test_strong_jitter_leaves_the_interval(seed: int, dropped: int) -> None:
+    """2 ms on 5 ms: of 64 stamps another interval can look as good, of 1024 none does."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(4000) / RATE + rng.uniform(-0.002, 0.002, 4000)
+    kept = np.sort(rng.choice(4000, 4000 - dropped, replace=False))
+    found = cut_stretches(time[kept], readings(kept.size))
+    assert len(found.samples) == 1
+    # four standard deviations of a slope: 4 * 1.15 ms * sqrt(12 / 1024^3)
+    assert abs(found.samples[0].interval - 1.0 / RATE) < 5e-7
+    assert (found.report.filled, found.report.shared) == (len(found.samples[0]) - kept.size, 0)
+    # 4 ms over sqrt(12)
+    assert 0.00105 < found.report.jitter < 0.00125
+    assert any("jitter" in note for note in found.report.notes())
+
+
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds"), (1.0 / 3600.0, "hours"), (1.0, "")],
+)
+def test_the_unit_of_stamps_is_guessed(factor: float, told: str) -> None:
+    said = unit_doubt(factor * 0.005)
+    assert told in said
+    assert bool(said) == bool(told)

@@ -210,3 +210,32 @@ def test_offsets_a_calibration_leaves_open_reach_the_methods():
         assert setup.static().mag_sigma == setup.inertial().hard_iron_sigma[0] == setup.magnetic().offset_sigma
         assert setup.static().mag_axial_sigma == setup.inertial().hard_iron_sigma[2] == setup.magnetic().axial_sigma
     assert offset_doubt(None, SITE) == {}
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1e3, "milliseconds.*divide by 1000"), (1e6, "microseconds")])
+def test_stamps_in_another_unit_are_told(tmp_path, factor, told):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    count = 2000
+    columns = {"time_s": np.arange(count) * 0.005 * factor}
+    columns |= {f"accel_{axis}": np.random.default_rng(k).normal(5.0, 0.1, count) for k, axis in enumerate("xyz")}
+    pq.write_table(pa.table(columns), tmp_path / "run.parquet")
+    with pytest.raises(FileError, match=told):
+        reduced(tmp_path / "run.parquet", "auto")
+
+
+def test_a_parquet_file_has_no_lines(tmp_path):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    pq.write_table(pa.table({"mag_x": [1.0]}), tmp_path / "run.parquet")
+    with pytest.raises(FileError, match="'time_s' is missing") as caught:
+        open_run(tmp_path / "run.parquet")
+    assert "line" not in str(caught.value)
+
+
+def test_a_run_without_accelerometer_is_told_what_to_add(tmp_path):
+    (tmp_path / "run.csv").write_text("time_s,mag_x,mag_y,mag_z\n0,1,2,3\n")
+    with pytest.raises(FileError, match="add columns such as accel_x"):
+        reduced(tmp_path / "run.csv", "auto")

@@ -144,3 +144,23 @@ def test_a_run_hotter_than_the_calibration():
     assert temperature_doubts((20.0, 90.0), record) == []
     assert "at 20.0 to 140.0 degC, the calibration at 10.0 to 100.0" in temperature_doubts((20.0, 140.0), record)[0]
     assert temperature_doubts((20.0, 140.0), None) == temperature_doubts(None, record) == []
+
+
+def test_single_values_that_are_no_readings_are_missing(tmp_path):
+    run = opened(tmp_path, "time_s,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z", "0,0,0,9.8,20000,0,40000")
+    accel, mag = np.tile([0.0, 0.0, 9.8], (400, 1)), np.tile([2e4, 0.0, 4e4], (400, 1))
+    accel[50, 1], accel[60, 0], mag[70, 2] = 1e6, -999.25, -99999.0
+    signals = Signals(run, SITE)
+    found = signals.fields(RunBlock(np.arange(400.0), {"accelerometer": accel, "magnetometer": mag}, None))
+    assert np.argwhere(np.isnan(found["accel"])).tolist() == [[50, 1], [60, 0]]
+    assert np.argwhere(np.isnan(found["mag"])).tolist() == [[70, 2]]
+    assert signals.absurd.notes() == (
+        "accel_x is -999.25 in row 61: no reading; taken for missing",
+        "accel_y is 1e+06 in row 51: no reading; taken for missing",
+        "mag_z is -99999 in row 71: no reading; taken for missing",
+    )
+    # the next block counts on; many of them are no single values
+    accel[:, 1] = 3000.0
+    again = signals.fields(RunBlock(np.arange(400.0), {"accelerometer": accel, "magnetometer": mag}, None))
+    assert np.isnan(again["accel"]).sum() == 1
+    assert "and 1 more of its values" in signals.absurd.notes()[0]

@@ -51,6 +51,10 @@ LEAST_SPAN: Final = 1.0
 """rad, rotation from which the field and a gyro can be held against each other,"""
 MIRRORED: Final = 0.3
 """and departure of their ratio from -1 with which they contradict."""
+LEAST_SWING: Final = 0.004
+"""rad, the same of a tool that swings to and fro,"""
+CLEARLY: Final = 4.0
+"""and times by which one sense of rotation leaves less than the other."""
 ROOM: Final = 4.0
 """Standard deviations allowed to the dip of a single window, beside `SLACK`."""
 _AGAINST: Final = (
@@ -135,9 +139,16 @@ class AxesCheck:
         InputError
             In so many windows in succession.
         """
-        if turning.by != "gyro" or self._turns or not (turning.span > LEAST_SPAN and np.isfinite(turning.slope)):
+        if turning.by != "gyro" or self._turns or not np.isfinite(turning.slope):
             return []
-        self._against = self._against + 1 if abs(turning.slope + 1.0) < MIRRORED else 0
+        if turning.span > LEAST_SPAN:
+            wrong = abs(turning.slope + 1.0) < MIRRORED
+            right = not wrong
+        else:
+            swings = turning.swing > LEAST_SWING
+            wrong, right = swings and turning.mirror < 1.0 / CLEARLY, swings and turning.mirror > CLEARLY
+        # a window that does not tell is as good or bad as those before it
+        self._against = 0 if right else self._against + wrong
         if self._against >= ENOUGH:
             raise InputError(_AGAINST)
         return [Finding("axes", "mag and gyro", 2.0, True, _AGAINST)] if self._against else []

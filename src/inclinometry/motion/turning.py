@@ -33,6 +33,10 @@ class Turning:
         Whole turns by which the two differ: the phase was followed the wrong way round.
     restless : float
         rad, root mean square departure of the phase from the gyro's angle but for an offset and a drift.
+    mirror : float
+        The same with the gyro reversed, over `restless`: small when the tool swings and one of the two is mirrored.
+    swing : float
+        rad, root mean square of the gyro's angle but for an offset and a drift.
     by : str
         "gyro", "mag" or "".
     """
@@ -44,6 +48,8 @@ class Turning:
     lost: float
     restless: float
     by: str
+    mirror: float = np.nan
+    swing: float = 0.0
 
     @property
     def span(self) -> float:
@@ -82,9 +88,11 @@ def find_turning(window: Samples) -> Turning:
     steps = by_mag if by_gyro is None else by_gyro
     if steps is None:
         return Turning(np.empty(0), np.empty(0), np.nan, np.nan, np.nan, np.nan, "")
-    slope, lost, restless = np.nan, np.nan, np.nan
+    slope, lost, restless, mirror, swing = np.nan, np.nan, np.nan, np.nan, 0.0
     if by_gyro is not None and by_mag is not None:
         slope, lost, restless = _compared(by_gyro, by_mag)
+        swing = _wander(by_gyro)
+        mirror = _wander(wrap_signed(by_mag + by_gyro)) / max(restless, 1e-12)
     angle = np.concatenate([[0.0], np.cumsum(steps)])
     group = max(round(SMOOTHED_S / window.interval), 1)
     whole = steps[: steps.size // group * group].reshape(-1, group) if steps.size >= group else steps[None]
@@ -96,6 +104,8 @@ def find_turning(window: Samples) -> Turning:
         lost=lost,
         restless=restless,
         by="mag" if by_gyro is None else "gyro",
+        mirror=mirror,
+        swing=swing,
     )
 
 
@@ -111,8 +121,13 @@ def _compared(by_gyro: Array, by_mag: Array) -> tuple[float, float, float]:
     power = float(by_gyro @ by_gyro)
     slope = float(by_mag @ by_gyro / power) if power > 0.0 else np.nan
     turns = float(np.sum(by_mag - by_gyro - off)) / TAU
-    drift = np.cumsum(off)
-    x = np.arange(drift.size) - 0.5 * (drift.size - 1)
-    drift = drift - drift.mean()
-    drift = drift - x * float(x @ drift / max(float(x @ x), 1.0))
-    return slope, turns, float(np.sqrt(np.mean(drift**2)))
+    return slope, turns, _wander(off)
+
+
+def _wander(steps: Array) -> float:
+    """Root mean square of the sum of the steps but for an offset and a drift, rad."""
+    path = np.cumsum(steps)
+    x = np.arange(path.size) - 0.5 * (path.size - 1)
+    path = path - path.mean()
+    path = path - x * float(x @ path / max(float(x @ x), 1.0))
+    return float(np.sqrt(np.mean(path**2)))

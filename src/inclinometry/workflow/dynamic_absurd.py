@@ -33,18 +33,18 @@ class Absurd:
         self._counts: dict[str, int] = {}
 
     def blanked(self, kind: str, signals: Array, vectors: Array) -> Array:
-        """Vectors (n, 3) in SI with NaN in rows with such a value among the `signals` (n, m) of the file."""
-        bad: Mask = np.isin(signals, MARKERS)
-        far = np.asarray(np.abs(np.nan_to_num(vectors)) > MOST[kind])
-        if far.any() and float(far.any(axis=1).mean()) <= ALONE:
-            bad |= self._columns(far, np.abs(signals))
+        """Vectors (n, 3) in SI with NaN where such a value is among the `signals` (n, m) of the file."""
+        bad: Mask = np.array(np.isin(signals, MARKERS))
+        far: Mask = np.asarray(np.abs(np.nan_to_num(vectors)) > MOST[kind])
+        if far.any() and float(np.mean(np.any(far, axis=1))) <= ALONE:
+            np.logical_or(bad, self._columns(far, np.abs(signals)), out=bad)
         if not bad.any():
             return vectors
         for place in np.flatnonzero(bad.any(axis=0)):
             column, rows = self._names[kind][place], np.flatnonzero(bad[:, place])
             self._first.setdefault(column, (self._rows + int(rows[0]) + 1, float(signals[rows[0], place])))
             self._counts[column] = self._counts.get(column, 0) + rows.size
-        return np.where(bad.any(axis=1)[:, None], np.nan, vectors)
+        return np.where(bad if bad.shape == vectors.shape else np.any(bad, axis=1, keepdims=True), np.nan, vectors)
 
     def counted(self, rows: int) -> None:
         """So many rows are done."""
@@ -64,4 +64,4 @@ class Absurd:
         if far.shape == size.shape:
             return far
         largest = np.nan_to_num(size).argmax(axis=1)
-        return np.asarray(np.any(far, axis=1)[:, None] & (np.arange(size.shape[1]) == largest[:, None]))
+        return np.asarray(np.any(far, axis=1, keepdims=True) & (np.arange(size.shape[1]) == largest[:, None]))
