@@ -27,7 +27,7 @@ from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredT
 from inclinometry.workflow.laboratory.session import Capture, capture, load_session, open_session, sessions
 
 LONGEST = 0.08
-"""Longest life of a child, s: some die before their first capture, most after a few."""
+"""Longest time a child captures, s: some die in their first capture, most after a few."""
 POSITIONS = 12
 Acknowledge = Callable[[Any], int]
 
@@ -78,6 +78,7 @@ def keep_capturing(where: str, seed: int) -> Callable[[Acknowledge], None]:
     def work(acknowledge: Acknowledge) -> None:
         with Ledger(where) as ledger:
             value = float(seed)
+            acknowledge("ready")
             while True:
                 found = sessions(ledger, limit=1)
                 session = load_session(ledger, found[0].id) if found else None
@@ -100,6 +101,8 @@ def kills(where: str, number: int, seed: int = 1) -> dict[str, Any]:
     barren = 0
     for turn in range(number):
         pid, pipe = child(keep_capturing(where, turn + 1))
+        while os.read(pipe, 1) not in (b"\n", b""):  # "ready": killed in the middle of captures, not before them
+            pass
         time.sleep(random_.uniform(0.0, LONGEST))
         os.kill(pid, signal.SIGKILL)
         os.waitpid(pid, 0)
@@ -112,7 +115,7 @@ def kills(where: str, number: int, seed: int = 1) -> dict[str, Any]:
         recorded = ledger.count("reading")
     return {
         "kills": number,
-        "before_the_first_capture": barren,
+        "in_the_first_capture": barren,
         "acknowledged": len(acknowledged),
         "recorded": recorded,
         "lost": len(lost),
