@@ -96,7 +96,8 @@ def test_clipped_spreads_to_what_it_touches() -> None:
 
 
 def test_without_a_filter_vibration_folds() -> None:
-    """Every tenth sample of 2 kHz as it is: what lies near 200 Hz folds to rest. Hundreds of times worse."""
+    """Every tenth sample of 2 kHz as it is: what lies near 200 Hz folds to rest. Hundreds of times worse where a row
+    is left at all: nearly all windows know that they are worthless."""
     fast = replace(FIVE, instrument=replace(FIVE.instrument, factor=1, taps=1))
     with_filter, without = [], []
     for seed in range(3):
@@ -105,11 +106,14 @@ def test_without_a_filter_vibration_folds() -> None:
         every = Samples(run.time[::10], 0.005, run.accel[::10], run.mag[::10], run.gyro[::10])
         with_filter.append((magnetic_attitude(decimate(samples, 10), MagneticSettings(**KNOWN)), run))
         without.append((magnetic_attitude(every, MagneticSettings(**KNOWN)), run))
-    good, bad = score(with_filter), score(without)
+    good = score(with_filter)
     assert good.inclination < 0.01
-    assert bad.inclination > 100.0 * good.inclination
-    stated = np.degrees(np.sqrt(np.mean([np.mean(found.u.inclination**2) for found, _ in without])))
-    assert 0.5 < bad.inclination / stated < 1.5  # and it is known: the residuals are as large
+    rows = sum(len(found) for found, _ in without)
+    refused = sum(int(found.refused.sum()) for found, _ in without)
+    assert refused > 0.8 * rows
+    assert all("vibration" in found.names(k) for found, _ in without for k in np.flatnonzero(found.refused))
+    if refused < rows:
+        assert score(one for one in without if not one[0].refused.all()).inclination > 100.0 * good.inclination
 
 
 def test_gap_begins_anew() -> None:

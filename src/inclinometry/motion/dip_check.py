@@ -106,10 +106,11 @@ def azimuth_doubt(off: FieldOff, site: Site | None) -> float:
     Examples
     --------
     >>> round(azimuth_doubt(FieldOff(1.1, 0.05, 0.001, 0.0, 0.0), Site(dip=1.0)), 4)
-    0.0925
+    0.0924
     """
     noise = UNSURE * float(np.hypot(off.u, (site.dip_sigma or 0.0) if site is not None else 0.0))
-    turned = off.off if off.off > noise else 0.0
+    # only what its own uncertainty does not explain: a dip hardly known says little against an attitude known well
+    turned = float(np.sqrt(max(off.off**2 - noise**2, 0.0)))
     uneven = UNSURE * (site.b_sigma or 0.0) / site.b if site is not None and site.b else 0.0
     parts = [turned] + [one if one > max(OFF, uneven) else 0.0 for one in (off.strength, off.scatter)]
     dip = site.dip if site is not None and site.dip is not None else off.dip
