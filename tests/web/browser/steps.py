@@ -1,0 +1,85 @@
+"""What a technician does on the pages, step by step, by the words that are on them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from .chromium import Browser
+
+SERIAL, RIG = "IN-7", "stand 1"
+
+
+def register(browser: Browser) -> None:
+    """A tool, in a ledger that has nothing."""
+    browser.open("/tools")
+    browser.fill("Serial number", SERIAL)
+    browser.fill("Name", "Steering tool")
+    browser.fill("Customer", "Drilling company")
+    browser.click("Save")
+    browser.wait(lambda: browser.at(f"/tools/{SERIAL}"), "the tool is not registered")
+
+
+def begin(browser: Browser) -> None:
+    """A session of twelve positions on a rig that is named for the first time."""
+    browser.click("Start a calibration")
+    browser.wait(lambda: browser.at("/calibrate"), "no form")
+    browser.fill("Rig", RIG, choose=True)
+    browser.pick("Plan", "Twelve positions")
+    browser.click("Begin")
+    browser.named("capture")
+
+
+def captured(browser: Browser) -> int:
+    """How many positions, as the page says."""
+    words = re.search(r"(\d+) of \d+ positions", browser.text("progress"))
+    return int(words[1]) if words else -1
+
+
+def finish(browser: Browser) -> None:
+    browser.named("finish").click()
+    browser.wait(lambda: browser.at("/results/"), "no result")
+    browser.wait(lambda: "Parameters" in browser.seen(), "no parameters")
+    assert SERIAL in browser.seen()
+
+
+def open_rolls(browser: Browser) -> None:
+    """A verification of the calibration that is shown, at four rolls."""
+    browser.click("Verify it")
+    browser.wait(lambda: browser.at("/verify"), "no form")
+    browser.pick("Positions", "roll-4")
+    browser.click("Open the session")
+    browser.named("capture")
+
+
+def judge(browser: Browser) -> None:
+    """The verdict on what was captured."""
+    browser.named("finish").click()
+    browser.click("Record this verdict")
+    browser.wait(lambda: browser.at("/verifications/"), "no verdict was recorded")
+    assert "PASS" in browser.seen()
+
+
+def issue(browser: Browser) -> str:
+    """The certificate's number."""
+    browser.click("Issue a certificate")
+    browser.wait(lambda: browser.at("/certificates/new"), "no form")
+    browser.fill("Name", "Borehole Metrology Laboratory")
+    browser.fill("Address", "Example street 1, 12345 Town")
+    browser.fill("Country (two letters, e.g. DE)", "NO")
+    browser.click("Issue")
+    browser.wait(lambda: re.search(r"/certificates/\d{4}-\d+$", browser.driver.current_url), "none was issued", 20.0)
+    assert "issued" in browser.seen()
+    return browser.driver.current_url.rpartition("/")[2]
+
+
+def download(browser: Browser, folder: Path) -> dict[str, Path]:
+    """The three documents, by their ending."""
+    for words in ("Certificate (PDF/A)", "Digital calibration certificate (DCC, XML)", "Record (JSON)"):
+        browser.click(words)
+
+    def all_there() -> dict[str, Path] | None:
+        found = {path.suffix: path for path in folder.iterdir() if path.suffix in (".pdf", ".xml", ".json")}
+        return found if len(found) == 3 else None
+
+    return browser.wait(all_there, "the documents do not come")
