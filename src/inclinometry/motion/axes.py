@@ -90,7 +90,7 @@ class AxesCheck:
     _against: int = 0
     _right: int = 0
     _up: int = 0
-    _climbs: int = 0
+    _climbs: bool = False
 
     def add(
         self, window: Samples, turning: Turning, found: Harmonics | None, *, field_usable: bool, phase_usable: bool
@@ -192,15 +192,14 @@ class AxesCheck:
         """What is possible but not likely."""
         if not self._climbs:
             return ()
-        climb = f"in {self._climbs} windows the tool axis points up: the hole climbs, or z points up the hole"
-        return (f"{climb} (z lies along the hole, pointing down it)",)
+        return ("the tool axis points up: the hole climbs, or z points up the hole (it must point down the hole)",)
 
     def _fields(self, found: Harmonics | None, *, field_usable: bool) -> list[Finding]:
         """Strength of gravity, and its angle to the field."""
         if found is None:
             return []
         strength = np.linalg.norm(found.accel, axis=1)
-        self._climbs += bool((found.accel[:, 2] < UP * strength).all())
+        self._climbs |= bool((found.accel[:, 2] < UP * strength).all())
         if not (strength.min() > 0.0 and found.u_accel < ROUGH * float(strength.mean())):
             return []
         if not field_usable:
