@@ -11,7 +11,7 @@ from inclinometry.core.errors import InputError
 from inclinometry.motion._window_buffer import LARGEST_BREAK
 from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.rows import LOST, SETTLED, row
-from inclinometry.motion.inertial.start import azimuth_variance, blank, given, linearised, sought
+from inclinometry.motion.inertial.start import azimuth_variance, bent, blank, given, linearised, sought
 from inclinometry.motion.inertial.state import State
 from inclinometry.motion.inertial.window import Seen, is_still, reduce_window
 from inclinometry.motion.result import Attitude, refusals
@@ -26,7 +26,8 @@ BELIEVED: Final = 3
 class Node(NamedTuple):
     """A window as the backward pass needs it.
 
-    before, after : states; before is what the forward pass began with, None where there was nothing to begin with.
+    before, after : states; before is what the forward pass began with, None where there was nothing to begin with; its
+        attitude is not that of the window before where it was linearised again.
     anew : its attitude does not continue that of the window before. age : windows since the
     start. time : s, of after. model : what the window was reduced with.
     """
@@ -44,7 +45,7 @@ class Engine:
     """Carries the state from window to window."""
 
     def __init__(self, model: Model, start: Attitude | None) -> None:
-        self._model, self._start = model, start
+        self.model, self._start = model, start
         self._state: State | None = None
         self._lost = True  # nothing tells the attitude: at the beginning and after a gap
         self._seeking = False  # a standstill in which azimuth is being found
@@ -54,7 +55,7 @@ class Engine:
 
     def advance(self, window: Samples) -> Node:
         """The window, reduced."""
-        needed = ("accel", "gyro", "mag") if self._model.magnetic else ("accel", "gyro")
+        needed = ("accel", "gyro", "mag") if self.model.magnetic else ("accel", "gyro")
         missing = [name for name in needed if not window.has(name)]
         if missing:
             raise InputError(f"the samples have no {' and no '.join(missing)}; this filter needs {', '.join(needed)}")
@@ -64,7 +65,10 @@ class Engine:
         state, anew, model = self._before(window)
         if state is None:
             return Node(None, None, None, True, 0, time, model)
-        after, seen = reduce_window(state, window, model)
+        if not anew and bent(state, window):
+            state, after, seen = _finer(state, window, model)
+        else:
+            after, seen = reduce_window(state, window, model)
         if self._lost and not self._stated and (seen.disturbed or seen.gravity < 0.0):
             return Node(None, None, None, True, 0, time, model)  # no beginning to build on; the next window may be one
         self._age = 0 if self._lost else self._age + 1
@@ -80,12 +84,12 @@ class Engine:
     def row(self, node: Node, window: Samples, method: str) -> Attitude:
         """The forward pass's row."""
         if node.after is None or node.seen is None:
-            north = "magnetic" if self._model.magnetic else "true"
+            north = "magnetic" if self.model.magnetic else "true"
             why = "clipped" if window.clipped is not None and window.clipped.any() else "misfit"
             why = "vibration" if node.seen is not None and node.seen.shaking > ROUGH else why
             return refusals([node.time], (why, "start"), method, north)
         covariance = node.after.covariance[:3, :3]
-        return row(node.time, node.after, covariance, node.seen, node.age, window, self._model, method)
+        return row(node.time, node.after, covariance, node.seen, node.age, window, self.model, method)
 
     @property
     def _stated(self) -> bool:
@@ -101,7 +105,7 @@ class Engine:
 
     def _before(self, window: Samples) -> tuple[State | None, bool, Model]:
         """State before the window (None: nothing to start from), whether its attitude is a new one, and the model."""
-        model, anew, sought_before = self._model, self._lost, self._seeking
+        model, anew, sought_before = self.model, self._lost, self._seeking
         state = blank(window, model) if self._state is None else self._state
         clipped = window.clipped is not None and bool(window.clipped.any())
         if self._stated and self._start is not None:
@@ -117,5 +121,15 @@ class Engine:
         if anew:
             state = sought(state, window, model)
         if anew or self._stated:
-            return linearised(state, window, model), True, model
+            return linearised(state, window, model, model.magnetic), True, model
         return state, False, model
+
+
+def _finer(state: State, window: Samples, model: Model) -> tuple[State, State, Seen]:
+    """The state linearised again by the window, without a field that is disturbed, and `reduce_window` of it."""
+    finer = linearised(state, window, model, model.magnetic)
+    after, seen = reduce_window(finer, window, model)
+    if seen.disturbed:
+        finer = linearised(state, window, model, False)
+        after, seen = reduce_window(finer, window, model)
+    return finer, after, seen

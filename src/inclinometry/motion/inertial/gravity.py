@@ -20,6 +20,11 @@ FREE: Final = 10 / 3.0
 """Degrees of freedom of that noise in one window and direction: 4 tapers in 3 directions less the lever arm."""
 LEAST_SHARE: Final = 0.15
 """Of the noise beside zero frequency that is always taken to reach zero."""
+ROUGHER: Final = 6.0
+"""Times the mean of the windows before that the noise of one window must be, mean of three directions, for a new level.
+
+Its 10 degrees of freedom do so by chance once in a million windows.
+"""
 TURNS: Final = (2, 3)
 """Turns a window of the tapers that see noise beside zero frequency; below 2 they would see gravity."""
 
@@ -52,21 +57,24 @@ def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) ->
     floor : variance of the Hann mean without any vibration.
     """
     residual = tapered - sensitivity @ before.lever
-    count = before.windows + 1
-    scatter, bands = before.scatter if before.windows else 2.0 * np.mean(residual**2, axis=0), before.bands
+    own = 2.0 * np.mean(residual**2, axis=0)
+    # a tool that stood still and now shakes: what it was like before tells nothing
+    anew = not before.windows or bool(np.mean(own / np.maximum(before.scatter, floor)) > ROUGHER)
+    count = 1 if anew else before.level + 1
+    scatter, bands = own if anew else before.scatter, before.bands
     lever, information = before.lever, before.information
-    for _ in range(1 if before.windows else 3):  # the first window finds both from nothing
+    for _ in range(3 if anew else 1):  # the first window finds both from nothing
         weight = 1.0 / np.maximum(0.5 * scatter, 0.5 * floor)
         information = before.information + np.einsum("mni,n,mnj->ij", sensitivity, weight, sensitivity)
         step = np.linalg.solve(information, np.einsum("mni,n,mn->i", sensitivity, weight, residual))
         left = residual - sensitivity @ step
         seen = 2.0 * np.sum(left**2, axis=0) / FREE
         lever = before.lever + step
-        scatter = before.scatter + (seen - before.scatter) / min(count, MEMORY)
+        scatter = seen if count == 1 else before.scatter + (seen - before.scatter) / min(count, MEMORY)
         square = (left**2).reshape(2, -1, 3).mean(axis=1)
         apart = np.stack([square[:, :2].mean(axis=1), square[:, 2]], axis=1)
-        bands = before.bands + (apart - before.bands) / min(count, MEMORY)
-    return Shaking(scatter, bands, lever, information, count)
+        bands = apart if count == 1 else before.bands + (apart - before.bands) / min(count, MEMORY)
+    return Shaking(scatter, bands, lever, information, before.windows + 1, count)
 
 
 def at_zero(shaking: Shaking) -> Array:
@@ -78,7 +86,7 @@ def at_zero(shaking: Shaking) -> Array:
     """
     low, high = shaking.bands
     middle = np.maximum(0.5 * (low + high), 1e-300)
-    seen = min(shaking.windows, MEMORY)
+    seen = min(shaking.level, MEMORY)
     share = np.clip(1.0 - 1.3 * seen / (seen + 1.0) * (high - low) / middle, LEAST_SHARE, 1.0)
     return np.asarray(share[[0, 0, 1]])
 
@@ -132,7 +140,7 @@ def _variance(shaking: Shaking, lever: Array, cosine: float, window: Samples, mo
     they spoil, is given their variance times the number of windows, so that it never tells more than one would.
     """
     g, size = model.gravity, len(window)
-    seen = min(shaking.windows, MEMORY)
+    seen = min(shaking.level, MEMORY)
     variance = shaking.scatter * at_zero(shaking) * (1.0 + 2.0 / (FREE * seen))
     variance += np.einsum("ni,ij,nj->n", lever, np.linalg.inv(shaking.information), lever)
     variance = np.maximum(variance, _white(size, model))

@@ -130,8 +130,8 @@ def _smoothed(samples: Samples, model: Model, start: Attitude | None, end: Attit
     if end is not None:
         misclosure = _close(nodes[-1], end, model, lam, info)
     rows = [
-        _row(node, window, engine, model, lam, info, method)
-        for node, window in zip(reversed(nodes), reversed(windows), strict=True)
+        _row(node, before, window, engine, lam, info, method)
+        for node, before, window in zip(nodes[::-1], [*nodes[-2::-1], None], windows[::-1], strict=True)
     ]
     found = joined(rows[::-1])
     if end is None:
@@ -164,8 +164,10 @@ def _close(node: Node, end: Attitude, model: Model, lam: Array, info: Array) -> 
     return float(np.sqrt(difference @ np.linalg.solve(together, difference) / 3.0))
 
 
-def _row(node: Node, window: Samples, engine: Engine, model: Model, lam: Array, info: Array, method: str) -> Attitude:
-    """Smoothed row of a window; lam and info go back to its beginning."""
+def _row(
+    node: Node, before: Node | None, window: Samples, engine: Engine, lam: Array, info: Array, method: str
+) -> Attitude:
+    """Smoothed row of a window; lam and info go back to the end of the window `before`."""
     from inclinometry.motion.inertial._recursions import backward
 
     if node.before is None or node.after is None or node.seen is None:
@@ -174,7 +176,7 @@ def _row(node: Node, window: Samples, engine: Engine, model: Model, lam: Array, 
     state: State = corrected(node.after, -covariance @ lam)
     rest = covariance - covariance @ info @ covariance
     rest = 0.5 * (rest + rest.T)[:3, :3]
-    found = row(node.time, state, rest, node.seen, SETTLED, window, model, method)
+    found = row(node.time, state, rest, node.seen, SETTLED, window, engine.model, method)
     tape = blank_tape(len(window))
     reduce_window(node.before, window, node.model, tape)
     turn = carried(tape.error)
@@ -182,4 +184,8 @@ def _row(node: Node, window: Samples, engine: Engine, model: Model, lam: Array, 
     backward(tape.steps, tape.updates, lam, info)
     if node.anew:  # what came before tells nothing of this attitude, but of the sensors
         lam[:3], info[:3, :], info[:, :3] = 0.0, 0.0, 0.0
+    elif before is not None and before.after is not None:  # errors of an attitude that was linearised again
+        turn = np.eye(STATES)
+        turn[:3, :3] = dcm_from_quaternion(node.before.quaternion) @ dcm_from_quaternion(before.after.quaternion).T
+        lam[:], info[:] = turn.T @ lam, turn.T @ info @ turn
     return found

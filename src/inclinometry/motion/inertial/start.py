@@ -36,6 +36,9 @@ SHORTEST: Final = 64
 """Samples of that part, at least."""
 GROWTH: Final = 4
 """Factor by which that part then grows."""
+STRAIGHT: Final = 0.02
+"""rad that bias and scale, as far as they are not known, may turn a window before it is linearised again: the square
+of it, halved, is what a linear filter neglects."""
 OPEN: Final = 1e6
 """Gate while a start is sought, squared normalised innovation."""
 STATED_DIP: Final = float(np.radians(0.2))
@@ -61,7 +64,7 @@ def unshaken(model: Model) -> Shaking:
     """Before the first window."""
     settings = model.settings
     information = np.eye(3) / max(settings.lever_sigma, 1e-6) ** 2
-    return Shaking(np.zeros(3), np.zeros((2, 2)), np.array(settings.lever_arm, dtype=np.float64), information, 0)
+    return Shaking(np.zeros(3), np.zeros((2, 2)), np.array(settings.lever_arm, dtype=np.float64), information, 0, 0)
 
 
 def sought(state: State, window: Samples, model: Model) -> State:
@@ -135,7 +138,21 @@ def beginning(window: Samples, model: Model) -> Samples:
     return window.part(0, min(max(size, SHORTEST), len(window)))
 
 
-def linearised(state: State, window: Samples, model: Model) -> State:
+def bent(state: State, window: Samples) -> bool:
+    """Whether what is not known of bias and scale turns the tool too far in a window for the filter to be linear.
+
+    After a standstill the bias is known and the scale is not: the first window that turns shows it, from the start.
+    """
+    gyro, p = np.asarray(window.gyro), state.covariance
+    angle, elapsed = (
+        np.cumsum(gyro, axis=0) * window.interval,
+        np.arange(1.0, len(gyro) + 1.0)[:, None] * window.interval,
+    )
+    by_bias, both, by_scale = (np.diag(p[i : i + 3, j : j + 3]) for i, j in ((3, 3), (3, 6), (6, 6)))
+    return bool(np.max(elapsed**2 * by_bias + 2.0 * elapsed * angle * both + angle**2 * by_scale) > STRAIGHT**2)
+
+
+def linearised(state: State, window: Samples, model: Model, with_field: bool) -> State:
     """The same beliefs, linearised at what the window makes of its beginning: first a part of it, then the whole."""
     from inclinometry.motion.inertial._recursions import backward
 
@@ -146,11 +163,11 @@ def linearised(state: State, window: Samples, model: Model) -> State:
         part = window.part(0, size)
         for _ in range(PASSES):
             tape = blank_tape(size)
-            seen = filter_window(state, part, model, model.magnetic, tape)[1]
+            seen = filter_window(state, part, model, with_field, tape)[1]
             lam, info = np.zeros(STATES), np.zeros((STATES, STATES))
             backward(tape.steps, tape.updates, lam, info)
             state = corrected(state, state.offset - state.covariance @ lam)
-            if model.magnetic:
+            if with_field:
                 state = replace(state, field_variance=seen.noise)
         if size == len(window):
             return state

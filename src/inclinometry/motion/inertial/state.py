@@ -19,9 +19,10 @@ class Shaking(NamedTuple):
     """What is known of vibration and lever arm.
 
     scatter : (3,) m^2/s^4, variance of a window's mean by the tapers beside zero frequency, north, east, down; over
-        `windows` windows.
+        windows in which it was of one level.
     bands : (2, 2) the same of the tapers of 2 and of 3 turns alone; horizontal, vertical.
     lever : (3,) m, position of the accelerometers; information : (3, 3) its inverse covariance.
+    windows : seen in all; level : of these, since the level of shaking last rose.
     """
 
     scatter: Array
@@ -29,6 +30,7 @@ class Shaking(NamedTuple):
     lever: Array
     information: Array
     windows: int
+    level: int
 
 
 @dataclass(frozen=True, eq=False)
