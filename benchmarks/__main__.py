@@ -16,7 +16,7 @@ from benchmarks import readme
 
 NAMES = (
     "kernel", "closed_forms", "joint", "design", "real_data", "gyro_schemes", "gyro", "path", "msa", "position",
-    "certificate", "motion", "motion_findings", "motion_peers", "motion_robust",
+    "certificate", "motion", "motion_findings", "motion_peers", "motion_robust", "motion_speed",
 )  # fmt: skip
 DRAWS = {"closed_forms": 500, "joint": 800, "gyro": 600}
 

@@ -198,7 +198,7 @@ def _motion(results: dict) -> list[tuple[str, str, str]]:
 
 def _speed(results: dict) -> list[tuple[str, str, str]]:
     kernel, closed, joint = results["kernel"]["ratios"], results["closed_forms"]["speed"], results["joint"]["speed"]
-    times = list(joint.values())
+    times, motion = list(joint.values()), results["motion_speed"]["speed"]
     return [
         ("six channels to three angles", f"{kernel['times_numpy']:.1f} × numpy in 16k blocks", "same run"),
         (
@@ -215,6 +215,16 @@ def _speed(results: dict) -> list[tuple[str, str, str]]:
             "nine-axis filter with covariance",
             f"{results['motion_peers']['speed']['times VQF']:.1f} × VQF",
             "same run",
+        ),
+        (
+            "magnetic demodulation, samples a second",
+            f"{motion['samples a second']['demodulation'] / 1e6:.0f} million",
+            f"numpy × {motion['demodulation times numpy']:.1f}",
+        ),
+        (
+            "15-state filter, updates a second",
+            f"{motion['samples a second']['filter'] / 1e6:.2f} million",
+            f"dense numpy × {motion['filter times dense numpy']:.0f}",
         ),
         ("joint fit, 24 stations, two triads", f"{times[0]:.1f} ms", f"general solver × {times[1]:.1f}"),
         (
