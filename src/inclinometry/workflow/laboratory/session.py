@@ -13,10 +13,13 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
-from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError, Record
+from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError, Record, Unless
 
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
+CLOSING: Final = ("finished", "abandoned")
+LEAST_SAMPLES: Final = 8
+"""From so many samples on, their scatter is taken for the noise of the sensors."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,7 @@ def sessions(ledger: Ledger, *, serial: str | None = None, limit: int = 100, bef
 def closing(ledger: Ledger, session: str) -> str:
     """What closed a session: "finished", "abandoned", or "" while it is open."""
     for record in ledger.find("event", subject_kind="session", subject=session):
-        if record.keys["action"] in ("finished", "abandoned"):
+        if record.keys["action"] in CLOSING:
             return str(record.keys["action"])
     return ""
 
@@ -192,7 +195,10 @@ def capture(
     if attempt is not None and attempt != before + 1:
         raise ConflictError(f"position {number} has {before} readings already; somebody else captured it meanwhile")
     keys = {"session": session, "position": number, "attempt": before + 1}
-    return _taken(ledger.append("reading", keys, _capture_body(taken), author=author))
+    # whoever closes the session at this moment is noticed
+    still_open = unless_closed(session, "this session is closed; open a new one")
+    draft = Draft("reading", keys, _capture_body(taken))
+    return _taken(ledger.append_all([draft], author=author, unless=[still_open])[0])
 
 
 def reading_draft(session: str, number: int, taken: Capture) -> Draft:
@@ -214,20 +220,27 @@ def close_session(ledger: Ledger, session: str, how: str, *, author: str, reason
     """Close a session: "finished" or "abandoned"; nothing more is captured in it."""
     if closing(ledger, session):
         raise LedgerError("this session is closed already")
-    ledger.append_all([close_session_draft(session, how, reason)], author=author)
+    ledger.append_all([close_session_draft(session, how, reason)], author=author, unless=[unless_closed(session)])
 
 
 def close_session_draft(session: str, how: str, reason: str = "") -> Draft:
     """The record that closes a session, for recording it together with what the session gave."""
-    if how not in ("finished", "abandoned"):
+    if how not in CLOSING:
         raise InputError(f"a session is closed as finished or abandoned, not {how!r}")
     return Draft("event", {"subject_kind": "session", "subject": session, "action": how}, {"reason": reason})
+
+
+def unless_closed(session: str, message: str = "this session is closed already") -> Unless:
+    """For what may be recorded only while a session is open: two who finish at once record one result."""
+    return Unless("event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, message)
 
 
 def bench_readings(
     session: Session, *, g: float | None = None, b: float | None = None, dip: float | None = None
 ) -> BenchReadings:
     """The valid readings as a calibration takes them; fields at the stand in m/s^2, nT, rad where known.
+
+    The scatter of the samples, where each position has enough of them, is the readings' standard deviation.
 
     Raises
     ------
@@ -248,12 +261,19 @@ def bench_readings(
     names = {p.number: p.roll_set for p in session.positions}
     roll_set = [names.get(row.number, "") for row in rows]
     known = {"g": g, "b": b, "dip": dip}
+    sd = {}
+    if all(row.capture.count >= LEAST_SAMPLES and set(row.capture.sd) >= set(kinds) for row in rows):
+        sd = {kind: np.stack([row.capture.sd[kind] / np.sqrt(row.capture.count) for row in rows]) for kind in kinds}
+        # one sensor has one noise: what few samples say of it at one position is pooled over all
+        sd = {kind: np.broadcast_to(np.sqrt(np.mean(v**2, axis=0)), v.shape) for kind, v in sd.items()}
+        sd = {} if any((v <= 0.0).any() for v in sd.values()) else sd
     return BenchReadings(
         {kind: np.stack([row.capture.channels[kind] for row in rows]) for kind in kinds},
         azimuth,
         inclination,
         toolface,
         station=[str(row.number) for row in rows],
+        sd=sd,
         count=np.array([float(row.capture.count) for row in rows]),
         temperature=None if None in heat else np.array(heat, dtype=float),
         roll_set=roll_set if any(roll_set) else (),

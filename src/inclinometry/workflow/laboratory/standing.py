@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from inclinometry.calibration.capability import capability
 from inclinometry.calibration.design import AZIMUTH, CRITERIA, NOISE, NextPosition, next_position
 from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
@@ -19,6 +20,12 @@ from inclinometry.workflow.laboratory.session import Session, bench_readings
 
 GRID: Final = 8
 """Inclinations over the range at which the worst uncertainty is looked for."""
+SCATTER: Final = 3.0
+"""Standard deviations by which the residuals may exceed the noise of the samples before they are believed instead."""
+MORE_THAN_NOISE: Final = (
+    "the readings scatter more from position to position than the sensors' noise and the rig explain: the noise was "
+    "estimated from the residuals instead"
+)
 BOTH: Final = frozenset({"accelerometer", "magnetometer"})
 
 
@@ -90,7 +97,7 @@ def standing(
     try:
         readings = bench_readings(session, **fields)
         sd = None if estimate_rig else np.array(rig.sd)
-        found = calibrate_joint(readings, rig_sd=sd, name=session.serial)
+        found = _fitted(readings, sd, session.serial)
     except (InputError, IdentifiabilityError, ConvergenceError) as error:
         return Standing(len(rows), None, str(error), np.nan, np.nan, {}, False)
     inclination, azimuth = worst_uncertainty(found, goal)
@@ -99,6 +106,23 @@ def standing(
     stated = [(limit, value) for limit, value in wanted if limit is not None]
     reached = bool(stated) and not odd and all(value <= limit for limit, value in stated)
     return Standing(len(rows), found, "", azimuth, inclination, odd, reached)
+
+
+def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str) -> Calibration:
+    """The joint fit with the noise the samples showed, or with that of the residuals where they are larger.
+
+    Noise that is known need not be estimated from a few residuals, which makes an uncertainty wide and scatter. But
+    readings that scatter more from position to position than within one have causes the samples do not show.
+    """
+    if not readings.sd:
+        return calibrate_joint(readings, rig_sd=rig_sd, name=name)
+    found = calibrate_joint(readings, rig_sd=rig_sd, name=name)
+    squares = np.concatenate([np.square(v).ravel() for v in found.residuals.standardised.values()])
+    freedom = max(squares.size - len(found.parameter_names), 1)
+    if found.odd or squares.mean() <= 1.0 + SCATTER * np.sqrt(2.0 / freedom):
+        return found
+    wide = calibrate_joint(replace(readings, sd={}), rig_sd=rig_sd, name=name)
+    return replace(wide, warnings=(*wide.warnings, MORE_THAN_NOISE))
 
 
 def worst_uncertainty(calibration: Calibration, goal: Goal) -> tuple[float, float]:
@@ -129,7 +153,7 @@ def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing)
             inclination_range=goal.inclination_range,
             criterion=CRITERIA[goal.criterion],
             rig_sd=float(np.sqrt(np.mean(np.square(rig.sd)))),
-            noise=_relative_noise(calibration) if own and calibration is not None else NOISE,
+            noise=_relative_noise(calibration, session) if own and calibration is not None else NOISE,
             dip=_dip(goal, calibration),
             tool=calibration.tool if own and calibration is not None else None,
             stand=rig.stand,
@@ -144,13 +168,14 @@ def _dip(goal: Goal, calibration: Calibration | None) -> float:
     return float(np.radians(70.0)) if chosen is None else chosen
 
 
-def _relative_noise(calibration: Calibration) -> dict[str, float]:
-    """Noise of one reading relative to the full field, for the design."""
+def _relative_noise(calibration: Calibration, session: Session) -> dict[str, float]:
+    """Noise of one reading, the mean of many samples, relative to the full field, for the design."""
     noise = {}
+    averaged = float(np.sqrt(np.mean([row.capture.count for row in session.valid])))
     for kind in BOTH:
         triad = calibration.tool.triads[kind]
         scale = np.sqrt(np.mean(np.sum(triad.tensor[0] ** 2, axis=1)))
         spread: Array = calibration.tool.noise[kind]
         # a quiet run must not make the design believe in readings without noise
-        noise[kind] = max(float(np.sqrt(np.mean(spread**2)) / scale), 1e-6)
+        noise[kind] = max(float(np.sqrt(np.mean(spread**2)) / scale) / averaged, 1e-6)
     return noise
