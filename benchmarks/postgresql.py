@@ -47,7 +47,7 @@ class Server:
         """As a power cut does it: no process of the server has time to tidy up."""
         note = self.folder / "data" / "postmaster.pid"
         try:
-            self._run("pg_ctl", "-D", self.folder / "data", "-w", "-t", "10", "-m", "immediate", "stop")
+            self._run("pg_ctl", "-D", self.folder / "data", "-w", "-t", "60", "-m", "immediate", "stop")
         except subprocess.CalledProcessError:
             # a busy computer: the server this object started, by the id it noted in its own folder
             with suppress(FileNotFoundError, ProcessLookupError):

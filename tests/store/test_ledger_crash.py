@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.postgresql import Server
+from benchmarks.postgresql import Server, programs, server
 
 from inclinometry.core.errors import FileError
 from inclinometry.store.admin import create
@@ -187,18 +187,17 @@ def test_a_held_database_is_told(postgresql: Server, monkeypatch: pytest.MonkeyP
             ledger.append("tool", {"serial": "A"}, TOOL, author="a")
 
 
-def test_a_server_that_went_away_and_came_back(postgresql: Server) -> None:
+@pytest.mark.skipif(programs() is None, reason="PostgreSQL's server is not installed")
+def test_a_server_that_went_away_and_came_back(tmp_path_factory: pytest.TempPathFactory) -> None:
     """What was acknowledged is there; while it is away the sentence says so."""
-    with create(postgresql.database()) as ledger:
+    with server(tmp_path_factory.mktemp("own")) as own, create(own.database()) as ledger:
         ledger.append("tool", {"serial": "A"}, TOOL, author="a")
-        postgresql.stop()
-        try:
-            with pytest.raises(LedgerError, match=r"check that the server runs|connection was lost"):
-                ledger.append("tool", {"serial": "B"}, TOOL, author="a")
-            with pytest.raises(LedgerError, match="check that the server runs"):
-                ledger.head()
-        finally:
-            postgresql.start()
+        own.stop()
+        with pytest.raises(LedgerError, match=r"check that the server runs|connection was lost"):
+            ledger.append("tool", {"serial": "B"}, TOOL, author="a")
+        with pytest.raises(LedgerError, match="check that the server runs"):
+            ledger.head()
+        own.start()
         ledger.append("tool", {"serial": "C"}, TOOL, author="a")
         assert [record.keys["serial"] for record in ledger.current("tool")] == ["A", "C"]
         assert verify(ledger).ok
