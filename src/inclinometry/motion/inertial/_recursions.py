@@ -198,6 +198,17 @@ def _field(c: Array, m: Array, nominal: Array, strength: float, east: bool, axis
 
 
 @inlined
+def _roughness(z: float, full: bool, place: int, past: Array, out: Array) -> None:
+    """Second difference of the residuals along one of the two directions, when four samples went before."""
+    if full:
+        rough = z - 2.0 * past[place] + past[2 + place]
+        out[COUNTS + 6] += rough * rough / 6.0
+        out[COUNTS + 7] += 1.0
+    past[2 + place] = past[place]
+    past[place] = z
+
+
+@inlined
 def _note(row: Array, h: Array, k: Array, ratio: float, inverse: float) -> None:
     """Onto the tape; a measurement that was refused leaves no trace."""
     done = inverse > 0.0
@@ -265,12 +276,7 @@ def forward(
         if marks[i] & USE_MAG:
             z = _field(dcm, mag[i], nominal, strength, i % 2 == 0, axis, h)
             run += 1
-            if run > 4:
-                rough = z - 2.0 * past[i % 2] + past[2 + i % 2]
-                out[COUNTS + 6] += rough * rough / 6.0
-                out[COUNTS + 7] += 1.0
-            past[2 + i % 2] = past[i % 2]
-            past[i % 2] = z
+            _roughness(z, run > 4, i % 2, past, out)
             ratio, inverse = _update(p, x, h, z, variance, gate, u, k)
             out[COUNTS + (1 if inverse < 0.0 else 0)] += 1.0
             out[COUNTS + 2] += 0.0 if inverse <= 0.0 else ratio * ratio / inverse

@@ -12,7 +12,7 @@ from inclinometry.attitude.rotations import cross_matrix, dcm_from_quaternion
 from inclinometry.core.arrays import Array, Mask
 from inclinometry.motion.inertial.gravity import MEMORY, measure_gravity, tapers
 from inclinometry.motion.inertial.model import Model
-from inclinometry.motion.inertial.state import STATES, State, corrected
+from inclinometry.motion.inertial.state import STATES, Shaking, State, corrected
 from inclinometry.motion.inertial.tape import NO_GATE, NO_TAPE, Ends, Tape
 from inclinometry.motion.samples import Samples
 
@@ -110,10 +110,20 @@ def filter_window(
         last=last,
         shaking=shaking,
     )
-    counts = sums[kernels.COUNTS :]
+    seen = _seen(sums[kernels.COUNTS :], len(window), still, clipped, level, state, shaking)
+    done = replace(done, field_variance=state.field_variance + (seen.noise - state.field_variance) / MEMORY)
+    if len(tape.steps):
+        tape.error[:] = x
+    done = corrected(done, x)
+    axis = dcm_from_quaternion(done.quaternion)[2]
+    return replace(done, axis=axis if not state.axis.any() else state.axis + (axis - state.axis) / SLOW), seen
+
+
+def _seen(counts: Array, size: int, still: bool, clipped: bool, level: float, state: State, shaking: Shaking) -> Seen:
+    """Of a window, from what the loop counted."""
     used, refused = counts[0], counts[1]
-    seen = Seen(
-        rate=float(counts[5]) / len(window),
+    return Seen(
+        rate=float(counts[5]) / size,
         still=still,
         clipped=clipped,
         refused=refused / (used + refused) if used + refused else np.nan,
@@ -123,12 +133,6 @@ def filter_window(
         gravity=level,
         shaking=float(np.sqrt(np.max(shaking.scatter))) if shaking.windows else 0.0,
     )
-    done = replace(done, field_variance=state.field_variance + (seen.noise - state.field_variance) / MEMORY)
-    if len(tape.steps):
-        tape.error[:] = x
-    done = corrected(done, x)
-    axis = dcm_from_quaternion(done.quaternion)[2]
-    return replace(done, axis=axis if not state.axis.any() else state.axis + (axis - state.axis) / SLOW), seen
 
 
 def hann_mean(state: State, window: Samples, vectors: Array) -> Array:

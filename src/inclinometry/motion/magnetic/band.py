@@ -23,7 +23,6 @@ SATURATION: Final = 3.0
 """Bands, up to where a spectrum rises: what the sequences leave outside their band counts with what is there."""
 SLOPES: Final = ((2, (1.0, 1e1, 1e2, 1e3)), (4, (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)))
 """Exponent of frequency, and powers that rise with it, averaged over the band, per white power; steeper look alike."""
-SPECTRA: Final = 1 + sum(len(slopes) for _, slopes in SLOPES)
 DOUBT: Final = 0.7
 """Nats by which each step of slope is thought less likely beforehand: white data else look steep once in a while, and
 their mean is then believed too much (normalised square 2.6 instead of 1.4 in a first window; later ones 1.0)."""
