@@ -99,6 +99,7 @@ def test_titles_are_large_enough_to_be_read_from_two_metres(stand, browser):
     """Figures of 20 minutes of arc, 11.6 mm at two metres, are read with ease; at 96 dots an inch that is 44 px."""
     dressed(browser, 1280, 800, "light", "en")
     browser.open(stand.pages["bench"])
+    browser.named("target-azimuth")
     sizes = browser.script(
         "return [...document.querySelectorAll('.digits')].map(e => parseFloat(getComputedStyle(e).fontSize))"
     )
