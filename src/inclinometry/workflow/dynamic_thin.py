@@ -60,8 +60,8 @@ class Envelopes:
     def done(self) -> tuple[Envelope, ...]:
         """What has been seen; bins without a sample are left out."""
         seen = np.flatnonzero(self._count)
-        time = self._start + self._width * (seen + 0.5)
-        mean: Array = np.divide(self._sum[seen], self._count[seen][:, None])
+        time = np.asarray(self._start + self._width * (seen + 0.5), dtype=np.float64)
+        mean = self._sum[seen] / self._count[seen][:, None]
         return tuple(
             Envelope(name, unit, time, self._low[seen, k], mean[:, k], self._high[seen, k])
             for k, (name, unit) in enumerate(zip(self._names, self._units, strict=True))
@@ -99,8 +99,9 @@ class Spectra:
         """What has been seen; NaN where no window was."""
         size = int(np.flatnonzero(self._count)[-1]) + 1 if self._count.any() else 0
         with np.errstate(invalid="ignore"):
-            density: Array = np.divide(self._sum[:size], self._count[:size, None])
-        return Spectrogram(self._what, self._start + self._width * np.arange(size + 1), self._frequency, density)
+            density = self._sum[:size] / self._count[:size, None]
+        edges = np.asarray(self._start + self._width * np.arange(size + 1), dtype=np.float64)
+        return Spectrogram(self._what, edges, self._frequency, density)
 
 
 def _halved(held: Array, half: int) -> None:
