@@ -271,3 +271,29 @@ class TestRefusals:
     def test_limits_that_make_no_sense(self, change):
         with pytest.raises(InputError, match=next(iter(change))):
             dataclasses.replace(WIDE, **change)
+
+
+def test_good_tools_pass_at_the_vertical_as_often_as_stated(bench):
+    """There the error of inclination is the length of a tilt in two directions, whichever the rig errs in."""
+    tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))
+    calibration = calibrate_joint(bench(plans.two_face(), tool, rig, bits=12)[0])
+    degrees = [[0, 90, 180, 270, 30, 200], [0] * 6, [0, 90, 180, 270, 45, 135]]
+    upright = Plan("upright", *np.radians(np.array(degrees, dtype=float)))
+    found = [verify(bench(upright, tool, rig, bits=12, seed=seed)[0], calibration) for seed in range(40)]
+    assert sum(one.verdict == "pass" for one in found) >= 39
+    # not by being so wide that nothing fails
+    assert max(np.abs(one.errors[:, 0] / one.u[:, 0]).max() for one in found) > 1.0
+    expanded = np.degrees(found[0].coverage_factor * found[0].u[:, 0])
+    assert np.all(expanded < 5.0 * 0.05)
+
+
+def test_judged_at_two_sigma_the_tilt_has_the_probability_of_two_sigma(bench):
+    """At least 95.4 % of the errors lie within U."""
+    tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))
+    calibration = calibrate_joint(bench(plans.two_face(), tool, rig, bits=12)[0])
+    upright = Plan("upright", np.zeros(400), np.zeros(400), np.tile(np.radians([0.0, 90.0]), 200))
+    readings, _ = bench(upright, tool, rig, bits=12, seed=4)
+    found = verify(readings, calibration, Limits("own", "this test", np.radians(0.5), None, None))
+    inside = np.mean(found.errors[:, 0] <= found.coverage_factor * found.u[:, 0])
+    assert inside > 0.954 - 0.03  # the rig errs in one direction: rather more
+    assert found.coverage_factor == 2.0

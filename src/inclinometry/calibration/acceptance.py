@@ -23,6 +23,8 @@ GUARDS = ("none", "expanded-uncertainty")
 FEW_POSITIONS = 6
 NEAR_VERTICAL = np.radians(1.0)
 """Azimuth and toolface are never judged nearer to the vertical than this, rad."""
+PLUMB = 10.0
+"""Inclinations below so many standard uncertainties are lengths of a tilt in two directions."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,11 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
     Expected fields C(A, I, T) a with the directions a and the constant errors of the rig that the calibration found, so
     neither a tilted base nor a rig turned from north counts as an error of the tool; what is uncertain of them counts
     with its correlation with the tool. Decision rules: JCGM 106:2012, 8.2 (simple) and 8.3 (guarded).
+
+    At the vertical the inclination is the length of a tilt in two directions, and its error at most the length of the
+    tilt's error, which is not normal: with the larger principal standard deviation s of the tilt it stays below
+    s sqrt(-2 ln p) with at least the probability 1 - p (Rayleigh). There u is s sqrt(-2 ln p) / k, with p the
+    probability beyond k for a normal error, so that k u has the coverage it has elsewhere.
     """
     _check(readings, calibration)
     dials = np.stack(readings.dials, axis=1)
@@ -121,8 +128,9 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
     seen = {k: tool.triads[k].field(readings.channels[k], readings.temperature) for k in _BOTH}
     measured, wanted = angles(seen["accelerometer"], seen["magnetometer"]), angles(expected_g, expected_b)
     errors = np.stack([wrap_signed(getattr(measured, n) - getattr(wanted, n)) for n in JUDGED], axis=1)
-    variance, k = _variance(readings, calibration, rig, expected_g, expected_b), 2.0
-    u = np.sqrt(variance)
+    k = 2.0
+    u = np.sqrt(_variance(readings, calibration, rig, expected_g, expected_b))
+    tilt = np.sqrt(_largest_tilt(readings, calibration, rig, expected_g, expected_b))
     inclination = wanted.inclination
     steep = np.minimum(inclination, np.pi - inclination) < max(
         limits.min_inclination_for_azimuth if limits else 0.0, NEAR_VERTICAL
@@ -133,6 +141,9 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
 
         judged = 3 * len(errors) - 2 * int(steep.sum())
         k = float(ndtri(1.0 - 0.005 / judged))
+    plumb = np.minimum(inclination, np.pi - inclination) < PLUMB * tilt
+    u[plumb, 0] = tilt[plumb] * _two_directions(k)
+    if limits is None:
         bounds = k * u
     else:
         for column, name in enumerate(JUDGED):
@@ -195,6 +206,29 @@ class _Orientation(NamedTuple):
     by_nuisance: Array
 
 
+def _largest_tilt(readings: BenchReadings, calibration: Calibration, rig: _Orientation, g: Array, b: Array) -> Array:
+    """Largest variance (K,) of the tool's tilt in any direction; it is that of inclination only near the vertical."""
+    length, up = np.linalg.norm(g, axis=1), np.where(g[:, 2] < 0.0, -1.0, 1.0)
+    found = []
+    # the derivatives of a tool that leans hardly at all, toward x, y and between: they give the whole covariance
+    for x, y in ((1.0, 0.0), (0.0, 1.0), (np.sqrt(0.5), np.sqrt(0.5))):
+        leaning = np.stack([_LEAN * x * length, _LEAN * y * length, up * length], axis=1)
+        found.append(_variance(readings, calibration, rig, leaning, b)[:, 0])
+    xx, yy, between = found
+    middle, xy = (xx + yy) / 2.0, between - (xx + yy) / 2.0
+    return np.asarray(middle + np.hypot((xx - yy) / 2.0, xy))
+
+
+_LEAN = 1e-3
+
+
+def _two_directions(k: float) -> float:
+    """By how much the error of a tilt in two directions is wider than that of one, for the coverage of k."""
+    from scipy.special import erfc
+
+    return float(np.sqrt(-2.0 * np.log(erfc(k / np.sqrt(2.0)))) / k)
+
+
 def _variance(readings: BenchReadings, calibration: Calibration, rig: _Orientation, g: Array, b: Array) -> Array:
     """Variance (K, 3) of each error: calibration, noise of these readings, random error of the rig's setting."""
     tool, directions = calibration.tool, calibration.field_directions
@@ -231,7 +265,7 @@ def _judge(error: float, limit: float, guard: float) -> str:
 
 
 def _reasons(readings: BenchReadings, errors: Array, bounds: Array, decision: list[list[str]]) -> tuple[str, ...]:
-    """The worst position of each angle that did not pass, and a word when everything did."""
+    """The worst position of each angle that did not pass, a word when everything did, and what was not judged."""
     sentences = []
     for column, name in enumerate(JUDGED):
         bad = [row for row in range(len(errors)) if decision[row][column] in ("fail", "inconclusive")]
@@ -244,6 +278,9 @@ def _reasons(readings: BenchReadings, errors: Array, bounds: Array, decision: li
             )
     if not sentences:
         sentences.append("every judged angle is within its limit at every position")
+    idle = [name for column, name in enumerate(JUDGED) if all(row[column] == "not judged" for row in decision)]
+    if idle:
+        sentences.append(f"not judged at any position, the verdict does not cover: {', '.join(idle)}")
     return tuple(sentences)
 
 

@@ -157,6 +157,10 @@ def _statements(parent: Any, record: Record) -> None:
     if record["laboratory"]["traceability"]:
         made = element(parent, "dcc:statement", refType="basic_traceability")
         named(made, "dcc:declaration", record["laboratory"]["traceability"])
+    if record["method"].get("rig_traceability"):
+        made = element(parent, "dcc:statement", refType="basic_traceability")
+        named(made, "dcc:name", record["method"]["rig"] or "rig")
+        named(made, "dcc:declaration", record["method"]["rig_traceability"])
     if record["interval_months"] is not None:
         made = element(parent, "dcc:statement", refType="basic_recalibration")
         english(made, "dcc:declaration", "Interval agreed with the customer.")
@@ -167,8 +171,23 @@ def _statements(parent: Any, record: Record) -> None:
         made = element(parent, "dcc:statement", refType="basic_conformity")
         element(made, "dcc:norm", rule[0])
         element(made, "dcc:reference", rule[1])
-        named(made, "dcc:declaration", f"{rule[2]} Limits: {limits['name']}. Source: {limits['source']}")
+        named(
+            made, "dcc:declaration", f"{rule[2]} Limits: {limits['name']}. Source: {limits['source']}{_scope(record)}"
+        )
         element(made, "dcc:conformity", record["conformity"]["statement"])
+
+
+def _scope(record: Record) -> str:
+    """The protocol, and to which angles and inclinations a statement of conformity applies."""
+    judged, protocol = record["conformity"].get("judged", {}), record["verification"]["report"].get("protocol")
+    said = (
+        f". Protocol: {protocol['name']}, {protocol['taken']} of {protocol['positions']} positions" if protocol else ""
+    )
+    parts = [
+        "{} at {} positions, inclination {:g} to {:g} deg".format(name, one["positions"], *one["inclination_deg"])
+        for name, one in judged.items()
+    ]
+    return f"{said}. Applies to: {'; '.join(parts) or 'nothing'}."
 
 
 def _measurement(parent: Any, record: Record) -> None:

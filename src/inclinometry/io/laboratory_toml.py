@@ -52,6 +52,7 @@ class Order:
 
     received, performed_from, performed_to, issued : dates; None where not known.
     temperature_degC, humidity_percent : lowest and highest during the work; None where not measured.
+    rig_traceability, rig_place : how the rig's angles are traced to the SI, where it stands.
     interval_months : until the next calibration, only where it was agreed with the customer.
     """
 
@@ -64,6 +65,8 @@ class Order:
     condition: str = ""
     plan: str = ""
     rig: str = ""
+    rig_traceability: str = ""
+    rig_place: str = ""
     environment: str = ""
     received: datetime.date | None = None
     performed_from: datetime.date | None = None

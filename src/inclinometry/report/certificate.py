@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from inclinometry.core.errors import InputError
 from inclinometry.io.certificate_json import record_digest
 from inclinometry.report import certificate_tables as tables
+from inclinometry.report.certificate_figures import LETTERS
 from inclinometry.report.certificate_words import NARROW, Words, families, words
 from inclinometry.report.digits import plain, significant
 
@@ -185,12 +186,15 @@ def _facts(record: Content, say: Words) -> list[list[str]]:
         ("received", dates["received"]),
         ("performed", performed),
         ("issued", dates["issued"]),
-        ("place", laboratory.get("place") or laboratory.get("address", "").replace("\n", ", ")),
+        (
+            "place",
+            laboratory.get("place") or method.get("rig_place") or laboratory.get("address", "").replace("\n", ", "),
+        ),
         ("method", say.method(method["name"])),
         ("plan", _plan(method, say)),
         ("rig", _rig(method, say)),
         ("environment", _environment(record["environment"], say)),
-        ("traceability", laboratory.get("traceability")),
+        ("traceability", _traceability(laboratory, method, say)),
     ]
     optional = ("reference", "manufacturer", "range")
     rows = [[say(key), text or say("not_stated")] for key, text in pairs if text or key not in optional]
@@ -220,6 +224,12 @@ def _rig(method: Content, say: Words) -> str:
     return "; ".join(filter(None, (method["rig"], said)))
 
 
+def _traceability(laboratory: Mapping[str, str], method: Content, say: Words) -> str:
+    """What the laboratory states and what is recorded of the rig's reference, each once."""
+    house, rig = laboratory.get("traceability", ""), method.get("rig_traceability", "")
+    return "; ".join(filter(None, (house, rig and rig != house and f"{say('rig')} {method['rig']}: {rig}")))
+
+
 def _environment(about: Content, say: Words) -> str:
     parts = [about["text"]]
     for key, name in (("temperature", "temperature_degC"), ("humidity", "humidity_percent")):
@@ -234,10 +244,33 @@ def _conformity(record: Content, say: Words) -> list[str]:
     if rule is None:
         return [say("not_assessed")]
     limits = record["verification"]["limits"]
-    texts = [say(_CONFORMITY[statement, rule], limits=limits["name"]), f"{say('rule')}: {say(rule)}"]
+    texts = [say(_CONFORMITY[statement, rule], limits=limits["name"]), *_applies(record, say)]
+    texts.append(f"{say('rule')}: {say(rule)}")
     if rule != "consistency":
         texts.append(f"{say('limits_source')}: {limits['source']}")
     return texts
+
+
+def _applies(record: Content, say: Words) -> list[str]:
+    """To which results the statement applies (ISO/IEC 17025, 7.8.6.2): the protocol, angles and inclinations judged."""
+    judged = record["conformity"].get("judged", {})
+    parts = [
+        say(
+            "judged_at",
+            angle=say(name),
+            count=one["positions"],
+            low=plain(one["inclination_deg"][0], 2),
+            high=plain(one["inclination_deg"][1], 2),
+        )
+        for name, one in judged.items()
+    ]
+    left_out = [say(name) for name in LETTERS if name not in judged]
+    protocol = record["verification"]["report"].get("protocol")
+    return [
+        *([say("protocol", **protocol)] if protocol else []),
+        *([say("applies", parts="; ".join(parts))] if parts else []),
+        *([say("not_judged", angles=", ".join(left_out))] if left_out else []),
+    ]
 
 
 def _authorised(laboratory: Mapping[str, str], record: Content, say: Words) -> list[list[str]]:

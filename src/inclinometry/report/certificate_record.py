@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -169,6 +169,8 @@ def _method(calibration: Calibration, order: Order) -> Record:
         "plan": order.plan,
         "positions": len(calibration.residuals.station),
         "rig": order.rig,
+        "rig_traceability": order.rig_traceability,
+        "rig_place": order.rig_place,
         "rig_sd_deg": dict(zip(("azimuth", "inclination", "toolface"), rig.tolist(), strict=True)),
     }
 
@@ -252,7 +254,19 @@ def _conformity(verification: Mapping[str, Any] | None) -> Record:
     if verification is None:
         return {"statement": "not assessed", "rule": None}
     guard = verification["limits"].get("guard")
-    return {"statement": verification["verdict"], "rule": RULES.get(str(guard), "consistency")}
+    rule = RULES.get(str(guard), "consistency")
+    return {"statement": verification["verdict"], "rule": rule, "judged": _scope(verification["report"]["positions"])}
+
+
+def _scope(positions: Sequence[Mapping[str, Any]]) -> Record:
+    """To which results the statement applies: angle -> how many positions, lowest and highest inclination."""
+    found: Record = {}
+    for name in ("inclination", "azimuth", "toolface"):
+        inclinations = [row["inclination_deg"] for row in positions if row[name]["decision"] != "not judged"]
+        if inclinations:
+            span = [min(inclinations), max(inclinations)]
+            found[name] = {"positions": len(inclinations), "inclination_deg": span}
+    return found
 
 
 def _plain(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 
 from sqlalchemy.engine import Engine
@@ -32,9 +33,7 @@ def create(where: str | Path) -> Ledger:
     try:
         with translated(shown(where)):
             if made.dialect.name == "sqlite":
-                raw = made.raw_connection()  # the mode cannot be set inside a transaction
-                raw.cursor().execute("PRAGMA journal_mode = WAL")
-                raw.close()
+                _write_ahead(made, where)
             _migrate(made)
             with made.connect() as connection:
                 bare = unprotected(connection)
@@ -46,6 +45,17 @@ def create(where: str | Path) -> Ledger:
             "ledger verify`, and move a ledger that is sound into a new one with `ledger export` and `ledger import`"
         )
     return Ledger(where)
+
+
+def _write_ahead(made: Engine, where: str | Path) -> None:
+    """Readers do not wait for a writer; the mode cannot be set inside a transaction."""
+    raw = made.raw_connection()
+    try:
+        raw.cursor().execute("PRAGMA journal_mode = WAL")
+    except sqlite3.Error as error:
+        raise LedgerError(f"{where}: not a ledger, or not to be written ({error}); name another file") from None
+    finally:
+        raw.close()
 
 
 def _migrate(made: Engine, revision: str = "head") -> None:

@@ -19,10 +19,10 @@ from inclinometry.store.batch import Batch, add_document, body_text
 from inclinometry.store.engine import ConflictError, LedgerError, default_path, engine, shown, translated
 from inclinometry.store.guards import readable
 from inclinometry.store.kinds import INTEGERS, KINDS, VERSION, plain
-from inclinometry.store.records import Draft, Record, record_of
+from inclinometry.store.records import Draft, Record, Unless, record_of
 from inclinometry.store.schema import CHAIN, DOCUMENT, TABLES
 
-__all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Record", "default_path"]
+__all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Record", "Unless", "default_path"]
 
 CLOCK_SLACK: Final = timedelta(minutes=2)
 """How far the clock may have gone back since the last record; beyond that nothing is recorded."""
@@ -93,14 +93,24 @@ class Ledger:
         """
         return self.append_all([Draft(kind, keys, body)], author=author)[0]
 
-    def append_all(self, drafts: Sequence[Draft], *, author: str, slack: timedelta = CLOCK_SLACK) -> list[Record]:
-        """Record several things in one step: all of them or none."""
+    def append_all(
+        self,
+        drafts: Sequence[Draft],
+        *,
+        author: str,
+        slack: timedelta = CLOCK_SLACK,
+        unless: Sequence[Unless] = (),
+    ) -> list[Record]:
+        """Record several things in one step: all of them or none; `unless` is looked at in the same step."""
         if self.read_only:
             raise LedgerError(f"{self.shown} was opened for reading only; nothing was recorded")
         if not plain(author):
             raise InputError(f"author is {author!r:.60}; it must be a text of 1 to 200 printable characters")
         bodies = [body_text(draft) for draft in drafts]
         with self._writing() as connection:
+            for there in unless:
+                if connection.execute(_query(there.kind).where(_matching(there.kind, there.keys)).limit(1)).first():
+                    raise ConflictError(there.message)
             head, last = self._tail(connection)
             batch = Batch(connection, head)
             created = self._now(last, slack)

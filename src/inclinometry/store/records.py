@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from inclinometry.core.errors import InputError
 from inclinometry.store import chain
@@ -34,6 +34,14 @@ class Record:
     keys: Mapping[str, Any]
     body: Mapping[str, Any]
     digest: str = field(default="", compare=False)
+
+
+class Unless(NamedTuple):
+    """What must not be in the ledger yet when something is recorded: a kind, keys as for `Ledger.find`, what to say."""
+
+    kind: str
+    keys: Mapping[str, Any]
+    message: str
 
 
 @dataclass(frozen=True)

@@ -9,20 +9,17 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.acceptance import Limits
 from inclinometry.core.errors import InputError
 from inclinometry.io.limits_toml import limit_names, read_limits
+from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError
-from inclinometry.workflow.laboratory.begin_verification import (
-    begin_verification,
-    limits_content,
-    limits_from,
-    limits_of,
-    reachable,
-)
+from inclinometry.workflow.laboratory.agreed_limits import limits_content, limits_from, limits_of
+from inclinometry.workflow.laboratory.begin_verification import begin_verification, reachable
 from inclinometry.workflow.laboratory.registry import RegisteredRig, put_rig
 from inclinometry.workflow.laboratory.results import finish_calibration
 from inclinometry.workflow.laboratory.session import load_session
-from inclinometry.workflow.laboratory.verification import protocol
+from inclinometry.workflow.laboratory.verification import finish_verification, protocol
 
 
 @pytest.fixture
@@ -44,6 +41,23 @@ def test_the_session_keeps_calibration_and_limits(laboratory: Ledger, calibratio
     assert limits_content(kept) == limits_content(limits)
     bare = begin_verification(laboratory, calibration, "roll-4", author="anna")
     assert limits_of(load_session(laboratory, bare.id)) is None
+
+
+def test_what_was_agreed_is_held_to(laboratory: Ledger, bench: SimpleNamespace, calibration: str) -> None:
+    """Neither no limits, nor others, nor another calibration, once there are results."""
+    tight = Limits("contract", "contract 7", 1e-6, 1e-6, 1e-6, guard="expanded-uncertainty")
+    wide = Limits("wide", "this test", 0.1, None, None)
+    made = begin_verification(laboratory, calibration, "roll-4", author="anna", limits=tight)
+    bare = begin_verification(laboratory, calibration, "roll-4", author="anna")
+    for session in (made, bare):
+        bench.take(laboratory, session, bench.sensors(realistic_tool(7), 9))
+        with pytest.raises(LedgerError, match="it is not judged by 'wide'"):
+            finish_verification(laboratory, session.id, calibration, author="anna", limits=wide)
+    other = finish_calibration(laboratory, bench.calibrated(laboratory, plans.orthogonal(), 2).id, author="a").id
+    with pytest.raises(LedgerError, match=f"opened for calibration {calibration}, not for {other}"):
+        finish_verification(laboratory, made.id, other, author="anna")
+    record = finish_verification(laboratory, made.id, calibration, author="anna")
+    assert (record.body["verdict"], record.body["limits"]["name"]) == ("fail", "contract")
 
 
 @pytest.mark.parametrize("name", limit_names())

@@ -32,7 +32,14 @@ from inclinometry.workflow.laboratory.certificates import (
     supersede,
     void,
 )
-from inclinometry.workflow.laboratory.registry import RegisteredSite, RegisteredTool, put_site, put_tool
+from inclinometry.workflow.laboratory.registry import (
+    RegisteredRig,
+    RegisteredSite,
+    RegisteredTool,
+    put_rig,
+    put_site,
+    put_tool,
+)
 from inclinometry.workflow.laboratory.results import finish_calibration
 from inclinometry.workflow.laboratory.session import open_session
 from inclinometry.workflow.laboratory.verification import finish_verification
@@ -56,9 +63,10 @@ def made(laboratory: Ledger, bench: SimpleNamespace) -> Callable[..., tuple[str,
 def checked(ledger: Ledger, bench: SimpleNamespace, calibration: str, seed: int, limits: Limits) -> str:
     """Id of a verification at six positions."""
     tool: Tool = realistic_tool(7)
-    plan = plans.twelve()
+    twelve = plans.twelve()
+    plan = plans.Plan("six of twelve", twelve.azimuth[:6], twelve.inclination[:6], twelve.toolface[:6])
     session = open_session(ledger, "IN-7", plan, rig="stand 1", author="anna", purpose="verify")
-    bench.take(ledger, session, bench.sensors(tool, 100 + seed), range(1, 7))
+    bench.take(ledger, session, bench.sensors(tool, 100 + seed))
     return finish_verification(ledger, session.id, calibration, author="anna", limits=limits).id
 
 
@@ -73,7 +81,11 @@ def test_from_issue_to_the_auditor(laboratory: Ledger, made: Callable[..., tuple
     content = record.body["record"]
     assert content["item"]["name"] == "steering tool"
     assert content["interval_months"] == 12
-    assert content["conformity"] == {"statement": "pass", "rule": "simple"}
+    conformity = content["conformity"]
+    assert (conformity["statement"], conformity["rule"]) == ("pass", "simple")
+    assert list(conformity["judged"]) == ["inclination"]
+    assert conformity["judged"]["inclination"]["positions"] == 6
+    assert content["verification"]["report"]["protocol"] == {"name": "six of twelve", "taken": 6, "positions": 6}
     files = documents(laboratory, record)
     assert [name for name, _, _ in files.values()] == [f"{year}-0001_IN-7{end}" for end in (".pdf", ".xml", ".json")]
     assert files["pdf"][2].startswith(b"%PDF")
@@ -202,6 +214,25 @@ def test_the_laboratory_of_the_site(laboratory: Ledger, bench: SimpleNamespace) 
     assert content["customer"] == {"name": "=A1 & #b", "address": "", "reference": "77"}
     assert content["dates"]["received"] == "2020-01-02"
     assert content["environment"] == {"text": "", "temperature_degC": [20.0, 22.0], "humidity_percent": [40.0, 40.0]}
+
+
+def test_the_rig_is_traced_and_somebody_answers(
+    laboratory: Ledger, bench: SimpleNamespace, made: Callable[..., tuple[str, str]]
+) -> None:
+    """ISO/IEC 17025, 7.8.4.1 c) and 7.8.2.1 o): the rig as it was then, the author where nobody else is named."""
+    sd = (bench.sd,) * 3
+    put_rig(laboratory, RegisteredRig("stand 1", sd, traceability="NMI cert 12", place="hall 2"), author="a")
+    one, two = made(1)[0], made(2)[0]
+    put_rig(laboratory, RegisteredRig("stand 1", sd, traceability="NMI cert 13", place="hall 3"), author="a")
+    nobody = replace(LABORATORY, authoriser="")
+    record = issue(laboratory, one, None, nobody, author="bert")
+    method = record.body["record"]["method"]
+    assert (method["rig_traceability"], method["rig_place"]) == ("NMI cert 12", "hall 2")
+    assert record.body["record"]["laboratory"]["authoriser"] == "bert"
+    assert b"NMI cert 12" in documents(laboratory, record)["dcc"][2]
+    record = issue(laboratory, two, None, LABORATORY, author="bert", authoriser=("Bert B", "metrologist"))
+    house = record.body["record"]["laboratory"]
+    assert (house["authoriser"], house["authoriser_role"]) == ("Bert B", "metrologist")
 
 
 def forged(change: Callable[[dict[str, Any]], object], true: Record) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +16,7 @@ from inclinometry.core.errors import InputError
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError
 from inclinometry.workflow.laboratory.results import calibration_of, finish_calibration
-from inclinometry.workflow.laboratory.session import Capture, capture, open_session
+from inclinometry.workflow.laboratory.session import Capture, capture, open_session, reject
 from inclinometry.workflow.laboratory.temperature import campaign
 from inclinometry.workflow.laboratory.verification import finish_verification, judged, protocol
 
@@ -40,6 +42,70 @@ def test_a_good_tool_passes_and_the_verdict_is_recorded(laboratory: Ledger, benc
     assert abs(row["azimuth"]["error_deg"]) < row["azimuth"]["U_deg"] < row["azimuth"]["limit_deg"]
     with pytest.raises(LedgerError, match="closed already"):
         finish_verification(laboratory, session.id, calibration, author="anna")
+
+
+def test_no_verdict_on_a_part_of_the_protocol(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """One of 72 positions, or a reading left out: neither pass nor fail, and the session stays open."""
+    calibration = calibrated(laboratory, bench)
+    session = open_session(laboratory, "IN-7", protocol("roll-4").plan, rig="stand 1", author="a", purpose="verify")
+    seen = bench.take(laboratory, session, bench.sensors(realistic_tool(7), 9), [1, 2, 4])
+    with pytest.raises(LedgerError, match=r"1 of the 4 positions of 'roll-4' have no valid reading \(3\)"):
+        finish_verification(laboratory, session.id, calibration, author="anna", limits=LIMITS)
+    seen = bench.take(laboratory, session, bench.sensors(realistic_tool(7), 10), [3])
+    reject(laboratory, seen.taken[2], "shaken", author="a")
+    with pytest.raises(LedgerError, match=r"\(2\): there is no verdict yet"):
+        finish_verification(laboratory, session.id, calibration, author="anna", limits=LIMITS)
+    assert laboratory.count("verification") == 0
+    bench.take(laboratory, session, bench.sensors(realistic_tool(7), 11), [2])
+    record = finish_verification(laboratory, session.id, calibration, author="anna", limits=LIMITS)
+    assert record.body["report"]["protocol"] == {"name": "roll-4", "taken": 4, "positions": 4}
+
+
+def test_a_limit_that_no_position_judges_gives_no_verdict(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """Azimuth at the vertical; without that limit the tool passes."""
+    calibration = calibrated(laboratory, bench)
+    upright = Plan("upright", *np.radians([[0.0, 90.0], [0.0, 0.0], [0.0, 90.0]]))
+    session = open_session(laboratory, "IN-7", upright, rig="stand 1", author="a", purpose="verify")
+    bench.take(laboratory, session, bench.sensors(realistic_tool(7), 9))
+    with pytest.raises(LedgerError, match="limit of azimuth, and none of these positions"):
+        finish_verification(laboratory, session.id, calibration, author="anna", limits=LIMITS)
+    only = Limits("wide", "this test", LIMITS.inclination, None, None)
+    record = finish_verification(laboratory, session.id, calibration, author="anna", limits=only)
+    assert record.body["verdict"] == "pass"
+    assert "does not cover: azimuth, toolface" in record.body["report"]["reasons"][-1]
+
+
+def test_two_who_finish_at_once_record_one_result(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """A verdict and a calibration each; whoever comes second is told."""
+
+    def both(finish: Callable[[], object]) -> list[str]:
+        refused: list[str] = []
+        start = threading.Barrier(2)
+
+        def work() -> None:
+            start.wait()
+            try:
+                finish()
+            except LedgerError as error:
+                refused.append(str(error))
+
+        threads = [threading.Thread(target=work) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        return refused
+
+    first = bench.calibrated(laboratory, plans.orthogonal())
+    said = both(lambda: finish_calibration(laboratory, first.id, author="anna"))
+    assert said == ["this session is closed already"]
+    assert laboratory.count("calibration") == 1
+    calibration = laboratory.find("calibration")[0].id
+    session = open_session(laboratory, "IN-7", protocol("roll-4").plan, rig="stand 1", author="a", purpose="verify")
+    bench.take(laboratory, session, bench.sensors(realistic_tool(7), 9))
+    said = both(lambda: finish_verification(laboratory, session.id, calibration, author="anna"))
+    assert said == ["this session is closed already"]
+    assert laboratory.count("verification") == 1
 
 
 def test_another_tool_fails(laboratory: Ledger, bench: SimpleNamespace) -> None:

@@ -125,13 +125,9 @@ def replace(ledger: TheLedger, user: Metrologist, number: Number, body: Supersed
 def _wish(body: IssueBody, user: User) -> dict[str, Any]:
     about: dict[str, Any] = body.about.model_dump()
     about["environment"] = {"text": body.about.environment} if body.about.environment else {}
-    laboratory = None
-    if body.laboratory is not None:
-        laboratory = Laboratory(
-            **body.laboratory.model_dump(), authoriser=user.full_name or user.name, authoriser_role=user.role
-        )
     return {
-        "laboratory": laboratory,
+        "laboratory": None if body.laboratory is None else Laboratory(**body.laboratory.model_dump()),
+        "authoriser": (user.full_name or user.name, user.role),
         "language": body.language,
         "nonconforming": body.nonconforming,
         "about": about,

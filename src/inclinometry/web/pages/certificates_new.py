@@ -34,7 +34,7 @@ def new_page(request: Request, calibration: str = "", verification: str = "", su
         try:
             record = ledger.get("calibration", calibration) if calibration else None
         except LedgerError as error:
-            ui.label(str(error)).classes("warn")
+            ui.label(visitor.bench.told(str(error))).classes("warn")
             record = None
         if record is None:
             _choose(visitor)
@@ -92,7 +92,8 @@ class IssueForm:
             wish = self._wish(user)
             made = await run.io_bound(lambda: self._issued(user, wish))
         except InclinometryError as error:
-            ui.notify(str(error), type="negative", multi_line=True, timeout=0, close_button="OK")
+            sentence = self._visitor.bench.told(str(error))
+            ui.notify(sentence, type="negative", multi_line=True, timeout=0, close_button="OK")
             self.button.enable()
             return
         if made is not None:  # None when the server is being stopped

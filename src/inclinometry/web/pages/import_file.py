@@ -52,7 +52,9 @@ class ImportForm:
             made = await run.io_bound(lambda: self._recorded(content, user.name))
         except InclinometryError as error:
             self.upload.reset()
-            ui.notify(str(error), type="negative", multi_line=True, timeout=0, close_button="OK")
+            ui.notify(
+                self._visitor.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK"
+            )
             return
         if made is not None:  # None when the server is being stopped
             place = "/results" if made.kind == "calibration" else "/calibrate"

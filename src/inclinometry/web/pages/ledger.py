@@ -86,7 +86,7 @@ def _check(visitor: Visitor) -> None:
                 wanted = parse_head(noted.value.strip()) if noted.value.strip() else None
                 found = await run.io_bound(lambda: verify(ledger, head=wanted, progress=lambda x: _set(done, x)))
             except InclinometryError as error:
-                found = str(error)
+                found = visitor.bench.told(str(error))
             timer.cancel()
             box.clear()
             button.enable()

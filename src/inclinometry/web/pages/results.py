@@ -205,7 +205,7 @@ def _methods(visitor: Visitor, record: Record) -> None:
             try:
                 lines = await run.io_bound(lambda: _compared(visitor, record))
             except InclinometryError as error:
-                lines = [str(error)]
+                lines = [visitor.bench.told(str(error))]
             box.clear()
             with box:
                 for line in lines or []:

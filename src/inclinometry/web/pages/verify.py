@@ -15,7 +15,8 @@ from inclinometry.store.ledger import LedgerError, Record
 from inclinometry.store.users import User
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.web.pages.lists import Cell, day, table, to
-from inclinometry.workflow.laboratory.begin_verification import OWN, begin_verification, limits_content, limits_from
+from inclinometry.workflow.laboratory.agreed_limits import OWN, limits_content, limits_from
+from inclinometry.workflow.laboratory.begin_verification import begin_verification
 from inclinometry.workflow.laboratory.listing import Listed, extract, listed
 from inclinometry.workflow.laboratory.session import closing
 from inclinometry.workflow.laboratory.verification import protocols

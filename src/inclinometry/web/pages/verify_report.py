@@ -14,9 +14,15 @@ from inclinometry.store.ledger import Ledger, LedgerError, Record
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.web.pages.charts import GREY, RED, axis, bars, chart, legend
 from inclinometry.web.pages.lists import day, paged, to, visible
-from inclinometry.workflow.laboratory.begin_verification import limits_of
+from inclinometry.workflow.laboratory.agreed_limits import limits_of
 from inclinometry.workflow.laboratory.session import load_session
-from inclinometry.workflow.laboratory.verification import finish_verification, judged, report, stated_limits
+from inclinometry.workflow.laboratory.verification import (
+    finish_verification,
+    judged,
+    lacking,
+    report,
+    stated_limits,
+)
 
 ROWS: Final = 24
 Content = Mapping[str, Any]
@@ -43,10 +49,14 @@ def finish_page(request: Request, session: str) -> None:
         try:
             found = judged(ledger, session, calibration, limits)
         except InclinometryError as error:
-            ui.label(str(error)).classes("warn")
+            ui.label(visitor.bench.told(str(error))).classes("warn")
             return
-        show_report(visitor, found.verdict, stated_limits(found, limits), report(found))
-        if visitor.user.may("capture"):
+        lost = lacking(seen, found, limits)
+        if lost:
+            ui.label(lost).classes("warn")
+        verdict = "incomplete" if lost else found.verdict
+        show_report(visitor, verdict, stated_limits(found, limits), report(found, seen))
+        if visitor.user.may("capture") and not lost:
             _record_button(visitor, ledger, session, calibration)
 
 
@@ -60,7 +70,7 @@ def _record_button(visitor: Visitor, ledger: Ledger, session: str, calibration: 
                 lambda: finish_verification(ledger, session, calibration, author=user.name, limits=limits)
             )
         except InclinometryError as error:
-            ui.notify(str(error), type="negative", multi_line=True, timeout=0, close_button="OK")
+            ui.notify(visitor.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK")
             button.enable()
             return
         if made is not None:  # None when the server is being stopped
@@ -99,6 +109,8 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
     say = visitor.say
     with ui.card().classes("panel"):
         ui.label(say(f"verdict.{verdict}")).classes("judgement " + ("good" if verdict == "pass" else "bad"))
+        if protocol := content.get("protocol"):
+            ui.label(say("verify.of_protocol", **protocol))
         for sentence in content.get("reasons", ()):
             ui.label(str(sentence))
         for sentence in content.get("warnings", ()):

@@ -7,16 +7,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import JUDGED, Limits
+from inclinometry.calibration.acceptance import Limits
 from inclinometry.calibration.plans import Plan
 from inclinometry.core.errors import InputError
 from inclinometry.store.ledger import Ledger
+from inclinometry.workflow.laboratory.agreed_limits import limits_content
 from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig
 from inclinometry.workflow.laboratory.session import Session, open_session
 from inclinometry.workflow.laboratory.verification import protocol
 
-OWN: Final = "laboratory"
-"""Name of limits the laboratory states itself."""
 _SLACK: Final = 1e-9
 
 
@@ -72,52 +71,3 @@ def reachable(plan: Plan, rig: RegisteredRig) -> Plan:
     sets = tuple(itertools.compress(plan.roll_set, inside)) if plan.roll_set else ()
     name = f"{plan.name}, {int(inside.sum())} of {len(plan)} positions within reach of the rig"
     return Plan(name, plan.azimuth[inside], plan.inclination[inside], plan.toolface[inside], sets)
-
-
-def limits_content(limits: Limits) -> dict[str, Any]:
-    """Limits in degrees, as a session keeps them."""
-    angles = {name: getattr(limits, name) for name in JUDGED}
-    return {
-        "name": limits.name,
-        "source": limits.source,
-        **{f"{name}_deg": None if value is None else _degrees(value) for name, value in angles.items()},
-        "min_inclination_deg_for_azimuth": _degrees(limits.min_inclination_for_azimuth),
-        "guard": limits.guard,
-    }
-
-
-def limits_of(session: Session) -> Limits | None:
-    """The limits agreed when a verification was opened; None when it is held against its own uncertainty."""
-    content = dict(session.settings.get("settings", {})).get("limits")
-    return None if not content else limits_from(content)
-
-
-def limits_from(content: dict[str, Any]) -> Limits:
-    """Limits of `limits_content`; InputError for a source that is not named, no limit, values out of range.
-
-    Examples
-    --------
-    >>> limits_from({"name": "own", "source": "contract 7", "azimuth_deg": 1.0}).guard
-    'none'
-    """
-    source = str(content.get("source") or "").strip()
-    if not source:
-        raise InputError("the limits have no source; name the document the figures come from")
-    angles = {name: content.get(f"{name}_deg") for name in JUDGED}
-    if all(value is None for value in angles.values()):
-        raise InputError("there is no limit; give at least one of inclination, azimuth, toolface")
-    low = content.get("min_inclination_deg_for_azimuth") or 0.0
-    inclination, azimuth, toolface = (None if v is None else float(np.radians(v)) for v in angles.values())
-    return Limits(
-        str(content.get("name") or OWN),
-        source,
-        inclination,
-        azimuth,
-        toolface,
-        float(np.radians(low)),
-        str(content.get("guard") or "none"),
-    )
-
-
-def _degrees(angle: float) -> float:
-    return round(float(np.degrees(angle)), 9)

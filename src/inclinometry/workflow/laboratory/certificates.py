@@ -11,14 +11,13 @@ from typing import Any, Final
 
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.digest import digest_bytes
-from inclinometry.core.errors import InputError
 from inclinometry.io.certificate_json import record_bytes, record_digest
 from inclinometry.io.dcc import dcc_bytes
-from inclinometry.io.laboratory_toml import Laboratory, Order, laboratory_from
+from inclinometry.io.laboratory_toml import Laboratory
 from inclinometry.report.certificate import certificate_pdf
 from inclinometry.report.certificate_record import certificate_record
 from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError, Record
-from inclinometry.workflow.laboratory.registry import find_site, find_tool
+from inclinometry.workflow.laboratory.certificate_order import authorised, laboratory_of, order
 from inclinometry.workflow.laboratory.results import calibration_of, program
 
 MEDIA: Final = {"pdf": "application/pdf", "dcc": "application/xml", "json": "application/json"}
@@ -55,6 +54,7 @@ def issue(
     nonconforming: bool = False,
     number: str | None = None,
     about: Mapping[str, Any] | None = None,
+    authoriser: tuple[str, str] = ("", ""),
     now: datetime | None = None,
     fonts: Sequence[str | Path] = (),
 ) -> Record:
@@ -73,6 +73,8 @@ def issue(
     about : mapping, optional
         Of the order: customer, order, condition, received (2026-01-31), environment; each in place of what the session
         says, where it is not empty.
+    authoriser : (str, str)
+        Name and role of who answers for it; what the laboratory names, or else the author, when empty.
     now : datetime, optional
         Time of issue; the clock's when not given.
 
@@ -85,7 +87,17 @@ def issue(
     """
     return _issued(
         ledger,
-        _Wish(calibration, verification, laboratory, language, nonconforming, number, tuple(fonts), about or {}),
+        _Wish(
+            calibration,
+            verification,
+            laboratory,
+            language,
+            nonconforming,
+            number,
+            tuple(fonts),
+            about or {},
+            authoriser,
+        ),
         author,
         (now or datetime.now(UTC)).astimezone(UTC).date(),
     )
@@ -103,13 +115,16 @@ def supersede(
     language: str = "en",
     nonconforming: bool = False,
     about: Mapping[str, Any] | None = None,
+    authoriser: tuple[str, str] = ("", ""),
     now: datetime | None = None,
     fonts: Sequence[str | Path] = (),
 ) -> Record:
     """Issue a certificate in place of another, which stays in the ledger as superseded; arguments as `issue`."""
     return _issued(
         ledger,
-        _Wish(calibration, verification, laboratory, language, nonconforming, None, tuple(fonts), about or {}),
+        _Wish(
+            calibration, verification, laboratory, language, nonconforming, None, tuple(fonts), about or {}, authoriser
+        ),
         author,
         (now or datetime.now(UTC)).astimezone(UTC).date(),
         (number, _said(reason)),
@@ -178,6 +193,7 @@ class _Wish:
     number: str | None
     fonts: tuple[str | Path, ...]
     about: Mapping[str, Any]
+    authoriser: tuple[str, str]
 
 
 def _issued(ledger: Ledger, wish: _Wish, author: str, today: date, replaced: tuple[str, str] | None = None) -> Record:
@@ -188,7 +204,7 @@ def _issued(ledger: Ledger, wish: _Wish, author: str, today: date, replaced: tup
             if wish.number is not None:
                 raise LedgerError(f"certificate number {number!r:.60} is taken; leave it out for the next one")
             number = _free(ledger, number)
-        drafts = _drafts(ledger, wish, number, today, replaced)
+        drafts = _drafts(ledger, wish, author, number, today, replaced)
         try:
             return ledger.append_all(drafts, author=author)[0]
         except ConflictError:
@@ -204,12 +220,14 @@ def _free(ledger: Ledger, number: str) -> str:
     return number
 
 
-def _drafts(ledger: Ledger, wish: _Wish, number: str, today: date, replaced: tuple[str, str] | None) -> list[Draft]:
+def _drafts(
+    ledger: Ledger, wish: _Wish, author: str, number: str, today: date, replaced: tuple[str, str] | None
+) -> list[Draft]:
     calibration = ledger.get("calibration", wish.calibration)
     verification = None if wish.verification is None else ledger.get("verification", wish.verification)
     _belonging(calibration, verification, wish)
     _not_certified(ledger, calibration, replaced)
-    record = _record(ledger, wish, calibration, verification, number, today, replaced)
+    record = _record(ledger, wish, author, calibration, verification, number, today, replaced)
     files = {"pdf": certificate_pdf(record, fonts=wish.fonts), "dcc": dcc_bytes(record), "json": record_bytes(record)}
     body = {
         "record": record,
@@ -258,6 +276,7 @@ def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str
 def _record(
     ledger: Ledger,
     wish: _Wish,
+    author: str,
     calibration: Record,
     verification: Record | None,
     number: str,
@@ -275,8 +294,8 @@ def _record(
         inputs["verification record"] = f"sha256:{verification.digest}"
     return certificate_record(
         found,
-        wish.laboratory or _laboratory(ledger, session),
-        _order(ledger, session, calibration, verification, today, wish.about),
+        authorised(wish.laboratory or laboratory_of(ledger, session), wish.authoriser, author),
+        order(ledger, session, calibration, verification, today, wish.about),
         number=number,
         program=program(),
         language=wish.language,
@@ -301,66 +320,6 @@ def _named(ledger: Ledger, calibration: Record) -> str:
         if found.state == "issued" and found.record.body["calibration"] == calibration.id:
             return f"{found.number} ({day})"
     return day
-
-
-def _laboratory(ledger: Ledger, session: Record) -> Laboratory:
-    site = find_site(ledger, str(session.body.get("site", "")))
-    if site is None or not site.laboratory:
-        raise InputError(
-            "the laboratory is not known: name it with the site of the session (name, address, country), or give it"
-        )
-    return laboratory_from(dict(site.laboratory))
-
-
-def _order(
-    ledger: Ledger,
-    session: Record,
-    calibration: Record,
-    verification: Record | None,
-    today: date,
-    said: Mapping[str, Any],
-) -> Order:
-    body = {**session.body, **{name: value for name, value in said.items() if value}}
-    tool = find_tool(ledger, session.keys["serial"])
-    days = sorted(ledger.get("reading", name).created[:10] for name in calibration.body["readings"])
-    days = days or [calibration.created[:10]]
-    last = days[-1] if verification is None else max(days[-1], verification.created[:10])
-    about = body.get("environment", {})
-    first = date.fromisoformat(days[0])
-    return Order(
-        customer=body.get("customer") or (tool.customer if tool else ""),
-        reference=body.get("order", ""),
-        item=tool.name if tool else "",
-        manufacturer=tool.manufacturer if tool else "",
-        serial=session.keys["serial"],
-        condition=body.get("condition", ""),
-        plan=body["plan"]["name"],
-        rig=body["rig"],
-        environment=str(about.get("text", "")),
-        received=_day(body.get("received", "")),
-        performed_from=first,
-        performed_to=date.fromisoformat(last),
-        issued=today,
-        temperature_degC=_pair(about, "temperature_degC"),
-        humidity_percent=_pair(about, "humidity_percent"),
-        interval_months=tool.interval_months if tool else None,
-    )
-
-
-def _day(text: str) -> date | None:
-    try:
-        return date.fromisoformat(text[:10])
-    except ValueError:
-        return None
-
-
-def _pair(about: Mapping[str, Any], key: str) -> tuple[float, float] | None:
-    """Lowest and highest of a list, or of one number."""
-    value = about.get(key)
-    numbers = value if isinstance(value, list) else [value]
-    if not numbers or any(isinstance(x, bool) or not isinstance(x, int | float) for x in numbers):
-        return None
-    return float(min(numbers)), float(max(numbers))
 
 
 def _standing(ledger: Ledger, record: Record) -> Standing:

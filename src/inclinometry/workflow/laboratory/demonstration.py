@@ -47,7 +47,8 @@ def _register(ledger: Ledger, instrument: SimulatedInstrument) -> None:
         "simulated stand", (azimuth, inclination, toolface), description="three axes, turned by the program"
     )
     put_rig(ledger, rig, author=AUTHOR)
-    laboratory = {"name": "Demonstration laboratory", "address": "nowhere"}
+    # ZZ: a code that no country has
+    laboratory = {"name": "Demonstration laboratory", "address": "nowhere", "country": "ZZ"}
     put_site(ledger, RegisteredSite("demonstration", laboratory=laboratory), author=AUTHOR)
 
 

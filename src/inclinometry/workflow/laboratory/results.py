@@ -20,7 +20,7 @@ from inclinometry.sensors.tool import parameter_vector
 from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.workflow.laboratory.listing import extract, listed
 from inclinometry.workflow.laboratory.registry import find_rig, find_site
-from inclinometry.workflow.laboratory.session import close_session_draft, load_session
+from inclinometry.workflow.laboratory.session import close_session_draft, load_session, unless_closed
 from inclinometry.workflow.laboratory.standing import BOTH, Goal, standing
 
 SHOWN: Final = tuple(float(x) for x in np.radians([1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0]))
@@ -68,7 +68,7 @@ def finish_calibration(
         Draft("calibration", {"serial": seen.serial, "session": session}, body),
         close_session_draft(session, "finished"),
     ]
-    return ledger.append_all(drafts, author=author)[0]
+    return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
 
 
 def program() -> str:

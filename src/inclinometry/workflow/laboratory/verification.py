@@ -15,9 +15,16 @@ from inclinometry.calibration.acceptance import JUDGED, Limits, Verification, ve
 from inclinometry.calibration.plans import Plan
 from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
+from inclinometry.workflow.laboratory.agreed_limits import held_to
 from inclinometry.workflow.laboratory.registry import find_site
 from inclinometry.workflow.laboratory.results import calibration_of, program
-from inclinometry.workflow.laboratory.session import bench_readings, close_session_draft, load_session
+from inclinometry.workflow.laboratory.session import (
+    Session,
+    bench_readings,
+    close_session_draft,
+    load_session,
+    unless_closed,
+)
 
 OWN_SESSION: Final = "these are the readings the tool was calibrated with; verify it at positions of another session"
 
@@ -69,12 +76,14 @@ def finish_verification(
     session, calibration : str
         Ids of their records; of the same tool.
     limits : Limits, optional
-        As for `inclinometry.calibration.acceptance.verify`.
+        As for `inclinometry.calibration.acceptance.verify`; those agreed when the session was opened go before.
 
     Raises
     ------
     LedgerError
-        The session is closed, is of another tool, is the one the calibration was made from, or cannot be judged.
+        The session is closed, is of another tool, is the one the calibration was made from, or cannot be judged; a
+        position without a valid reading; a limit of an angle that no position judges; limits or a calibration other
+        than agreed when it was opened.
     """
     seen, record = load_session(ledger, session), ledger.get("calibration", calibration)
     if seen.closed:
@@ -83,11 +92,15 @@ def finish_verification(
         raise LedgerError(f"the calibration is of tool {record.keys['serial']}, the session of {seen.serial}")
     if record.keys["session"] == session:
         raise LedgerError(OWN_SESSION)
+    limits = held_to(seen, calibration, limits)
     found = judged(ledger, session, calibration, limits)
+    lost = lacking(seen, found, limits)
+    if lost:
+        raise LedgerError(lost)
     body = {
         "verdict": found.verdict,
         "limits": stated_limits(found, limits),
-        "report": report(found),
+        "report": report(found, seen),
         "readings": [row.record for row in seen.valid],
         "session": session,
         "program": program(),
@@ -96,7 +109,26 @@ def finish_verification(
         Draft("verification", {"serial": seen.serial, "calibration": calibration}, body),
         close_session_draft(session, "finished"),
     ]
-    return ledger.append_all(drafts, author=author)[0]
+    return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
+
+
+def lacking(seen: Session, found: Verification, limits: Limits | None) -> str:
+    """What a verdict lacks, in one sentence; "" when it may be recorded: every position read, every limit judged."""
+    open_ = [str(place.number) for place in seen.positions if not seen.has(place.number)]
+    if open_:
+        named = ", ".join(open_[:5]) + (", ..." if len(open_) > 5 else "")
+        return (
+            f"{len(open_)} of the {len(seen.positions)} positions of {seen.plan!r} have no valid reading ({named}): "
+            "there is no verdict yet; capture them, or abandon the session"
+        )
+    for column, name in enumerate(JUDGED):
+        wanted = limits is not None and getattr(limits, name) is not None
+        if wanted and all(row[column] == "not judged" for row in found.decision):
+            return (
+                f"there is a limit of {name}, and none of these positions is inclined enough to judge it: there is no "
+                "verdict; verify at inclined positions, or with limits that leave it out"
+            )
+    return ""
 
 
 def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None = None) -> Verification:
@@ -112,8 +144,8 @@ def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None
         raise LedgerError(f"these readings cannot be judged: {error}") from None
 
 
-def report(found: Verification) -> dict[str, Any]:
-    """Position by position: dials, errors, expanded uncertainties, limits and decisions, degrees."""
+def report(found: Verification, seen: Session | None = None) -> dict[str, Any]:
+    """Position by position: dials, errors, expanded uncertainties, limits and decisions, degrees; the protocol."""
     rows = []
     for place, station in enumerate(found.station):
         row: dict[str, Any] = {"position": station}
@@ -127,7 +159,11 @@ def report(found: Verification) -> dict[str, Any]:
                 "decision": found.decision[place][column],
             }
         rows.append(row)
-    return {
+    plan = {}
+    if seen is not None:
+        taken = sum(seen.has(place.number) for place in seen.positions)
+        plan["protocol"] = {"name": seen.plan, "taken": taken, "positions": len(seen.positions)}
+    return plan | {
         "coverage_factor": found.coverage_factor,
         "positions": rows,
         "reasons": list(found.reasons),
