@@ -199,12 +199,8 @@ def run(kills: int = 200, readings: int = 1_000_000, calibrations: int = 10_000)
         folder = Path(name)
         found["engines"]["SQLite"] = measured(lambda n: str(folder / f"{n}.sqlite"), folder / "s", *sizes)
     if programs() is not None and os.name == "posix":
-        with tempfile.TemporaryDirectory() as name:
-            place = Path(name) / "server"
-            place.mkdir()
-            Path(name).chmod(0o755)
-            with server(place) as running:
-                found["engines"]["PostgreSQL"] = measured(_new(running), Path(name) / "p", *sizes)
+        with tempfile.TemporaryDirectory() as name, server() as running:
+            found["engines"]["PostgreSQL"] = measured(_new(running), Path(name) / "p", *sizes)
     engines = found["engines"].values()
     found["lost"] = sum(engine["kills"]["lost"] for engine in engines)
     found["slowest_page_s"] = max(engine["large"]["slowest_page_s"] for engine in engines)

@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import subprocess
+import tempfile
 import time
 import uuid
 from collections.abc import Iterator
@@ -28,8 +29,6 @@ class Server:
         self._as_user = ["runuser", "-u", "postgres", "--"] if os.geteuid() == 0 else []  # it refuses to run as root
         self._options = f"-c listen_addresses='' -c fsync={'on' if safe else 'off'} -k {folder}"
         if self._as_user:
-            for part in (folder, *folder.parents[:2]):
-                part.chmod(0o755)
             shutil.chown(folder, "postgres")
         data = ("-D", folder / "data")
         self._run("initdb", *data, "-A", "trust", "-U", "ledger", "-N", "-E", "UTF8", "--locale=C")
@@ -69,14 +68,18 @@ class Server:
 
 
 @contextmanager
-def server(folder: Path, *, safe: bool = True) -> Iterator[Server]:
-    """A server in an empty folder; without `safe` it does not wait for the disk."""
+def server(*, safe: bool = True) -> Iterator[Server]:
+    """A server in a folder of its own; without `safe` it does not wait for the disk.
+
+    Not in pytest's folder: each run of it by the same user closes that to others, and the server is another user.
+    """
     binaries = programs()
     if binaries is None:
         raise FileNotFoundError("PostgreSQL's server is not installed")
-    made = Server(folder, binaries, safe)
-    made.start()
-    try:
-        yield made
-    finally:
-        made.stop()
+    with tempfile.TemporaryDirectory(prefix="ledger-", ignore_cleanup_errors=True) as name:
+        made = Server(Path(name), binaries, safe)
+        made.start()
+        try:
+            yield made
+        finally:
+            made.stop()

@@ -13,11 +13,11 @@ from inclinometry.store.ledger import Ledger
 
 
 @pytest.fixture(scope="session")
-def postgresql(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+def postgresql() -> Iterator[Server]:
     """A server of our own, reached through a socket in a temporary folder."""
     if programs() is None:
         pytest.skip("PostgreSQL's server is not installed")
-    with server(tmp_path_factory.mktemp("pg"), safe=False) as running:
+    with server(safe=False) as running:
         yield running
 
 
@@ -36,9 +36,3 @@ def ledger(place: Callable[[], str]) -> Iterator[Ledger]:
     """An empty ledger."""
     with create(place()) as made:
         yield made
-
-
-@pytest.fixture
-def engine_name(ledger: Ledger) -> str:
-    """Name of the engine of `ledger`."""
-    return "postgresql" if "://" in ledger.where else "sqlite"

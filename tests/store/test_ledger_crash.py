@@ -188,9 +188,9 @@ def test_a_held_database_is_told(postgresql: Server, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.skipif(programs() is None, reason="PostgreSQL's server is not installed")
-def test_a_server_that_went_away_and_came_back(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_server_that_went_away_and_came_back() -> None:
     """What was acknowledged is there; while it is away the sentence says so."""
-    with server(tmp_path_factory.mktemp("own")) as own, create(own.database()) as ledger:
+    with server() as own, create(own.database()) as ledger:
         ledger.append("tool", {"serial": "A"}, TOOL, author="a")
         own.stop()
         with pytest.raises(LedgerError, match=r"check that the server runs|connection was lost"):

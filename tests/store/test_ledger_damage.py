@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import uuid
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -167,9 +170,20 @@ def test_what_is_not_a_file_is_said_so(tmp_path: Path) -> None:
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can be somebody else")
 def test_a_folder_and_a_file_that_cannot_be_written(path: Path) -> None:
     """Somebody who may only read reads and verifies; recording is refused with a sentence."""
-    for part in (path.parent, *path.parents[1:3]):
-        part.chmod(0o755)
-    path.chmod(0o644)
+    with tempfile.TemporaryDirectory() as name:  # pytest's folder is closed to others
+        Path(name).chmod(0o755)
+        open_to_all = Path(name) / "a.sqlite"
+        shutil.copy(path, open_to_all)
+        open_to_all.chmod(0o644)
+        sound, said = as_nobody(open_to_all)
+        with Ledger(open_to_all) as ledger:
+            assert ledger.count("tool") == 41
+    assert sound
+    assert "permissions" in said
+
+
+def as_nobody(path: Path) -> list[Any]:
+    """Whether the ledger is sound to somebody without rights, and what recording says to them."""
     code = (
         "import json, os, sys\n"
         "from inclinometry.store.ledger import Ledger, LedgerError\n"
@@ -187,11 +201,8 @@ def test_a_folder_and_a_file_that_cannot_be_written(path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    sound, said = json.loads(done.stdout)
-    assert sound
-    assert "permissions" in said
-    with Ledger(path) as ledger:
-        assert ledger.count("tool") == 41
+    found: list[Any] = json.loads(done.stdout)
+    return found
 
 
 def test_a_clock_that_was_in_the_future_can_be_corrected(path: Path) -> None:
