@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import shutil
@@ -169,6 +170,29 @@ def test_conformity_and_its_rule(seen, statement, rule) -> None:  # type: ignore
     content = record(verification=seen())
     assert {key: content["conformity"][key] for key in ("statement", "rule")} == {"statement": statement, "rule": rule}
     assert certificate_pdf(content).startswith(b"%PDF")
+
+
+@poppler
+def test_the_first_page_says_to_what_the_statement_applies(tmp_path: Path) -> None:
+    """Protocol with n of m, angles and inclinations judged, what was not; the reference of the rig."""
+    seen = copy.deepcopy(verification(1.0))
+    seen["report"]["protocol"] = {"name": "twelve", "taken": 12, "positions": 12}
+    for row in seen["report"]["positions"]:
+        row["toolface"]["decision"] = "not judged"
+    order = replace(ORDER, rig_traceability="NMI cert 12", rig_place="hall 9")
+    for language, said in (
+        ("en", "the statement does not apply to: toolface"),
+        ("ru", "не относится к: угол установки"),
+    ):
+        content = record(verification=seen, order=order, language=language, laboratory=replace(LABORATORY, place=""))
+        text = " ".join(pages(certificate_pdf(content), tmp_path)[0].split())
+        assert said in text
+        assert "NMI cert 12" in text
+        assert "hall 9" in text
+    text = " ".join(pages(certificate_pdf(record(verification=seen)), tmp_path)[0].split())
+    assert "twelve, 12 of 12 positions" in text
+    assert "inclination at 12 positions, inclination 0° to 90°" in text
+    assert "azimuth at 9 positions, inclination 90° to 90°" in text
 
 
 def test_without_a_laboratory_it_says_that_it_is_none(tmp_path: Path) -> None:

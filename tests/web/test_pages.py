@@ -162,6 +162,18 @@ def test_verdict_before_and_after_it_is_recorded(open_bench: SimpleNamespace) ->
     assert say("en", "verdict.pass") in text
 
 
+def test_a_certificate_over_rest_names_who_answers(open_bench: SimpleNamespace) -> None:
+    """Without a laboratory in the body that of the site is taken, and the caller answers for it."""
+    browser = open_bench.browser
+    wish = {"calibration": open_bench.calibration, "verification": open_bench.verification}
+    answer = browser.post("/api/v1/certificates", json=wish)
+    assert answer.status_code == 201, answer.text
+    content = browser.get(f"/api/v1/certificates/{answer.json()['number']}/json").json()
+    assert content["laboratory"]["name"] == LABORATORY["name"]
+    assert content["laboratory"]["authoriser"]
+    assert content["verification"]["report"]["protocol"] == {"name": "roll-8", "taken": 8, "positions": 8}
+
+
 ROLES = ("auditor", "operator", "metrologist", "administrator")
 
 

@@ -6,6 +6,7 @@ import sqlite3
 from pathlib import Path
 
 from sqlalchemy.engine import Engine
+from sqlalchemy.exc import DBAPIError
 
 from inclinometry.store.engine import LedgerError, engine, shown, translated
 from inclinometry.store.guards import unprotected
@@ -49,13 +50,17 @@ def create(where: str | Path) -> Ledger:
 
 def _write_ahead(made: Engine, where: str | Path) -> None:
     """Readers do not wait for a writer; the mode cannot be set inside a transaction."""
-    raw = made.raw_connection()
     try:
-        raw.cursor().execute("PRAGMA journal_mode = WAL")
-    except sqlite3.Error as error:
-        raise LedgerError(f"{where}: not a ledger, or not to be written ({error}); name another file") from None
-    finally:
-        raw.close()
+        raw = made.raw_connection()
+        try:
+            raw.cursor().execute("PRAGMA journal_mode = WAL")
+        finally:
+            raw.close()
+    except (sqlite3.Error, DBAPIError) as error:
+        reason = getattr(error, "orig", None) or error
+        raise LedgerError(
+            f"{where}: not a ledger, or not to be written ({reason}); check path and permissions, or name another file"
+        ) from None
 
 
 def _migrate(made: Engine, revision: str = "head") -> None:

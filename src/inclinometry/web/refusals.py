@@ -61,7 +61,7 @@ def no_such_route(request: Request) -> JSONResponse:
         if _pattern(template).fullmatch(path)
         for method in methods
     }
-    if allowed:
+    if allowed and request.method not in allowed:
         words = ", ".join(sorted(allowed))
         return JSONResponse(
             {"detail": f"{request.method} is not for {path[:200]}; allowed: {words}"}, 405, {"allow": words}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import date
 from types import SimpleNamespace
 
@@ -10,9 +11,10 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.core.errors import InputError
+from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError
 from inclinometry.store.verify import verify
-from inclinometry.workflow.laboratory.registry import find_tool, months_after, next_due
+from inclinometry.workflow.laboratory.registry import RegisteredRig, find_tool, months_after, next_due, put_rig
 from inclinometry.workflow.laboratory.results import calibration_of, finish_calibration, history, parameters
 from inclinometry.workflow.laboratory.session import load_session, open_session
 
@@ -31,6 +33,25 @@ def test_a_recorded_calibration_is_read_back(laboratory: Ledger, bench: SimpleNa
     with pytest.raises(LedgerError, match="closed already"):
         finish_calibration(laboratory, session.id, author="anna")
     assert verify(laboratory).ok
+
+
+def test_the_rig_of_the_opening_is_taken(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """Its uncertainty, stated anew when the readings are there, does not change what they certify."""
+    session = bench.calibrated(laboratory, plans.orthogonal())
+    put_rig(laboratory, RegisteredRig("stand 1", (bench.sd / 10.0,) * 3), author="a")
+    found = calibration_of(finish_calibration(laboratory, session.id, author="anna"))
+    np.testing.assert_allclose(found.rig.sd, bench.sd, rtol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:invalid value encountered in sqrt")
+def test_the_same_reading_at_every_position_is_no_calibration(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """The tool was never turned: nothing is recorded that could not be read again."""
+    session = open_session(laboratory, "IN-7", plans.twelve(), rig="stand 1", author="a")
+    same = bench.sensors(realistic_tool(7), 1)((0.3, 1.0, 0.7))
+    bench.take(laboratory, session, lambda dial: replace(same, dial=dial))
+    with pytest.raises(LedgerError, match="do not make a calibration"):
+        finish_calibration(laboratory, session.id, author="anna")
+    assert laboratory.count("calibration") == 0
 
 
 def test_readings_that_make_no_calibration_leave_the_session_open(laboratory: Ledger) -> None:

@@ -14,7 +14,7 @@ from inclinometry.web.api.registry import shown
 from inclinometry.web.bench import current
 from inclinometry.workflow.laboratory.goals import goal_of
 from inclinometry.workflow.laboratory.guided import GuidedPlan, plan_for
-from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site
+from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
 from inclinometry.workflow.laboratory.results import finish_calibration
 from inclinometry.workflow.laboratory.session import (
     Capture,
@@ -171,7 +171,7 @@ def reject_reading(
 def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, Any]:
     """What the readings would certify now, what is odd, where to go next."""
     seen = load_session(ledger, session)
-    rig, goal = _rig(ledger, seen.rig), goal_of(ledger, seen)
+    rig, goal = rig_of(ledger, session) or _rig(ledger, seen.rig), goal_of(ledger, seen)
     now = standing(seen, goal, rig, find_site(ledger, str(seen.settings.get("site", ""))))
     place = proposal(seen, goal, rig, now)
     return _standing(now) | {

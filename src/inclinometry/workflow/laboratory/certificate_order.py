@@ -55,7 +55,7 @@ def order(
     last = days[-1] if verification is None else max(days[-1], verification.created[:10])
     about = body.get("environment", {})
     first = date.fromisoformat(days[0])
-    traceability, place = _rig(ledger, body["rig"], calibration.seq)
+    traceability, place = _rig(ledger, body["rig"], session.seq)
     return Order(
         customer=body.get("customer") or (tool.customer if tool else ""),
         reference=body.get("order", ""),

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.digest import digest_bytes
+from inclinometry.core.errors import InclinometryError
 from inclinometry.io.certificate_json import record_bytes, record_digest
 from inclinometry.io.dcc import dcc_bytes
 from inclinometry.io.laboratory_toml import Laboratory
@@ -286,7 +287,10 @@ def _record(
     session = ledger.get("session", calibration.keys["session"])
     found = calibration_of(calibration)
     older = ledger.find("calibration", serial=calibration.keys["serial"], newest=True, after=calibration.seq, limit=1)
-    before = calibration_of(older[0]) if older else None
+    try:
+        before = calibration_of(older[0]) if older else None
+    except InclinometryError:  # nothing can mend a recorded one; this certificate is complete without it
+        before = None
     if before is not None and not _comparable(before, found):
         before = None
     inputs = {"calibration record": f"sha256:{calibration.digest}"}

@@ -132,6 +132,13 @@ def find_rig(ledger: Ledger, name: str) -> RegisteredRig | None:
     return None if record is None else _rig(record)
 
 
+def rig_of(ledger: Ledger, session: str) -> RegisteredRig | None:
+    """The rig of a session as it was when the session was opened: its uncertainty is not changed after the readings."""
+    opened = ledger.get("session", session)
+    found = ledger.find("rig", name=opened.body["rig"], newest=True, after=opened.seq, limit=1)
+    return _rig(found[0]) if found else None
+
+
 def rigs(ledger: Ledger) -> list[RegisteredRig]:
     """Rigs by name."""
     return [_rig(record) for record in ledger.current("rig")]

@@ -13,13 +13,13 @@ import numpy as np
 from inclinometry.calibration.capability import ANGLES, capability
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
+from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.io._json import canonical
 from inclinometry.io.tool_json import calibration_content, calibration_from
 from inclinometry.sensors.tool import parameter_vector
 from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.workflow.laboratory.listing import extract, listed
-from inclinometry.workflow.laboratory.registry import find_rig, find_site
+from inclinometry.workflow.laboratory.registry import find_site, rig_of
 from inclinometry.workflow.laboratory.session import close_session_draft, load_session, unless_closed
 from inclinometry.workflow.laboratory.standing import BOTH, Goal, standing
 
@@ -41,16 +41,17 @@ def finish_calibration(
     seen = load_session(ledger, session)
     if seen.closed:
         raise LedgerError("this session is closed already")
-    rig = find_rig(ledger, seen.rig)
+    rig = rig_of(ledger, session)
     if rig is None:
         raise LedgerError(f"rig {seen.rig!r} is not registered; register it first")
     site = find_site(ledger, str(seen.settings.get("site", "")))
     now = standing(seen, goal or Goal(), rig, site, estimate_rig=estimate_rig)
     if now.calibration is None:
         raise LedgerError(f"these readings do not make a calibration: {now.waiting}")
-    found = now.calibration
+    found, content = now.calibration, plain_content(now.calibration)
+    _readable(content)
     body = {
-        "tool_json": plain_content(found),
+        "tool_json": content,
         "method": found.method,
         "readings": [row.record for row in seen.valid],
         "capability_deg": expected_table(found),
@@ -69,6 +70,14 @@ def finish_calibration(
         close_session_draft(session, "finished"),
     ]
     return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
+
+
+def _readable(content: Mapping[str, Any]) -> None:
+    """Nothing is recorded that could not be read again, for what is recorded stays."""
+    try:
+        calibration_from(json.loads(canonical(dict(content))), "the fit")
+    except InclinometryError as error:
+        raise LedgerError(f"these readings do not make a calibration: {error}") from None
 
 
 def program() -> str:

@@ -13,7 +13,7 @@ from inclinometry.web.pages.calibrate.heat import Heat, heat_of
 from inclinometry.web.pages.calibrate.turning import RigState, RigWatch, driver_of, watch_of
 from inclinometry.workflow.laboratory.goals import goal_of
 from inclinometry.workflow.laboratory.live import Stability
-from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site
+from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
 from inclinometry.workflow.laboratory.results import finish_calibration
 from inclinometry.workflow.laboratory.session import (
     Capture,
@@ -45,11 +45,12 @@ class Guided:
         self.ledger, self.feed = visitor.bench.ledger, visitor.bench.feed
         self.session: Session = load_session(self.ledger, session)
         self.goal = goal_of(self.ledger, self.session)
-        found = find_rig(self.ledger, self.session.rig)
+        found = rig_of(self.ledger, self.session.id)
         # a session cannot be opened without its rig, and records are never removed
         self.about_rig: RegisteredRig = found if found is not None else RegisteredRig(self.session.rig, (0.0, 0.0, 0.0))
         self.site = find_site(self.ledger, str(self.session.settings.get("site", "")))
-        self.rig = visitor.bench.rig if visitor.bench.rig is not None else driver_of(self.about_rig)
+        today = find_rig(self.ledger, self.session.rig) or self.about_rig
+        self.rig = visitor.bench.rig if visitor.bench.rig is not None else driver_of(today)
         self.turner: RigWatch | None = watch_of(self.rig, _nothing if self.feed is None else self.feed.moved)
         self.now: Standing | None = None
         self.place: NextPosition | None = None
