@@ -20,12 +20,14 @@ from inclinometry.sensors.tool import parameter_vector
 from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.workflow.laboratory.listing import extract, listed
 from inclinometry.workflow.laboratory.registry import find_site, rig_of
-from inclinometry.workflow.laboratory.session import close_session_draft, load_session, unless_closed
+from inclinometry.workflow.laboratory.session import Session, close_session_draft, load_session, unless_closed
 from inclinometry.workflow.laboratory.standing import BOTH, Goal, standing
 
 SHOWN: Final = tuple(float(x) for x in np.radians([1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0]))
 """Inclinations of the table of expected uncertainties, rad."""
 COVERAGE: Final = 2.0
+UNTURNED: Final = "they do not determine the tool; was it turned to each position?"
+"""What is said of readings that are all alike, or whose fit has no usable uncertainty."""
 
 
 def finish_calibration(
@@ -44,11 +46,16 @@ def finish_calibration(
     rig = rig_of(ledger, session)
     if rig is None:
         raise LedgerError(f"rig {seen.rig!r} is not registered; register it first")
+    if len(seen.valid) > 1 and _distinct(seen) == 1:
+        raise LedgerError(f"these readings do not make a calibration: {UNTURNED}")
     site = find_site(ledger, str(seen.settings.get("site", "")))
     now = standing(seen, goal or Goal(), rig, site, estimate_rig=estimate_rig)
     if now.calibration is None:
         raise LedgerError(f"these readings do not make a calibration: {now.waiting}")
-    found, content = now.calibration, plain_content(now.calibration)
+    found = now.calibration
+    if not np.isfinite(found.covariance).all() or (np.diagonal(found.covariance) < 0.0).any():
+        raise LedgerError(f"these readings do not make a calibration: {UNTURNED}")
+    content = plain_content(found)
     _readable(content)
     body = {
         "tool_json": content,
@@ -70,6 +77,11 @@ def finish_calibration(
         close_session_draft(session, "finished"),
     ]
     return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
+
+
+def _distinct(seen: Session) -> int:
+    """How many readings differ from each other in any sensor."""
+    return len({tuple((kind, v.tobytes()) for kind, v in sorted(row.capture.channels.items())) for row in seen.valid})
 
 
 def _readable(content: Mapping[str, Any]) -> None:
