@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from inclinometry.calibration.capability import capability
-from inclinometry.calibration.design import AZIMUTH, CRITERIA, NOISE, NextPosition, next_position
+from inclinometry.calibration.design import (
+    AZIMUTH,
+    CRITERIA,
+    NOISE,
+    NextPosition,
+    next_position,
+    optimal_plan,
+    plan_value,
+)
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
@@ -26,6 +34,10 @@ MORE_THAN_NOISE: Final = (
     "the readings scatter more from position to position than the sensors' noise and the rig explain: the noise was "
     "estimated from the residuals instead"
 )
+AIM: Final = 0.97
+"""Share of the wanted uncertainty that is planned for: what is certified scatters a little."""
+FEWEST, FARTHEST = 9, 30
+"""Positions of the shortest run that is planned, and of the longest."""
 BOTH: Final = frozenset({"accelerometer", "magnetometer"})
 
 
@@ -140,26 +152,50 @@ def worst_uncertainty(calibration: Calibration, goal: Goal) -> tuple[float, floa
 
 
 def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing) -> NextPosition | None:
-    """The position that shrinks the goal's criterion most after the readings so far; None when the stand has no more.
+    """The position to take next; None when the stand has no more.
+
+    With a wanted uncertainty the rest of the run is planned ahead: the fewest positions that reach it together with
+    those taken, of which the first is proposed. Without one, or where none so few are enough, it is the one position
+    that shrinks the goal's criterion most. Without looking ahead a run takes up to half as many positions more.
 
     With a running fit the tool's own axes, noise and dip are used; before, those of an ordinary tool.
     """
     settings = np.array([row.capture.dial for row in session.valid]).reshape(-1, 3)
     calibration = so_far.calibration
     own = calibration is not None and set(calibration.tool.triads) >= BOTH
+    about: dict[str, Any] = {
+        "inclination_range": goal.inclination_range,
+        "criterion": CRITERIA[goal.criterion],
+        "rig_sd": float(np.sqrt(np.mean(np.square(rig.sd)))),
+        "noise": _relative_noise(calibration, session) if own and calibration is not None else NOISE,
+        "dip": _dip(goal, calibration),
+        "tool": calibration.tool if own and calibration is not None else None,
+        "stand": rig.stand,
+    }
     try:
-        return next_position(
-            settings,
-            inclination_range=goal.inclination_range,
-            criterion=CRITERIA[goal.criterion],
-            rig_sd=float(np.sqrt(np.mean(np.square(rig.sd)))),
-            noise=_relative_noise(calibration, session) if own and calibration is not None else NOISE,
-            dip=_dip(goal, calibration),
-            tool=calibration.tool if own and calibration is not None else None,
-            stand=rig.stand,
-        )
-    except InputError:
+        return _ahead(settings, goal, about) or next_position(settings, **about)
+    except (InputError, IdentifiabilityError):
         return None
+
+
+def _ahead(settings: Array, goal: Goal, about: Mapping[str, Any]) -> NextPosition | None:
+    """The first of the fewest positions that reach what the goal's criterion is to reach; None where none do."""
+    limit = {"azimuth": goal.u_azimuth, "inclination": goal.u_inclination}.get(goal.criterion)
+    if limit is None:
+        return None
+    judged = {name: value for name, value in about.items() if name != "stand"}
+    wanted, before = AIM * limit / goal.coverage, plan_value(settings, **judged)
+    for number in range(max(1, FEWEST - len(settings)), max(2, FARTHEST - len(settings))):
+        try:
+            plan = optimal_plan(number, start_from=settings, restarts=1, **about)
+        except IdentifiabilityError:
+            continue  # so few determine nothing
+        rest = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
+        if plan_value(np.concatenate([settings, rest]), **judged) <= wanted:
+            after = plan_value(np.concatenate([settings, rest[:1]]), **judged)
+            azimuth, inclination, toolface = (float(x) for x in rest[0])
+            return NextPosition(azimuth, inclination, toolface, after, before)
+    return None
 
 
 def _dip(goal: Goal, calibration: Calibration | None) -> float:
