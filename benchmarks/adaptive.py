@@ -3,9 +3,8 @@
     python -m benchmarks.adaptive [runs]
 
 By design: with sensors as noisy as stated, the worst U(azimuth) over the range falls below that of the 24 orthogonal
-positions after so many positions, beside the smallest fixed optimal plan that reaches it. In simulation: tools and rigs with drawn errors, captured
-and judged as the bench does it; the sensors' noise is
-what the samples of each reading show.
+positions after so many positions, beside the smallest fixed optimal plan that reaches it. In simulation: tools and rigs
+with drawn errors, captured and judged as the bench does it; the sensors' noise is what the samples of a reading show.
 """
 
 from __future__ import annotations
@@ -106,9 +105,8 @@ def report(found: dict) -> None:
     print("positions until the worst U(azimuth) of the 24 orthogonal positions is reached, by design")
     for row in found["design"]:
         low, high = row["range_deg"]
-        print(
-            f"  inclination {low:g}-{high:g} deg, rig {row['rig_sd_deg']:g} deg: {row['needed']:2d}, best fixed plan {row['best fixed']}"
-        )
+        where = f"inclination {low:g}-{high:g} deg, rig {row['rig_sd_deg']:g} deg"
+        print(f"  {where}: {row['needed']:2d}, best fixed plan {row['best fixed']}")
     needed = np.array(found["simulated"]["needed"])
     low, high = found["simulated"]["range_deg"]
     print(

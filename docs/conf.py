@@ -73,7 +73,8 @@ OUTSIDE = (
     "_P", "inclinometry.report.figure._R", "inclinometry.core.lsq.State", "CRS", "inclinometry.survey._beam.Shape",
     "inclinometry.calibration._rate_outliers.Suspect", "complex128", "uint8", "uint32", "datetime", "socket.socket",
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
-    "timedelta", "inclinometry.workflow.laboratory.listing.T", "inclinometry.motion._window_model.Step", "inclinometry.io._run_columns.RunHeader",
+    "timedelta", "inclinometry.workflow.laboratory.listing.T", "inclinometry.motion._window_model.Step",
+    "inclinometry.io._run_columns.RunHeader",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to
