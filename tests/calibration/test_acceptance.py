@@ -276,11 +276,13 @@ class TestRefusals:
 def test_good_tools_pass_at_the_vertical_as_often_as_stated(bench):
     """There the error of inclination is the length of a tilt in two directions, whichever the rig errs in."""
     tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))
-    calibration = calibrate_joint(bench(plans.two_face(), tool, rig, bits=12)[0])
     degrees = [[0, 90, 180, 270, 30, 200], [0] * 6, [0, 90, 180, 270, 45, 135]]
     upright = Plan("upright", *np.radians(np.array(degrees, dtype=float)))
-    found = [verify(bench(upright, tool, rig, bits=12, seed=seed)[0], calibration) for seed in range(40)]
-    assert sum(one.verdict == "pass" for one in found) >= 39
+    found = []
+    for seed in range(30):
+        calibration = calibrate_joint(bench(plans.two_face(), tool, rig, bits=12, seed=1000 + seed)[0])
+        found.append(verify(bench(upright, tool, rig, bits=12, seed=seed)[0], calibration))
+    assert sum(one.verdict == "pass" for one in found) >= 29
     # not by being so wide that nothing fails
     assert max(np.abs(one.errors[:, 0] / one.u[:, 0]).max() for one in found) > 1.0
     expanded = np.degrees(found[0].coverage_factor * found[0].u[:, 0])
