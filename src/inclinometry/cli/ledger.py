@@ -49,7 +49,7 @@ def init(where: str | None = None, /, *, clock: str | None = None) -> None:
         output.say(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
 
 
-def verify(*, ledger: Where = None, head: str | None = None, json: Json = False) -> int:
+def verify(*, ledger: Where = None, head: str | None = None, certificate: str | None = None, json: Json = False) -> int:
     """Check every record against its digest and the chain: exit status 0 sound, 1 changed, 2 bad input.
 
     Parameters
@@ -58,9 +58,13 @@ def verify(*, ledger: Where = None, head: str | None = None, json: Json = False)
         Path or address; the user's own when not given.
     head
         NUMBER:DIGITS as an earlier check or a certificate gave it; without it a tail cut off goes unnoticed.
+    certificate
+        Number of a certificate: its files, its record and its calibration are compared instead of the whole ledger.
     json
         Print a JSON summary.
     """
+    if certificate is not None:
+        return _certificate(_where(ledger), certificate, head, json)
     noted = None if head is None else parse_head(head)
     with Ledger(_where(ledger), read_only=True) as opened, output.working("verifying") as progress:
         found = verify_ledger(opened, head=noted, progress=progress)
@@ -84,6 +88,27 @@ def verify(*, ledger: Where = None, head: str | None = None, json: Json = False)
         return 0
     output.say(f"{output.counted(len(found.faults), 'fault')}: this ledger was changed behind its back")
     return 1
+
+
+def _certificate(where: str, number: str, head: str | None, json: bool) -> int:
+    """One certificate against the ledger."""
+    from inclinometry.workflow.laboratory.certificate_check import verify_certificate
+
+    if head is not None:
+        raise InputError("--head is of the whole ledger; leave out --head or --certificate")
+    with Ledger(where, read_only=True) as opened:
+        found = verify_certificate(opened, number)
+    if json:
+        output.print_json(
+            {"ok": found.ok, "state": found.standing.state, "digest": found.digest, "problems": found.problems}
+        )
+        return 0 if found.ok else 1
+    for problem in found.problems:
+        output.say(problem)
+    if found.ok:
+        output.say(f"certificate {number} ({found.standing.state}): files, record and calibration agree")
+    output.say(f"digest of its record {found.digest}; compare it with the one on paper")
+    return 0 if found.ok else 1
 
 
 def export(target: Path, /, *, ledger: Where = None) -> None:

@@ -169,6 +169,17 @@ def test_void_and_supersede_never_edit(laboratory: Ledger, made: Callable[..., t
         status(laboratory, "none")
 
 
+def test_a_superseded_calibration_is_not_certified_beside_its_successor(
+    laboratory: Ledger, made: Callable[..., tuple[str, str]]
+) -> None:
+    """The certificate that replaced it stands: another one of the old calibration needs a reason."""
+    (one, good), (two, _) = made(1), made(2)
+    first = issue(laboratory, one, good, LABORATORY, author="a").keys["number"]
+    second = supersede(laboratory, first, two, None, LABORATORY, reason="better", author="a").keys["number"]
+    with pytest.raises(LedgerError, match=f"superseded by {second}"):
+        issue(laboratory, one, good, LABORATORY, author="a")
+
+
 def test_two_who_issue_at_once(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
     """Different calibrations get different numbers in sequence; the same one is certified once."""
     one, two = made(1)[0], made(2)[0]

@@ -152,7 +152,9 @@ def capture_live(
             raise HTTPException(422, f"position {number} is not of the plan; give dial_deg")
         dial = known[number]
     reading = feed.capture(dial, body.seconds, how="api")
-    return _reading(capture(ledger, session, number, reading, author=user.name, attempt=body.attempt))
+    taken = capture(ledger, session, number, reading, author=user.name, attempt=body.attempt)
+    feed.moved()  # the samples of one reading are never those of another
+    return _reading(taken)
 
 
 @router.post("/sessions/{session}/readings/{number}/reject", status_code=201)

@@ -270,7 +270,14 @@ def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str
             raise LedgerError(f"certificate {old.number} is of tool {old.record.keys['serial']}, not of {serial}")
     for found in certificates(ledger, serial=serial, limit=1000):
         spared = replaced is not None and found.number == replaced[0]
-        if found.state == "issued" and found.record.body["calibration"] == calibration.id and not spared:
+        if found.state == "void" or found.record.body["calibration"] != calibration.id or spared:
+            continue
+        if found.state == "superseded" and replaced is None and status(ledger, found.by).state == "issued":
+            raise LedgerError(
+                f"certificate {found.number} of this calibration was superseded by {found.by}: supersede that one, "
+                "with a reason"
+            )
+        if found.state == "issued":
             raise LedgerError(f"this calibration is certified already by {found.number}; void or supersede that one")
 
 

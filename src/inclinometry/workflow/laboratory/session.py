@@ -18,6 +18,8 @@ from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError,
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
 CLOSING: Final = ("finished", "abandoned")
+SOME: Final = 500
+"""Readings asked about at once."""
 LEAST_SAMPLES: Final = 8
 """From so many samples on, their scatter is taken for the noise of the sensors."""
 
@@ -186,14 +188,15 @@ def capture(
     """
     if closing(ledger, session):
         raise LedgerError("this session is closed; open a new one")
-    known = ledger.find("reading", session=session)
-    before = sum(1 for r in known if r.keys["position"] == number)
-    highest = max((r.keys["position"] for r in known), default=0)
+    before = ledger.count("reading", session=session, position=number)
     planned = len(ledger.get("session", session).body["plan"]["positions_deg"])
-    if not 1 <= number <= min(max(highest, planned) + 1, MOST_POSITIONS):
-        raise InputError(f"position is {number}; allowed 1 to {max(highest, planned) + 1}")
-    if attempt is not None and attempt != before + 1:
+    follows = number <= planned + 1 or ledger.count("reading", session=session, position=number - 1) > 0
+    if not 1 <= number <= MOST_POSITIONS or not follows:
+        raise InputError(f"position is {number}; allowed 1 to {planned + 1}, and the one after the last captured")
+    if attempt is not None and attempt <= before:
         raise ConflictError(f"position {number} has {before} readings already; somebody else captured it meanwhile")
+    if attempt is not None and attempt > before + 1:
+        raise InputError(f"attempt is {attempt}, but position {number} has {before} readings; the next is {before + 1}")
     keys = {"session": session, "position": number, "attempt": before + 1}
     # whoever closes the session at this moment is noticed
     still_open = unless_closed(session, "this session is closed; open a new one")
@@ -295,10 +298,10 @@ def _assembled(ledger: Ledger, record: Record) -> Session:
         found = _taken(reading)
         taken[found.number] = found
         attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
+    reasons = _rejections(ledger, [one.record for one in taken.values()])
     for number, one in taken.items():
-        rejection = ledger.latest("event", subject_kind="reading", subject=one.record, action="rejected")
-        if rejection is not None:
-            taken[number] = Taken(**{**one.__dict__, "rejected": str(rejection.body.get("reason", "")) or "rejected"})
+        if one.record in reasons:
+            taken[number] = Taken(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
     return Session(
         record.id,
         record.keys["serial"],
@@ -313,6 +316,16 @@ def _assembled(ledger: Ledger, record: Record) -> Session:
         closing(ledger, record.id),
         {name: value for name, value in body.items() if name not in ("plan", "rig")},
     )
+
+
+def _rejections(ledger: Ledger, records: Sequence[str]) -> dict[str, str]:
+    """Record of a reading -> why it was left out, for those that were."""
+    found: dict[str, str] = {}
+    for start in range(0, len(records), SOME):
+        some = list(records[start : start + SOME])
+        for event in ledger.find("event", subject_kind="reading", action="rejected", subject=some):
+            found[event.keys["subject"]] = str(event.body.get("reason", ""))
+    return found
 
 
 def _radians(row: Sequence[float]) -> tuple[float, float, float]:

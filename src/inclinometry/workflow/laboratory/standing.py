@@ -110,7 +110,7 @@ def standing(
         readings = bench_readings(session, **fields)
         sd = None if estimate_rig else np.array(rig.sd)
         found = _fitted(readings, sd, session.serial)
-    except (InputError, IdentifiabilityError, ConvergenceError) as error:
+    except (InputError, IdentifiabilityError, ConvergenceError, np.linalg.LinAlgError) as error:
         return Standing(len(rows), None, str(error), np.nan, np.nan, {}, False)
     inclination, azimuth = worst_uncertainty(found, goal)
     odd = {int(station): sentence for station, sentence in found.odd.items()}
