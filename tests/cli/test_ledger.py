@@ -105,3 +105,21 @@ def test_a_password_in_an_address_is_not_printed(run):
     assert refused.status == 2
     assert "secret" not in refused.out + refused.err
     assert "check that the server runs" in refused.err
+
+
+def test_an_import_that_fails_leaves_no_ledger(run, tmp_path):
+    """Nor does it remove one that was there."""
+    Path("rubbish.zip").write_bytes(b"rubbish")
+    assert run("ledger", "import", "rubbish.zip", "--ledger", "new.sqlite").status == 2
+    assert not list(tmp_path.glob("new.sqlite*"))
+    assert run("ledger", "init", "old.sqlite").status == 0
+    assert run("ledger", "import", "rubbish.zip", "--ledger", "old.sqlite").status == 2
+    assert Path("old.sqlite").exists()
+
+
+def test_a_certificate_that_is_not_there(run, lab):
+    """One sentence; and a head has no meaning for one certificate."""
+    found = run("ledger", "verify", "--certificate", "2026-0001", "--ledger", lab)
+    assert found.status == 2
+    assert "no certificate" in found.err
+    assert run("ledger", "verify", "--certificate", "1", "--head", "x", "--ledger", lab).status == 2

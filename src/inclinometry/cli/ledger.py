@@ -139,10 +139,19 @@ def import_(source: Path, /, *, ledger: Where = None) -> None:
     ledger
         Path or address of the empty ledger, made when it is not there; the user's own when not given.
     """
-    with create(_where(ledger)) as opened, output.working("importing") as progress:
-        head = restore(opened, source, progress=progress)
-        output.say(f"{output.counted(head.seq, 'record')} imported into {opened.shown}")
-        output.say(f"head {head}")
+    where = _where(ledger)
+    path = _path(where)
+    made = path is not None and not path.exists()
+    try:
+        with create(where) as opened, output.working("importing") as progress:
+            head = restore(opened, source, progress=progress)
+            output.say(f"{output.counted(head.seq, 'record')} imported into {opened.shown}")
+            output.say(f"head {head}")
+    except BaseException:
+        if made and path is not None:  # nothing was imported: no empty ledger is left behind
+            for end in ("", "-wal", "-shm"):
+                path.with_name(path.name + end).unlink(missing_ok=True)
+        raise
 
 
 def backup(target: Path, /, *, ledger: Where = None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -92,7 +93,7 @@ def test_what_cannot_be_is_refused(opened: tuple[Ledger, Session]) -> None:
     ledger, session = opened
     with pytest.raises(InputError, match="allowed 1 to 13"):
         capture(ledger, session.id, 14, one(session, 1), author="a")
-    with pytest.raises(InputError, match="degrees"):
+    with pytest.raises(InputError, match="allowed -360 to 360 degrees"):
         capture(ledger, session.id, 1, Capture({"gyro": np.ones(3)}, (0.0, 90.0, 0.0)), author="a")
     with pytest.raises(LedgerError, match="not registered"):
         open_session(ledger, "nobody", plans.twelve(), rig="stand 1", author="a")
@@ -111,3 +112,24 @@ def test_a_session_calibrates_the_tool(opened: tuple[Ledger, Session]) -> None:
     found = calibrate_joint(readings, rig_sd=np.radians(0.1))
     truth = tool.triads["accelerometer"].tensor[0]
     np.testing.assert_allclose(found.tool.triads["accelerometer"].tensor[0], truth, atol=0.01 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"temperature": 1e300}, "allowed -100 to 400 degC"),
+        ({"sd": {"accelerometer": np.array([1.0, -1.0, 1.0])}}, "sd of the accelerometer"),
+        ({"sd": {"accelerometer": np.ones(2)}}, "2 values, the reading 3"),
+        ({"channels": {"accelerometer": np.array([1e308, 0.0, 0.0])}}, "allowed -1e"),
+        ({"dial": (0.0, 6.9, 0.0)}, "inclination dial is at 395"),
+        ({"count": 0}, "at least 1 sample"),
+    ],
+)
+def test_readings_that_can_never_be_right_are_refused(
+    opened: tuple[Ledger, Session], change: dict[str, object], message: str
+) -> None:
+    """Before they are in the ledger for ever."""
+    ledger, session = opened
+    with pytest.raises(InputError, match=message):
+        capture(ledger, session.id, 1, replace(one(session, 1), **change), author="a")  # type: ignore[arg-type]
+    assert not load_session(ledger, session.id).taken

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.arrays import Array, finite
+from inclinometry.calibration.readings import LARGEST, BenchReadings
+from inclinometry.core.arrays import Array, finite, within
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
 from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError, Record, Unless
@@ -18,6 +18,8 @@ from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError,
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
 CLOSING: Final = ("finished", "abandoned")
+TEMPERATURES: Final = (-100.0, 400.0)
+"""degC that a tool in a laboratory may have."""
 SOME: Final = 500
 """Readings asked about at once."""
 LEAST_SAMPLES: Final = 8
@@ -335,8 +337,18 @@ def _radians(row: Sequence[float]) -> tuple[float, float, float]:
 
 def _capture_body(taken: Capture) -> dict[str, Any]:
     dial = finite(taken.dial, "dial", (3,))
-    if np.abs(dial).max() > 4.0 * np.pi:
-        raise InputError(f"the dials are {dial.tolist()} rad; they look like degrees")
+    for name, angle in zip(("azimuth", "inclination", "toolface"), dial, strict=True):
+        if abs(angle) > 2.0 * np.pi:
+            raise InputError(f"the {name} dial is at {np.degrees(angle):g} degrees; allowed -360 to 360 degrees")
+    if taken.temperature is not None:
+        within(taken.temperature, "temperature", *TEMPERATURES, "degC")
+    for kind, signals in taken.channels.items():
+        within(finite(signals, kind, (None,)), kind, -LARGEST, LARGEST)
+        for name in ("sd", "drift"):
+            given = getattr(taken, name).get(kind)
+            if given is not None and np.shape(given) != np.shape(signals):
+                raise InputError(f"{name} of the {kind} has {np.size(given)} values, the reading {np.size(signals)}")
+        within(taken.sd.get(kind, 0.0), f"sd of the {kind}", 0.0, LARGEST)
     if taken.count < 1:
         raise InputError(f"count is {taken.count}; a reading is the mean of at least 1 sample")
     body: dict[str, Any] = {
