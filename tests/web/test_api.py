@@ -56,7 +56,7 @@ def test_a_repeated_request_is_noticed(api, session):
     where = f"/api/v1/sessions/{session}/readings/1"
     assert [api.post(where, json=reading()).status_code for _ in range(3)] == [201, 409, 409]
     assert api.post(where, json=reading(2)).status_code == 201
-    assert api.post(where, json=reading(9)).status_code == 409
+    assert api.post(where, json=reading(9)).status_code == 422
     assert len(api.get(f"/api/v1/sessions/{session}").json()["readings"]) == 1
 
 
