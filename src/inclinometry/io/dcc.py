@@ -13,7 +13,6 @@ from inclinometry.core.arrays import Array
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io import _dcc_write as part
 from inclinometry.io._dcc_write import DCC, NSMAP, PREFIX, element, english, named
-from inclinometry.io.atomic import write_bytes
 from inclinometry.io.certificate_json import record_digest
 
 SCHEMA_VERSION: Final = "3.2.1"
@@ -56,11 +55,6 @@ def dcc_bytes(record: Record) -> bytes:
     _administration(element(root, "dcc:administrativeData"), record)
     _measurement(element(element(root, "dcc:measurementResults"), "dcc:measurementResult"), record)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-
-
-def write_dcc(record: Record, path: str | Path) -> None:
-    """Write the DCC of a record; errors as `dcc_bytes`, FileError where it cannot be written."""
-    write_bytes(dcc_bytes(record), path)
 
 
 def identifier(record: Record, number: str) -> str:

@@ -72,12 +72,6 @@ def _shared(bench: Bench) -> _Shared | None:
     return _SHARED[0].fresh()
 
 
-def seen_now(bench: Bench) -> Stability | None:
-    """The verdict as of now; None without an instrument."""
-    found = _shared(bench)
-    return None if found is None else found.seen
-
-
 def channel_counts(feed: LiveFeed) -> dict[str, int]:
     """Kind -> sensors, as the protocol has them: the table has all its rows before the first sample."""
     return {kind: len(channel.fields) for kind, channel in feed.protocol.channels.items()}
