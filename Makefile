@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo bench-demo test bench docs lint clean
+.PHONY: demo bench-demo test bench docs figures metrics freeze lint clean
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -37,6 +37,19 @@ docs: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,docs]"
 	$(BIN)/python -m sphinx -W --keep-going -n -b html docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
+
+# the computed numbers and tables of the pages, worked out anew: a few minutes; make docs works nothing out
+figures: $(STAMP)
+	$(BIN)/python docs/computed.py
+
+# the house in figures: files, records, names, imports
+metrics: $(STAMP)
+	$(BIN)/python tools/metrics.py
+
+# what the program does today, to compare a change of the house with: make freeze TO=after AGAINST=before
+TO ?= frozen
+freeze: $(STAMP)
+	$(BIN)/python tools/freeze.py $(TO) $(if $(AGAINST),--against $(AGAINST))
 
 clean:
 	rm -rf $(VENV) demo-output bench-output docs/_build docs/gallery .coverage

@@ -12,13 +12,13 @@ import importlib
 import json
 from pathlib import Path
 
-from benchmarks import readme
+from benchmarks import readme, stand
 
 NAMES = (
-    "kernel", "closed_forms", "joint", "design", "real_data", "gyro_schemes", "gyro", "path", "msa", "position",
-    "certificate", "motion", "motion_findings", "motion_peers", "motion_robust", "motion_speed",
+    "kernel", "closed_forms", "joint", "stand", "conventions", "design", "real_data", "gyro_schemes", "gyro", "path",
+    "msa", "position", "certificate", "motion", "motion_findings", "motion_peers", "motion_robust", "motion_speed",
 )  # fmt: skip
-DRAWS = {"closed_forms": 500, "joint": 800, "gyro": 600}
+DRAWS = {"closed_forms": 500, "joint": 800, "stand": 40, "conventions": 3000, "gyro": 600}
 
 
 def main() -> None:
@@ -38,6 +38,7 @@ def main() -> None:
         (folder / f"{name}.json").write_text(json.dumps(results[name], indent=1) + "\n", encoding="utf-8")
     if not options.quick:
         readme.update(results, Path("README.md"))
+        stand.update(results["stand"], Path("docs/methods/identification.md"))
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.admin import create
 from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredTool, find_rig, put_rig, put_tool
 from inclinometry.workflow.laboratory.session import Capture, capture, load_session, open_session
-from inclinometry.workflow.laboratory.standing import AIM, Goal, _ahead, proposal, standing
+from inclinometry.workflow.laboratory.standing import AIM, Goal, Standing, _ahead, proposal, standing
 
 RANGES = ((1.0, 15.0), (5.0, 15.0), (10.0, 60.0), (10.0, 90.0))
 RIGS = (0.03, 0.1)
@@ -48,7 +48,7 @@ def _by_design(span: tuple[float, float], sd: float) -> dict:
     goal = Goal(u_azimuth=2.0 * target / AIM, inclination_range=about["inclination_range"])
     taken = np.zeros((0, 3))
     while len(taken) < MOST:
-        place = _ahead(taken, goal, about)
+        place = _ahead(taken, goal, Standing(len(taken), None, "", np.nan, np.nan, {}, False), about)
         taken = np.vstack([taken, [place.azimuth, place.inclination, place.toolface]])
         if place.value <= target:
             break
@@ -74,13 +74,14 @@ def _simulated(seed: int) -> int:
         for position in session.positions:
             reading = _reading(tool, position.dial, seed, position.number)
             capture(ledger, session.id, position.number, reading, author="bench")
-        target = standing(load_session(ledger, session.id), goal, rig).u_azimuth
-        wanted = Goal(u_azimuth=target, inclination_range=goal.inclination_range)
+        target = standing(load_session(ledger, session.id), goal, rig).from_calibration[1]
         session = open_session(ledger, "T", plans.Plan("adaptive", [0.0], [0.0], [0.0]), rig="R", author="bench")
         for number in range(1, MOST + 1):
-            now = standing(session, wanted, rig)
-            if now.u_azimuth <= target:
+            now = standing(session, goal, rig)
+            if now.from_calibration[1] <= target:
                 break
+            # what a calibration can do about a goal is beside the noise of one reading
+            wanted = Goal(u_azimuth=float(np.hypot(target, now.noise[1])), inclination_range=goal.inclination_range)
             place = proposal(session, wanted, rig, now)
             dial = (place.azimuth, place.inclination, place.toolface)
             capture(ledger, session.id, number, _reading(tool, dial, seed + 1000, number), author="bench")

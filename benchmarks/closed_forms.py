@@ -27,7 +27,9 @@ from inclinometry.calibration.closed import ClosedForm  # noqa: E402
 from inclinometry.calibration.orthogonal import solve_orthogonal  # noqa: E402
 from inclinometry.calibration.rotations import solve_rotations  # noqa: E402
 from inclinometry.calibration.twelve import solve_twelve  # noqa: E402
-from inclinometry.simulate.bench import simulate_benches  # noqa: E402
+from inclinometry.simulate.bench import simulate_bench, simulate_benches  # noqa: E402
+from inclinometry.simulate.characteristic import MAGNETOMETERS, signal_of  # noqa: E402
+from inclinometry.simulate.hole import simulate_survey  # noqa: E402
 from inclinometry.simulate.rig import Rig  # noqa: E402
 from inclinometry.simulate.tool import random_tools  # noqa: E402
 
@@ -43,7 +45,7 @@ METHODS = {
     "24 cube, frame trusted": (plans.orthogonal(), partial(solve_orthogonal, known_direction=DOWN)),
     "24 cube, direction found": (plans.orthogonal(), solve_orthogonal),
     "half cube, 12": (plans.half(), solve_orthogonal),
-    "two 8-rolls, I = 45/135": (plans.rotations(), solve_rotations),
+    "two 8-rolls, I = 45/135": (plans.rotations(np.pi / 4), solve_rotations),
 }
 # inclination rms at 1/30/90 deg by the scratch calculations this benchmark is held against
 EXPECTED = {
@@ -173,7 +175,29 @@ def claims(draws: int) -> dict[str, dict[str, list[float]]]:
     out["converter alone"] = angle_errors(
         method, rig, draws, (1.0, 10.0, 30.0, 60.0, 90.0), noise={"accelerometer": 0.0, "magnetometer": 0.0}
     )
+    for name in MAGNETOMETERS:
+        out[f"{name}, one reading"] = {"azimuth": sensor_claims(name, max(draws // 4, 10))}
     return out
+
+
+def sensor_claims(name: str, draws: int, at_deg=(1.0, 10.0, 30.0, 60.0, 90.0)) -> list[float]:
+    """rms error of azimuth, deg, with magnetometers of a kind: calibrated in the twelve positions, then read once."""
+    rng, (plan, solver) = np.random.default_rng(7), METHODS["12 harmonic (corrected)"]
+    tools, rig, bent = random_tools(7, draws), Rig(dip=DIP, setting_sd=np.radians(0.2)), MAGNETOMETERS[name]
+    squares = []
+    for draw in range(draws):
+        tool = tools.tool(draw)
+        known = {"bits": 12, "characteristic": {"magnetometer": bent}, "seed": draw}
+        known["noise"] = tool.noise | {"magnetometer": signal_of(tool.triads["magnetometer"], bent.noise)}
+        run = simulate_bench(tool, rig, *dials_of(plan), **known)
+        found = {kind: solver(signals, *dials_of(plan)).triad(kind) for kind, signals in run.signals.items()}
+        inclination = np.repeat(np.radians(at_deg), 12)
+        azimuth, toolface = rng.uniform(0.0, 2.0 * np.pi, (2, len(inclination)))
+        hole = simulate_survey(tool, np.arange(len(inclination)), inclination, azimuth, toolface, dip=DIP, **known)
+        read = angles(*(found[kind].field(hole.signals[kind]) for kind in ("accelerometer", "magnetometer")))
+        off = (read.azimuth - azimuth + np.pi) % (2.0 * np.pi) - np.pi
+        squares.append((off**2).reshape(len(at_deg), 12))
+    return [float(v) for v in np.degrees(np.sqrt(np.mean(squares, axis=(0, 2))))]
 
 
 def tables(draws: int) -> dict[str, dict[str, dict[str, list[float]]]]:

@@ -49,7 +49,7 @@ DENSE_DEG = np.arange(10.0, 90.1, 2.5)
 def azimuth_deg(plan, rig_deg: float, inclination_deg=SHOWN_DEG) -> list[float]:
     """Worst azimuth sd of a plan at inclinations, deg."""
     found = evaluate_plan(plan, np.radians(inclination_deg), rig_sd=np.radians(rig_deg))
-    return [float(x) for x in np.degrees(found.worst()[:, 1])]
+    return [float(x) for x in np.degrees(found.from_calibration[:, 1])]
 
 
 def classical() -> list[dict]:

@@ -24,6 +24,7 @@ from inclinometry.attitude.rotations import dcm  # noqa: E402
 from inclinometry.core.angles import wrap_signed  # noqa: E402
 from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY  # noqa: E402
 from inclinometry.earth.rate import earth_rate  # noqa: E402
+from inclinometry.gyro.closed_form import CHANGE, solve_patent  # noqa: E402
 from inclinometry.gyro.formulas import azimuth_arctan2, scale_roots  # noqa: E402
 from inclinometry.gyro.joint import earth_in_tool, earth_slopes, solve_joint  # noqa: E402
 from inclinometry.gyro.north import estimate_north  # noqa: E402
@@ -35,6 +36,7 @@ LATITUDE = np.radians(45.0)
 SIGMA = np.radians(0.015) / 3600.0 / EARTH_RATE
 PRIOR = 0.003
 WRONG = np.radians(10.0)  # an error that only another valley explains
+FAR_SCALES = (0.8, 0.95, 1.05, 1.2)  # constant errors of the scale factor; the patent's own example is 5 %
 BAND = 2.6  # standard deviations
 # inclination, azimuth -> rms azimuth of the specification: F, S, ML, MAP, bound; None: near horizontal east-west
 SPECIFIED = {
@@ -147,6 +149,14 @@ def history_azimuth(rates, inclination):
     return np.array(out)
 
 
+def patent_run(rates, inclination, sigma: float):
+    """The patent along a run as the product has it: by distance and rate of change; NaN where it gives no azimuth."""
+    gravity = STANDARD_GRAVITY * np.stack([-np.sin(inclination), 0.0 * inclination, np.cos(inclination)], axis=1)
+    noise = (sigma * EARTH_RATE) ** 2 * np.eye(2)
+    given = {"rate_covariance": noise, "history": 1.0, "history_sd": 0.001, "change_sd": CHANGE}
+    return solve_patent(gravity, EARTH_RATE * rates, LATITUDE, **given).azimuth
+
+
 def hot(noise_deg_h: float, reading: str, runs: int) -> dict:
     """Rms azimuth over all stations of many hot runs, and normalised squared errors of those not flagged."""
     # a deviation of the whole run belongs to the coefficients; the prior at 20 degC covers it
@@ -159,7 +169,8 @@ def hot(noise_deg_h: float, reading: str, runs: int) -> dict:
         given = rates, isotropic(len(rates), 2, run.noise), run.inclination, LATITUDE
         off = {
             "none, arctangent": azimuth_arctan2(*rates.T, 1.0, run.inclination, LATITUDE),
-            "patent + history": history_azimuth(rates, run.inclination),
+            "patent": patent_run(rates, run.inclination, run.noise),
+            "patent, nearest root": history_azimuth(rates, run.inclination),
         }
         tracks = {
             "random walk online": track_scale(*given, run.temperature, walking_belief(jitter=0.0005 if own else 0.0)),
@@ -181,17 +192,56 @@ def hot(noise_deg_h: float, reading: str, runs: int) -> dict:
         "noise_deg_h": noise_deg_h,
         "reading": reading,
         "runs": runs,
-        "rms_deg": {name: rms(v) for name, v in error.items()},
+        "rms_deg": {name: rms(np.asarray(v)[~np.isnan(v)]) for name, v in error.items()},
         "standard error of it": {name: _rms_error(v) for name, v in error.items()},
+        "without azimuth": {name: float(np.mean(np.isnan(v))) for name, v in error.items()},
         "normalised squared error": {n: float(np.divide(*np.sum(v, axis=0))) for n, v in squared.items()},
         "specified_deg": HOT[noise_deg_h],
         "required_deg": REQUIRED.get(noise_deg_h),
     }
 
 
+def far(scale: float, runs: int) -> dict:
+    """Rms azimuth with a constant scale factor far from the 1 +- 0.3 % stated, where the closed form finds one.
+
+    Latitude 60, 0.015 deg/h, 24 stations from inclination 2 to 85 deg.
+    """
+    latitude, prior = np.radians(60.0), 0.003
+    inclination = np.radians(np.linspace(2.0, 85.0, 24))
+    gravity = STANDARD_GRAVITY * np.stack([-np.sin(inclination), 0.0 * inclination, np.cos(inclination)], axis=1)
+    known = {"rate_covariance": (SIGMA * EARTH_RATE) ** 2 * np.eye(2)}
+    error: dict[str, list] = {}
+    for seed in range(runs):
+        rng = np.random.default_rng(seed)
+        psi = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(rng.normal(0.0, np.radians(1.5), 24))
+        rates = earth_in_tool(psi, inclination, latitude)[:, :2] / scale + SIGMA * rng.normal(size=(24, 2))
+        stations = gravity, EARTH_RATE * rates, latitude
+        given = rates, isotropic(24, 2, SIGMA), inclination, latitude
+        found = {
+            "patent": solve_patent(*stations, **known, history=1.0, history_sd=prior, change_sd=CHANGE).azimuth,
+            "patent, no statement": solve_patent(*stations, **known).azimuth,
+        }
+        seen = np.isfinite(found["patent"])
+        for name, heat, belief in (
+            ("joint", np.full(24, 20.0), quadratic_belief(sd=prior)),
+            ("joint, no thermometer", None, walking_belief(sd=prior, jitter=0.0005)),
+        ):
+            track = smooth_scale(*given, heat, belief)
+            joint = solve_joint(*given, scale=track.expected, scale_sd=track.expected_sd)
+            found[name] = np.where(seen, joint.azimuth, np.nan)
+        for name, azimuth in found.items():
+            error.setdefault(name, []).append(wrap_signed(azimuth - psi))
+    return {
+        "scale": scale,
+        "runs": runs,
+        "rms_deg": {n: float(np.degrees(np.sqrt(np.nanmean(np.square(v))))) for n, v in error.items()},
+        "without azimuth": float(np.mean(np.isnan(error["patent"]))),
+    }
+
+
 def _rms_error(runs) -> float:
     """Standard error of the rms, from its spread between runs, deg."""
-    each = np.mean(np.square(runs), axis=1)
+    each = np.nanmean(np.square(runs), axis=1)
     return float(np.degrees(np.std(each) / np.sqrt(len(each)) / (2.0 * np.sqrt(np.mean(each)))))
 
 
@@ -324,6 +374,7 @@ def run(draws: int = 600) -> dict:
     return {
         "table": table(100 * draws),
         "hot": [hot(noise, reading, draws) for reading in READINGS for noise in HOT],
+        "far": [far(scale, max(draws // 20, 1)) for scale in FAR_SCALES],
         "grid": [grid(a, w, noisy) for noisy in (False, True) for a in (3, 2) for w in (3, 2)],
         "speed": speed(),
     }
@@ -343,7 +394,13 @@ def report(result: dict) -> None:
             for name, value in row["rms_deg"].items():
                 z2 = row["normalised squared error"].get(name)
                 tail = "" if z2 is None else f"  normalised squared error {z2:.3f}"
+                lost = row["without azimuth"][name]
+                tail += f"  of {100 * (1 - lost):.1f} % of the stations, no azimuth at the others" if lost else ""
                 print(f"    {name:20s} {value:.4f} ({row['standard error of it'][name]:.4f}){tail}")
+    print("\nConstant scale errors, latitude 60, 0.015 deg/h, stated 1 +- 0.3 %: rms azimuth, deg")
+    for row in result["far"]:
+        cells = ", ".join(f"{name} {value:.3f}" for name, value in row["rms_deg"].items())
+        print(f"  scale {row['scale']:g}: {cells}; no closed form at {100 * row['without azimuth']:.1f} %")
     print("\nGrid: latitude -85 to 85, inclination 0 to 180, azimuth 0 to 359; accelerometers x gyros")
     for row in result["grid"]:
         head = f"  {row['accelerometers']} x {row['gyros']}: {row['stations']} stations, NaN {row['nan']}"

@@ -114,7 +114,9 @@ def _gyro(results: dict) -> list[tuple[str, str, str]]:
             (
                 f"hot gyro run, 20 to 140 °C, {row['noise_deg_h']:g} deg/h: rms azimuth, joint online / whole run",
                 f"{found['quadratic online']:.3f}° / {found['whole run']:.3f}°",
-                f"uncompensated {found['none']:.2f}°, patent {found['patent + history']:.2f}°",
+                f"uncompensated {found['none']:.2f}°, patent {found['patent']:.2f}° (no azimuth at "
+                f"{100 * row['without azimuth']['patent']:.1f} % of stations; by nearest root alone "
+                f"{found['patent, nearest root']:.2f}°)",
             )
         )
     table = [row for row in results["gyro"]["table"] if row["bound_deg"] is not None and row["specified_deg"]]

@@ -9,7 +9,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from sphinx.util.inspect import TypeAliasForwardRef
-from support import api, docstrings, drawing, figures, gyro_figures, motion_figures, position_figures, survey_figures
+from support import api, docstrings
 
 project = "inclinometry"
 author = "the authors of inclinometry"
@@ -30,7 +30,7 @@ html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_title = "inclinometry"
 
-myst_enable_extensions = ["dollarmath", "amsmath", "substitution", "deflist"]
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
 
 sphinx_gallery_conf = {
@@ -74,7 +74,8 @@ OUTSIDE = (
     "inclinometry.calibration._rate_outliers.Suspect", "complex128", "uint8", "uint32", "datetime", "socket.socket",
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
     "timedelta", "inclinometry.workflow.laboratory.listing.T", "inclinometry.motion._window_model.Step",
-    "inclinometry.io._run_columns.RunHeader",
+    "inclinometry.motion._window_model.Common",
+    "inclinometry.io._run_columns.RunHeader", "MethodName",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to
@@ -82,9 +83,6 @@ suppress_warnings = ["ref.python"]
 nitpick_ignore_regex = [("py:class", r"numpy\._typing\..*")]
 
 api.write(HERE / "generated")
-drawing.conventions(HERE / "generated" / "conventions.svg")
-parts = (figures, gyro_figures, motion_figures, position_figures, survey_figures)
-myst_substitutions = drawing.example_attitude() | {key: text for one in parts for key, text in one.everything().items()}
 
 
 def setup(app: object) -> None:

@@ -30,7 +30,7 @@ compared = {
 figure, axes = plt.subplots(figsize=(7, 3.6))
 print("u(azimuth), deg, at inclination " + ", ".join(f"{v:.0f}" for v in np.degrees(inclination)))
 for style, (name, plan) in zip(("o-", "s--", "^--", "D-", "v--"), compared.items(), strict=True):
-    values = np.degrees(evaluate_plan(plan, inclination).worst()[:, 1])
+    values = np.degrees(evaluate_plan(plan, inclination).from_calibration[:, 1])
     axes.semilogy(np.degrees(inclination), values, style, label=name)
     print(f"{name:10s}", *(f"{v:6.3f}" for v in values))
 axes.set(xlabel="inclination, deg", ylabel="u(azimuth), worst, deg")

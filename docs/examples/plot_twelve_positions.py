@@ -1,6 +1,6 @@
 """
-Twelve positions: residuals and what the tool can promise
-=========================================================
+Twelve positions: residuals and what the tool can do
+====================================================
 
 A simulated instrument is put into the twelve positions of Rogatykh (2018) on a rig whose settings are good to 0.1
 degrees and whose base is tilted by 5 degrees about an axis nobody knows. One joint fit finds both triads, the rig's
@@ -10,7 +10,7 @@ errors and the noise.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from inclinometry import calibrate_joint, capability, plans
+from inclinometry import calibrate_joint, expected_uncertainty, plans
 from inclinometry.simulate.rig import Rig
 from inclinometry.workflow.calibrate import true_errors
 from inclinometry.workflow.simulate import bench
@@ -36,15 +36,15 @@ axes.set(xlabel="station", ylabel="residual / its standard deviation", xticks=st
 axes.legend()
 
 # %%
-# What the calibration alone promises over inclination, worst over azimuth and toolface, and what it actually does when
-# noise-free readings of the true tool are reduced with it.
+# Standard uncertainty from the calibration alone over inclination, worst over azimuth and toolface, and what the tool
+# does when noise-free readings of the true tool are reduced with it.
 
 inclination = np.radians(np.linspace(2.0, 90.0, 45))
-promised = np.degrees(np.sqrt(capability(found.tool, inclination, DIP).components["calibration"].max(axis=(1, 2))))
+stated = np.degrees(expected_uncertainty(found, inclination, DIP).from_calibration)
 actual = np.degrees(true_errors(found.tool, run.truth, DIP, inclination))
 figure, axes = plt.subplots(figsize=(7, 3.2))
 for column, name in enumerate(("inclination", "azimuth", "toolface")):
-    axes.semilogy(np.degrees(inclination), promised[:, column], color=f"C{column}", label=f"u({name}), worst")
+    axes.semilogy(np.degrees(inclination), stated[:, column], color=f"C{column}", label=f"u({name}), worst")
     axes.semilogy(np.degrees(inclination), actual[:, column], ":", color=f"C{column}", label="its actual error, rms")
 axes.set(xlabel="inclination, deg", ylabel="deg", xlim=(0, 90))
 axes.legend(ncols=3, fontsize=8, loc="upper right")

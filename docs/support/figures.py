@@ -1,4 +1,4 @@
-"""The numbers of the pages, worked out when the documentation is built, so that none can go stale.
+"""The numbers of the page on identification; `docs/computed.py` puts them into it.
 
     python docs/support/figures.py
 
@@ -13,10 +13,11 @@ from benchmarks import closed_forms
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import dcm, rotation_exp
 from inclinometry.calibration import plans
-from inclinometry.calibration.classical import hidden_scale_error
+from inclinometry.calibration.causes import error_budget
+from inclinometry.calibration.classical import hidden_scale_error, solve_classical
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.identifiability import blindness
-from inclinometry.calibration.joint import fit_once
+from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.orthogonal import solve_orthogonal
 from inclinometry.calibration.plans import Plan
@@ -26,6 +27,7 @@ from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.bench import simulate_bench
+from inclinometry.simulate.characteristic import MAGNETOMETERS, signal_of
 from inclinometry.simulate.rig import Rig
 from inclinometry.simulate.tool import ToolBatch, random_tools, realistic_tools
 from inclinometry.workflow.calibrate import true_errors
@@ -115,7 +117,7 @@ def inclination_zero() -> dict[str, str]:
     for name, plan, solve in (
         ("24 positions, one face", plans.orthogonal(), solve_orthogonal),
         ("24 positions, two faces", plans.two_face(), solve_orthogonal),
-        ("rotations at 45 and 135", plans.rotations(), solve_rotations),
+        ("rotations at 45 and 135", plans.rotations(np.pi / 4), solve_rotations),
     ):
         cells = []
         for a, unit in ((DOWN, 1000.0), (MAGNETIC, 50000.0)):
@@ -155,7 +157,7 @@ def share_left(plan: Plan) -> Array:
 
 
 def _two_azimuths() -> Plan:
-    one = plans.rotations()
+    one = plans.rotations(np.pi / 4)
     azimuth = np.concatenate([one.azimuth, one.azimuth + np.pi / 2])
     return Plan("rotations, two azimuths", azimuth, np.tile(one.inclination, 2), np.tile(one.toolface, 2))
 
@@ -165,7 +167,7 @@ PLANS = {
     "orthogonal (24)": plans.orthogonal(),
     "half (12)": plans.half(),
     "two-face (24)": plans.two_face(),
-    "rotations 45/135": plans.rotations(),
+    "rotations 45/135": plans.rotations(np.pi / 4),
     "rotations 30/120": plans.rotations(np.radians(30.0)),
     "rotations 45/135 at two azimuths": _two_azimuths(),
 }
@@ -205,6 +207,70 @@ def hidden_scale() -> dict[str, str]:
     return {"hidden_table": table(["each of the two increments", "dk / k"], rows)}
 
 
+def nameplate_errors(misalignment_deg: float, scale_percent: float, draws: int = 6) -> float:
+    """Azimuth error, deg rms at inclination 20 to 70, of the classical method on perfect readings of a perfect rig.
+
+    Each sensor leans by up to `misalignment_deg`, and its nameplate is wrong by up to `scale_percent`, uniformly.
+    """
+    rng, plan, squares = np.random.default_rng(1), plans.orthogonal(), []
+    for _ in range(draws):
+        true, found = {}, {}
+        for kind, a in FIELDS.items():
+            toward = np.cross(np.eye(3), rng.normal(size=(3, 3)))
+            toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+            lean = np.radians(misalignment_deg) * rng.uniform(size=(3, 1))
+            tensor = np.cos(lean) * np.eye(3) + np.sin(lean) * toward
+            plate = 1.0 / (1.0 + scale_percent / 100.0 * rng.uniform(-1.0, 1.0, 3))
+            signals = ClosedForm(tensor, np.zeros(3), a).signals(*dials_of(plan))
+            form = solve_classical(signals, *dials_of(plan), known_direction=a, conversion_factor=plate)
+            true[kind], found[kind] = ClosedForm(tensor, np.zeros(3), a).triad(kind), form.triad(kind)
+        at = np.radians([20.0, 45.0, 70.0])
+        squares.append(true_errors(Tool("found", found), Tool("true", true), DIP, at)[:, 1] ** 2)
+    return float(np.degrees(np.sqrt(np.mean(squares))))
+
+
+def nameplate() -> dict[str, str]:
+    """Where the classical method breaks, beside what the joint fit makes of a rig good to 0.1 deg."""
+    leans, scales = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0), (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+    rows = [[f"{s:g} %", *(f"{nameplate_errors(d, s):.3f}" for d in leans)] for s in scales]
+    squares = []
+    for draw in range(8):
+        tool = realistic_tools(9, 8).tool(draw)
+        rig = Rig(dip=DIP, setting_sd=TENTH)
+        run = simulate_bench(tool, rig, *dials_of(plans.orthogonal()), bits=12, seed=draw)
+        readings = BenchReadings(run.signals, *dials_of(plans.orthogonal()), reference=run.reference)
+        noise = {kind: np.hypot(sd, 12.0**-0.5) for kind, sd in tool.noise.items()}
+        at = np.radians([20.0, 45.0, 70.0])
+        squares.append(true_errors(fit_once(readings, noise, TENTH).tool, tool, DIP, at)[:, 1] ** 2)
+    head = ["nameplate wrong by up to", *(f"axes lean by up to {d:g} deg" for d in leans)]
+    joint = np.degrees(np.sqrt(np.mean(squares)))
+    return {"nameplate_table": table(head, rows), "nameplate_joint": f"{joint:.2f}"}
+
+
+def budget() -> dict[str, str]:
+    """Error budget of the paper's scenario: twelve positions, 12 bits, a rig good to 0.2 deg, both magnetometers."""
+    rows: dict[str, list[str]] = {}
+    columns, at = [], np.radians([30.0, 90.0])
+    for column, (name, bent) in enumerate(MAGNETOMETERS.items()):
+        tool = realistic_tools(1, 1).tool(0)
+        noise = tool.noise | {"magnetometer": signal_of(tool.triads["magnetometer"], bent.noise or 0.0)}
+        places = dials_of(plans.twelve())
+        rig = Rig(dip=DIP, setting_sd=2.0 * TENTH)
+        run = simulate_bench(tool, rig, *places, noise=noise, bits=12, seed=1)
+        readings = BenchReadings(run.signals, *places, reference=run.reference)
+        known = {kind: np.hypot(sd, 12.0**-0.5) for kind, sd in noise.items()}
+        found = error_budget(calibrate_joint(readings, noise_sd=known, rig_sd=2.0 * TENTH), readings, at, DIP)
+        if found is None:
+            raise ValueError("a tool of both triads has a budget")
+        columns += [f"{angle} at {i:g} deg, {name}" for angle in ("inclination", "azimuth") for i in np.degrees(at)]
+        for cause, part in found.components.items():
+            u = np.degrees(np.sqrt(np.diagonal(part, axis1=1, axis2=2)))
+            cells = [f"{u[i, a]:.3f} ({found.shares[cause][i, a]:.0%})" for a in (0, 1) for i in (0, 1)]
+            rows.setdefault(cause, ["-"] * 4 * column).extend(cells)
+    body = [[cause, *cells, *["-"] * (len(columns) - len(cells))] for cause, cells in rows.items()]
+    return {"budget_table": table(["cause", *columns], body)}
+
+
 def conditioning() -> dict[str, str]:
     """|Hc - Hz| of the rotations for gravity and for the magnetic field."""
     rows = []
@@ -235,7 +301,7 @@ def roll_errors(draws: int = 40) -> dict[str, str]:
 
 def north_error() -> dict[str, str]:
     """Azimuth error, deg rms, that half a degree of north error costs the rotations at 45 and 135."""
-    plan, squares = plans.rotations(), []
+    plan, squares = plans.rotations(np.pi / 4), []
     turn = np.radians(0.5)
     tools = realistic_tools(5, 50, bits=None)
     for draw in range(len(tools)):
@@ -262,7 +328,7 @@ def everything() -> dict[str, str]:
     found: dict[str, str] = {}
     for part in (
         erratum, claims, inclination_zero, identifiability, directions, hidden_scale, conditioning, roll_errors,
-        north_error, angle_claims,
+        north_error, angle_claims, nameplate, budget,
     ):  # fmt: skip
         found |= part()
     return found

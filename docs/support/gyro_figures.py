@@ -1,4 +1,4 @@
-"""The numbers of the page on gyros, worked out when the documentation is built.
+"""The numbers of the page on gyros; `docs/computed.py` puts them into it.
 
     python docs/support/gyro_figures.py
 
@@ -19,14 +19,16 @@ from inclinometry.gyro.formulas import patent_azimuth, printed_toolface, scale_r
 from inclinometry.gyro.joint import BENT, RIVAL
 from inclinometry.gyro.planning import GyroSetup, standstill_time
 from inclinometry.gyro.result import FLAGS
+from inclinometry.gyro.tracking import UNSEEN
 from support.figures import table
 
 LATITUDE = np.radians(45.0)
-DRAWS, RUNS = 40_000, 150
+DRAWS, RUNS, FAR_RUNS = 40_000, 150, 30
 HOT_NAMES = {
     "none, arctangent": "uncompensated, classical closed form",
     "none": "uncompensated, least squares",
-    "patent + history": "patent, nearest root",
+    "patent": "patent, nearest root by distance and rate of change",
+    "patent, nearest root": "patent, root nearest to the last",
     "random walk online": "joint, random walk, online",
     "quadratic online": "joint, quadratic in temperature, online",
     "whole run": "joint, quadratic in temperature, whole run",
@@ -39,6 +41,7 @@ def flags() -> dict[str, str]:
     low, high = BENT
     return {
         "rival": f"{RIVAL:g}",
+        "unseen": f"{UNSEEN:g}",
         "bent": f"less than {low:g}, or more than {high:g}",
         "gyro_flags": table(["flag", "meaning"], [[f"`{name}`", text] for name, text in FLAGS.items()]),
     }
@@ -207,6 +210,13 @@ def hot() -> dict[str, str]:
     }
 
 
+def far() -> dict[str, str]:
+    """Constant scale errors far from what was stated."""
+    found = [gyro.far(scale, FAR_RUNS) for scale in gyro.FAR_SCALES]
+    rows = [[f"{one['scale']:g}", *(f"{value:.3f}" for value in one["rms_deg"].values())] for one in found]
+    return {"far_table": table(["scale factor", *found[0]["rms_deg"]], rows), "far_runs": str(FAR_RUNS)}
+
+
 def grid() -> dict[str, str]:
     """Every attitude and latitude, by sensors."""
     rows = []
@@ -249,7 +259,7 @@ def _minutes(seconds: float) -> str:
 def everything() -> dict[str, str]:
     """All of them."""
     found: dict[str, str] = {}
-    for part in (flags, schemes, printed, signs, roots, scale_cost, methods, level_east, hot, grid, planner):
+    for part in (flags, schemes, printed, signs, roots, scale_cost, methods, level_east, hot, far, grid, planner):
         found |= part()
     return found
 

@@ -1,4 +1,4 @@
-"""The numbers of the page on moving tools, worked out when the documentation is built.
+"""The numbers of the page on moving tools; `docs/computed.py` puts them into it.
 
     python docs/support/motion_figures.py
 

@@ -1,4 +1,4 @@
-"""The numbers of the page on positions, worked out when the documentation is built from the tests' own reference data.
+"""The numbers of the page on positions, worked out from the tests' own reference data.
 
     python docs/support/position_figures.py
 

@@ -1,4 +1,4 @@
-"""The numbers of the page on surveys, worked out when the documentation is built.
+"""The numbers of the page on surveys; `docs/computed.py` puts them into it.
 
     python docs/support/survey_figures.py
 

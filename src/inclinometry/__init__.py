@@ -33,8 +33,13 @@ from typing import TYPE_CHECKING, Any
 _CONTENTS = {
     "BenchReadings": "calibration.readings",
     "Calibration": "calibration.result",
+    "DynamicOptions": "workflow.dynamic",
+    "GyroOptions": "workflow.gyro",
     "Limits": "calibration.acceptance",
+    "OtherStand": "calibration.acceptance",
     "Plan": "calibration.plans",
+    "Samples": "motion.samples",
+    "ScaleTracker": "gyro.tracking",
     "Site": "earth.site",
     "Survey": "survey.reduce",
     "Tool": "sensors.tool",
@@ -42,6 +47,7 @@ _CONTENTS = {
     "Verification": "calibration.acceptance",
     "angles": "attitude.orientation",
     "angles_from_channels": "attitude.channels",
+    "attitude_stream": "workflow.dynamic",
     "calibrate_classical": "calibration.direct",
     "calibrate_field": "calibration.field",
     "calibrate_joint": "calibration.joint",
@@ -49,30 +55,48 @@ _CONTENTS = {
     "calibrate_rotations": "calibration.direct",
     "calibrate_twelve": "calibration.direct",
     "calibration_report": "report.calibration",
-    "capability": "calibration.capability",
     "compare": "workflow.calibrate",
     "dcm": "attitude.rotations",
+    "dynamic_run": "workflow.dynamic",
+    "estimate_north": "gyro.north",
+    "expected_uncertainty": "calibration.expected",
     "fields": "attitude.orientation",
+    "noise_of_log": "workflow.allan",
+    "north_run": "workflow.gyro",
+    "open_run": "io.run_file",
     "optimal_plan": "calibration.design",
+    "orient_rig": "calibration.orient",
     "plans": "calibration.plans",
+    "read_attitude": "io.attitude_file",
     "read_bench": "io.bench_csv",
     "read_calibration": "io.tool_json",
+    "read_gyro_run": "io.gyro_csv",
     "read_raw_survey": "io.survey_csv",
     "read_site": "io.site_toml",
     "reduce_survey": "survey.reduce",
+    "solve_davenport": "attitude.wahba",
+    "solve_patent": "gyro.closed_form",
+    "static_attitude": "motion.static",
+    "static_davenport": "motion.static",
     "stations_from_log": "calibration.stillness",
     "survey_raw": "workflow.survey",
     "verify": "calibration.acceptance",
     "write_bench": "io.bench_csv",
     "write_calibration": "io.tool_json",
+    "write_dynamic": "workflow.dynamic",
     "write_survey": "workflow.survey",
 }
 
 __all__ = [
     "BenchReadings",
     "Calibration",
+    "DynamicOptions",
+    "GyroOptions",
     "Limits",
+    "OtherStand",
     "Plan",
+    "Samples",
+    "ScaleTracker",
     "Site",
     "Survey",
     "Tool",
@@ -80,6 +104,7 @@ __all__ = [
     "Verification",
     "angles",
     "angles_from_channels",
+    "attitude_stream",
     "calibrate_classical",
     "calibrate_field",
     "calibrate_joint",
@@ -87,22 +112,35 @@ __all__ = [
     "calibrate_rotations",
     "calibrate_twelve",
     "calibration_report",
-    "capability",
     "compare",
     "dcm",
+    "dynamic_run",
+    "estimate_north",
+    "expected_uncertainty",
     "fields",
+    "noise_of_log",
+    "north_run",
+    "open_run",
     "optimal_plan",
+    "orient_rig",
     "plans",
+    "read_attitude",
     "read_bench",
     "read_calibration",
+    "read_gyro_run",
     "read_raw_survey",
     "read_site",
     "reduce_survey",
+    "solve_davenport",
+    "solve_patent",
+    "static_attitude",
+    "static_davenport",
     "stations_from_log",
     "survey_raw",
     "verify",
     "write_bench",
     "write_calibration",
+    "write_dynamic",
     "write_survey",
 ]
 
@@ -110,9 +148,9 @@ if TYPE_CHECKING:
     from inclinometry.attitude.channels import angles_from_channels
     from inclinometry.attitude.orientation import angles, fields
     from inclinometry.attitude.rotations import dcm
+    from inclinometry.attitude.wahba import solve_davenport
     from inclinometry.calibration import plans
-    from inclinometry.calibration.acceptance import Limits, Verification, verify
-    from inclinometry.calibration.capability import capability
+    from inclinometry.calibration.acceptance import Limits, OtherStand, Verification, verify
     from inclinometry.calibration.design import optimal_plan
     from inclinometry.calibration.direct import (
         calibrate_classical,
@@ -120,22 +158,35 @@ if TYPE_CHECKING:
         calibrate_rotations,
         calibrate_twelve,
     )
+    from inclinometry.calibration.expected import expected_uncertainty
     from inclinometry.calibration.field import calibrate_field
     from inclinometry.calibration.joint import calibrate_joint
+    from inclinometry.calibration.orient import orient_rig
     from inclinometry.calibration.plans import Plan
     from inclinometry.calibration.readings import BenchReadings
     from inclinometry.calibration.result import Calibration
     from inclinometry.calibration.stillness import stations_from_log
     from inclinometry.earth.site import Site
+    from inclinometry.gyro.closed_form import solve_patent
+    from inclinometry.gyro.north import estimate_north
+    from inclinometry.gyro.tracking import ScaleTracker
+    from inclinometry.io.attitude_file import read_attitude
     from inclinometry.io.bench_csv import read_bench, write_bench
+    from inclinometry.io.gyro_csv import read_gyro_run
+    from inclinometry.io.run_file import open_run
     from inclinometry.io.site_toml import read_site
     from inclinometry.io.survey_csv import read_raw_survey
     from inclinometry.io.tool_json import read_calibration, write_calibration
+    from inclinometry.motion.samples import Samples
+    from inclinometry.motion.static import static_attitude, static_davenport
     from inclinometry.report.calibration import calibration_report
     from inclinometry.sensors.tool import Tool
     from inclinometry.sensors.triad import Triad
     from inclinometry.survey.reduce import Survey, reduce_survey
+    from inclinometry.workflow.allan import noise_of_log
     from inclinometry.workflow.calibrate import compare
+    from inclinometry.workflow.dynamic import DynamicOptions, attitude_stream, dynamic_run, write_dynamic
+    from inclinometry.workflow.gyro import GyroOptions, north_run
     from inclinometry.workflow.survey import survey_raw, write_survey
 
 

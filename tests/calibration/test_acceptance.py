@@ -17,7 +17,6 @@ from inclinometry.sensors.triad import Triad
 from inclinometry.simulate.rig import Misread, Rig
 from inclinometry.simulate.tool import random_tool
 
-BOTH = ("accelerometer", "magnetometer")
 WIDE = Limits("wide", "for this test", np.radians(1.0), np.radians(2.0), np.radians(1.5))
 LEVEL = {"accelerometer": ([0.0, 0.0, 1.0], np.radians(5.0))}
 
@@ -92,6 +91,13 @@ class TestAgainstTheCertificate:
         # 40 calibrations, each one error common to its eight positions: rms good to 1/sqrt(2 * 40 * 2) = 8 % at worst
         np.testing.assert_allclose(np.sqrt(np.mean(scores, axis=0)), 1.0, atol=0.25)
         assert passed >= draws - 3  # 99 % each: four or more fail with 0.1 %
+
+    def test_a_pass_on_a_coarse_stand_confirms_nothing_and_says_so(self, pair):
+        calibration, _, _, readings = pair
+        for sd, said in ((0.0, False), (1.0, True)):
+            rig = dataclasses.replace(calibration.rig, sd=np.full(3, np.radians(sd)))
+            found = verify(readings, dataclasses.replace(calibration, rig=rig))
+            assert any("confirms no more" in sentence for sentence in found.warnings) is said
 
     def test_says_what_it_held_against_what(self, pair):
         calibration, _, _, readings = pair
@@ -244,13 +250,6 @@ class TestRefusals:
         with pytest.raises(InputError, match="4 magnetometer channels, the calibration 3"):
             verify(bench(positions(1), other, Rig())[0], pair[0])
 
-    @pytest.mark.parametrize("kind", BOTH)
-    def test_a_triad_is_missing(self, pair, kind):
-        calibration, _, _, readings = pair
-        one = dataclasses.replace(readings, channels={kind: readings.channels[kind]})
-        with pytest.raises(InputError, match="needs accelerometer and magnetometer"):
-            verify(one, calibration)
-
     def test_no_angles(self, pair):
         calibration, _, _, readings = pair
         with pytest.raises(InputError, match="no rig angles"):
@@ -258,14 +257,8 @@ class TestRefusals:
 
     def test_a_calibration_without_a_rig(self, pair):
         calibration, _, _, readings = pair
-        with pytest.raises(InputError, match="calibrate on the stand"):
+        with pytest.raises(InputError, match="--stand fit"):
             verify(readings, dataclasses.replace(calibration, field_directions={}))
-
-    def test_a_triad_that_sees_a_plane_only(self, bench):
-        tool = random_tool(1, sensors={"accelerometer": 2, "magnetometer": 3})
-        calibration = calibrate_joint(bench(plans.orthogonal(), tool, Rig(), bits=12)[0])
-        with pytest.raises(InputError, match="accelerometer"):
-            verify(bench(positions(1), tool, Rig(), bits=12)[0], calibration)
 
     @pytest.mark.parametrize("change", [{"inclination": -0.1}, {"azimuth": np.nan}, {"guard": "always"}])
     def test_limits_that_make_no_sense(self, change):

@@ -7,7 +7,6 @@ from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration._information import information
-from inclinometry.calibration.capability import capability
 from inclinometry.calibration.design import (
     AZIMUTH,
     CRITERIA,
@@ -19,6 +18,7 @@ from inclinometry.calibration.design import (
     optimal_plan,
     plan_value,
 )
+from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.joint import fit_once
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.stand import Stand, stand_within
@@ -82,8 +82,8 @@ def test_promised_covariance_is_what_the_fit_reports(aimed):
     promised = evaluate_plan(aimed, inclination, rig_sd=0.1 * DEG, noise=noise, dip=DIP, tool=truth)
     kept = Tool("", found.tool.triads, found.tool.covariance)
     # readings without error: the fit ends at the truth, to its tolerance of 1e-10 standard deviations
-    given = capability(kept, inclination, DIP, azimuths=24, toolfaces=24)
-    np.testing.assert_allclose(promised.worst(), given.worst(), rtol=1e-6)
+    given = expected_uncertainty(kept, inclination, DIP)
+    np.testing.assert_allclose(promised.from_calibration, given.from_calibration, rtol=1e-6)
 
 
 def test_the_specified_table_of_classical_plans():
@@ -96,7 +96,7 @@ def test_the_specified_table_of_classical_plans():
         (plans.orthogonal, 0.1): (0.140, 0.085, 0.053, 0.047, 0.048),
     }
     for (plan, rig), row in rows.items():
-        found = evaluate_plan(plan(), rig_sd=rig * DEG).worst()[:, 1] / DEG
+        found = evaluate_plan(plan(), rig_sd=rig * DEG).from_calibration[:, 1] / DEG
         # figures of three digits, found on a coarser grid of toolfaces
         np.testing.assert_allclose(found, row, atol=0.0011)
 
@@ -135,7 +135,7 @@ def test_promised_azimuth_against_differences(tool):
 def test_aimed_plans_reach_the_specified_figures(n, rig, required):
     plan = optimal_plan(n, rig_sd=rig * DEG, restarts=3)
     fine = np.linspace(10.0, 90.0, 17) * DEG
-    assert evaluate_plan(plan, fine, rig_sd=rig * DEG).worst()[:, 1].max() <= required * DEG
+    assert evaluate_plan(plan, fine, rig_sd=rig * DEG).from_calibration[:, 1].max() <= required * DEG
 
 
 @pytest.mark.parametrize("low", [1.0, 5.0])
@@ -148,7 +148,7 @@ def test_sixteen_aimed_at_near_vertical_do_what_the_cube_does_with_24(low):
 def test_no_plan_beats_the_cube_everywhere():
     """With trusted dials the cube's information on each triad is isotropic, the best there is on average."""
     everywhere = np.array([5.0, 20.0, 45.0, 90.0, 135.0, 160.0, 175.0]) * DEG
-    cube = evaluate_plan(plans.orthogonal(), everywhere, rig_sd=0.0).worst()[:, :2]
+    cube = evaluate_plan(plans.orthogonal(), everywhere, rig_sd=0.0).from_calibration[:, :2]
     tried = [optimal_plan(24, criterion=c, rig_sd=0.0, stand=COARSE, restarts=1) for c in CRITERIA.values()]
     tried.append(
         optimal_plan(24, inclination_range=(5 * DEG, 175 * DEG), rig_sd=0.0, stand=COARSE, restarts=1),
@@ -156,7 +156,7 @@ def test_no_plan_beats_the_cube_everywhere():
     random, positions = np.random.default_rng(1), COARSE.positions()
     tried += [positions[random.choice(len(positions), 24, replace=False)] for _ in range(5)]
     for plan in tried:
-        ratio = evaluate_plan(plan, everywhere, rig_sd=0.0).worst()[:, :2] / cube
+        ratio = evaluate_plan(plan, everywhere, rig_sd=0.0).from_calibration[:, :2] / cube
         assert ratio.max() > 1.0
 
 
@@ -177,7 +177,7 @@ def test_values_agree_with_the_table(aimed):
     where = (30.0 * DEG, 30.0 * DEG)
     table = evaluate_plan(aimed, [30.0 * DEG])
     # 12 steps of azimuth and toolface against 24: the coarse ones are among the fine
-    for criterion, found in ((INCLINATION, table.worst()[0, 0]), (AZIMUTH, table.worst()[0, 1])):
+    for criterion, found in ((INCLINATION, table.from_calibration[0, 0]), (AZIMUTH, table.from_calibration[0, 1])):
         value = plan_value(aimed, criterion=criterion, inclination_range=where)
         assert 0.98 * found < value < found * (1.0 + 1e-9)
     trace = np.sqrt(table.variance[0, ::2, ::2, :3].sum(axis=-1).max())

@@ -1,19 +1,24 @@
 """Gyro triads in the joint calibration: the Earth rate as a field, temperature campaigns, uncertainties that hold."""
 
+import dataclasses
+from functools import partial
+
 import numpy as np
 import pytest
 
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
+from inclinometry.calibration.direct import calibrate_orthogonal
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.errors import InputError
 from inclinometry.earth.rate import earth_rate
 from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.sensors.tool import parameter_vector
 from inclinometry.simulate.rig import Rig
-from inclinometry.simulate.tool import realistic_tool
+from inclinometry.simulate.tool import random_tool, realistic_tool
 
 LATITUDE = np.radians(55.0)
 # 0.005 deg/sqrt(h) over two minutes
@@ -120,15 +125,29 @@ def test_the_latitude_is_found_and_not_asked_for(bench):
     assert found.tool.triads["gyro"].field_strength is None
 
 
-def test_north_is_where_the_rig_says_to_within_a_quarter_turn(bench):
-    # a rig whose zero looks south: the mirror image fits as well and is taken, every azimuth half a turn off
+def test_a_rig_that_faces_south(bench):
     rig = Rig(latitude=LATITUDE, north_offset=np.radians(170.0))
-    readings, run = bench(plans.orthogonal(), tool_of(), rig, seed=1)
-    found = calibrate_joint(readings, diagnose=False)
-    np.testing.assert_allclose(found.field_directions["gyro"], -run.field_directions["gyro"], atol=0.01)
-    axis, down = found.field_directions["gyro"], found.field_directions["accelerometer"]
-    assert -np.degrees(np.arcsin(axis @ down)) == pytest.approx(-55.0, abs=0.15)
+    tool = random_tool(3, sensors=dict.fromkeys(NOISE, 3), bits=None, noise=NOISE)
+    readings, run = bench(plans.orthogonal(), tool, rig, seed=1, reference={"latitude": LATITUDE})
+    true = run.field_directions["gyro"]
+    # the latitude decides, in every method
+    for method in (partial(calibrate_joint, diagnose=False), calibrate_orthogonal):
+        found = method(readings)
+        np.testing.assert_allclose(found.field_directions["gyro"], true, atol=0.01)
+        assert not [w for w in found.warnings if "sign of the" in w]
+    # with nothing stated the mirror image is taken, every azimuth half a turn off, and that is named
+    silent = dataclasses.replace(readings, reference={})
+    found = calibrate_joint(silent, diagnose=False)
+    np.testing.assert_allclose(found.field_directions["gyro"], -true, atol=0.01)
+    (warning,) = [w for w in found.warnings if "sign of the Earth rate is assumed" in w]
+    assert "latitude -55.0 deg" in warning
+    assert "latitude_deg in --site" in warning
+    # the side of the zero is used near the equator; here the latitude that is found contradicts nothing
+    sided = dataclasses.replace(readings, reference={"north": np.radians(160.0)})
+    np.testing.assert_allclose(calibrate_joint(sided, diagnose=False).field_directions["gyro"], true, atol=0.01)
+    with pytest.raises(InputError, match=r"latitude \+55\.0. deg at the stand, stated is \+40\.00 deg"):
+        calibrate_joint(dataclasses.replace(readings, reference={"latitude": np.radians(40.0)}), diagnose=False)
     # a prior on the direction, which takes the latitude of the stand, decides otherwise
-    prior = {"gyro": (run.field_directions["gyro"], np.radians(20.0))}
-    right = calibrate_joint(readings, diagnose=False, field_prior=prior)
-    np.testing.assert_allclose(right.field_directions["gyro"], run.field_directions["gyro"], atol=0.01)
+    prior = {"gyro": (true, np.radians(20.0))}
+    right = calibrate_joint(silent, diagnose=False, field_prior=prior)
+    np.testing.assert_allclose(right.field_directions["gyro"], true, atol=0.01)

@@ -220,3 +220,31 @@ def test_nine_readings_say_that_nothing_is_left_over():
 def test_bad_input(signals, options, error):
     with pytest.raises(error):
         calibrate_norm(signals, **options)
+
+
+def _vibrating(random):
+    phase = np.linspace(0.0, 60.0, 2000)[:, None]
+    return 0.05 * np.sin(phase * [3.1, 2.3, 1.7] + [0.0, 1.0, 0.0]) + 0.002 * random.normal(size=(2000, 3))
+
+
+@pytest.mark.parametrize(
+    "around",
+    [
+        lambda random: random.normal(size=(500, 3)),
+        lambda random: random.uniform(-0.01, 0.01, (500, 3)),
+        lambda random: np.round(0.7 * random.normal(size=(500, 3)) + 0.5),
+        _vibrating,
+    ],
+    ids=["noise", "even noise", "steps of a converter", "vibration"],
+)
+def test_a_log_at_one_attitude_is_refused(around):
+    """Noise about one attitude fits a small ellipsoid of its own with directions all round: accepted without a word."""
+    for seed in range(4):
+        with pytest.raises(IdentifiabilityError):
+            calibrate_norm(np.array([0.1, 0.2, 9.7]) + around(np.random.default_rng(seed)), 9.8)
+
+
+def test_few_directions_are_warned_of():
+    directions = np.random.default_rng(3).normal(size=(12, 3))
+    signals = 9.8 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    assert any("distinct field directions" in sentence for sentence in calibrate_norm(signals, 9.8).warnings)

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from inclinometry.calibration.rollset import roll_harmonics
+from inclinometry.calibration import plans
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.rollset import roll_harmonics, second_harmonics
 from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.simulate.bench import simulate_bench
+from inclinometry.simulate.rig import Rig
+from inclinometry.simulate.tool import realistic_tool
+from inclinometry.workflow.simulate import bench, characteristics
 
 
 @given(
@@ -95,3 +104,63 @@ def test_clustered_second_harmonic_is_not_told():
 def test_bad_rolls(roll, signal, error, words):
     with pytest.raises(error, match=words):
         roll_harmonics(roll, signal)
+
+
+class TestSecondHarmonics:
+    """Of a bench run: which of its causes is there, and none where there is none."""
+
+    def run(self, rolls=8, rig=0.0, seed=1, **words):
+        plan = plans.twelve(rolls, 3)
+        stand = Rig(dip=np.radians(70.0), setting_sd=np.radians(rig))
+        return bench(plan, seed, rig=stand, characteristic=characteristics(**words)).readings
+
+    def test_half_a_per_cent_of_square_law_on_a_perfect_rig_is_named(self):
+        """At 0134526: no warning, and the rig blamed for 0.07 to 0.11 deg."""
+        readings = self.run(nonlinearity=0.005)
+        said = [w for w in calibrate_joint(readings).warnings if w.startswith("second harmonic of the rolls")]
+        assert any("accelerometer 1 is not linear" in w for w in said)
+        found = second_harmonics(readings)
+        for kind in ("accelerometer", "magnetometer"):
+            # at full scale, 2048 counts, the law is 0.5 per cent; a square law in proportion to the swing
+            wanted = 0.005 * found.swing[kind] / 2048.0
+            assert (np.abs(found.square[kind] - wanted)[:2] < 4.0 * found.u_square[kind][:2]).all()
+        assert abs(found.unevenness) < 5.0 * found.u_unevenness
+        assert not any("turns unevenly" in w for w in said)
+
+    def test_an_eccentric_dial_is_told_from_it(self):
+        e = np.radians(0.5) * np.exp(1j * np.radians(40.0))
+        plan = plans.twelve(8, 3)
+        stood = plan.toolface + (e * np.exp(-1j * plan.toolface)).real
+        tool = realistic_tool(1, bits=None)
+        run = simulate_bench(tool, Rig(), plan.azimuth, plan.inclination, stood, seed=1)
+        readings = BenchReadings(run.signals, plan.azimuth, plan.inclination, plan.toolface, reference=run.reference)
+        found = second_harmonics(readings)
+        assert found.unevenness == pytest.approx(e, abs=4.0 * found.u_unevenness)
+        assert len(found.sentences) == 1
+        assert "turns unevenly" in found.sentences[0]
+        assert re.search("most at toolface (39|40|41) deg", found.sentences[0])  # u is 1 deg
+
+    def test_none_where_there_is_none(self):
+        """False alarms 1 in 1000 at most: none in 40, whatever the rig and number of rolls."""
+        for seed in range(20):
+            for rolls, rig in ((6, 0.3), (8, 0.1)):
+                assert not second_harmonics(self.run(rolls, rig, seed)).sentences
+        assert second_harmonics(self.run(5)) is None
+        assert second_harmonics(BenchReadings({"accelerometer": np.eye(3)})) is None
+
+    def test_a_published_channel_has_one(self):
+        """A real accelerometer over 36 rolls: amplitude 10003 counts, second harmonic 6.0, residual rms 4.98."""
+        roll = np.radians(np.arange(0.0, 360.0, 10.0))
+        left = np.sqrt((33 * 4.98**2 - 18 * 6.0**2) / 31)  # what the second harmonic leaves of the residual
+        for phase in np.radians([0.0, 40.0]):
+            counts = -12.19 + 10003.17 * np.sin(roll + np.radians(176.516)) + 6.0 * np.cos(2.0 * roll - phase)
+            counts = counts + left * np.random.default_rng(1).normal(size=36)
+            found = second_harmonics(
+                BenchReadings({"accelerometer": np.stack([counts, counts], axis=1)}, 0 * roll, 0 * roll + 1.57, roll)
+            )
+            second = found.second["accelerometer"][0, 0]
+            u = found.u["accelerometer"][0, 0]
+            assert abs(second) == pytest.approx(6.0, abs=4.0 * u)
+            assert u == pytest.approx(left * np.sqrt(2.0 / 36.0), rel=0.35)  # 31 degrees of freedom
+            assert all("it is not linear, or the tool turns unevenly" in sentence for sentence in found.sentences)
+            assert len(found.sentences) == 2

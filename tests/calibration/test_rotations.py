@@ -101,7 +101,7 @@ def test_the_direction_is_found_where_the_turns_show_it(inclination, azimuth):
 
 def test_gravity_at_45_and_135_does_not_show_its_direction():
     """sin 45 = sin 135: the zero of roll and a tilt out of the plane are one to these turns."""
-    dials = dials_of(plans.rotations())
+    dials = dials_of(plans.rotations(np.pi / 4))
     signals = ClosedForm(np.eye(3), np.zeros(3), DOWN).signals(*dials)
     noisy = signals + 1e-3 * np.random.default_rng(6).normal(size=signals.shape)
     for values in (signals, noisy):
@@ -114,7 +114,7 @@ def test_gravity_at_45_and_135_does_not_show_its_direction():
 
 def test_inclination_zero_gives_the_bias_of_the_source():
     """0.1 degrees: 1.23 mg on the z accelerometer and 67 nT on the z fluxgate (of 50 uT, dip 70) at 45 degrees."""
-    dials, error = dials_of(plans.rotations()), np.radians(0.1)
+    dials, error = dials_of(plans.rotations(np.pi / 4)), np.radians(0.1)
     magnetic = np.array([np.cos(np.radians(70.0)), 0.0, np.sin(np.radians(70.0))])
     found = {}
     for name, a in (("g", DOWN), ("b", magnetic)):

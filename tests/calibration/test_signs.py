@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
+from inclinometry.attitude.rotations import rotation_x, rotation_z
 from inclinometry.calibration.likelihood import State
-from inclinometry.calibration.signs import fix_signs
+from inclinometry.calibration.signs import fix_signs, handedness, nearest_axes
+from inclinometry.core.errors import InputError
 
 TENSOR = np.array([[[3.0, 1.0, 0.0, 5.0], [0.0, 2.0, 0.0, -6.0], [0.5, 0.0, 4.0, 7.0]]])
+
+SKEWED = np.array([[[1.0, 1.0, 0.0, 5.0], [-1.0, 1.0, 1.0, -6.0], [1.0, -0.5, 1.0, 7.0]]])
 
 
 def unit(*vector):
@@ -26,71 +30,124 @@ def signed(kind, direction, reference=None, prior=None):
     return sign, warnings
 
 
-@pytest.mark.parametrize("direction", [unit(0.1, -0.2, 1.0), unit(5.0, 0.0, 0.01), unit(0.0, 0.0, 1.0)])
+@pytest.mark.parametrize("direction", [unit(0.1, -0.2, 1.0), unit(5.0, 0.0, 0.5), unit(0.0, 0.0, 1.0)])
 def test_gravity_points_down(direction):
     assert signed("accelerometer", direction) == (1.0, [])
     assert signed("accelerometer", -direction) == (-1.0, [])
 
 
-@pytest.mark.parametrize("dip", [70.0, 25.0, -25.0, -60.0, 89.0])
-@pytest.mark.parametrize("turn", [0.0, 90.0, 180.0, 250.0])
-def test_a_known_steep_dip_decides_wherever_the_rig_points(dip, turn):
-    down, along = np.sin(np.radians(dip)), np.cos(np.radians(dip))
-    field = np.array([along * np.cos(np.radians(turn)), along * np.sin(np.radians(turn)), down])
-    for direction in (field, -field):
-        sign, warnings = signed("magnetometer", direction, {"dip": np.radians(dip)})
-        np.testing.assert_array_equal(sign * direction, field)
+def test_gravity_across_the_rig_is_named():
+    sign, (warning,) = signed("accelerometer", unit(1.0, 0.0, 0.05))
+    assert sign == 1.0
+    assert "gravity lies 87.1 deg from the rig's vertical" in warning
+
+
+def tilted(tilt, axis, north, *vectors):
+    """Vectors from magnetic north, east, down to the axes of a rig that is turned to north and then tilted, rad."""
+    attitude = rotation_z(-axis) @ rotation_x(tilt) @ rotation_z(axis) @ rotation_z(north)
+    return [attitude @ v for v in vectors]
+
+
+def decided(kind, directions, reference, u=0.002, rows=SKEWED, final=True):
+    """+1, -1 for the sign given to the field beside gravity, and the warnings."""
+    names = ["accelerometer", kind]
+    coefficients = {"accelerometer": SKEWED, kind: rows}
+    state = State(coefficients, dict(zip(names, directions, strict=True)), np.zeros((1, 3)), np.zeros(4))
+    found, warnings = fix_signs(state, reference, {}, u**2 * np.eye(4) if final else None)
+    return float(np.sign(found.directions[kind] @ directions[1])), warnings
+
+
+@pytest.mark.parametrize(("dip", "tilt", "north"), [(15, 0, 120), (22, 25, 180), (30, 35, 170), (70, 80, 200)])
+@pytest.mark.parametrize("axis", [0, 90, 180, 270])
+@pytest.mark.parametrize("hemisphere", [1, -1])
+def test_the_stated_dip_decides_wherever_the_rig_points_and_leans(dip, tilt, north, axis, hemisphere):
+    angle = np.radians(hemisphere * dip)
+    down, field = np.array([0.0, 0.0, 1.0]), np.array([np.cos(angle), 0.0, np.sin(angle)])
+    g, b = tilted(*np.radians([tilt, axis, north]), down, field)
+    for way in (b, -b):
+        sign, warnings = decided("magnetometer", (g, way), {"dip": angle})
+        np.testing.assert_array_equal(sign * way, b)
         assert warnings == []
 
 
-@pytest.mark.parametrize("dip", [0.0, 10.0, -15.0])
-def test_a_flat_field_points_to_the_azimuth_zero_of_the_rig(dip):
-    field = np.array([np.cos(np.radians(dip)), 0.0, np.sin(np.radians(dip))])
-    assert signed("magnetometer", field, {"dip": np.radians(dip)}) == (1.0, [])
-    assert signed("magnetometer", -field, {"dip": np.radians(dip)}) == (-1.0, [])
+@pytest.mark.parametrize("latitude", [60.0, -60.0])
+def test_a_gyro_rig_that_faces_south_is_told_by_the_latitude(latitude):
+    angle = np.radians(latitude)
+    g, w = tilted(0.05, 0.3, np.pi, np.array([0.0, 0.0, 1.0]), np.array([np.cos(angle), 0.0, -np.sin(angle)]))
+    for way in (w, -w):
+        assert decided("gyro", (g, way), {"latitude": angle})[0] == np.sign(way @ w)
 
 
-def test_without_a_dip_north_and_down_agree_in_the_north():
-    assert signed("magnetometer", unit(0.4, 0.1, 0.9)) == (1.0, [])
-    assert signed("magnetometer", -unit(0.4, 0.1, 0.9)) == (-1.0, [])
+@pytest.mark.parametrize("kind", ["magnetometer", "gyro"])
+def test_where_the_invariant_vanishes_the_side_of_the_zero_decides_or_the_assumption_is_named(kind):
+    g, field = tilted(0.05, 1.0, np.radians(150.0), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.01]))
+    stated = {"dip": 0.01, "latitude": -0.01}
+    for way in (field, -field):
+        assert decided(kind, (g, way), {**stated, "north": np.radians(140.0)}) == (np.sign(way @ field), [])
+        sign, (warning,) = decided(kind, (g, way), stated)
+        assert sign == -np.sign(way @ field)  # towards the rig's zero, which is wrong here
+        assert "is assumed, towards the rig's azimuth 0" in warning
+        assert "the rig's zero -30." in warning or "the rig's zero -29." in warning
+        assert "--north-deg" in warning
 
 
-@pytest.mark.parametrize("direction", [unit(-0.4, 0.0, 0.9), unit(0.4, 0.0, -0.9), unit(0.9, 0.0, -0.4)])
-def test_without_a_dip_a_contradiction_is_said(direction):
-    for way in (direction, -direction):
-        sign, warnings = signed("magnetometer", way)
-        # the larger component points north or down
-        assert sign * way[np.abs(way).argmax()] > 0.0
-        (warning,) = warnings
-        assert "ambiguous" in warning
+def test_nothing_stated_is_named_with_what_was_found_and_what_to_state():
+    g, b = np.array([0.0, 0.0, 1.0]), unit(0.4, 0.1, 0.9)
+    for way in (b, -b):
+        sign, (warning,) = decided("magnetometer", (g, way), {})
+        assert sign == np.sign(way @ b)
+        assert "dip +65.4 deg, the rig's zero -14.0 deg from magnetic north" in warning
         assert "reference_dip_deg" in warning
 
 
-@pytest.mark.parametrize(
-    ("direction", "decides"), [(unit(0.9, 0.1, -0.01), 0), (unit(-0.01, 0.1, 0.9), 2), (unit(0.01, 0.9, -0.5), 2)]
-)
-def test_a_component_within_the_rigs_own_tilt_has_no_say(direction, decides):
-    for way in (direction, -direction):
-        sign, warnings = signed("magnetometer", way)
-        assert sign * way[decides] > 0.0
-        assert warnings == []
-
-
-def test_the_dip_that_was_taken_is_named():
-    # north 0.94, down -0.34: pointing north it rises by 20 degrees
-    _, (warning,) = signed("magnetometer", unit(np.cos(np.radians(20)), 0.0, -np.sin(np.radians(20))))
-    assert "dip -20.0 deg was taken" in warning
-    _, (warning,) = signed("magnetometer", unit(np.cos(np.radians(70)), 0.0, -np.sin(np.radians(70))))
-    assert "dip 70.0 deg was taken" in warning
-
-
-def test_the_earth_rate_points_north():
-    sign, (warning,) = signed("gyro", unit(0.5, 0.1, -0.8))
+def test_channels_along_the_tools_axes_are_right_handed_where_nothing_else_decides():
+    g, b = tilted(0.0, 0.0, np.radians(120.0), np.array([0.0, 0.0, 1.0]), np.array([0.966, 0.0, 0.259]))
+    wired = np.concatenate([np.diag([3.0, 2.0, 4.0]), np.ones((3, 1))], axis=1)[None]
+    sign, (warning,) = decided("magnetometer", (g, b), {}, rows=wired)
     assert sign == 1.0
-    assert "at latitude +57.5 deg" in warning
-    sign, (reversed_warning,) = signed("gyro", -unit(0.5, 0.1, -0.8))
-    assert sign == -1.0
-    assert reversed_warning == warning
+    assert "right-handed" in warning
+    reversed_ = wired * [-1.0, -1.0, -1.0, 1.0]
+    assert decided("magnetometer", (g, -b), {}, rows=reversed_)[0] == -1.0
+    # a start refuses and says nothing
+    assert decided("magnetometer", (g, b), {"dip": 1.2}, final=False) == (1.0, [])
+
+
+def test_a_contradiction_is_refused_with_both_numbers():
+    g, b = np.array([0.0, 0.0, 1.0]), np.array([np.cos(0.7), 0.0, np.sin(0.7)])
+    with pytest.raises(InputError, match=r"dip \+40\.11 deg at the stand, stated is \+70\.00 deg: 29\.9 deg apart"):
+        decided("magnetometer", (g, b), {"dip": np.radians(70.0)})
+    with pytest.raises(InputError, match=r"latitude -40\.11 deg at the stand, stated is -55\.00 deg"):
+        decided("gyro", (g, b), {"latitude": np.radians(-55.0)})
+    with pytest.raises(InputError, match=r"zero was found 0\.0 deg from magnetic north .* stated is 170\.0 deg"):
+        decided("magnetometer", (g, b), {"dip": 0.7, "north": np.radians(170.0)})
+    # within three standard uncertainties of 2 deg it is not refused
+    assert decided("magnetometer", (g, b), {"dip": 0.7 + np.radians(5.9)}) == (1.0, [])
+
+
+def test_no_wrong_sign_in_ten_thousand_rigs_that_is_not_named():
+    draw = np.random.default_rng(11)
+    count = 5000  # of either kind
+    unnamed = named = 0
+    for kind, down in (("magnetometer", 1.0), ("gyro", -1.0)):
+        tilt, axis, north = (draw.uniform(0.0, top, count) for top in (np.radians(85.0), 2.0 * np.pi, 2.0 * np.pi))
+        angle = np.radians(draw.uniform(-85.0, 85.0, count))
+        attitude = rotation_z(-axis) @ rotation_x(tilt) @ rotation_z(axis) @ rotation_z(north)
+        field = np.stack([np.cos(angle), np.zeros(count), down * np.sin(angle)], axis=1)
+        truth = np.stack([attitude[:, :, 2], (attitude @ field[..., None])[..., 0]], axis=1)
+        seen = truth + np.radians(draw.normal(0.0, 0.3, truth.shape))
+        seen /= np.linalg.norm(seen, axis=2, keepdims=True)
+        seen[:, 1] *= draw.choice([-1.0, 1.0], (count, 1))
+        # what is stated is good to 1 deg, the zero of every other rig to 10
+        stated = np.clip(angle + np.radians(draw.normal(0.0, 1.0, count)), -1.57, 1.57)
+        pointed = north + np.radians(draw.normal(0.0, 10.0, count))
+        for k in range(count):
+            known = {"dip": stated[k], "latitude": stated[k]} | ({"north": pointed[k]} if k % 2 else {})
+            sign, warnings = decided(kind, seen[k], known, u=np.radians(0.3))
+            unnamed += sign * float(seen[k, 1] @ truth[k, 1]) < 0.0 and not warnings
+            named += bool(warnings)
+    assert unnamed == 0
+    # only where the field is all but level and the zero is not stated, or lies across north
+    assert named < 0.15 * 2 * count
 
 
 @pytest.mark.parametrize("kind", ["accelerometer", "magnetometer", "gyro"])
@@ -98,3 +155,17 @@ def test_a_prior_overrules_everything(kind):
     direction = unit(0.3, 0.2, 0.9)
     assert signed(kind, direction, {"dip": 1.2}, -direction) == (-1.0, [])
     assert signed(kind, -direction, {"dip": 1.2}, -direction) == (1.0, [])
+
+
+def test_axes_and_hands():
+    skew = SKEWED[0, :, :3]
+    assert nearest_axes(skew) is None
+    assert handedness(skew) > 0.2
+    assert handedness(skew[[1, 0, 2]]) < -0.2
+    assert nearest_axes(np.array([[0.1, -5.0, 0.2], [4.0, 0.3, 0.0], [0.0, 0.0, 9.0]])).tolist() == [
+        [0.0, -1.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0],
+    ]
+    # two sensors along one axis span no volume that has a side
+    assert nearest_axes(np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.0, 0.0, 1.0]])) is None

@@ -66,6 +66,13 @@ def test_units_and_extra_channels_do_not_matter():
     assert still_intervals(time, idle).pairs() == still_intervals(time, signals).pairs()
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_a_still_log_is_still_in_any_unit(unit):
+    """Windows of five samples, whose quietest fiftieth, where the search starts, is a ninth of the noise."""
+    noise = np.random.default_rng(0).normal(0.0, unit, (600, 3))
+    assert still_intervals(np.arange(600.0), noise).pairs() == [(0, 600)]
+
+
 def test_coarse_counts():
     """Noise well below one count: the rests are flat, and the rounding noise of a count takes the floor's place."""
     rng = np.random.default_rng(7)

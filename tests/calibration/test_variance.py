@@ -22,7 +22,7 @@ def fitted_model(readings, noise, rig_sd):
     settings = np.stack(readings.dials, axis=1)
     sd = np.concatenate([np.full(v.shape, noise[k]) for k, v in readings.channels.items()], axis=1)
     model = Model(readings.channels, settings, np.ones((len(settings), 1)), sd, np.full(3, rig_sd), np.zeros(4), {})
-    return fit(model, starting_state(model, dict.fromkeys(readings.channels, DOWN)))
+    return fit(model, starting_state(model))
 
 
 @pytest.mark.parametrize("plan", [plans.twelve(), plans.orthogonal()], ids=lambda p: p.name)

@@ -175,7 +175,11 @@ def test_x_and_y_swapped(run, bench):
             row[i], row[j] = row[j], row[i]
 
     edit(change)
-    warned(run, "swapped", "magnetometer")
+    # left-handed then, as with reversed dials: refused unless it is stated
+    refused(run, "left-handed: the channels of the magnetometer. A channel is reversed or two are exchanged")
+    stated = run("calibrate", "bad.csv", "-o", "stated.json", "--left-handed")
+    assert stated.status == 0
+    assert "magnetometer channels look swapped" in stated.err
 
 
 @pytest.mark.parametrize("plan", ["twelve", "orthogonal"])

@@ -53,6 +53,19 @@ def test_a_decimal_year_is_a_date(run):
     assert run("field", *PLACE[:-1], "2025.0", "--json").json["field"] == run("field", *PLACE, "--json").json["field"]
 
 
+def test_the_model_that_covers_the_date_is_taken_and_named(run):
+    """A date before the WMM's epoch was refused: IGRF-14, definitive in its past, covers it."""
+    here = ("--latitude-deg", 60, "--longitude-deg", 10, "--height-m", 0, "--json", "--date")
+    old = run("field", *here, "2018-07-01")
+    assert (old.status, old.json["model"]) == (0, "IGRF-14")
+    assert old.json["field"]["declination"]["value"] == pytest.approx(3.19, abs=0.0051)
+    assert run("field", *here, "2024.99").json["model"] == "IGRF-14"
+    assert run("field", *here, "2025-01-01").json["model"] == "WMM2025"
+    for refused in (run("field", *here, "1899-12-31"), run("field", *here, "2018-07-01", "--model", "wmm2025")):
+        assert (refused.status, refused.out) == (2, "")
+        assert "holds from" in refused.err
+
+
 def test_notes_on_weak_fields_and_wrong_zones(run):
     assert "blackout zone" in run("field", "--latitude-deg", 86, *PLACE[2:3], 140, *PLACE[4:]).err
     assert "outside the area of EPSG:32655" in run("field", *PLACE, "--crs", "EPSG:32655").err

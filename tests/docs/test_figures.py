@@ -48,3 +48,35 @@ def test_north_and_roll_errors_cost_what_the_text_says(figures):
     trusted, estimated = (float(v) for v in figures.roll_errors(15).values())
     assert 0.15 < trusted < 0.3  # 0.20 in the source
     assert estimated < trusted / 3.0
+
+
+def test_the_24_positions_are_those_of_the_table(tmp_path, monkeypatch):
+    """x, y, z of the tool at each number, from the reconstruction of the article's table; A is number 2."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    from support import drawing
+
+    from inclinometry.calibration import plans
+
+    table = "UEN EDN DWN WUN UWS WDS DES EUS NED ESD SWD WND NWU WSU SEU ENU NUE USE SDE DNE NDW DSW SUW UNW"
+    plan = plans.orthogonal()
+    dials = zip(plan.azimuth, plan.inclination, plan.toolface, strict=True)
+    assert " ".join(drawing.axis_words(*dial).replace(" ", "") for dial in dials) == table
+    drawing.positions(tmp_path / "p.svg", plan)
+    drawn = (tmp_path / "p.svg").read_text(encoding="utf-8")
+    assert drawn.count('class="number"') == 24
+    assert "nan" not in drawn
+
+
+def test_the_classical_method_breaks_where_the_text_says(figures):
+    """0.2 deg at a third of a per cent of the nameplate, or at axes leaning by more than 6 deg."""
+    assert figures.nameplate_errors(0.1, 0.33) == pytest.approx(0.2, abs=0.03)
+    assert figures.nameplate_errors(6.0, 0.0) < 0.2 < figures.nameplate_errors(7.0, 0.0)
+    assert figures.nameplate_errors(1.0, 0.0) < 0.01
+
+
+def test_magnetometers_give_the_azimuth_of_the_paper(figures):
+    """1.5 to 2.0 deg with fluxgates, 0.2 to 0.5 with magnetoresistive sensors, each at ordinary inclinations."""
+    fluxgate = figures.closed_forms.sensor_claims("fluxgate", 30, (30.0, 60.0))
+    resistive = figures.closed_forms.sensor_claims("magnetoresistive", 30, (30.0, 60.0))
+    assert all(1.5 < value < 2.0 for value in fluxgate)
+    assert all(0.15 < value < 0.5 for value in resistive)

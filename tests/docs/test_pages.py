@@ -45,7 +45,7 @@ def test_every_option_named_in_a_page_exists(capsys):
     known = capsys.readouterr().out
     commands = (
         "plan", "readings", "verify", "survey", "compare", "quality", "msa", "position", "field", "convert", "dynamic",
-        "certificate", "bench",
+        "certificate", "bench", "datasheet", "coefficients",
     )  # fmt: skip
     for command in commands:
         with pytest.raises(SystemExit):
@@ -54,6 +54,7 @@ def test_every_option_named_in_a_page_exists(capsys):
     groups = {
         "simulate": ("bench", "well", "log", "gyro", "drilling", "instrument"),
         "gyro": ("north", "scale", "plan", "quality", "table"),
+        "rig": ("orient",),
         "shots": ("rotation", "repeat", "dual-depth"),
         "ledger": ("init", "verify", "export", "import", "backup", "history", "users"),
     }

@@ -293,7 +293,7 @@ def test_history_is_needed_and_passed_on() -> None:
 def test_a_jump_of_scale_is_flagged_and_not_carried_on() -> None:
     latitude = rad(45.0)
     gravity, rate = readings(rad([30.0, 30.0, 30.0]), rad(20.0), 0.0, latitude, np.array([1.0, 1.1, 1.001]))
-    found = solve_patent(gravity, rate, latitude, history=1.0, history_sd=0.002, rate_covariance=SIGMA**2 * np.eye(2))
+    found = solve_patent(gravity, rate, latitude, history=1.0, change_sd=0.002, rate_covariance=SIGMA**2 * np.eye(2))
     assert list(found.flags) == [[], ["scale"], []]
     assert np.isfinite(found.azimuth).all()
 

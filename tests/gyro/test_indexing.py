@@ -178,7 +178,7 @@ def test_one_spike_is_left_out_and_said(known, scheme, positions):
     assert found.left_out == ((8, row),)
     assert [place for place, flags in enumerate(found.flags) if flags] == [7]
     assert found.flags[7] == ("spike",)
-    assert any(f"Station 8: reading in row {row}" in note for note in found.notes)
+    assert any(f"Station 8: reading in row {row}" in note for note in found.warnings)
     np.testing.assert_allclose(found.field[7, :2], [3.0, -4.0], atol=5 * 0.1)  # and not off by a quarter of 5
     assert found.covariance[7, 0, 0] > clean.covariance[7, 0, 0] * 0.9
     assert found.dof[7] == clean.dof[7] - 2

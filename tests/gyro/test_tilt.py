@@ -46,7 +46,8 @@ def test_without_z_gravity_is_given_and_the_tool_points_down(attitudes: Any) -> 
     mixed = np.where((np.arange(300) % 2 == 0)[:, None], field, [[1.0, 1.0, np.nan]] * field)
     both = tilt(mixed, G)
     np.testing.assert_array_equal(both.unseen, np.arange(300) % 2 == 1)
-    np.testing.assert_array_equal(both.inclination[::2], tilt(field).inclination[::2])
+    # last bits of a long and of a short run through wide registers may differ
+    np.testing.assert_allclose(both.inclination[::2], tilt(field).inclination[::2], rtol=1e-14)
     up = upward(found, inclination > np.pi / 2)
     np.testing.assert_allclose(up.inclination, inclination, atol=3e-8)
     np.testing.assert_array_equal(up.toolface, found.toolface)

@@ -9,10 +9,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from inclinometry.attitude.rotations import dcm, quaternion_from_dcm
 from inclinometry.core.errors import FileError
 from inclinometry.io.attitude_file import COLUMNS, read_attitude, write_attitude
 from inclinometry.motion.result import BITS, METHODS
 from inclinometry.motion.run_result import AttitudeRows
+
+QUATERNION = quaternion_from_dcm(dcm(*np.radians([60.0, 30.0, 0.0])))
 
 
 @pytest.fixture
@@ -28,6 +31,9 @@ def rows():
         flags=np.array([0, BITS["clipped"] | BITS["gap"], BITS["vertical"]], dtype=np.uint32),
         method=np.array([METHODS.index("magnetic")] * 2 + [METHODS.index("gyro")], dtype=np.uint8),
         north=np.array([2, 2, 1], dtype=np.uint8),
+        quaternion=np.array([QUATERNION, [np.nan] * 4, [1.0, 0.0, 0.0, 0.0]]),
+        magnetic_toolface=np.radians([57.0, np.nan, 130.0]),
+        u_magnetic_toolface=np.radians([0.04, np.nan, 0.05]),
     )
 
 
@@ -40,7 +46,11 @@ def test_the_contract_of_csv(rows, tmp_path):
         "time_s": "5", "inclination_deg": "30", "azimuth_deg": "60", "azimuth_reference": "grid", "toolface_deg": "0",
         "u_inclination_deg": "0.02", "u_azimuth_deg": "0.05", "u_toolface_deg": "0.03", "rpm": "120",
         "method": "magnetic", "quality": "0.8", "flags": "",
+        "q_w": "0.836516303738", "q_x": "0.129409522551", "q_y": "-0.224143868042", "q_z": "-0.482962913145",
+        "magnetic_toolface_deg": "57", "u_magnetic_toolface_deg": "0.04", "toolface_type": "gravity",
     }  # fmt: skip
+    # the hole of the third row is steeper than 5 degrees, that of the second is not known
+    assert [row["toolface_type"] for row in found] == ["gravity", "", "magnetic"]
     assert found[1]["inclination_deg"] == found[1]["u_azimuth_deg"] == found[1]["rpm"] == ""
     assert found[1]["flags"] == "clipped|gap"
     assert found[2]["azimuth_reference"] == "true"
@@ -72,7 +82,7 @@ def test_what_is_refused(rows, tmp_path):
     write_attitude(rows, tmp_path / "a.csv")
     text = (tmp_path / "a.csv").read_text()
     for old, new, message in (
-        ("magnetic", "guessed", "method is 'guessed'"),
+        (",magnetic,", ",guessed,", "method is 'guessed'"),
         ("clipped", "bent", "flag 'bent' is not known"),
         ("grid", "up", "azimuth_reference is 'up'; allowed: magnetic, true, grid"),
         ("quality", "q", "column 'quality' is missing"),

@@ -52,7 +52,7 @@ def test_the_contract_columns(tmp_path):
     for kind, first in (("accelerometer", 2), ("magnetometer", 5), ("gyro", 8)):
         powers = np.arange(1.0, 5.0)[:, None] ** (first + np.arange(3))
         np.testing.assert_array_equal(readings.channels[kind], powers)
-    assert readings.notes == ()
+    assert (readings.notes, readings.warnings) == ((), ())
     assert dict(readings.sd) == {}
 
 
@@ -73,7 +73,7 @@ def test_write_then_read_gives_the_same_readings(tmp_path_factory, data, size, s
         reference={"g": 9.81, "dip": 1.25},
         temperature=angles[0],
     )
-    write_bench(written, path, units_in_names=True)
+    write_bench(written, path)
     found = read_bench(path)
     np.testing.assert_array_equal(found.channels["magnetometer"], signals)
     # sd is multiplied and divided by sqrt(count): two roundings
@@ -109,7 +109,14 @@ def test_numbered_and_two_sensor_triads(tmp_path):
     assert readings.channels["accelerometer"].shape == (2, 4)
     assert readings.channels["magnetometer"].tolist() == [[5, 6], [7, 7]]
     assert readings.azimuth is None
-    assert readings.notes == ("magnetometer: two channels (mag_x, mag_y), no mag_z in the file",)
+    assert readings.warnings == ("magnetometer: two channels (mag_x, mag_y), no mag_z in the file",)
+
+
+def test_one_sensor(tmp_path):
+    readings = read(tmp_path, "accel_x,mag_1", ["1,5", "2,7"])
+    assert readings.channels["accelerometer"].tolist() == [[1], [2]]
+    assert readings.channels["magnetometer"].tolist() == [[5], [7]]
+    assert readings.warnings == ("accelerometer: one channel (accel_x), no accel_y and accel_z in the file",)
 
 
 @pytest.mark.parametrize(
@@ -118,8 +125,7 @@ def test_numbered_and_two_sensor_triads(tmp_path):
         ("station,accel_x,accel_z", "column 'accel_y' is missing"),
         ("accel_y,accel_z", "column 'accel_x' is missing"),
         ("accel_1,accel_3", "column 'accel_2' is missing"),
-        ("accel_1", "column 'accel_2' is missing"),
-        ("accel_x", "column 'accel_y' is missing"),
+        ("accel_2", "column 'accel_1' is missing"),
         ("accel_x,accel_y,accel_1", "mix letters and numbers"),
         ("accel_x,accel_x_g,accel_y", "contradict each other"),
         ("accel_x_g,accel_y_mg", "contradict each other"),
@@ -304,18 +310,18 @@ def test_no_false_alarm_of_saturation(tmp_path, plan):
         for misalignment in (0.0, 0.1):
             for noise in (0.0, 0.4):
                 write_bench(bench(plan, rng, scale, misalignment, noise), tmp_path / "a.csv")
-                assert read_bench(tmp_path / "a.csv").notes == ()
+                assert read_bench(tmp_path / "a.csv").warnings == ()
 
 
 def test_rails_of_converters_are_named(tmp_path):
     rng = np.random.default_rng(12)
     write_bench(bench(plans.twelve(), rng, 3000, 0.02, 0.4, -2048, 2047), tmp_path / "a.csv")
-    notes = read_bench(tmp_path / "a.csv").notes
+    notes = read_bench(tmp_path / "a.csv").warnings
     assert "accel_x reads exactly -2048 in 3 stations: saturated?" in notes
     unsigned = bench(plans.orthogonal(), rng, 2500, 0.02, 0.4, -2048, 2047)
     shifted = {kind: values + 2048 for kind, values in unsigned.channels.items()}
     write_bench(BenchReadings(shifted, *unsigned.dials), tmp_path / "b.csv")
-    notes = read_bench(tmp_path / "b.csv").notes
+    notes = read_bench(tmp_path / "b.csv").warnings
     assert "accel_z reads exactly 0 in 4 stations: saturated?" in notes
     assert "accel_z reads exactly 4095 in 4 stations: saturated?" in notes
 
@@ -323,7 +329,7 @@ def test_rails_of_converters_are_named(tmp_path):
 def test_clipping_elsewhere_is_named_when_the_other_stations_predict_more(tmp_path):
     rng = np.random.default_rng(13)
     write_bench(bench(plans.orthogonal(), rng, 1638, 0.02, 0.4, high=1400), tmp_path / "a.csv")
-    notes = read_bench(tmp_path / "a.csv").notes
+    notes = read_bench(tmp_path / "a.csv").warnings
     assert "accel_x reads exactly 1400 in 4 stations: saturated?" in notes
 
 
@@ -383,9 +389,9 @@ def test_saturation_without_angles(tmp_path):
     rng = np.random.default_rng(14)
     values = rng.normal(size=(40, 3))
     write_bench(BenchReadings({"accelerometer": np.minimum(values, 0.5)}), tmp_path / "a.csv")
-    assert len(read_bench(tmp_path / "a.csv").notes) == 3
+    assert len(read_bench(tmp_path / "a.csv").warnings) == 3
     write_bench(BenchReadings({"accelerometer": np.round(values)}), tmp_path / "b.csv")
-    assert read_bench(tmp_path / "b.csv").notes == ()
+    assert read_bench(tmp_path / "b.csv").warnings == ()
 
 
 def test_a_repeated_reading_is_no_rail(tmp_path):
@@ -398,13 +404,15 @@ def test_a_channel_that_never_changes(tmp_path):
     assert "accel_z reads 7 at every station: a channel that never changes cannot be ide" in error(tmp_path, rows=rows)
     rolls = [f"{k},0,90,{90 * k},{k},{k**2},7" for k in range(4)]
     assert (
-        read(tmp_path, rows=rolls).notes[0].startswith("accel_z reads 7 at every station: right only for an axis along")
+        read(tmp_path, rows=rolls)
+        .warnings[0]
+        .startswith("accel_z reads 7 at every station: right only for an axis along")
     )
 
 
 def test_unknown_columns_are_noted(tmp_path):
     readings = read(tmp_path, HEADER + ",operator", [f"{row},Ann" for row in ROWS])
-    assert readings.notes == ("column 'operator' is not known and was not used",)
+    assert readings.warnings == ("column 'operator' is not known and was not used",)
 
 
 def test_numbers_too_large_to_use(tmp_path):

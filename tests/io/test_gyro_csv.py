@@ -267,7 +267,8 @@ def stations():
     columns = {"md": [10.0, 20.0], "inclination": [0.1, 0.2], "azimuth": [1.0, np.nan], "flags": ["", "weak|scale"]}
     return columns | {
         "scale": [SCALE, np.nan], "u_scale": [1e-4, np.nan], "root": ["+", ""], "K": [0.7, np.nan],
-        "temperature_degC": None,
+        "temperature_degC": None, "gyro_x_corrected_deg_h": [7.5, np.nan], "gyro_y_corrected_deg_h": [-3.0, np.nan],
+        "gyro_z_corrected_deg_h": None,
     }  # fmt: skip
 
 
@@ -275,10 +276,11 @@ def test_the_contract_of_the_station_file(tmp_path):
     write_gyro_stations(tmp_path / "s.csv", stations())
     lines = (tmp_path / "s.csv").read_bytes().decode().split("\n")
     assert lines[0] == ",".join([*SURVEY, *STATION])
-    assert lines[0].endswith("flags,scale,u_scale,root,K,temperature_degC")
+    corrected = ",".join(f"gyro_{axis}_corrected_deg_h" for axis in "xyz")
+    assert lines[0].endswith(f"flags,scale,u_scale,root,K,temperature_degC,{corrected}")
     # what is not known is blank, numbers keep every digit
-    assert lines[1].split(",")[-5:] == [repr(SCALE), "0.0001", "+", "0.7", ""]
-    assert lines[2].split(",")[-6:] == ["weak|scale", "", "", "", "", ""]
+    assert lines[1].split(",")[-8:] == [repr(SCALE), "0.0001", "+", "0.7", "", "7.5", "-3", ""]
+    assert lines[2].split(",")[-9:] == ["weak|scale", *8 * [""]]
 
 
 def test_the_station_file_is_a_survey_file(tmp_path):

@@ -25,8 +25,9 @@ from inclinometry.motion.samples import Samples
 from inclinometry.motion.timing import StretchCutter, rejoined
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, simulate_drilling
 from inclinometry.simulate.drilling.faults import Casing, Dropped, Jitter, MagLag, Repeated, Stuck
+from inclinometry.simulate.drilling.scenario import Hole
 
-SITE = Site(b=50_000.0, dip=np.radians(65.0), g=9.80665, latitude=np.radians(50.0))
+SITE = Site(b=50_000.0, dip=Hole().dip, g=9.80665, latitude=Hole().latitude)
 
 
 @cache
@@ -198,7 +199,7 @@ def test_a_late_magnetometer_is_said() -> None:
 
 def test_wrong_axes_are_refused_with_the_remedy() -> None:
     part = samples(run("vibration-5g"))
-    with pytest.raises(InputError, match=r"map the channels|wrong sign"):
+    with pytest.raises(InputError, match=r"--axes|--mag-axes|wrong sign"):
         choose_attitude(replace(part, mag=part.mag[:, [1, 0, 2]]), site=SITE)
 
 

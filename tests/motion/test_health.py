@@ -16,9 +16,10 @@ from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.faults import Casing, Stuck
+from inclinometry.simulate.drilling.scenario import Hole
 
 G = 9.80665
-SITE = Site(b=50_000.0, dip=np.radians(65.0))
+SITE = Site(b=50_000.0, dip=Hole().dip)
 SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -238,7 +239,7 @@ def test_a_gyro_that_sticks_is_told_by_the_field() -> None:
 
 
 def test_swapped_axes_are_named_without_a_gyro() -> None:
-    with pytest.raises(InputError, match=r"\+y, \+x, \+z along x, y, z"):
+    with pytest.raises(InputError, match=r"--mag-axes=\+y,\+x,\+z"):
         checked(run("vibration-5g"), site=SITE, mapped=("mag", SWAP), drop="gyro")
 
 

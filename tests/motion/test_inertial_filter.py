@@ -29,11 +29,9 @@ from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
 from inclinometry.simulate.drilling.faults import MagLag
 from inclinometry.simulate.drilling.instrument import TriadErrors
 from inclinometry.simulate.drilling.run import DrillingSimulation
-from inclinometry.simulate.drilling.scenario import Scenario
+from inclinometry.simulate.drilling.scenario import Hole, Scenario
 
-SITE = Site(
-    latitude=float(np.radians(50.0)), g=9.80665, dip=float(np.radians(65.0)), dip_sigma=1e-3, b=50_000.0
-)  # where the scenarios are
+SITE = Site(latitude=Hole().latitude, g=9.80665, dip=Hole().dip, dip_sigma=1e-3, b=50_000.0)  # where the scenarios are
 
 
 TOLD = InertialSettings(coupling_sigma=0.0, delay_sigma_s=0.0)  # the simulated tools' axes and clocks are perfect

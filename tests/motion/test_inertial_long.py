@@ -11,6 +11,7 @@ from inclinometry.earth.site import Site
 from inclinometry.motion.inertial.filter import inertial_attitude
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
+from inclinometry.simulate.drilling.scenario import Hole
 
 
 def test_azimuth_does_not_creep_along_the_open_direction() -> None:
@@ -23,7 +24,7 @@ def test_azimuth_does_not_creep_along_the_open_direction() -> None:
     tool = scenario.instrument
     noisy = replace(tool.gyro, noise=3e-5 / np.sqrt(tool.interval))
     scenario = replace(scenario, instrument=replace(tool, gyro=noisy, hard_iron=(50.0, 50.0, 200.0)))
-    site = Site(latitude=np.radians(50.0), g=9.80665, dip=np.radians(65.0), dip_sigma=1e-3, b=50_000.0)
+    site = Site(latitude=Hole().latitude, g=9.80665, dip=Hole().dip, dip_sigma=1e-3, b=50_000.0)
     crept = []
     for seed in range(3):
         run = simulate_drilling(scenario, seed, duration=600.0)

@@ -17,6 +17,7 @@ from inclinometry.motion.result import Attitude
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.faults import Casing, Stuck
+from inclinometry.simulate.drilling.scenario import Hole
 
 from .magnetic_runs import FIVE, KNOWN, errors, samples_of, score, spun
 
@@ -109,7 +110,7 @@ def test_slow_rotation_is_never_harmed(rpm: float) -> None:
 def test_casing_is_refused_or_flagged() -> None:
     """A field of a third that changes by 20 uT: nowhere is an azimuth given without a word."""
     run = simulate_drilling(replace(FIVE, faults=(Casing(20.0, 40.0),)), 1, duration=60.0)
-    found = magnetic_attitude(samples_of(run), MagneticSettings(site=Site(b=50_000.0, dip=np.radians(65.0)), **KNOWN))
+    found = magnetic_attitude(samples_of(run), MagneticSettings(site=Site(b=50_000.0, dip=Hole().dip), **KNOWN))
     inside = (found.time > 20.0) & (found.time < 40.0)
     warned = np.array(
         [bool({"no-field", "disturbed", "unobservable"} & set(found.names(k))) for k in range(len(found))]

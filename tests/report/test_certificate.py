@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from inclinometry.calibration.capability import capability
+from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.core.digest import digest_bytes
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io.certificate_json import read_certificate, record_bytes, record_digest, write_certificate
@@ -127,7 +127,7 @@ def test_every_language_has_every_text() -> None:
 def test_uncertainties_are_those_of_the_calibration() -> None:
     """Twice the worst standard uncertainty of each inclination, growing as 1 / sin I toward the vertical."""
     table, found = record()["results"]["uncertainty"], calibration()
-    worst = capability(found.tool, np.radians(table["inclination_deg"]), found.dip).worst()
+    worst = expected_uncertainty(found, np.radians(table["inclination_deg"])).of_one_reading
     for place, name in enumerate(("inclination", "azimuth", "toolface")):
         np.testing.assert_allclose(table[f"U_{name}_deg"], np.degrees(2.0 * worst[:, place]), rtol=1e-12)
     product = np.array(table["U_toolface_deg"]) * np.sin(np.radians(table["inclination_deg"]))
@@ -140,8 +140,12 @@ def test_every_kind_of_tool_can_be_certified(sensors: dict[str, int]) -> None:
     """Angles it cannot give are left out, not invented; the digital certificate fits too."""
     content = certificate_record(calibrated(sensors)[1], LABORATORY, ORDER, number="1", program="inclinometry 0")
     table = content["results"]["uncertainty"]
-    assert (table is None) == (sensors["accelerometer"] == 2)
-    assert ("U_azimuth_deg" in (table or {})) == ("gyro" in sensors)
+    assert ("U_azimuth_deg" in table) == ("gyro" in sensors)
+    if sensors["accelerometer"] == 2:
+        # given, with the condition it holds under; lost toward the horizontal, where it was "no uncertainty" before
+        at = dict(zip(table["inclination_deg"], table["U_inclination_deg"], strict=True))
+        assert at[30.0] < 0.1 < at[90.0]
+        assert any("two accelerometers" in sentence for sentence in content["warnings"])
     assert certificate_pdf(content).startswith(b"%PDF")
     schema = dcc_schema()
     assert schema.validate(etree.fromstring(dcc_bytes(content))), schema.error_log
@@ -224,3 +228,32 @@ def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
         record(language="fr")
     with pytest.raises(InputError, match="date of issue"):
         record(order=replace(ORDER, issued=None))
+
+
+def test_the_box_is_green_only_where_nothing_speaks_against_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Warnings of the verification and remarks stand in the box itself, and take its green away."""
+    seen: list[dict[str, str]] = []
+
+    def compiled(*_: object, sys_inputs: dict[str, str], **__: object) -> bytes:
+        seen.append(json.loads(sys_inputs["data"]))
+        return b"%PDF"
+
+    monkeypatch.setattr("typst.compile", compiled)
+    doubted = copy.deepcopy(verification(1.0))
+    doubted["report"]["warnings"] = ["the stand is poor"]
+    plain = copy.deepcopy(verification(1.0)) | {"report": verification(1.0)["report"] | {"warnings": []}}
+    clean = record(verification=plain) | {"warnings": []}
+    for content in (
+        clean,
+        clean | {"verification": doubted},
+        clean | {"warnings": ["the sign is assumed"]},
+        record(verification=verification(0.01)),
+        record(verification=None),
+    ):
+        certificate_pdf(content)
+    colours = [content["conformity_colour"] for content in seen]
+    assert colours[0] == "#1a7f37"
+    assert colours[1] == colours[2] != colours[0]
+    assert len(set(colours)) == 4
+    assert "the stand is poor" in seen[1]["conformity"]
+    assert "the sign is assumed" in seen[2]["conformity"]

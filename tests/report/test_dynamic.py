@@ -17,6 +17,7 @@ from inclinometry.motion.run_result import (
     Vibration,
 )
 from inclinometry.motion.samples import CHANNELS
+from inclinometry.report.digits import plain
 from inclinometry.report.dynamic import dynamic_report
 from inclinometry.report.dynamic_figures import attitude_figure, clock, stretches
 from inclinometry.report.dynamic_truth import Found, errors_of, methods_figure, rms_of
@@ -43,7 +44,8 @@ def rows(size=60, seed=4):
     method = np.where(np.arange(size) < 30, METHODS.index("magnetic"), METHODS.index("gyro"))
     quality = np.where(refused, 0.0, 0.8)
     north = np.zeros(size, dtype=np.uint8)
-    return AttitudeRows(time, *values, rate, quality, flags, method.astype(np.uint8), north)
+    blank = np.full((size, 4), np.nan)
+    return AttitudeRows(time, *values, rate, quality, flags, method.astype(np.uint8), north, blank, *blank.T[:2])
 
 
 def shaking(found, seed=5):
@@ -123,6 +125,13 @@ def test_the_stop_of_a_string_is_said(page):
     # slowest 0, fastest 2.4 times the mean
     assert "Stick-slip index: 1.2 at the median window, 1.2 at the worst; the string stopped in 60 windows" in page.text
     assert "Vibration, lateral: 4.0 g rms at the median window" in page.text  # about 40 m/s2
+
+
+def test_the_speed_of_the_sentence_is_that_of_the_table(run):
+    """A gyro that reads 1 % too much gives the vibration's mean, not the speed that the windows state."""
+    off = replace(run, vibration=replace(run.vibration, mean=1.01 * run.rows.rate))
+    low, high = (plain(60.0 / (2.0 * np.pi) * rate, 1) for rate in (run.rows.rate.min(), run.rows.rate.max()))
+    assert f"Mean speed of a window: {low} to {high} rpm" in check(dynamic_report(off)).text
 
 
 def test_words_for_every_flag_method_and_channel():

@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
+from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.report.digits import rounded, significant, with_uncertainty
-from inclinometry.report.expected import differences, expected, promise_rows
-from inclinometry.report.tables import classical_rows, field_unit, noise_rows, orthogonality_rows, parameter_rows
+from inclinometry.report.tables import (
+    classical_rows,
+    differences,
+    field_unit,
+    noise_rows,
+    orthogonality_rows,
+    parameter_rows,
+)
 from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
 from inclinometry.sensors.triad import Triad
 
@@ -80,14 +87,17 @@ def test_uncertainty_without_magnetometer_is_that_with_a_perfect_one(tool):
     accelerometer = {"accelerometer": tool.triads["accelerometer"]}
     alone = Tool("A7", accelerometer, tool.covariance[:12, :12], tool.noise)
     inclination = np.radians([20.0, 80.0])
-    both, one = expected(tool, inclination, DIP), expected(alone, inclination, 0.0)
+    both, one = expected_uncertainty(tool, inclination, DIP), expected_uncertainty(alone, inclination)
     # gravity alone gives inclination and toolface: the second field plays no part in them
-    for name in ("inclination", "toolface"):
-        np.testing.assert_allclose(one.worst(name), both.worst(name), rtol=1e-9)
-    assert [row.label for row in promise_rows(alone, 0.0)][:2] == ["inclination at 5 deg", "toolface at 5 deg"]
-    assert len(promise_rows(tool, DIP)) == 12
+    for column in (0, 2):
+        np.testing.assert_allclose(one.of_one_reading[:, column], both.of_one_reading[:, column], rtol=1e-9)
+        np.testing.assert_allclose(one.from_calibration[:, column], both.from_calibration[:, column], rtol=1e-9)
+    assert one.angles == ("inclination", "toolface")
+    assert one.azimuth_from is None
+    assert np.isnan(one.of_one_reading[:, 1]).all()
     two = Tool("A7", {"accelerometer": Triad("accelerometer", np.eye(3)[:2], np.zeros(2))})
-    assert promise_rows(two, 0.0) == []
+    # the third component follows from |g|
+    assert expected_uncertainty(two).angles == ("inclination", "toolface")
 
 
 def test_differences_are_those_put_in(tool):

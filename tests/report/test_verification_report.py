@@ -59,3 +59,19 @@ def test_hostile_names(found):
         found, station=[evil] * 12, tool=evil, limits_name=evil, limits_source=evil, reasons=[evil], warnings=[evil]
     )
     assert check(verification_report(sharp)).text.count(evil) >= 12 + 5
+
+
+def test_a_pass_with_warnings_is_not_green(found):
+    doubted = verification_report(replace(found, warnings=["4 positions verify little"]))
+    assert 'class="verdict good"' in verification_report(found)
+    assert 'class="verdict warn"' in doubted
+    assert "PASS, with reservations" in check(doubted).text
+
+
+def test_errors_at_two_settings_are_no_curve(found):
+    dials = found.dials.copy()
+    dials[:, 1] = np.where(np.arange(12) % 2, 0.5, 1.0)
+    page = check(verification_report(replace(found, dials=dials)))
+    assert "Error curve: error of inclination" not in page.text
+    assert "Error curve: error of azimuth" in page.text
+    assert page.tags.count("svg") == 5

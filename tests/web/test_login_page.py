@@ -67,7 +67,7 @@ def test_a_password_changed_by_the_administrator_ends_the_login(own):
         assert operator.get("/api/v1/me").status_code == 200
         wish = {"role": "operator", "password": "quite another phrase"}
         assert administrator.put("/api/v1/users/operator", json=wish).status_code == 200
-        until = time.monotonic() + 10.0
+        until = time.monotonic() + 60.0
         while operator.get("/api/v1/me").status_code == 200 and time.monotonic() < until:
             time.sleep(0.2)
         assert operator.get("/api/v1/me").status_code == 401

@@ -42,7 +42,7 @@ def _place(browser: httpx.Client) -> str:
     return found.group()
 
 
-def _comes_true(what: Callable[[], bool], seconds: float = 10.0) -> bool:
+def _comes_true(what: Callable[[], bool], seconds: float = 60.0) -> bool:
     end = time.monotonic() + seconds
     while not what():
         if time.monotonic() > end:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import FileError
+from inclinometry.core.errors import FileError, InputError
 from inclinometry.workflow.allan import noise_of_log
 
 SIZE, DT = 4000, 0.1
@@ -54,8 +54,31 @@ def test_a_moving_log_is_noticed(tmp_path, kind):
     found = noise_of_log(write(tmp_path, values))
     assert "gyro_x jumps at" in found.warnings[0]
     at = float(found.warnings[0].split("jumps at ")[1].split(" s")[0])
+    if kind != "knock":  # two rests: the longer one is named
+        assert "--start-s" in found.warnings[0]
     # within a stretch of 20 samples
     assert at == pytest.approx({"knock": 123.4, "turn": 100.0, "step": 200.0}[kind], abs=2.0)
+
+
+def test_a_tool_that_was_carried_about_has_no_noise(tmp_path):
+    """D16: noise of a moving log was written with exit 0; the longest rest, which is named, has the noise."""
+    values = still()
+    time = DT * np.arange(SIZE)
+    swing = (time > 60.0) & ((time < 150.0) | (time > 360.0))
+    values[swing] += 2000.0 * np.sin(time[swing])[:, None]
+    path = write(tmp_path, values)
+    with pytest.raises(FileError, match=r"at rest in 6\d % of the log; elsewhere gyro_[xy] varies") as caught:
+        noise_of_log(path)
+    start, stop = (float(word) for word in str(caught.value).split("--start-s ")[1].split(" --stop-s "))
+    assert (start, stop) == pytest.approx((150.0, 360.0), abs=1.0)
+    found = noise_of_log(path, start=start, stop=stop)
+    expected = np.radians(1.0) / 3600.0 * np.sqrt(DT)
+    for channel in found.channels:
+        n = channel.model.angle_random_walk
+        assert abs(n.value - expected) < 4.0 * n.u
+    assert "as stated" in found.warnings[0]
+    with pytest.raises(InputError, match=r"the stretch is 150 to 500 s; the log is from 0 to 399.9 s"):
+        noise_of_log(path, start=150.0, stop=500.0)
 
 
 def test_vibration_is_noticed(tmp_path):

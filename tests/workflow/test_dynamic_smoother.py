@@ -15,6 +15,7 @@ from inclinometry.motion.magnetic.stream import MagneticStream
 from inclinometry.motion.result import METHODS, joined
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import simulate_drilling
+from inclinometry.simulate.drilling.scenario import Hole
 from inclinometry.workflow.dynamic_smoother import SampleSmoother, WindowSmoother
 
 WINDOW = 1.0
@@ -27,7 +28,7 @@ def samples():
 
 
 def smooth(samples):
-    return smoothed_attitude(samples, InertialSettings(window=WINDOW), Site(dip=1.1344640137963142, b=50_000.0))
+    return smoothed_attitude(samples, InertialSettings(window=WINDOW), Site(dip=Hole().dip, b=50_000.0))
 
 
 def fed(stream, samples, cuts=()):

@@ -112,16 +112,16 @@ def test_every_prior_is_honest_and_more_knowledge_is_not_worse(simulated, prior)
     assert (found.track is None) == (prior == "calibration")
 
 
-def test_the_default_prior_is_the_run_where_there_are_temperatures(simulated):
+def test_the_default_prior_is_the_run_with_temperatures_or_without(simulated):
     data, _ = simulated()
     default, run = north_run(data, HERE), north_run(data, HERE, options=GyroOptions(prior="run"))
     np.testing.assert_array_equal(default.north.azimuth, run.north.azimuth)
     cold = replace(data, temperature=None)
-    default, alone = north_run(cold, HERE), north_run(cold, HERE, options=GyroOptions(prior="calibration"))
-    np.testing.assert_array_equal(default.north.azimuth, alone.north.azimuth)
-    for prior in ("previous", "both", "run"):
-        with pytest.raises(InputError, match="temperature_degC"):
-            north_run(cold, HERE, options=GyroOptions(prior=prior))
+    default, run = north_run(cold, HERE), north_run(cold, HERE, options=GyroOptions(prior="run"))
+    np.testing.assert_array_equal(default.north.azimuth, run.north.azimuth)
+    record = north_run(data, HERE).record()
+    with pytest.raises(InputError, match="temperature_degC"):
+        north_run(cold, HERE, options=GyroOptions(history=replace(record, inputs={})))
 
 
 def test_the_patent_names_its_root_and_its_blanks(simulated):

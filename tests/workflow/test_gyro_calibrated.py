@@ -185,9 +185,10 @@ def test_what_gravity_adds_to_the_gyros_is_taken_off(measured, scheme):
     found = north_run(data, HERE, calibration(tool), GyroOptions(scheme=scheme))
     # 25 deviates: 1 +- 0.14
     assert rms(off(found, truth)[0]) < 1.6
-    # 1000 counts are 4 deg of azimuth: without the correction the error is many times u
+    # 1000 counts are 4 deg of azimuth: without the correction the error is a multiple of u, which itself is widened
+    # where a scale of 1 does not explain the readings
     blind = replace(tool, triads={**tool.triads, "gyro": replace(tool.triads["gyro"], g_sensitivity=None)})
-    assert rms(off(north_run(data, HERE, calibration(blind), GyroOptions(scheme=scheme)), truth)[0]) > 3.0
+    assert rms(off(north_run(data, HERE, calibration(blind), GyroOptions(scheme=scheme)), truth)[0]) > 2.0
 
 
 def test_g_sensitive_gyros_need_gravity_along_the_tool(measured):

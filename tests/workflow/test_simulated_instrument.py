@@ -179,7 +179,7 @@ def test_the_rig_is_turned_through_its_second_port():
         wanted = np.radians([123.4, 56.7, -89.0])
         rig.move(*wanted)
         assert not rig.ready()
-        end = time.monotonic() + 10.0
+        end = time.monotonic() + 60.0
         while not rig.ready():
             assert time.monotonic() < end
         assert rig.position() == pytest.approx(wanted, abs=1e-6)
@@ -209,13 +209,17 @@ def test_two_readers_see_the_same_samples():
             socket.create_connection(("127.0.0.1", instrument.port), 5.0) as one,
             socket.create_connection(("127.0.0.1", instrument.port), 5.0) as other,
         ):
-            time.sleep(0.3)
+            heard = {one: b"", other: b""}
+            both: set[bytes] = set()
+            while len(both) <= 10:
+                for c in heard:
+                    c.settimeout(60.0)
+                    heard[c] += c.recv(65536)
+                first, second = (
+                    dict(row.split(b",", 1) for row in text.split(b"\r\n")[1:-1]) for text in heard.values()
+                )
+                both = set(first) & set(second)
             assert instrument.connections == 2
-            first, second = (
-                dict(row.split(b",", 1) for row in c.recv(65536).split(b"\r\n")[1:-1]) for c in (one, other)
-            )
-        both = set(first) & set(second)
-        assert len(both) > 10
         assert all(first[number] == second[number] for number in both)
 
 
@@ -257,7 +261,7 @@ def test_stopping_is_quick_whatever_is_connected():
         time.sleep(0.2)  # nobody reads: its buffers are full
         begun = time.monotonic()
         instrument.stop()
-        assert time.monotonic() - begun < 5.0
+        assert time.monotonic() - begun < 30.0  # for ever if it waited for the reader
 
 
 def test_twenty_four_minutes_with_faults_loses_nothing(monkeypatch):

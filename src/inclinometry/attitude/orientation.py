@@ -6,7 +6,7 @@ columns of C_tn. Only atan2 and hypot are used: arccos loses half the digits nea
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,10 @@ PARALLEL = 1e-14
 """Sine of the angle between g and b below which rounding alone decides the azimuth."""
 PLUMB = 1e-290
 """Sine of the inclination below which products of components run out of digits: taken as exactly vertical."""
+
+SWITCH: Final = float(np.radians(5.0))
+"""rad, inclination below which a tool is steered by its magnetic (or gyro) toolface A + T and from which on by its
+gravity toolface: the high side of a steeper hole is poorly defined. 5 degrees is the usual setting of MWD tools."""
 
 
 class Angles(NamedTuple):
@@ -136,6 +140,29 @@ def angles_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
     spin = theta[..., 2, :]
     rows = (-across, -along / sin_i, -spin + cos_i / sin_i * along, -spin - half * along)
     return np.stack(rows, axis=-2)
+
+
+def attitude_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
+    """Derivatives of the whole attitude by the six field components, regular at every inclination.
+
+    Parameters
+    ----------
+    g, b : (..., 3) array_like
+        As for `angles`.
+
+    Returns
+    -------
+    (..., 3, 6) ndarray
+        Small rotation theta, rad, in tool axes, of north, east and down as seen from the tool: dn = theta x n and so
+        on.
+
+    Examples
+    --------
+    >>> attitude_jacobian([0.0, 0.0, 10.0], [20000.0, 0.0, 40000.0])[:2, :2].round(3) + 0.0
+    array([[ 0. , -0.1],
+           [ 0.1,  0. ]])
+    """
+    return _triad_rotation(_triad(g, b))
 
 
 def axis_jacobian(g: ArrayLike, b: ArrayLike) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from inclinometry.calibration._field_model import FieldProblem, Unknowns, references
 from inclinometry.calibration._field_noise import Estimate
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.calibration.result import LEAST_REDUNDANCY, Calibration, Residuals, Rig
 from inclinometry.core.arrays import Array, frozen
 from inclinometry.core.lsq import inverse_spd
 from inclinometry.sensors.tool import Tool
@@ -60,7 +60,8 @@ def assemble(
         frozen(covariance[:kept, :kept]),
         _rig(found, at.dip, float(np.sqrt(covariance[shots.tool, shots.tool])), both=both),
         _residuals(readings, problem, at, scales, found),
-        tuple(notes),
+        (*readings.warnings, *notes),
+        notes=tuple(readings.notes),
     )
 
 
@@ -84,8 +85,9 @@ def _residuals(
     for j, (kind, (field, _)) in enumerate(zip(shots.kinds, references(shots.kinds, at.dip), strict=True)):
         miss = shots.signals[j] - (at.attitude @ field) @ at.tensors[j].T - at.offsets[j]
         values[kind] = frozen(miss * scales[j])
+        left = redundancy[:, shots.rows[j]]
         # a residual the fit absorbs whole has no scatter of its own to be compared with
-        sd = problem.levels.noise[j] * shots.relative[j] * np.sqrt(np.maximum(redundancy[:, shots.rows[j]], 0.05))
+        sd = problem.levels.noise[j] * shots.relative[j] * np.sqrt(np.where(left > LEAST_REDUNDANCY, left, np.nan))
         standardised[kind] = frozen(miss / sd)
     seen = sum(shots.sizes)
     leverage = 1.0 - redundancy[:, :seen].mean(axis=1)

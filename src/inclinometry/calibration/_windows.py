@@ -86,7 +86,7 @@ def noise_floor(variance: Array, ratio: float) -> Array:
         still = np.mean(sample / floor, axis=1) < ratio
         # a channel whose noise moves on its own can leave nothing below the line: widen the floor instead of giving up
         updated = np.median(sample[still], axis=0) if still.any() else floor * ratio
-        if np.allclose(updated, floor, rtol=1e-6):
+        if np.allclose(updated, floor, rtol=1e-6, atol=0.0):  # of any unit: (rad/s)^2 may be 1e-11 of a count squared
             break
         floor = np.maximum(updated, np.finfo(float).tiny)
     return np.asarray(floor)

@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles, angles_jacobian
+from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, inclination_toolface
+from inclinometry.attitude.rotations import cross_matrix
+from inclinometry.calibration.expected import ANGLES, expected_uncertainty
 from inclinometry.calibration.likelihood import tangent_basis
+from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, leading_kinds
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration, same_units
+from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rigmodel import NUISANCE, orientation
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array, within
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.sensitivity import angle_sensitivity
+from inclinometry.core.constants import COVERAGE_FACTOR
+from inclinometry.core.errors import InclinometryError, InputError
+from inclinometry.sensors.sensitivity import field_sensitivity
 
 JUDGED = ("inclination", "azimuth", "toolface")
 GUARDS = ("none", "expanded-uncertainty")
 FEW_POSITIONS = 6
 NEAR_VERTICAL = np.radians(1.0)
 """Azimuth and toolface are never judged nearer to the vertical than this, rad."""
+DERIVED: Final = (
+    "derived: what is expected of one reading of the tool by its calibration, combined with the stand's settings, "
+    "times a k with which 99 % of tools as good as that pass at all positions"
+)
+"""Where limits come from when none are given."""
 PLUMB = 10.0
 """Inclinations below so many standard uncertainties are lengths of a tilt in two directions."""
 
@@ -56,16 +65,44 @@ class Limits:
             raise InputError(f"guard is {self.guard!r}; allowed: {', '.join(GUARDS)}")
 
 
+@dataclass(frozen=True)
+class OtherStand:
+    """What is known of a stand on which a tool is verified and that is not the one of its calibration; angles in rad.
+
+    level_sd : standard deviation of the azimuth axis from the vertical; None where the tilt is found from the readings.
+    north : azimuth of the rig's zero from the north that the tool finds (magnetic, or true for a gyro); None where it
+        is found from the readings.
+    north_sd : its standard uncertainty.
+    setting_sd : (3,) or float, of a setting of each dial; those of the calibration's rig when not given.
+    """
+
+    level_sd: float | None = None
+    north: float | None = None
+    north_sd: float = 0.0
+    setting_sd: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("level_sd", "north_sd", "setting_sd"):
+            if getattr(self, name) is not None:
+                within(getattr(self, name), name, 0.0, np.pi / 6.0, "rad")
+        if self.north is not None:
+            within(self.north, "north", -2.0 * np.pi, 2.0 * np.pi, "rad")
+            if self.level_sd is None:
+                raise InputError("the north of the stand is stated and not that it is level: state both, or neither")
+
+
 @dataclass(frozen=True, eq=False)
 class Verification:
     """Errors of a tool at independent positions, judged.
 
     dials : (K, 3) azimuth, inclination, toolface as dialled, rad
     true_inclination : (K,) of the tool at each position, the rig's own tilt accounted for, rad
-    errors, u, limits : (K, 3) measured minus set, standard uncertainty, limit, in the order of `JUDGED`, rad
+    errors, u, limits : (K, 3) measured minus set, standard uncertainty, limit, in the order of `names`, rad
     decision : (K, 3) "pass", "fail", "inconclusive", "not judged"
     coverage_factor : k of the expanded uncertainty
     verdict : "pass" or "fail"; an inconclusive position fails a guarded verification
+    names : of what is judged: `JUDGED`, but of a tool without gravity's direction the angles to the fields it sees
+    notes : what was taken from where, and what this verification cannot see
     """
 
     station: Sequence[str]
@@ -83,20 +120,36 @@ class Verification:
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+    names: Sequence[str] = JUDGED
+    notes: Sequence[str] = ()
 
 
-def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | None = None) -> Verification:
+def verify(
+    readings: BenchReadings,
+    calibration: Calibration,
+    limits: Limits | None = None,
+    *,
+    stand: OtherStand | None = None,
+    second: str | None = None,
+) -> Verification:
     """Compare a tool's angles with the rig's at positions that were not used to calibrate it.
 
     Parameters
     ----------
     readings : BenchReadings
-        With rig angles, accelerometer and magnetometer, taken on the stand of the calibration (its orientation is known
-        from there).
+        With rig angles, taken on the stand of the calibration (its orientation is known from there) unless `stand` says
+        otherwise.
     calibration : Calibration
+        What it can give is judged: all three angles; inclination and toolface without a second field; without
+        accelerometers the direction of the one field in tool axes; of single sensors the angle to their field.
     limits : Limits, optional
         Without limits each error is held against its own uncertainty: tool, sensor noise and rig together, so wide that
         a tool as good as its certificate passes all positions with 99 % probability.
+    stand : OtherStand, optional
+        Another stand than that of the calibration. What is not known of it, north or north and tilt, is found from
+        these readings; only what is left is judged, with the degrees of freedom that leaves.
+    second : {"magnetometer", "gyro"}, optional
+        The triad that gives the azimuth; the magnetometer where there is one, else the gyro.
 
     Returns
     -------
@@ -105,7 +158,7 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
     Raises
     ------
     InputError
-        Without rig angles, without one of the triads, or when these are the readings the tool was calibrated with.
+        Without rig angles, readings of another tool, those the tool was calibrated with, a stand that is not known.
 
     Notes
     -----
@@ -113,49 +166,375 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
     neither a tilted base nor a rig turned from north counts as an error of the tool; what is uncertain of them counts
     with its correlation with the tool. Decision rules: JCGM 106:2012, 8.2 (simple) and 8.3 (guarded).
 
+    On another stand whose orientation is fitted, a residual angle r = e - H d has the variance of e less that of H d
+    (the estimate d is that of least variance), and an error of the tool that turns the whole tool like the base does
+    is taken for the base: all of a constant azimuth error, and of a constant inclination error what the notes say,
+    none when azimuths lie evenly all round.
+
     At the vertical the inclination is the length of a tilt in two directions, and its error at most the length of the
     tilt's error, which is not normal: with the larger principal standard deviation s of the tilt it stays below
     s sqrt(-2 ln p) with at least the probability 1 - p (Rayleigh). There u is s sqrt(-2 ln p) / k, with p the
     probability beyond k for a normal error, so that k u has the coverage it has elsewhere.
     """
-    _check(readings, calibration)
+    if readings.digest and readings.digest in calibration.inputs.values():
+        raise InputError(
+            "these are the readings the tool was calibrated with; verification needs independent positions"
+        )
     dials = np.stack(readings.dials, axis=1)
-    zeros = [calibration.rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE]
-    rig = _Orientation(*orientation(dials, np.array(zeros)))
-    expected_g = rig.matrix @ calibration.field_directions["accelerometer"]
-    expected_b = rig.matrix @ calibration.field_directions["magnetometer"]
-    tool = calibration.tool
-    seen = {k: tool.triads[k].field(readings.channels[k], readings.temperature) for k in _BOTH}
-    measured, wanted = angles(seen["accelerometer"], seen["magnetometer"]), angles(expected_g, expected_b)
-    errors = np.stack([wrap_signed(getattr(measured, n) - getattr(wanted, n)) for n in JUDGED], axis=1)
-    k = 2.0
-    u = np.sqrt(_variance(readings, calibration, rig, expected_g, expected_b))
-    tilt = np.sqrt(_largest_tilt(readings, calibration, rig, expected_g, expected_b))
-    inclination = wanted.inclination
+    try:
+        kinds = leading_kinds(readings, calibration, second)
+    except InputError:
+        if _single(readings, calibration):
+            return _verify_single(readings, calibration, limits, stand)
+        raise
+    names = JUDGED if kinds[0] == "accelerometer" else _FIELD_ANGLES
+    if limits is not None and names is not JUDGED:
+        raise InputError(
+            f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a {kinds[0]} alone gives none "
+            "of them: leave the limits out, and the direction of the field in tool axes is held against its uncertainty"
+        )
+    where = _expected(readings, calibration, kinds, stand)
+    seen = fields_seen(readings, calibration, kinds, where.fields[kinds[0]])
+    measured, wanted = _angles(seen, kinds), _angles(where.fields, kinds)
+    errors = wrap_signed(measured - wanted)
+    k = COVERAGE_FACTOR
+    u = np.sqrt(_variance(readings, calibration, where, where.fields))
+    tilt = np.sqrt(_largest_tilt(readings, calibration, where))
+    inclination = wanted[:, 0]
     steep = np.minimum(inclination, np.pi - inclination) < max(
         limits.min_inclination_for_azimuth if limits else 0.0, NEAR_VERTICAL
     )
-    bounds = np.full(errors.shape, np.inf)
+    idle = np.zeros(errors.shape, dtype=bool)
+    idle[steep, 1:] = True
+    idle[:, 1] |= len(kinds) == 1
+    if not calibration.tool.triads[kinds[0]].full:
+        # the component that is not seen is the root of what is left of g: near nought it has no linear error
+        idle |= (3.0 * u[:, 0] > np.abs(np.sum(where.fields[kinds[0]] * _unseen(calibration, kinds[0]), axis=1)))[
+            :, None
+        ]
+    judged = int(np.sum(~idle))
     if limits is None:
         from scipy.special import ndtri
 
-        judged = 3 * len(errors) - 2 * int(steep.sum())
-        k = float(ndtri(1.0 - 0.005 / judged))
+        k = float(ndtri(1.0 - 0.005 / max(judged, 1)))
     plumb = np.minimum(inclination, np.pi - inclination) < PLUMB * tilt
     u[plumb, 0] = tilt[plumb] * _two_directions(k)
-    if limits is None:
-        bounds = k * u
-    else:
+    bounds = k * u
+    if limits is not None:
         for column, name in enumerate(JUDGED):
             value = getattr(limits, name)
             bounds[:, column] = np.inf if value is None else value
-    bounds[steep, 1:] = np.inf
+    bounds[idle] = np.inf
+    if len(kinds) == 1:
+        errors[:, 1], u[:, 1] = np.nan, np.pi / np.sqrt(3.0)
+    found = _decided(readings, calibration, limits, names, dials, inclination, errors, u, bounds, k)
+    notes = [*where.notes, *_unjudged(readings, calibration, kinds)]
+    if len(kinds) == 1:
+        notes += _strength(readings, calibration, kinds[0], seen)
+    if stand is None and found.verdict == "fail":
+        notes += _elsewhere(readings, calibration, limits, second, found)
+    return replace(found, notes=notes)
+
+
+_FIELD_ANGLES: Final = ("angle of the tool axis to the field", "azimuth", "toolface to the field")
+
+
+def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:
+    """(K, 3) as `JUDGED`; azimuth 0 where one field alone is seen."""
+    if len(kinds) == 2:
+        found = angles(seen[kinds[0]], seen[kinds[1]])
+        return np.stack([found.inclination, found.azimuth, found.toolface], axis=1)
+    inclination, toolface = inclination_toolface(seen[kinds[0]])
+    return np.stack([inclination, np.zeros_like(inclination), toolface], axis=1)
+
+
+class _Where(NamedTuple):
+    """The stand at every position.
+
+    matrix : (K, 3, 3) rig to tool; by_setting (K, 3, 3, 3), by_nuisance (4, K, 3, 3) as `rigmodel.orientation`.
+    directions : kind -> field in rig axes, as strong as the tool sees it; fields : kind -> (K, 3) in tool axes.
+    base : (3, 3) from north, east, down to rig axes, of another stand; None on that of the calibration.
+    turn : (3, 3) covariance of small turns of that base about north, east, down that is added to the errors'; negative
+        where the turns were fitted to the same errors.
+    """
+
+    matrix: Array
+    by_setting: Array
+    by_nuisance: Array
+    directions: Mapping[str, Array]
+    fields: Mapping[str, Array]
+    setting_sd: Array
+    base: Array | None
+    turn: Array
+    notes: Sequence[str]
+
+
+def _expected(
+    readings: BenchReadings, calibration: Calibration, kinds: Sequence[str], stand: OtherStand | None
+) -> _Where:
+    dials = np.stack(readings.dials, axis=1)
+    own, none = np.broadcast_to(calibration.rig.sd, (3,)), np.zeros((3, 3))
+    if stand is None:
+        if not set(kinds) <= set(calibration.field_directions):
+            raise InputError(
+                f"this calibration (method {calibration.method}) does not know the orientation of a rig: verify with "
+                "the orientation of the stand fitted (--stand fit) or stated (--stand level)"
+            )
+        zeros = [calibration.rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE]
+        matrix, by_setting, by_nuisance = orientation(dials, np.array(zeros))
+        directions = {k: calibration.field_directions[k] for k in kinds}
+        fields = {k: matrix @ a for k, a in directions.items()}
+        return _Where(matrix, by_setting, by_nuisance, directions, fields, own, None, none, ())
+    own = own if stand.setting_sd is None else np.full(3, stand.setting_sd)
+    matrix, by_setting, by_nuisance = orientation(dials, np.zeros(len(NUISANCE)))
+    base, turn, notes = _placed(readings, calibration, kinds, stand, own)
+    seen = fields_seen(readings, calibration, kinds, matrix @ base[:, 2])
+    directions = {kinds[0]: base[:, 2] * np.median(np.linalg.norm(seen[kinds[0]], axis=1))}
+    if len(kinds) == 2:
+        # dip and strength as found here: the angles do not hang on them
+        dip = float(np.median(dip_angle(seen[kinds[0]], seen[kinds[1]])))
+        directions[kinds[1]] = (
+            base @ [np.cos(dip), 0.0, np.sin(dip)] * np.median(np.linalg.norm(seen[kinds[1]], axis=1))
+        )
+    fields = {k: matrix @ a for k, a in directions.items()}
+    if stand.setting_sd is None:
+        good = ", ".join(f"{x:.3g}" for x in np.degrees(own))
+        notes.append(
+            "settings of azimuth, inclination, toolface taken to be as good as those of the calibration's rig "
+            f"({good} deg)"
+        )
+    return _Where(matrix, by_setting, by_nuisance, directions, fields, own, base, turn, notes)
+
+
+def _placed(
+    readings: BenchReadings, calibration: Calibration, kinds: Sequence[str], stand: OtherStand, own: Array
+) -> tuple[Array, Array, list[str]]:
+    """Base of another stand, the covariance of its turns that is added, and in words what was taken from where."""
+    both = len(kinds) == 2
+    turn = np.zeros((3, 3))
+    level = None if stand.level_sd is None else (np.eye(3), stand.level_sd)
+    if level is not None:
+        turn[0, 0] = turn[1, 1] = level[1] ** 2
+    north_of = {"magnetometer": "magnetic", "gyro": "true"}.get(kinds[-1], "")
+    if kinds[0] != "accelerometer" and level is not None:
+        raise InputError(f"a level stand says nothing of the field a {kinds[0]} alone sees: verify it with --stand fit")
+    if level is not None and (not both or stand.north is not None):
+        note = f"the stand is stated to be level to {np.degrees(level[1]):.3g} deg"
+        if both:
+            turn[2, 2] = stand.north_sd**2
+            note += f", its zero at {np.degrees(stand.north or 0.0):.3f} deg from {north_of} north"
+            note += f" to {np.degrees(stand.north_sd):.3g} deg: errors are absolute"
+        else:
+            note += ": errors are absolute"
+        c, s = np.cos(stand.north or 0.0), np.sin(stand.north or 0.0)
+        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), turn, [note]
+    fit = fit_base(readings, calibration, kinds, setting_sd=own, level=level)
+    free = [2] if level is not None else [0, 1, 2] if both else [0, 1]
+    turn[np.ix_(free, free)] -= fit.covariance
+    tilt, toward, north = described(fit.matrix)
+    notes = []
+    if level is not None:
+        u = np.degrees(np.sqrt(fit.covariance[0, 0]))
+        notes.append(
+            f"the stand is stated to be level to {np.degrees(level[1]):.3g} deg; its zero was found from these "
+            f"readings at {np.degrees(north):.3f} +- {u:.3f} deg from {north_of} north: a constant error of azimuth is "
+            "not judged, inclination and toolface are absolute"
+        )
+        return fit.matrix, turn, notes
+    spread = np.degrees(np.sqrt(np.diagonal(fit.covariance)))
+    if kinds[0] != "accelerometer":
+        notes.append("the direction of the field on this stand was found from these readings: two angles")
+    else:
+        note = f"tilted by {np.degrees(tilt):.3f} +- {spread[:2].max():.3f} deg"
+        if both:
+            note += (
+                f" toward azimuth {np.degrees(toward):.0f}, its zero at {np.degrees(north):.3f} +- {spread[2]:.3f} "
+                f"deg from {north_of} north"
+            )
+        notes.append(f"the orientation of the stand was found from these readings ({len(free)} angles): {note}")
+    notes += _hidden(readings, fit, both=both)
+    return fit.matrix, turn, notes
+
+
+def _hidden(readings: BenchReadings, fit: BaseFit, *, both: bool) -> list[str]:
+    """How much of a constant error of inclination and of toolface is taken for the orientation of the stand."""
+    wanted = orientation(np.stack(readings.dials, axis=1), np.zeros(len(NUISANCE)))[0] @ fit.matrix
+    level = np.hypot(wanted[:, 0, 2], wanted[:, 1, 2])
+    across = np.stack([-wanted[:, 1, 2], wanted[:, 0, 2], np.zeros(len(level))], axis=1)
+    patterns = {
+        "inclination": across / np.maximum(level, 1e-12)[:, None] * (level > np.sin(NEAR_VERTICAL))[:, None],
+        "toolface": np.broadcast_to(np.array([0.0, 0.0, 1.0]), across.shape),
+    }
+    shares = {}
+    for name, pattern in patterns.items():
+        kept = float(np.linalg.norm(fit.left(pattern))) / max(float(np.linalg.norm(pattern)), 1e-12)
+        shares[name] = 100.0 * max(0.0, 1.0 - kept)
+    sentence = "a constant error of azimuth is taken for the stand's and is not judged; " if both else ""
+    said = [
+        f"{sentence}of a constant error of inclination these positions would hide {shares['inclination']:.0f} %, of "
+        f"one of toolface {shares['toolface']:.0f} %"
+    ]
+    if shares["inclination"] > 50.0:
+        said.append(
+            "to judge the inclination itself take positions at azimuths all round, or state that the stand is level"
+        )
+    return said
+
+
+def _unjudged(readings: BenchReadings, calibration: Calibration, kinds: Sequence[str]) -> list[str]:
+    """What these sensors cannot be judged for, in true sentences."""
+    said = []
+    if len(kinds) == 1 and kinds[0] == "accelerometer":
+        said.append("the tool has no second field with three components: it has no azimuth to judge")
+    if kinds[0] != "accelerometer":
+        said.append(
+            f"a {kinds[0]} alone has neither inclination nor azimuth: judged is the field's direction in tool axes"
+        )
+    if not calibration.tool.triads[kinds[0]].full:
+        said.append(
+            "two components of gravity are seen; the third is from |g| as at the calibration, its sign from the rig, "
+            "so positions near the plane across the unseen axis are not judged"
+        )
+    for kind in readings.channels:
+        if kind not in kinds and not calibration.tool.triads[kind].full:
+            rank = calibration.tool.triads[kind].rank
+            said.append(f"the {kind} sees {rank} component{'s' * (rank > 1)} and was not judged")
+    return said
+
+
+def _strength(readings: BenchReadings, calibration: Calibration, kind: str, seen: Mapping[str, Array]) -> list[str]:
+    """Strength of the one field against the calibration's: consistency, no part of the verdict."""
+    if not calibration.tool.triads[kind].full:
+        return []
+    length = np.linalg.norm(seen[kind], axis=1)
+    along = (seen[kind] / length[:, None])[:, None, :]
+    here = field_sensitivity(calibration.tool, (kind,), along, seen, readings.temperature)
+    u = np.sqrt(sum(part[:, 0, 0] for part in here.components(calibration.tool).values()))
+    worst = int(np.argmax(np.abs(length - 1.0)))
+    return [
+        f"strength of the field of the {kind} against the calibration's: mean {length.mean():.5f}, largest deviation "
+        f"{length[worst] - 1.0:+.5f} (u {u[worst]:.5f}) at station {readings.station[worst]}; no part of the verdict"
+    ]
+
+
+def _elsewhere(
+    readings: BenchReadings, calibration: Calibration, limits: Limits | None, second: str | None, here: Verification
+) -> list[str]:
+    """Whether another orientation of the stand explains a failure on what was taken for the calibration's own."""
+    try:
+        other = verify(readings, calibration, limits, stand=OtherStand(), second=second)
+    except InclinometryError:
+        return []
+    # a mere scatter of the errors is no shift, though a fit takes a little off it
+    with np.errstate(invalid="ignore"):
+        size, left = (np.sqrt(np.nanmean((one.errors / one.u) ** 2)) for one in (here, other))
+    if other.verdict != "pass" or size < 2.0 * left:
+        return []
+    return [
+        "a shift of the stand explains it: taken as another stand these readings pass. If the stand was moved or is "
+        f"another one, verify with --stand fit or --stand level; {other.notes[0]}"
+    ]
+
+
+def _single(readings: BenchReadings, calibration: Calibration) -> list[str]:
+    """The triads of one sensor in readings and calibration."""
+    return [k for k in readings.channels if k in calibration.tool.triads and calibration.tool.triads[k].count == 1]
+
+
+def _verify_single(
+    readings: BenchReadings, calibration: Calibration, limits: Limits | None, stand: OtherStand | None
+) -> Verification:
+    """Single sensors: the angle of each to its field, from cos = (U - U0) / |n|."""
+    if limits is not None:
+        raise InputError(
+            f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a single sensor gives none of "
+            "them: leave the limits out, and its angle to the field is held against its uncertainty"
+        )
+    if stand is not None:
+        raise InputError(
+            "a single sensor does not tell where another stand stands: verify it on that of its calibration"
+        )
+    kinds, tool = _single(readings, calibration), calibration.tool
+    where = _expected(readings, calibration, kinds, None)
+    size = len(readings)
+    errors, u, idle = (
+        np.full((size, 3), np.nan),
+        np.full((size, 3), np.pi / np.sqrt(3.0)),
+        np.ones((size, 3), dtype=bool),
+    )
+    notes, names = [], ["-", "-", "-"]
+    for column, kind in enumerate(kinds):
+        triad, field_here = tool.triads[kind], where.fields[kind]
+        names[column] = f"angle of the {kind} to its field"
+        powers = triad.basis(readings.temperature)
+        axis = np.broadcast_to((powers @ triad.tensor.reshape(len(triad.tensor), -1)).reshape(-1, 3), (size, 3))
+        length = np.linalg.norm(axis, axis=1)
+        off = readings.channels[kind] - triad.signals(field_here, readings.temperature)
+        cosine = np.sum(axis * field_here, axis=1) / length
+        sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+        signal = np.sqrt(_signal_variance(readings, calibration, where, kind, axis))
+        errors[:, column] = np.arccos(np.clip(cosine + off[:, 0] / length, -1.0, 1.0)) - np.arccos(
+            np.clip(cosine, -1.0, 1.0)
+        )
+        u[:, column] = np.minimum(signal / (length * np.maximum(sine, 1e-12)), np.pi / np.sqrt(3.0))
+        # along the field the signal does not change with the angle: judged where the angle has a linear error
+        idle[:, column] = 3.0 * u[:, column] > sine
+        worst = int(np.argmax(np.abs(off[:, 0]) / signal))
+        notes.append(
+            f"{kind}: residual {np.sqrt(np.mean(off**2)):.4g} {triad.unit} rms, largest against its uncertainty "
+            f"{off[worst, 0]:+.4g} (u {signal[worst]:.2g}) at station {readings.station[worst]}"
+        )
+    notes.append("a single sensor gives no inclination, azimuth or toolface: judged is its angle to the field")
+    from scipy.special import ndtri
+
+    k = float(ndtri(1.0 - 0.005 / max(int(np.sum(~idle)), 1)))
+    bounds = np.where(idle, np.inf, k * u)
+    dials = np.stack(readings.dials, axis=1)
+    found = _decided(readings, calibration, None, names, dials, dials[:, 1], errors, u, bounds, k)
+    return replace(found, notes=notes)
+
+
+def _signal_variance(readings: BenchReadings, calibration: Calibration, where: _Where, kind: str, axis: Array) -> Array:
+    """Variance (K,) of the reading of one sensor less what is expected of it."""
+    tool, names = calibration.tool, list(calibration.parameter_names)
+    design = np.zeros((len(axis), len(names)))
+    regressor = np.concatenate([where.fields[kind], np.ones((len(axis), 1))], axis=1)
+    powers = np.broadcast_to(tool.triads[kind].basis(readings.temperature), (len(axis), tool.triads[kind].degree + 1))
+    design[:, tool.slices[kind]] = -(powers[:, :, None] * regressor[:, None, :]).reshape(len(axis), -1)
+    along = axis[:, None, :]
+    if f"{kind}.direction.north" in names:
+        first = names.index(f"{kind}.direction.north")
+        design[:, first : first + 2] = -(along @ where.matrix @ tangent_basis(where.directions[kind]))[:, 0]
+    for index, name in enumerate(NUISANCE):
+        if f"rig.{name}" in names:
+            moved = where.by_nuisance[index] @ where.directions[kind]
+            design[:, names.index(f"rig.{name}")] = -np.sum(axis * moved, axis=1)
+    total = np.sum((design @ calibration.covariance) * design, axis=1)
+    count = 1.0 if readings.count is None else readings.count
+    total = total + tool.noise[kind][0] ** 2 / count
+    by_dial = np.einsum("ka,kda->kd", axis, where.by_setting @ where.directions[kind])
+    return np.asarray(total + np.sum((by_dial * where.setting_sd) ** 2, axis=1))
+
+
+def _decided(
+    readings: BenchReadings,
+    calibration: Calibration,
+    limits: Limits | None,
+    names: Sequence[str],
+    dials: Array,
+    inclination: Array,
+    errors: Array,
+    u: Array,
+    bounds: Array,
+    k: float,
+) -> Verification:
     guard = k * u if limits and limits.guard == "expanded-uncertainty" else np.zeros_like(u)
     decision = [
         [_judge(*cell) for cell in zip(*row, strict=True)] for row in zip(np.abs(errors), bounds, guard, strict=True)
     ]
-    reasons = _reasons(readings, errors, bounds, decision)
     verdict = "fail" if any(d in ("fail", "inconclusive") for row in decision for d in row) else "pass"
+    if all(d == "not judged" for row in decision for d in row) and limits is None:
+        raise InputError("none of these positions can be judged: take others, inclined ones")
     return Verification(
         readings.station,
         dials,
@@ -166,54 +545,35 @@ def verify(readings: BenchReadings, calibration: Calibration, limits: Limits | N
         decision,
         k,
         verdict,
-        reasons,
+        _reasons(readings, errors, bounds, decision, names),
         limits.name if limits else "certificate",
-        limits.source if limits else "the tool's own calibration: 99 % of tools as good as certified pass",
-        tool.name,
+        limits.source if limits else DERIVED,
+        calibration.tool.name,
         {"readings": readings.digest, **{f"calibration {n}": d for n, d in calibration.inputs.items()}},
-        (*_warnings(readings, calibration), *_too_narrow(u * k, bounds, limits)),
+        (
+            *_warnings(readings, calibration),
+            *_too_narrow(u * k, bounds, limits),
+            *(_worth(calibration, inclination, u, bounds) if names is JUDGED else ()),
+        ),
+        names,
     )
 
 
-_BOTH = ("accelerometer", "magnetometer")
+def _unseen(calibration: Calibration, kind: str) -> Array:
+    """The unit vector across the plane that two sensors see."""
+    return np.asarray(np.linalg.svd(calibration.tool.triads[kind].tensor[0])[2][2])
 
 
-def _check(readings: BenchReadings, calibration: Calibration) -> None:
-    for kind in _BOTH:
-        if kind not in readings.channels or kind not in calibration.tool.triads:
-            raise InputError(
-                f"no {kind}: verification needs accelerometer and magnetometer in readings and calibration"
-            )
-        have, want = readings.channels[kind].shape[1], calibration.tool.triads[kind].count
-        if have != want:
-            raise InputError(f"the readings have {have} {kind} channels, the calibration {want}: not the same tool")
-        if not calibration.tool.triads[kind].full:
-            raise InputError(f"the {kind} sees only a plane; verification needs three seen components")
-    if not set(_BOTH) <= set(calibration.field_directions):
-        raise InputError("this calibration does not know the rig's orientation (field method): calibrate on the stand")
-    same_units(readings.units, calibration)
-    if readings.digest and readings.digest in calibration.inputs.values():
-        raise InputError(
-            "these are the readings the tool was calibrated with; verification needs independent positions"
-        )
-
-
-class _Orientation(NamedTuple):
-    """Rig-to-tool matrices (K, 3, 3) and their derivatives, as `rigmodel.orientation` returns them."""
-
-    matrix: Array
-    by_setting: Array
-    by_nuisance: Array
-
-
-def _largest_tilt(readings: BenchReadings, calibration: Calibration, rig: _Orientation, g: Array, b: Array) -> Array:
+def _largest_tilt(readings: BenchReadings, calibration: Calibration, where: _Where) -> Array:
     """Largest variance (K,) of the tool's tilt in any direction; it is that of inclination only near the vertical."""
+    kinds = list(where.fields)
+    g = where.fields[kinds[0]]
     length, up = np.linalg.norm(g, axis=1), np.where(g[:, 2] < 0.0, -1.0, 1.0)
     found = []
     # the derivatives of a tool that leans hardly at all, toward x, y and between: they give the whole covariance
     for x, y in ((1.0, 0.0), (0.0, 1.0), (np.sqrt(0.5), np.sqrt(0.5))):
         leaning = np.stack([_LEAN * x * length, _LEAN * y * length, up * length], axis=1)
-        found.append(_variance(readings, calibration, rig, leaning, b)[:, 0])
+        found.append(_variance(readings, calibration, where, {**where.fields, kinds[0]: leaning})[:, 0])
     xx, yy, between = found
     middle, xy = (xx + yy) / 2.0, between - (xx + yy) / 2.0
     return np.asarray(middle + np.hypot((xx - yy) / 2.0, xy))
@@ -229,31 +589,46 @@ def _two_directions(k: float) -> float:
     return float(np.sqrt(-2.0 * np.log(erfc(k / np.sqrt(2.0)))) / k)
 
 
-def _variance(readings: BenchReadings, calibration: Calibration, rig: _Orientation, g: Array, b: Array) -> Array:
+def _variance(readings: BenchReadings, calibration: Calibration, where: _Where, seen: Mapping[str, Array]) -> Array:
     """Variance (K, 3) of each error: calibration, noise of these readings, random error of the rig's setting."""
-    tool, directions = calibration.tool, calibration.field_directions
-    sensitivity = angle_sensitivity(tool, {"accelerometer": g, "magnetometer": b}, readings.temperature)
-    jacobian = angles_jacobian(g, b)[:, :3]
-    names = list(calibration.parameter_names)
-    design = np.zeros((*jacobian.shape[:2], len(names)))
-    design[..., : len(tool.parameter_names)] = sensitivity.by_parameter[:, :3]
-    for place, kind in enumerate(_BOTH):
-        if f"{kind}.direction.north" in names:
-            first = names.index(f"{kind}.direction.north")
-            tilted = rig.matrix @ tangent_basis(directions[kind])
-            design[..., first : first + 2] -= jacobian[..., 3 * place : 3 * place + 3] @ tilted
-    for index, name in enumerate(NUISANCE):
-        if f"rig.{name}" in names:
-            moved = np.concatenate([rig.by_nuisance[index] @ directions[k] for k in _BOTH], axis=-1)
-            design[..., names.index(f"rig.{name}")] -= (jacobian @ moved[..., None])[..., 0]
-    total = np.sum((design @ calibration.covariance) * design, axis=2)
-    count = np.ones(len(g)) if readings.count is None else readings.count
+    tool, directions, kinds = calibration.tool, where.directions, tuple(seen)
+    first_field = seen[kinds[0]]
+    # of one field alone any other serves: inclination and toolface do not hang on it, and azimuth is not judged
+    other = seen[kinds[1]] if len(kinds) == 2 else np.eye(3)[np.abs(first_field).argmin(axis=-1)]
+    jacobian = angles_jacobian(first_field, other)[:, :3, : 3 * len(kinds)]
+    if len(kinds) == 1:
+        jacobian[:, 1] = 0.0
+    sensitivity = field_sensitivity(tool, kinds, jacobian, seen, readings.temperature)
+    total = np.zeros(jacobian.shape[:2])
+    if where.base is None:
+        names = list(calibration.parameter_names)
+        design = np.zeros((*jacobian.shape[:2], len(names)))
+        design[..., : len(tool.parameter_names)] = sensitivity.by_parameter
+        for place, kind in enumerate(kinds):
+            if f"{kind}.direction.north" in names:
+                first = names.index(f"{kind}.direction.north")
+                tilted = where.matrix @ tangent_basis(directions[kind])
+                design[..., first : first + 2] -= jacobian[..., 3 * place : 3 * place + 3] @ tilted
+        for index, name in enumerate(NUISANCE):
+            if f"rig.{name}" in names:
+                moved = np.concatenate([where.by_nuisance[index] @ directions[k] for k in kinds], axis=-1)
+                design[..., names.index(f"rig.{name}")] -= (jacobian @ moved[..., None])[..., 0]
+        total += np.sum((design @ calibration.covariance) * design, axis=2)
+    else:
+        parts = sensitivity.components(tool)["calibration"]
+        total += np.diagonal(parts, axis1=1, axis2=2)
+        turned = where.matrix @ where.base
+        moved = np.concatenate([turned @ -cross_matrix(where.base.T @ directions[k]) for k in kinds], axis=1)
+        by_turn = jacobian @ moved
+        total += np.sum((by_turn @ where.turn) * by_turn, axis=2)
+    count = np.ones(len(first_field)) if readings.count is None else readings.count
     noise = sensitivity.components(tool)["sensor noise"]
-    total += np.diagonal(noise, axis1=1, axis2=2)[:, :3] / count[:, None]
-    shift = np.concatenate([rig.by_setting @ directions[k] for k in _BOTH], axis=-1)  # (K, dial, 6)
+    total += np.diagonal(noise, axis1=1, axis2=2) / count[:, None]
+    shift = np.concatenate([where.by_setting @ directions[k] for k in kinds], axis=-1)  # (K, dial, 3 per kind)
     by_dial = np.einsum("kai,kdi->kad", jacobian, shift)
-    total += np.sum((by_dial * calibration.rig.sd) ** 2, axis=2)
-    return np.asarray(np.where(np.isfinite(total), total, np.pi**2 / 3.0))
+    total += np.sum((by_dial * where.setting_sd) ** 2, axis=2)
+    # a fit leaves nothing of as many errors as it has angles: rounding must not make a variance of less than nought
+    return np.asarray(np.where(np.isfinite(total), np.maximum(total, 1e-24), np.pi**2 / 3.0))
 
 
 def _judge(error: float, limit: float, guard: float) -> str:
@@ -264,10 +639,12 @@ def _judge(error: float, limit: float, guard: float) -> str:
     return "inconclusive" if error > limit - guard else "pass"
 
 
-def _reasons(readings: BenchReadings, errors: Array, bounds: Array, decision: list[list[str]]) -> tuple[str, ...]:
+def _reasons(
+    readings: BenchReadings, errors: Array, bounds: Array, decision: list[list[str]], names: Sequence[str]
+) -> tuple[str, ...]:
     """The worst position of each angle that did not pass, a word when everything did, and what was not judged."""
     sentences = []
-    for column, name in enumerate(JUDGED):
+    for column, name in enumerate(names):
         bad = [row for row in range(len(errors)) if decision[row][column] in ("fail", "inconclusive")]
         if bad:
             worst = max(bad, key=lambda row: abs(errors[row, column]) / bounds[row, column])
@@ -278,7 +655,11 @@ def _reasons(readings: BenchReadings, errors: Array, bounds: Array, decision: li
             )
     if not sentences:
         sentences.append("every judged angle is within its limit at every position")
-    idle = [name for column, name in enumerate(JUDGED) if all(row[column] == "not judged" for row in decision)]
+    idle = [
+        name
+        for column, name in enumerate(names)
+        if name != "-" and all(row[column] == "not judged" for row in decision)
+    ]
     if idle:
         sentences.append(f"not judged at any position, the verdict does not cover: {', '.join(idle)}")
     return tuple(sentences)
@@ -300,8 +681,29 @@ def _too_narrow(expanded: Array, bounds: Array, limits: Limits | None) -> list[s
     return sentences
 
 
+def _worth(calibration: Calibration, inclination: Array, u: Array, bounds: Array) -> list[str]:
+    """Where the comparison is so uncertain that keeping its limits confirms nothing of what is certified."""
+    away = np.clip(inclination, NEAR_VERTICAL, np.pi - NEAR_VERTICAL)
+    found = expected_uncertainty(calibration, away)
+    sentences = []
+    for column, name in enumerate(JUDGED):
+        judged = np.isfinite(bounds[:, column])
+        if name not in found.angles or not judged.any():
+            continue
+        compared = COVERAGE_FACTOR * float(np.median(u[judged, column]))
+        certified = COVERAGE_FACTOR * float(np.median(found.of_one_reading[judged, ANGLES.index(name)]))
+        # twice as uncertain as the tool itself: three quarters of the variance are the stand's
+        if compared > 2.0 * certified:
+            sentences.append(
+                f"{name}: the comparison (U {np.degrees(compared):.3f} deg) is {compared / certified:.1f} times as "
+                f"uncertain as one reading of the tool by its calibration (U {np.degrees(certified):.3f} deg), because "
+                "of the stand: a pass shows no gross error and confirms no more; use a better stand"
+            )
+    return sentences
+
+
 def _warnings(readings: BenchReadings, calibration: Calibration) -> list[str]:
-    sentences = list(readings.notes)
+    sentences = list(readings.warnings)
     if len(readings) < FEW_POSITIONS:
         sentences.append(
             f"{len(readings)} positions verify little; take at least {FEW_POSITIONS}, spread over the range of use"

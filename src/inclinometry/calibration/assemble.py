@@ -11,7 +11,8 @@ from inclinometry.calibration.identifiability import constant_errors
 from inclinometry.calibration.likelihood import State
 from inclinometry.calibration.outliers import Outlier
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.calibration.result import LEAST_REDUNDANCY, Calibration, Residuals, Rig
+from inclinometry.calibration.rollset import second_harmonics
 from inclinometry.core.arrays import Array
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
@@ -42,6 +43,7 @@ def calibration(
         _rig(fitted),
         _residuals(used, fitted),
         tuple(warnings),
+        notes=tuple(readings.notes),
     )
 
 
@@ -61,6 +63,7 @@ def closed_calibration(
         Rig(fitted.model.rig_sd.copy()),
         _residuals(readings, fitted),
         (*warnings, *axis_warnings(fitted.state)),
+        notes=tuple(readings.notes),
     )
 
 
@@ -113,15 +116,30 @@ def _rig(fitted: Fitted) -> Rig:
 
 
 def _residuals(readings: BenchReadings, fitted: Fitted) -> Residuals:
-    """Reading minus model at the settings as dialled, standardised by its own covariance under the model."""
+    """Reading minus model at the settings as dialled, each divided by its own standard deviation.
+
+    With V of a station's readings and W = L^-1 J whitened by V = L L', over all stations and priors W = Q S Z', the
+    covariance of the residuals is L (1 - Q Q') L': the difference V - J C J' with C for the variances as they are, but
+    taken of numbers between 0 and 1. C averaged over what is not known of the variances does not belong here: it may
+    explain more than V, and the residuals are those of the fit at the variances as they are.
+    """
     model, jacobian = fitted.model, fitted.at.jacobian
     residual = -fitted.marginal_residual()
-    covariance = model.station_covariance(fitted.at)
-    explained = jacobian @ fitted.covariance @ jacobian.swapaxes(1, 2)
-    left = np.diagonal(covariance - explained, axis1=1, axis2=2)
-    own = np.diagonal(covariance, axis1=1, axis2=2)
-    standardised = residual / np.sqrt(np.maximum(left, 1e-6 * own))
-    leverage = np.trace(explained @ np.linalg.inv(covariance), axis1=1, axis2=2) / jacobian.shape[1]
+    factor = np.linalg.cholesky(model.station_covariance(fitted.at))
+    white = np.linalg.solve(factor, jacobian)
+    sizes, known = np.linalg.eigh(model.prior_information(fitted.state))
+    prior = np.sqrt(np.maximum(sizes, 0.0))[:, None] * known.T
+    design = np.concatenate([white.reshape(-1, jacobian.shape[2]), prior])
+    length = np.linalg.norm(design, axis=0)
+    left, seen, _ = np.linalg.svd(design / np.where(length > 0.0, length, 1.0), full_matrices=False)
+    # directions weaker than this are invisible to the plan, as in the restricted likelihood (1e-13 of the information)
+    fitted_part = left[: white.shape[0] * white.shape[1], seen > 3e-7 * seen[0]].reshape(*white.shape[:2], -1)
+    followed = fitted_part @ fitted_part.swapaxes(1, 2)
+    own = np.sum(factor**2, axis=2)
+    redundancy = 1.0 - np.sum((factor @ followed) * factor, axis=2) / own
+    judged = redundancy > LEAST_REDUNDANCY
+    standardised = np.where(judged, residual / np.sqrt(np.where(judged, redundancy, 1.0) * own), np.nan)
+    leverage = np.trace(followed, axis1=1, axis2=2) / jacobian.shape[1]
     values, scaled, start = {}, {}, 0
     for kind, signals in model.signals.items():
         here = slice(start, start + signals.shape[1])
@@ -164,6 +182,12 @@ def rig_warnings(fitted: Fitted) -> list[str]:
     return sentences + axis_warnings(fitted.state)
 
 
+def roll_warnings(readings: BenchReadings) -> list[str]:
+    """What second harmonics of the roll sets say of sensors and dial."""
+    found = second_harmonics(readings)
+    return [] if found is None else list(found.sentences)
+
+
 def dead_channels(readings: BenchReadings) -> list[str]:
     """Channels that said the same at every station."""
     return [
@@ -178,10 +202,13 @@ def axis_warnings(state: State) -> list[str]:
     sentences = []
     down = {kind: float(np.degrees(np.arccos(np.clip(a[2], -1.0, 1.0)))) for kind, a in state.directions.items()}
     tilt = down.get("accelerometer", 0.0)
-    if tilt > 10.0 and down.get("magnetometer", 90.0) < 5.0:
+    other = min(down.get("magnetometer", 90.0), 180.0 - down.get("magnetometer", 90.0))
+    if tilt > 5.0 and other < tilt / 3.0:
+        # the two fit alike, and g.b is the same either way: only a stand that is nearly level tells
         sentences.append(
-            f"accelerometer and magnetometer look swapped: the accelerometer's field lies {tilt:.0f} deg "
-            "from the vertical, the magnetometer's is vertical; check the column names"
+            f"accelerometer and magnetometer look swapped: the accelerometer's field lies {tilt:.1f} deg from the "
+            f"vertical of the rig, the magnetometer's {other:.1f}, {tilt / max(other, 0.1):.0f} times nearer; "
+            "check the column names"
         )
     elif tilt > 10.0:
         sentences.append(f"the rig's base appears tilted by {tilt:.1f} deg; check the channels if the stand is level")

@@ -27,7 +27,7 @@ def solve_classical(
     toolface: ArrayLike,
     *,
     known_direction: ArrayLike = DOWN,
-    conversion_factor: ArrayLike | None = None,
+    conversion_factor: ArrayLike,
 ) -> ClosedForm:
     """Calibrate a triad by small increments of nominal axes, the conversion factor taken from the nameplate.
 
@@ -39,9 +39,8 @@ def solve_classical(
         Rig settings, rad; any plan that determines four numbers a sensor.
     known_direction : (3,) array_like
         The field in rig axes as it is believed to be; down when not given.
-    conversion_factor : () or (m,) array_like, optional
-        k of the nameplate, signal per unit field, positive; the mean length of the triad's sensor vectors when not
-        given.
+    conversion_factor : () or (m,) array_like
+        k of the nameplate, signal per unit field, positive: one for each sensor, or one for all.
 
     Returns
     -------
@@ -84,12 +83,13 @@ def solve_classical(
     spread = np.linalg.inv(design.T @ design)
     free = np.swapaxes(spread @ design.T @ values, -1, -2)  # (..., m, 4), the fit without a nameplate
     nominal = nominal_axes(free[..., :3])
-    if conversion_factor is None:
-        k = np.linalg.norm(free[..., :3], axis=-1).mean(axis=-1, keepdims=True)
-    else:
-        k = finite(conversion_factor, "conversion_factor")
-        if not (k > 0.0).all():
-            raise InputError(f"conversion_factor is {k.tolist()}; it must be positive, the sense is found")
+    k = finite(conversion_factor, "conversion_factor")
+    if not (k > 0.0).all():
+        raise InputError(f"conversion_factor is {k.tolist()}; it must be positive, the sense is found")
+    if k.shape not in ((), (1,), (values.shape[-1],)):
+        raise InputError(
+            f"conversion_factor has {len(k)} numbers, the readings {values.shape[-1]} sensors: not the same tool"
+        )
     # least squares with the component along the nominal axis held at k: move there along the fit's own covariance
     short = k - (free[..., :3] * nominal).sum(axis=-1)
     along = np.abs(nominal) @ spread[:3]

@@ -15,12 +15,13 @@ from numpy.typing import ArrayLike
 
 from inclinometry.calibration._exchange import Problem, best_addition, search
 from inclinometry.calibration._information import Information, inclination_grid, information
-from inclinometry.calibration.capability import Capability, capability
 from inclinometry.calibration.dials import same
+from inclinometry.calibration.expected import ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.identifiability import blindness
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.stand import Stand, stand_within
 from inclinometry.core.arrays import Array, Mask, finite, within
+from inclinometry.core.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS
 from inclinometry.core.errors import IdentifiabilityError, InputError
 from inclinometry.sensors.tool import Tool
 
@@ -51,11 +52,7 @@ NOISE: Final[Mapping[str, float]] = MappingProxyType(
 )
 """Noise of one reading relative to the full field: 0.3 mg; 20 nT of 50 uT; 12 bits over +-1.25 g and +-65 uT."""
 
-AIMED_FROM: Final = (float(np.radians(10.0)), float(np.radians(90.0)))
 RIG_SD: Final = float(np.radians(0.1))
-DIP: Final = float(np.radians(70.0))
-SHOWN: Final = tuple(float(i) for i in np.radians([5.0, 10.0, 30.0, 60.0, 90.0]))
-"""Inclinations of a table of plans, rad."""
 _NEAREST_PLUMB = np.radians(0.1)
 
 Settings: TypeAlias = Plan | ArrayLike
@@ -75,7 +72,7 @@ class NextPosition(NamedTuple):
 def optimal_plan(
     n: int,
     *,
-    inclination_range: tuple[float, float] = AIMED_FROM,
+    inclination_range: tuple[float, float] = INCLINATION_RANGE,
     criterion: Criterion = AZIMUTH,
     rig_sd: float = RIG_SD,
     noise: Mapping[str, float] = NOISE,
@@ -162,7 +159,7 @@ def optimal_plan(
 def next_position(
     captured: Settings,
     *,
-    inclination_range: tuple[float, float] = AIMED_FROM,
+    inclination_range: tuple[float, float] = INCLINATION_RANGE,
     criterion: Criterion = AZIMUTH,
     rig_sd: float = RIG_SD,
     noise: Mapping[str, float] = NOISE,
@@ -210,7 +207,7 @@ def next_position(
 def plan_value(
     plan: Settings,
     *,
-    inclination_range: tuple[float, float] = AIMED_FROM,
+    inclination_range: tuple[float, float] = INCLINATION_RANGE,
     criterion: Criterion = AZIMUTH,
     rig_sd: float = RIG_SD,
     noise: Mapping[str, float] = NOISE,
@@ -233,13 +230,13 @@ def plan_value(
 
 def evaluate_plan(
     plan: Settings,
-    inclination: ArrayLike = SHOWN,
+    inclination: ArrayLike = SHORT_INCLINATIONS,
     *,
     rig_sd: float = RIG_SD,
     noise: Mapping[str, float] = NOISE,
     dip: float = DIP,
     tool: Tool | None = None,
-) -> Capability:
+) -> ExpectedUncertainty:
     """What a tool calibrated by a plan can be expected to do: uncertainty of its angles from the calibration alone.
 
     Parameters
@@ -252,8 +249,8 @@ def evaluate_plan(
 
     Returns
     -------
-    Capability
-        Its `worst()` is (n, 4) over azimuth and toolface, rad.
+    ExpectedUncertainty
+        Its `from_calibration` is (n, 4), rad.
 
     Raises
     ------
@@ -266,7 +263,7 @@ def evaluate_plan(
     --------
     >>> from inclinometry.calibration import plans
     >>> table = evaluate_plan(plans.twelve(), rig_sd=0.0)
-    >>> np.degrees(table.worst()[:, 1]).round(3)  # azimuth at 5, 10, 30, 60, 90 deg
+    >>> np.degrees(table.from_calibration[:, 1]).round(3)  # azimuth at 5, 10, 30, 60, 90 deg
     array([0.168, 0.104, 0.063, 0.054, 0.057])
     """
     about = information(rig_sd, noise, dip, tool)
@@ -274,7 +271,7 @@ def evaluate_plan(
     _determined(about, settings, "this plan")
     covariance = np.linalg.inv(_information_of(about, settings)) * np.outer(about.scale, about.scale)
     expected = Tool("expected", about.tool.triads, covariance[:-4, :-4])
-    return capability(expected, inclination, about.dip, azimuths=24, toolfaces=24)
+    return expected_uncertainty(expected, inclination, about.dip)
 
 
 def _problem(

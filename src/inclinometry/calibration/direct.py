@@ -13,16 +13,20 @@ from numpy.typing import ArrayLike
 from inclinometry.calibration import assemble
 from inclinometry.calibration.classical import solve_classical
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance
+from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
 from inclinometry.calibration.fitting import Fitted, expected_variances, fit_with_variances, noise_guess, rig_guess
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.orthogonal import solve_orthogonal
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.result import UNSTATED, Calibration
 from inclinometry.calibration.rotations import find_direction, solve_rotations
 from inclinometry.calibration.signs import fix_signs
 from inclinometry.calibration.start import DOWN, enough, starting_state
 from inclinometry.calibration.twelve import solve_twelve
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.core.errors import InputError
+from inclinometry.sensors.tool import Tool
 
 Solver = Callable[[Array], ClosedForm]
 
@@ -36,6 +40,7 @@ class Known(TypedDict, total=False):
 
     noise_sd: Mapping[str, ArrayLike] | None
     rig_sd: ArrayLike | None
+    left_handed: bool
     name: str
 
 
@@ -46,21 +51,21 @@ def calibrate_twelve(readings: BenchReadings, **known: Unpack[Known]) -> Calibra
     ----------
     readings : BenchReadings
         At p >= 3 equal rolls upright and at p >= 3 equal azimuths lying.
-    noise_sd, rig_sd, name : optional
-        As for `calibrate_joint`; they enter the uncertainties only. Estimated from the residuals of the joint model
-        when not given.
+    noise_sd, rig_sd, left_handed, name : optional
+        As for `calibrate_joint`; the first two enter the uncertainties only, estimated from the residuals of the joint
+        model when not given.
 
     Raises
     ------
     InputError
         When the settings are not that plan; the message says what differs.
     """
-    return _closed(readings, "twelve", lambda kind, a: partial(_solve, solve_twelve, readings), **known)
+    return _closed(readings, "twelve", lambda kind, a: partial(_solve, solve_twelve, readings, a), **known)
 
 
 def calibrate_orthogonal(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
     """The 24 orthogonal positions, their half or the two-face plan; parameters as `calibrate_twelve`."""
-    return _closed(readings, "orthogonal", lambda kind, a: partial(_solve, solve_orthogonal, readings), **known)
+    return _closed(readings, "orthogonal", lambda kind, a: partial(_solve, solve_orthogonal, readings, a), **known)
 
 
 def calibrate_rotations(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
@@ -74,7 +79,7 @@ def calibrate_rotations(readings: BenchReadings, **known: Unpack[Known]) -> Cali
         if kind == "accelerometer":
             a = DOWN
         elif kind == "magnetometer" and "dip" in readings.reference:
-            a = _north(readings.reference["dip"])
+            a = _magnetic(readings)
         else:
             a = find_direction(readings.channels[kind], *readings.dials, sign_hint=direction)
         return lambda signals: solve_rotations(signals, *readings.dials, known_direction=a)
@@ -82,19 +87,68 @@ def calibrate_rotations(readings: BenchReadings, **known: Unpack[Known]) -> Cali
     return _closed(readings, "rotations", solver, **known)
 
 
-def calibrate_classical(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
-    """The small-angle method with a level rig, trusted dials and nameplate scale; for comparison only."""
+def calibrate_classical(
+    readings: BenchReadings, *, nameplate: Tool | None = None, **known: Unpack[Known]
+) -> Calibration:
+    """The small-angle method with a level rig, trusted dials and nameplate scale; for comparison only.
+
+    Parameters
+    ----------
+    readings : BenchReadings
+        Any plan that determines four numbers a sensor.
+    nameplate : Tool
+        Of a data sheet, or of an earlier calibration: the conversion factors K of its sensors are believed, nothing
+        else of it is used.
+    noise_sd, rig_sd, name : optional
+        As for `calibrate_twelve`.
+
+    Raises
+    ------
+    InputError
+        Without a nameplate; one without a triad of the readings, of another unit or number of sensors, or in units of
+        a field whose strength at the stand is not stated; sensors that do not lie near the tool's axes.
+    """
+    factors = {kind: _conversion_factor(kind, readings, nameplate) for kind in readings.channels}
 
     def solver(kind: str, direction: Array) -> Solver:
         if kind == "accelerometer":
             a = DOWN
         elif kind == "magnetometer" and "dip" in readings.reference:
-            a = _north(readings.reference["dip"])
+            a = _magnetic(readings)
         else:
             a = direction * np.array([1.0, 0.0, 1.0])
-        return lambda signals: solve_classical(signals, *readings.dials, known_direction=a)
+        return lambda signals: solve_classical(
+            signals, *readings.dials, known_direction=a, conversion_factor=factors[kind]
+        )
 
     return _closed(readings, "classical", solver, **known)
+
+
+def _conversion_factor(kind: str, readings: BenchReadings, nameplate: Tool | None) -> Array:
+    """k of the nameplate (m,), signal for the field at the stand."""
+    if nameplate is None:
+        raise InputError(
+            "method classical takes the conversion factors from a nameplate and none is given: state it with "
+            "--nameplate, a data sheet (see the command datasheet) or a tool.json"
+        )
+    triad = nameplate.triads.get(kind)
+    if triad is None:
+        raise InputError(f"the nameplate of {nameplate.name} has no {kind}; the readings have one")
+    have = readings.units[kind]
+    if UNSTATED not in (have, triad.unit) and have != triad.unit:
+        raise InputError(f"the {kind} is in {have}, its nameplate in {triad.unit}: convert one of them")
+    length = np.linalg.norm(triad.tensor[0], axis=1)
+    if triad.field_strength is None:
+        return np.asarray(length)
+    # gravity varies by 0.3 per cent about its standard value, common to the three sensors, which turns no angle
+    usual = {"accelerometer": STANDARD_GRAVITY, "gyro": EARTH_RATE}
+    strength = readings.reference.get({"accelerometer": "g", "magnetometer": "b"}.get(kind, ""), usual.get(kind))
+    if strength is None:
+        raise InputError(
+            "a nameplate says what a magnetometer gives per nT: state the field at the stand, b_nT in a site file "
+            "(--site) or the column reference_b_nT"
+        )
+    return np.asarray(length * (strength / triad.field_strength))
 
 
 _ASSUMED = {
@@ -106,12 +160,14 @@ _ASSUMED = {
 """What a method assumes beyond what its uncertainties contain."""
 
 
-def _solve(method: Callable[..., ClosedForm], readings: BenchReadings, signals: Array) -> ClosedForm:
-    return method(signals, *readings.dials)
+def _solve(method: Callable[..., ClosedForm], readings: BenchReadings, side: Array, signals: Array) -> ClosedForm:
+    return method(signals, *readings.dials, sign_hint=side)
 
 
-def _north(dip: float) -> Array:
-    return np.array([np.cos(dip), 0.0, np.sin(dip)])
+def _magnetic(readings: BenchReadings) -> Array:
+    """The magnetic field in the axes of a level rig, from the dip and the azimuth of the rig's zero."""
+    dip, north = readings.reference["dip"], readings.reference.get("north", 0.0)
+    return np.array([np.cos(dip) * np.cos(north), -np.cos(dip) * np.sin(north), np.sin(dip)])
 
 
 def _closed(
@@ -120,44 +176,67 @@ def _closed(
     solver: Callable[[str, Array], Solver],
     noise_sd: Mapping[str, ArrayLike] | None = None,
     rig_sd: ArrayLike | None = None,
+    left_handed: bool = False,
     name: str = "unnamed",
 ) -> Calibration:
     """Solve every triad, find the variances with the joint model, propagate them."""
-    model, start, warnings, free_noise = _joint_model(readings, noise_sd, rig_sd)
+    model, start, free_noise = _joint_model(readings, noise_sd, rig_sd)
     solvers = {kind: solver(kind, start.directions[kind]) for kind in readings.channels}
+    warnings = check_dials(readings, left_handed=left_handed)
     forms = {kind: solvers[kind](values) for kind, values in readings.channels.items()}
-    best = fit_with_variances(model, start, free_noise, rig_sd is None)
-    weights = expected_variances(best, free_noise, rig_sd is None)
+    free_rig = not model.rig_known.all()
+    best = fit_with_variances(model, start, free_noise, free_rig)
+    check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
+    weights = expected_variances(best, free_noise, free_rig)
     spread = reading_covariance(list(forms.values()), *readings.dials, weights.rig_sd, weights.noise_sd)
     joint = covariance(list(solvers.values()), list(readings.channels.values()), spread)
-    state = State(
-        {kind: np.concatenate([form.tensor, form.offset[:, None]], axis=1)[None] for kind, form in forms.items()},
-        {kind: np.asarray(form.direction) for kind, form in forms.items()},
-        np.zeros((len(readings), 3)),
-        np.zeros(4),
-    )
-    state, _ = fix_signs(state, readings.reference, {})
+    # the signs of the joint model, which knows how well it found the directions
+    signed, assumed = fix_signs(best.state, readings.reference, {}, best.tangents, left_handed=left_handed)
+    coefficients, directions, signs = {}, {}, []
+    for kind, form in forms.items():
+        sign = 1.0 if float(form.direction @ signed.directions[kind]) >= 0.0 else -1.0
+        directions[kind] = sign * np.asarray(form.direction)
+        coefficients[kind] = np.concatenate([sign * form.tensor, form.offset[:, None]], axis=1)[None]
+        signs += [sign, sign, sign, 1.0] * len(form.offset)
+    joint = joint * np.outer(signs, signs)
+    state = State(coefficients, directions, np.zeros((len(readings), 3)), np.zeros(4))
+    warnings += [
+        *assumed,
+        *check_axes(state, readings.reference.keys(), left_handed=left_handed, assumed=bool(assumed)),
+    ]
     # columns of the field directions are not estimated together with the tensor here: no covariance for them
     whole = np.zeros((len(joint) + 2 * len(forms),) * 2)
     whole[: len(joint), : len(joint)] = joint
     fitted = Fitted(weights, state, whole, float("nan"), weights.linearise(state))
-    assumed = [_ASSUMED[method]] if method in _ASSUMED else []
-    return assemble.closed_calibration(readings, fitted, method, name, [*readings.notes, *warnings, *assumed])
+    warnings += [_ASSUMED[method]] if method in _ASSUMED else []
+    return assemble.closed_calibration(
+        readings, fitted, method, name, [*readings.warnings, *warnings, *assemble.roll_warnings(readings)]
+    )
 
 
 def _joint_model(
     readings: BenchReadings, noise_sd: Mapping[str, ArrayLike] | None, rig_sd: ArrayLike | None
-) -> tuple[Model, State, list[str], frozenset[str]]:
+) -> tuple[Model, State, frozenset[str]]:
     sensors = sum(v.shape[1] for v in readings.channels.values())
-    rig = rig_guess(rig_sd)
+    rig, rig_known = rig_guess(rig_sd)
     size = len(readings)
     settings = np.stack(readings.dials, axis=1)
     enough(readings)
-    model = Model(readings.channels, settings, np.ones((size, 1)), np.ones((size, sensors)), rig, np.zeros(4), {})
-    start = starting_state(model, dict.fromkeys(readings.channels, DOWN))
-    start, warnings = fix_signs(start, readings.reference, {})
+    model = Model(
+        readings.channels,
+        settings,
+        np.ones((size, 1)),
+        np.ones((size, sensors)),
+        rig,
+        np.zeros(4),
+        {},
+        rig_known=rig_known,
+        rounding=np.concatenate([readings.rounding(kind) for kind in readings.channels], axis=1),
+    )
+    start = starting_state(model)
+    start, _ = fix_signs(start, readings.reference, {})
     # a plan may leave a direction free (rotations at 45 and 135): it stays where the start has it
     near = {kind: (direction, np.eye(3) / NEAR_START**2) for kind, direction in start.directions.items()}
     model = replace(model, field_prior=near)
     noise, free = noise_guess(readings, noise_sd, model.linearise(start).residual)
-    return model.with_weights(noise, rig), start, warnings, free
+    return model.with_weights(noise, rig), start, free

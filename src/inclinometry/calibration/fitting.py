@@ -17,7 +17,7 @@ from inclinometry.calibration.variance import (
     least_noise,
     raised_components,
 )
-from inclinometry.core.arrays import Array, finite, within
+from inclinometry.core.arrays import Array, Mask, finite, within
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
 from inclinometry.core.lsq import levenberg_marquardt
@@ -42,6 +42,12 @@ class Fitted:
         """Readings minus parameters; the rig errors are random, not parameters."""
         return int(self.at.residual.size - self.at.jacobian.shape[2])
 
+    @property
+    def tangents(self) -> Array:
+        """Covariance of the field directions, two tangent angles a triad in the order of the state, rad^2."""
+        blocks = list(self.model.columns()[1].values())
+        return self.covariance[blocks[0].start : blocks[-1].stop, blocks[0].start : blocks[-1].stop]
+
     def marginal_residual(self) -> Array:
         """Model minus reading (K, M) at the settings as dialled, to first order."""
         return np.asarray(self.at.residual - (self.at.by_setting @ self.state.errors[..., None])[..., 0])
@@ -58,13 +64,16 @@ def fit_with_variances(model: Model, start: State, free_noise: Set[str], free_ri
     here = fit(model, start)
     if not (free_noise or free_rig):
         return here
-    smallest = np.concatenate([least_noise(v) for v in model.signals.values()])
+    digits = np.concatenate([least_noise(v) for v in model.signals.values()])
+    # of a noise that was stated the rounding is a part
+    estimated = np.concatenate([np.full(v.shape[1], kind in free_noise) for kind, v in model.signals.items()])
+    smallest = np.maximum(digits, np.where(estimated, model.rounding, 0.0))
     for _ in range(8):
         parts = estimate_components(here.model, here.at, here.state, free_noise, free_rig)
         noise_sd, rig_sd = _scaled(here.model, parts)
-        rig_sd = np.where(rig_sd < 1e-9, 0.0, rig_sd)
+        rig_sd = np.where((rig_sd < 1e-9) & ~here.model.rig_known, 0.0, rig_sd)
         here = fit(here.model.with_weights(np.maximum(noise_sd, smallest), rig_sd), here.state)
-        changes = [*parts.noise.values(), parts.rig if rig_sd.any() else 1.0]
+        changes = [*parts.noise.values(), parts.rig if rig_sd[~here.model.rig_known].any() else 1.0]
         if np.abs(np.log(changes)).max() < 0.02:
             break
     return here
@@ -97,17 +106,17 @@ def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> 
 def _scaled(model: Model, parts: Components) -> tuple[Array, Array]:
     """Standard deviations of noise and rig after their variances are multiplied."""
     factors = np.concatenate([np.full(v.shape[1], parts.noise[k]) for k, v in model.signals.items()])
-    return model.noise_sd * np.sqrt(factors), model.rig_sd * np.sqrt(parts.rig)
+    return model.noise_sd * np.sqrt(factors), model.rig_sd * np.where(model.rig_known, 1.0, np.sqrt(parts.rig))
 
 
-def rig_guess(given: ArrayLike | None) -> Array:
-    """Standard deviations (3,) of a setting to start with, rad."""
-    if given is None:
-        return np.full(3, FIRST_RIG_SD)
-    sd = within(given, "rig_sd", 0.0, np.radians(30.0), "rad")
+def rig_guess(given: ArrayLike | None) -> tuple[Array, Mask]:
+    """Standard deviations (3,) of a setting to start with, rad, and which of them were stated; NaN is not."""
+    sd = np.asarray(np.nan if given is None else given, dtype=np.float64)
     if sd.shape not in ((), (3,)):
         raise InputError(f"rig_sd has shape {sd.shape}; give one value, or three for azimuth, inclination, toolface")
-    return np.array(np.broadcast_to(sd, (3,)))
+    known = np.broadcast_to(~np.isnan(sd) | (given is not None and sd.ndim == 0), (3,))
+    found = within(np.where(known, sd, FIRST_RIG_SD), "rig_sd", 0.0, np.radians(30.0), "rad")
+    return found, known
 
 
 def noise_guess(
@@ -137,16 +146,10 @@ def noise_guess(
             columns.append(np.broadcast_to(sd, (size, count)))
         elif kind in readings.sd and (readings.sd[kind] > 0.0).any():
             # a mean of identical readings is still only known to the converter's step
-            sd = np.hypot(readings.sd[kind], _step_sd(values))
+            sd = np.hypot(readings.sd[kind], readings.rounding(kind))
             # nor is a mean without scatter exact where that step is unknown: it is taken as good as the others
             columns.append(np.where(sd > 0.0, sd, np.sqrt(np.mean(sd[sd > 0.0] ** 2))))
         else:
-            columns.append(np.broadcast_to(np.maximum(rms, least), (size, count)))
+            columns.append(np.maximum(np.maximum(rms, least), readings.rounding(kind)))
             free.append(kind)
     return np.concatenate(columns, axis=1), frozenset(free)
-
-
-def _step_sd(values: Array) -> Array:
-    """Standard deviation of rounding (m,) if the values lie on a grid as coarse as integers, else zero."""
-    whole = np.all(values == np.round(values), axis=0)
-    return np.where(whole, 1.0 / np.sqrt(12.0), 0.0)

@@ -39,19 +39,17 @@ class Blindness:
 
 def blindness(model: Model, state: State) -> Blindness:
     """Rank and unseen directions of a plan for the tool at `state`."""
-    bare = Model(
-        model.signals, model.settings, model.powers, model.noise_sd, np.zeros(3), np.ones(4), dict(model.field_prior)
-    )
+    bare = replace(model, rig_sd=np.zeros(3), nuisance_sd=np.ones(4))
     still = State(state.coefficients, state.directions, np.zeros_like(state.errors), np.zeros(4))
     at = bare.linearise(still)
     tool, tangent, extra, width = bare.columns()
+    # 1 rad for 1 rad where an angle is known at all
+    known = bare.field_rows(still).rows[:, : extra.start]
     rows = at.jacobian.reshape(-1, width)
     scale = _column_scale(bare, still)
     row_scale = np.tile(_row_scale(still), len(model.settings))
     design = rows[:, : extra.start] * scale[: extra.start] / row_scale[:, None]
-    _, values, right = np.linalg.svd(
-        np.concatenate([design, _prior_rows(bare, still, tangent, extra.start)]), full_matrices=False
-    )
+    _, values, right = np.linalg.svd(np.concatenate([design, known]), full_matrices=False)
     seen = values > _TOLERANCE * values[0]
     null = np.concatenate([right[~seen], _complement(right, design.shape[1])])
     rank = int(seen.sum())
@@ -97,18 +95,6 @@ def _row_scale(state: State) -> Array:
     """Full scale (M,) of each sensor."""
     scales = [np.linalg.norm(c[0, :, :3], axis=1).max() * np.ones(c.shape[1]) for c in state.coefficients.values()]
     return np.concatenate(scales)
-
-
-def _prior_rows(model: Model, state: State, tangent: dict[str, slice], width: int) -> Array:
-    """Rows (n, width) by which priors on field directions see them, in radians: 1 rad for 1 rad where known at all."""
-    rows = [np.zeros((0, width))]
-    for kind, (_, precision) in model.field_prior.items():
-        values, vectors = np.linalg.eigh(precision)
-        known = vectors[:, values > 0.0].T
-        row = np.zeros((len(known), width))
-        row[:, tangent[kind]] = known @ tangent_basis(state.directions[kind])
-        rows.append(row)
-    return np.concatenate(rows)
 
 
 def _column_scale(model: Model, state: State) -> Array:

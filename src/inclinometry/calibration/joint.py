@@ -10,9 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.calibration import assemble
-from inclinometry.calibration.fitting import fit_with_variances, noise_guess, rig_guess, with_averaged_covariance
+from inclinometry.calibration.causes import parameter_causes
+from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
+from inclinometry.calibration.fitting import (
+    Fitted,
+    fit,
+    fit_with_variances,
+    noise_guess,
+    rig_guess,
+    with_averaged_covariance,
+)
 from inclinometry.calibration.identifiability import blindness
-from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.likelihood import Model, StandAngle, State
 from inclinometry.calibration.outliers import Outlier, find_outliers
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
@@ -22,10 +31,22 @@ from inclinometry.calibration.start import DOWN, enough, starting_state
 from inclinometry.calibration.temperature import choose_powers
 from inclinometry.core.arrays import Array, finite, within
 from inclinometry.core.constants import KINDS
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
 
-LEVEL_PRIOR = np.radians(5.0)
-"""How level a stand is taken to be when, and only when, the plan itself cannot tell, rad."""
+LEVEL, NORTH, DIP = np.radians([0.2, 0.5, 0.5])
+"""How well a stand is taken to be levelled (spirit level), pointed at north (compass) and its dip known (field model)
+when, and only when, the plan itself cannot tell and nothing was stated, rad. Wider ones let the errors of the dials
+pass for a turn of the stand: with 5 degrees rotations at 45 and 135 degrees lose to their closed form thirtyfold.
+"""
+
+LEAST_SD = 1e-7
+"""What is stated to be known exactly enters with this standard deviation, rad: far below what any reading shows."""
+
+VAGUE_NORTH = np.radians(30.0)
+"""A north known no better than this decides signs but does not enter the fit, rad."""
+
+FAR = np.radians(10.0)
+"""No compass is as wrong as this: where the readings put the rig's zero farther from north, north is not assumed."""
 
 
 def calibrate_joint(
@@ -35,8 +56,10 @@ def calibrate_joint(
     rig_sd: ArrayLike | None = None,
     nuisance_sd: Mapping[str, float] | None = None,
     field_prior: Mapping[str, tuple[ArrayLike, float]] | None = None,
+    reference_sd: Mapping[str, float] | None = None,
     temperature_degree: int | None = None,
     robust: bool = False,
+    left_handed: bool = False,
     diagnose: bool = True,
     name: str = "unnamed",
 ) -> Calibration:
@@ -51,18 +74,25 @@ def calibrate_joint(
         estimated from the residuals (restricted maximum likelihood).
     rig_sd : float or (3,) array_like, optional
         Standard deviation of a setting of azimuth, inclination, toolface, rad; 0 trusts a dial. Estimated when not
-        given.
+        given, and so are those of three that are NaN (one factor common to them).
     nuisance_sd : mapping, optional
         Constant errors of the rig to fit, name -> prior standard deviation in rad. Names: inclination_zero,
         toolface_zero, outer_nonorthogonality, inner_nonorthogonality.
     field_prior : mapping, optional
         kind -> (direction in rig axes, standard deviation in rad). Without it a field may point anywhere.
+    reference_sd : mapping, optional
+        "dip", "north" -> standard deviation in rad of that angle of `readings.reference`: it enters the fit as an angle
+        between the magnetic field and gravity, so the stand need not be level. Without it dip and north decide signs,
+        and are believed only where the plan itself cannot tell. A north no better than 30 degrees decides signs only.
     temperature_degree : int, optional
         Degree of the polynomial in temperature; chosen by information criterion when not given.
     robust : bool
         Leave stations found to be outliers out of the fit; otherwise they are only named in the warnings.
+    left_handed : bool
+        The channels are left-handed: one is reversed, or two are exchanged. Otherwise channels along the tool's axes
+        that come out so are refused, because two reversed dials look the same.
     diagnose : bool
-        Look for outliers and blind directions. Switch off in Monte-Carlo loops.
+        Look for outliers, blind directions and dials that count in another convention. Switch off in Monte-Carlo loops.
     name : str
         Serial number for the record.
 
@@ -74,18 +104,19 @@ def calibrate_joint(
     Raises
     ------
     InputError
-        Readings or options that cannot be used.
+        Readings or options that cannot be used; dials that count in another convention than was said, readings that fit
+        in none; a dip or latitude that contradicts the stated one (`inclinometry.calibration.signs.fix_signs`).
     IdentifiabilityError
         Fewer readings than parameters, or a plan that leaves parameters undetermined, named in words.
 
     Notes
     -----
-    Model and elimination: `inclinometry.calibration.likelihood`. The sign of each tensor follows from one fact no
-    reading tells: gravity points down, the magnetic field lies on the side its dip says.
+    Model and elimination: `inclinometry.calibration.likelihood`. The sign of each tensor follows from facts no reading
+    tells: gravity points down, g.b = sin(dip), g.w = -sin(latitude), with the "dip" and "latitude" of
+    `readings.reference`; where these are near zero, from the side of the rig's zero, "north". Where none is stated the
+    field is taken to point towards the rig's azimuth 0, and a warning says what that implies.
 
-    A gyro triad sees the Earth rate like any other field: its direction is free, so the stand's latitude is not needed
-    but found (minus the dip). Its sign is that the rig's azimuth 0 points within a quarter turn of north; where it does
-    not, give a `field_prior`, or every azimuth is half a turn off and the latitude found has the wrong sign. A
+    A gyro triad sees the Earth rate like any other field: its direction is free, so the latitude is found. A
     g-sensitivity shows as a wrong latitude: see `inclinometry.calibration.rate_table.g_sensitivity_at_stand`.
 
     Examples
@@ -103,7 +134,8 @@ def calibrate_joint(
     """
     azimuth, inclination, toolface = readings.dials
     enough(readings)
-    rig = rig_guess(rig_sd)
+    rig, rig_known = rig_guess(rig_sd)
+    free_rig = not rig_known.all()
     priors = _field_prior(readings, field_prior)
     model = Model(
         readings.channels,
@@ -113,12 +145,15 @@ def calibrate_joint(
         rig,
         _nuisance_sd(nuisance_sd),
         priors,
+        _stand_angles(readings, reference_sd),
+        rig_known,
+        np.concatenate([readings.rounding(kind) for kind in readings.channels], axis=1),
     )
-    hints = {kind: priors[kind][0] if kind in priors else DOWN for kind in readings.channels}
-    start = starting_state(model, hints)
+    start = starting_state(model)
     noise, free_noise = noise_guess(readings, noise_sd, model.linearise(start).residual)
     model = model.with_weights(noise, rig)
-    start, warnings = fix_signs(start, readings.reference, priors)
+    start, _ = fix_signs(start, readings.reference, priors, left_handed=left_handed)
+    warnings = check_dials(readings, left_handed=left_handed) if diagnose else []
     blind = blindness(model, start) if diagnose else None
     if blind is not None and not blind.complete:
         model, sentence = _cure(model, start, blind.sentences, readings.reference)
@@ -126,22 +161,37 @@ def calibrate_joint(
     powers, reference = choose_powers(readings, model, start, temperature_degree)
     model, start = model.with_powers(start, powers)
     warnings += assemble.dead_channels(readings)
-    fitted = fit_with_variances(model, start, free_noise, rig_sd is None)
+    fitted = fit_with_variances(model, start, free_noise, free_rig)
+    # what is stated of the stand is held against the fit, not against its start
+    signed, said = fix_signs(fitted.state, readings.reference, priors, fitted.tangents, left_handed=left_handed)
+    if any(not np.array_equal(a, fitted.state.directions[kind]) for kind, a in signed.directions.items()):
+        fitted = fit(fitted.model, signed)
+    warnings += said
     outliers: list[Outlier] = []
     without, kept = fitted, np.arange(len(readings))
     if diagnose:
-        outliers, without = find_outliers(model, fitted, free_noise, rig_sd is None)
+        outliers, without = find_outliers(model, fitted, free_noise, free_rig)
         if robust and outliers:
             fitted, kept = without, np.delete(kept, [o.row for o in outliers])
     used = readings.take(kept)
     odd = assemble.outlier_warnings(readings, outliers, robust)
     warnings += odd.values()
+    best = without if outliers else fitted
+    check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
+    # a prior on a level field says where the rig's zero points
+    pointed = {"north", "dip", "latitude"} if priors.keys() - {"accelerometer"} else set()
+    stated = readings.reference.keys() | pointed
+    warnings += check_axes(best.state, stated, left_handed=left_handed, assumed=bool(said))
     if diagnose:
         # a misread dial would look like an error of the whole rig
-        warnings += assemble.rig_warnings(without if outliers else fitted)
-    fitted = with_averaged_covariance(fitted, free_noise, rig_sd is None)
-    found = assemble.calibration(readings, used, fitted, name, reference, [*readings.notes, *warnings])
-    return replace(found, odd=odd)
+        warnings += assemble.rig_warnings(best)
+        warnings += assemble.roll_warnings(used)
+    causes, response = parameter_causes(fitted, used) if diagnose else ({}, np.zeros((0, 0)))
+    fitted = with_averaged_covariance(fitted, free_noise, free_rig)
+    if diagnose:
+        warnings += _stand_warnings(fitted)
+    found = assemble.calibration(readings, used, fitted, name, reference, [*readings.warnings, *warnings])
+    return replace(found, odd=odd, causes=causes, response=response)
 
 
 def fit_once(readings: BenchReadings, noise_sd: Mapping[str, ArrayLike], rig_sd: ArrayLike, **more: Any) -> Calibration:
@@ -166,7 +216,7 @@ def _field_prior(
         raise InputError(f"field_prior names {sorted(unknown)[0]!r}; allowed: {', '.join(KINDS)}")
     priors = {}
     for kind, (direction, sd) in (given or {}).items():
-        spread = float(within(sd, f"sd of the field_prior of the {kind}", 1e-9, np.pi, "rad"))
+        spread = max(float(within(sd, f"sd of the field_prior of the {kind}", 0.0, np.pi, "rad")), LEAST_SD)
         if kind in readings.channels:
             priors[kind] = (_unit(direction, kind), np.eye(3) / spread**2)
     return priors
@@ -180,20 +230,52 @@ def _unit(value: ArrayLike, kind: str) -> Array:
     return direction / length
 
 
+def _stand_angles(readings: BenchReadings, given: Mapping[str, float] | None) -> list[StandAngle]:
+    """The angles of the stand that are known well enough for the fit."""
+    angles = []
+    for name, value in (given or {}).items():
+        if name not in ("dip", "north"):
+            raise InputError(f"reference_sd names {name!r}; allowed: dip, north")
+        if name not in readings.reference:
+            raise InputError(f"reference_sd gives the uncertainty of the {name}, but the readings' reference has none")
+        sd = float(within(value, f"reference_sd of the {name}", 0.0, np.pi, "rad"))
+        if "magnetometer" in readings.channels and not (name == "north" and sd >= VAGUE_NORTH):
+            angles.append(StandAngle(name, readings.reference[name], max(sd, LEAST_SD)))
+    return angles
+
+
 def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Mapping[str, float]) -> tuple[Model, str]:
     """Add the assumption of a level stand pointed at north where the plan is blind; refuse where that does not help."""
     prior = dict(model.field_prior)
-    if "accelerometer" in model.signals:
-        prior.setdefault("accelerometer", (DOWN, np.eye(3) / LEVEL_PRIOR**2))
-    for kind in set(model.signals) - {"accelerometer"}:
-        dip = reference.get("dip") if kind == "magnetometer" else None
-        if dip is None:
-            # only "pointed at north" is assumed, the dip stays free
-            direction = start.directions[kind] * np.array([1.0, 0.0, 1.0])
-            prior.setdefault(kind, (direction, np.diag([0.0, 1.0, 0.0]) / LEVEL_PRIOR**2))
-        else:
-            prior.setdefault(kind, (np.array([np.cos(dip), 0.0, np.sin(dip)]), np.eye(3) / LEVEL_PRIOR**2))
-    cured = replace(model, field_prior=prior)
+    said = []
+    if "accelerometer" in model.signals and "accelerometer" not in prior:
+        prior["accelerometer"] = (DOWN, np.eye(3) / LEVEL**2)
+        said.append(f"level within {np.degrees(LEVEL):g} deg")
+    stand = list(model.stand)
+    if "magnetometer" in model.signals and "magnetometer" not in prior:
+        known = {angle.name for angle in stand}
+        if "dip" not in known and "dip" in reference:
+            stand.append(StandAngle("dip", reference["dip"], DIP))
+            said.append(f"its dip {np.degrees(reference['dip']):.4g} deg within {np.degrees(DIP):g} deg")
+        if "north" not in known:
+            north = StandAngle("north", reference.get("north", 0.0), NORTH)
+            off = _north_off(replace(model, field_prior=prior, stand=stand), start, north)
+            if abs(off) <= FAR:
+                stand.append(north)
+                said.append(
+                    f"its zero at {np.degrees(north.value):g} deg from magnetic north within {np.degrees(NORTH):g} deg"
+                )
+            else:
+                said.append(
+                    f"its zero, by the readings, at some {np.degrees(north.value + off):.0f} deg from magnetic north "
+                    "(state it with --north-deg)"
+                )
+    if "gyro" in model.signals and "gyro" not in prior:
+        # only "pointed at north" is assumed, the latitude stays free
+        direction = start.directions["gyro"] * np.array([1.0, 0.0, 1.0])
+        prior["gyro"] = (direction, np.diag([0.0, 1.0, 0.0]) / NORTH**2)
+        said.append(f"pointed at true north within {np.degrees(NORTH):g} deg")
+    cured = replace(model, field_prior=prior, stand=stand)
     words = "; ".join(sentences)
     cure = "add stations at a second azimuth, or at inclinations such as 30 and 120"
     left = blindness(cured, start)
@@ -204,5 +286,31 @@ def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Map
             f"it cannot see, for one, {first}: roll the tool at two or more inclinations, "
             "as the plans twelve and orthogonal do"
         )
-    assumed = f"a stand level and pointed at north within {np.degrees(LEVEL_PRIOR):g} deg was assumed instead"
-    return cured, f"{words}: {assumed}; to do without, {cure}"
+    taken = f"the stand was taken to be {', '.join(said)}" if said else "it rests on what was stated of the stand"
+    return cured, f"{words}: {taken}; to do without, {cure}, or state what is known of the stand"
+
+
+def _north_off(model: Model, start: State, north: StandAngle) -> float:
+    """How far from it the readings put the rig's zero, rad; 0 where they cannot tell."""
+    if not blindness(model, start).complete:
+        return 0.0
+    try:
+        found = fit(model, start).state.directions
+    except ConvergenceError:
+        return 0.0
+    return north.off(found.get("accelerometer", DOWN), found["magnetometer"])[0]
+
+
+def _stand_warnings(fitted: Fitted) -> list[str]:
+    """How badly the readings tell how the stand is levelled, where nothing was known of it."""
+    sentences = []
+    if "accelerometer" in fitted.state.directions and "accelerometer" not in fitted.model.field_prior:
+        columns = fitted.model.columns()[1]["accelerometer"]
+        u = float(np.sqrt(np.linalg.eigvalsh(fitted.covariance[columns, columns])[-1]))
+        if u > LEVEL:
+            sentences.append(
+                f"these readings tell how the stand is levelled within {np.degrees(u):.2g} deg only: state what is "
+                "known of it (--level-sd-deg, --north-deg with --north-sd-deg, --dip-sd-deg), or add stations at a "
+                "second azimuth"
+            )
+    return sentences

@@ -9,13 +9,16 @@ one small dense solve an iteration however many stations there are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from inclinometry.calibration.bilinear import DOWN
 from inclinometry.calibration.rigmodel import NUISANCE, orientation
-from inclinometry.core.arrays import Array, Index
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.arrays import Array, Index, Mask
 from inclinometry.core.lsq import Normal
 
 
@@ -29,6 +32,39 @@ class State:
     nuisance: Array  # (4,) rad
     # filled by Model.normal: how the eliminated rig errors follow a step of the others
     _elimination: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
+
+
+class StandAngle(NamedTuple):
+    """An angle of the stand as it is known: `name` is "dip" or "north" (azimuth of the rig's zero from magnetic north).
+
+    Both are angles between the magnetic field and gravity as the rig sees them, so they hold on a tilted base too.
+    """
+
+    name: str
+    value: float  # rad
+    sd: float  # rad
+
+    def off(self, down: Array, field: Array) -> tuple[float, Array, Array]:
+        """Angle found minus known, rad, and its derivatives by unit gravity (3,) and unit field (3,) in rig axes."""
+        along = float(down @ field)
+        across = np.cross(down, field)  # east
+        level = max(float(np.linalg.norm(across)), 1e-3)  # at the poles no angle says anything: keep it finite
+        if self.name == "dip":
+            return float(np.arctan2(along, level)) - self.value, field / level, down / level
+        x = np.array([1.0, 0.0, 0.0])
+        east, north = float(across[0]), float(field[0] - down[0] * along)  # of the rig's zero, times cos(dip)
+        by_down = north * np.cross(field, x) + east * (along * x + down[0] * field)
+        by_field = north * np.cross(x, down) - east * (x - down[0] * down)
+        length = max(east**2 + north**2, 1e-6)
+        return float(wrap_signed(np.arctan2(east, north) - self.value)), by_down / length, by_field / length
+
+
+class PriorRows(NamedTuple):
+    """Known angles of the fields: found minus known (n,), derivatives (n, p), standard deviation (n,), rad."""
+
+    off: Array
+    rows: Array
+    sd: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +95,9 @@ class Model:
     nuisance_sd : (4,) prior of each constant rig error, rad; 0 where it is not fitted
     field_prior : kind -> (direction (3,), precision (3, 3) in rig axes, 1/rad^2); a triad without one may see its field
         come from anywhere
+    stand : angles of the stand that are known
+    rig_known : (3,) which of `rig_sd` were stated; the others may be estimated
+    rounding : (K, M) least standard deviation of each reading, from the step of the converter; (1, 1) for all alike
     """
 
     signals: Mapping[str, Array]
@@ -68,6 +107,9 @@ class Model:
     rig_sd: Array
     nuisance_sd: Array
     field_prior: Mapping[str, tuple[Array, Array]]
+    stand: Sequence[StandAngle] = ()
+    rig_known: Mask = field(default_factory=lambda: np.zeros(3, dtype=bool))
+    rounding: Array = field(default_factory=lambda: np.zeros((1, 1)))
 
     def with_weights(self, noise_sd: Array, rig_sd: Array) -> Model:
         """The same readings with other standard deviations."""
@@ -81,6 +123,7 @@ class Model:
             settings=self.settings[rows],
             powers=self.powers[rows],
             noise_sd=self.noise_sd[rows],
+            rounding=self.rounding if len(self.rounding) == 1 else self.rounding[rows],
         )
 
     def with_powers(self, state: State, powers: Array) -> tuple[Model, State]:
@@ -144,7 +187,7 @@ class Model:
     def normal(self, state: State) -> Normal:
         """Normal equations with the rig errors eliminated."""
         at = self.linearise(state)
-        _, tangent, extra, _ = self.columns()
+        _, _, extra, _ = self.columns()
         inverse_sd = 1.0 / self.noise_sd
         weighted = at.jacobian * inverse_sd[..., None]
         residual = at.residual * inverse_sd
@@ -153,11 +196,11 @@ class Model:
         across = weighted.swapaxes(1, 2)
         gradient = (across @ residual[..., None])[..., 0].sum(axis=0)
         hessian = (across @ weighted).sum(axis=0)
-        for kind, (direction, precision) in self.field_prior.items():
-            basis, off = tangent_basis(state.directions[kind]), state.directions[kind] - direction
-            cost += float(off @ precision @ off)
-            gradient[tangent[kind]] += basis.T @ precision @ off
-            hessian[tangent[kind], tangent[kind]] += basis.T @ precision @ basis
+        prior = self.field_rows(state)
+        known, rows = prior.off / prior.sd, prior.rows / prior.sd[:, None]
+        cost += float(known @ known)
+        gradient += rows.T @ known
+        hessian += rows.T @ rows
         free = self.fitted_nuisance
         values, sds = state.nuisance[free], self.nuisance_sd[free]
         cost += float(np.sum((values / sds) ** 2))
@@ -168,12 +211,12 @@ class Model:
         if not len(loose):
             return Normal(cost, gradient, hessian)
         local = at.by_setting[..., loose] * inverse_sd[..., None]
-        prior = 1.0 / self.rig_sd[loose] ** 2
+        precision = 1.0 / self.rig_sd[loose] ** 2
         errors = state.errors[:, loose]
-        cost += float(np.sum(errors**2 * prior))
-        own = local.swapaxes(1, 2) @ local + np.diag(prior)
+        cost += float(np.sum(errors**2 * precision))
+        own = local.swapaxes(1, 2) @ local + np.diag(precision)
         cross = across @ local  # (K, p, l)
-        pull = (local.swapaxes(1, 2) @ residual[..., None])[..., 0] + errors * prior
+        pull = (local.swapaxes(1, 2) @ residual[..., None])[..., 0] + errors * precision
         solved = np.linalg.solve(own, np.concatenate([cross.swapaxes(1, 2), pull[..., None]], axis=2))
         follow, shift = solved[..., :-1], solved[..., -1]
         state._elimination.append((follow, shift))
@@ -206,13 +249,40 @@ class Model:
         covariance[:, index, index] += self.noise_sd**2
         return np.asarray(covariance)
 
+    def field_rows(self, state: State) -> PriorRows:
+        """What is known of the directions of the fields, one row for each angle that is known."""
+        _, tangent, _, width = self.columns()
+        off: list[float] = []
+        sd: list[float] = []
+        rows: list[Array] = []
+        for kind, (direction, precision) in self.field_prior.items():
+            values, vectors = np.linalg.eigh(precision)
+            basis, away = tangent_basis(state.directions[kind]), state.directions[kind] - direction
+            for value, vector in zip(values, vectors.T, strict=True):
+                if value > 0.0:
+                    row = np.zeros(width)
+                    row[tangent[kind]] = vector @ basis
+                    off.append(float(vector @ away))
+                    sd.append(float(1.0 / np.sqrt(value)))
+                    rows.append(row)
+        for known in self.stand:
+            field = state.directions["magnetometer"]
+            # without accelerometers the rig's own axis stands for the vertical
+            difference, by_down, by_field = known.off(state.directions.get("accelerometer", np.array(DOWN)), field)
+            row = np.zeros(width)
+            row[tangent["magnetometer"]] = by_field @ tangent_basis(field)
+            if "accelerometer" in state.directions:
+                row[tangent["accelerometer"]] = by_down @ tangent_basis(state.directions["accelerometer"])
+            off.append(difference)
+            sd.append(known.sd)
+            rows.append(row)
+        return PriorRows(np.array(off), np.reshape(rows, (len(rows), width)), np.array(sd))
+
     def prior_information(self, state: State) -> Array:
         """Information (p, p) from the priors on field directions and nuisance parameters."""
-        _, tangent, extra, width = self.columns()
-        information = np.zeros((width, width))
-        for kind, (_, precision) in self.field_prior.items():
-            basis = tangent_basis(state.directions[kind])
-            information[tangent[kind], tangent[kind]] = basis.T @ precision @ basis
+        _, _, extra, _ = self.columns()
+        prior = self.field_rows(state)
+        information = np.asarray((prior.rows / prior.sd[:, None] ** 2).T @ prior.rows)
         information[extra, extra] = np.diag(1.0 / self.nuisance_sd[self.fitted_nuisance] ** 2)
         return information
 

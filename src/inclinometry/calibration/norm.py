@@ -18,6 +18,10 @@ from inclinometry.sensors.triad import Triad
 DIRECTIONS_NEEDED = 9
 """An ellipsoid has nine parameters; each distinct field direction gives one equation."""
 
+LARGEST_SCATTER = 0.1
+"""Rms deviation of the length of the field, as a share of it, beyond which the readings lie on no ellipsoid: noise
+about one attitude, which fits a small ellipsoid of its own, scatters by 0.42 in three dimensions."""
+
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -208,12 +212,24 @@ def _result(
     inverse *= strength
     field = (y - theta[6:]) @ inverse.T
     residual = np.linalg.norm(field, axis=1) - strength
+    scatter = float(np.sqrt(np.mean(residual**2))) / strength
+    if scatter > LARGEST_SCATTER:
+        raise IdentifiabilityError(
+            f"the lengths of the field scatter by {100.0 * scatter:.0f} % of it (allowed {100.0 * LARGEST_SCATTER:g} "
+            "%): this is the noise of a tool at rest in one attitude, or of a field that was not constant, no "
+            f"ellipsoid of {DIRECTIONS_NEEDED} or more directions; turn the tool into attitudes all over the sphere"
+        )
     relative = w / w.mean()
     freedom = max(len(y) - 9, 1)
     variance = float(relative @ (residual / strength) ** 2) / freedom
     to_field = np.concatenate([np.full(6, strength), np.ones(3)])
     covariance = np.linalg.inv(information) * variance * np.outer(to_field, to_field)
     notes = list(warnings)
+    if count < 2 * DIRECTIONS_NEEDED:
+        notes.append(
+            f"{count} distinct field directions (5 deg apart) for nine parameters: take {2 * DIRECTIONS_NEEDED} or "
+            "more, all over the sphere, for residuals that check the fit"
+        )
     if len(y) == 9:
         notes.append("nine readings leave nothing over: residuals and uncertainties are zero and mean nothing")
     return NormFit(

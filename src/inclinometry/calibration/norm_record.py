@@ -65,6 +65,11 @@ def calibrate_norms(
     tool = Tool(name, triads, covariance, noise, span)
     warnings = ["norm-only fit: the rotation from sensor to tool axes is unknown; use a rig or roll sets for angles"]
     warnings += [f"{kind}: {sentence}" for kind, fit in fits.items() for sentence in fit.warnings]
+    coverage = [
+        f"{kind}: {fit.distinct} distinct directions (5 deg apart) in {len(readings)} readings, the lengths of "
+        f"the field scatter by {100.0 * fit.rms / fit.strength:.2g} %"
+        for kind, fit in fits.items()
+    ]
     return Calibration(
         tool,
         "norm",
@@ -74,7 +79,8 @@ def calibrate_norms(
         covariance,
         Rig(np.zeros(3)),
         _residuals(readings, fits),
-        (*readings.notes, *warnings),
+        (*readings.warnings, *warnings),
+        notes=(*readings.notes, *coverage),
     )
 
 

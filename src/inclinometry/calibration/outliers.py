@@ -102,6 +102,8 @@ def _chance(fitted: Fitted, full: Model, row: int) -> float:
         shares.append(noise[start : start + signals.shape[1]].sum())
         start += signals.shape[1]
     shares.append(np.sum((found.at.by_setting[0].T @ white * found.model.rig_sd) ** 2))
+    if not np.any(shares):
+        return 1.0  # exact readings: nothing misfits
     # what the parameters' own uncertainty takes up belongs to the same causes
     parts = np.array(shares) * (found.statistic / np.sum(shares))
     freedom = np.full(len(parts), 1e6) if fitted.variance_freedom is None else fitted.variance_freedom

@@ -86,13 +86,18 @@ def two_face() -> Plan:
     return _from_degrees("two-face", rows, [str(k + 1) for k in range(6) for _ in range(4)])
 
 
-def rotations(first_inclination: float = np.pi / 4, azimuth: float = 0.0, rolls: int = 8) -> Plan:
+FIRST_INCLINATION = np.pi / 6
+"""Of two rotations, rad: at 45 and 135 degrees, as in the source, toolface zero and tilt are inseparable."""
+
+
+def rotations(first_inclination: float = FIRST_INCLINATION, azimuth: float = 0.0, rolls: int = 8) -> Plan:
     """Two full turns about the tool axis at inclinations 90 degrees apart and one azimuth.
 
     Parameters
     ----------
     first_inclination : float
-        rad. 45 degrees suits dips above 30; a stand that stops at 90 uses 0 with azimuth 180.
+        rad. 30 degrees at azimuth 0 suits dips above 25, at azimuth 180 all above 0; a stand that stops at 90 uses 0
+        with azimuth 180.
     """
     if rolls < 3:
         raise InputError(f"rolls is {rolls}; a harmonic needs at least 3 equal steps")

@@ -42,11 +42,17 @@ class BenchReadings:
     units : mapping of kind to str
         Unit of the signals, "counts" when not given.
     reference : mapping
-        What is known of the fields at the stand, constants over the run: "g" (m/s^2), "b" (nT), "dip" (rad).
+        What is known of the fields at the stand, constants over the run: "g" (m/s^2), "b" (nT), "dip",
+        "latitude" and "north", the azimuth of the rig's zero from magnetic north (rad).
     notes : sequence of str
-        Findings of the reader that belong into the record (averaged repeats, saturated channel).
+        What the reader did that belongs into the record (averaged repeats, still intervals of a log).
+    step : mapping of kind to float or (m,) array_like
+        Step of the converter, in the unit of the signals; 0 for none. What is not given is found channel by channel
+        where the readings clearly lie on a grid, see `converter_steps`.
     digest : str, optional
         SHA-256 of the source file, or of the arrays when built in memory.
+    warnings : sequence of str
+        What may be wrong with the readings (saturated channel, column not used).
 
     Raises
     ------
@@ -68,6 +74,8 @@ class BenchReadings:
     reference: Mapping[str, float] = field(default_factory=dict)
     notes: Sequence[str] = ()
     digest: str = ""
+    step: Mapping[str, ArrayLike] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if not self.channels or set(self.channels) - set(KINDS):
@@ -99,9 +107,11 @@ class BenchReadings:
         for name, names in (("station", self.station), ("roll_set", self.roll_set)):
             if names and len(names) != size:
                 raise InputError(f"{name} has {len(names)} entries; expected {size}")
+        put(self, "step", MappingProxyType({k: frozen(_step(k, v, self.step.get(k))) for k, v in channels.items()}))
         put(self, "units", MappingProxyType({k: self.units.get(k, "counts") for k in channels}))
         put(self, "reference", MappingProxyType(dict(self.reference)))
         put(self, "notes", tuple(self.notes))
+        put(self, "warnings", tuple(self.warnings))
         if not self.digest:
             put(self, "digest", digest_bytes(b"".join(v.tobytes() for v in self._arrays())))
 
@@ -145,7 +155,69 @@ class BenchReadings:
             self.reference,
             self.notes,
             self.digest,
+            self.step,
+            self.warnings,
         )
+
+    def rounding(self, kind: str) -> Array:
+        """Least standard deviation (K, m) that a reading can have, given the step of the converter.
+
+        Rounding is step / sqrt(12). Where k stations of a channel read the same, its rounding was the same: their mean
+        is no better than one of them, so that each counts as sqrt(k) times as uncertain.
+        """
+        step, values = np.asarray(self.step[kind]), self.channels[kind]
+        # not compared to the last bit: a stated step may be one the file could not print exactly
+        codes = np.round((values - values.min(axis=0)) / np.where(step > 0.0, step, 1.0))
+        equal = np.empty(codes.shape)
+        for sensor, column in enumerate(codes.T):
+            _, which, counts = np.unique(column, return_inverse=True, return_counts=True)
+            equal[:, sensor] = counts[which]
+        return np.asarray(step * np.sqrt(equal / 12.0))
+
+
+_LEVELS = 64
+"""Steps that readings must span before they are taken for those of a converter."""
+
+_DIFFERENT = 7
+"""Different values from which a common step is no coincidence; a perfect tool in the cube shows three."""
+
+
+def converter_steps(values: Array) -> Array:
+    """Step (m,), a power of ten, of a converter or a printed table on which each channel lies; 0 where none shows.
+
+    Channel by channel, so that one in another unit leaves the others theirs; those of one step are judged together.
+
+    Examples
+    --------
+    >>> codes = 31.0 * np.arange(36.0).reshape(12, 3)
+    >>> converter_steps(codes), converter_steps(codes * [1.0, -0.5, np.pi])
+    (array([1., 1., 1.]), array([1. , 0.1, 0. ]))
+    >>> converter_steps(np.round(np.sin(codes), 3))
+    array([0.001, 0.001, 0.001])
+    >>> converter_steps(1000.0 * np.vstack([np.eye(3), -np.eye(3)]))         # too few values to tell
+    array([0., 0., 0.])
+    """
+    steps: Array = np.zeros(values.shape[1])
+    for digits in range(10):
+        fits = (np.round(values, digits) == values).all(axis=0) & (steps == 0.0)
+        alike, step = values[:, fits], 10.0**-digits
+        if not fits.any():
+            continue
+        clear = len(np.unique(alike)) >= _DIFFERENT and np.ptp(alike, axis=0).max() >= _LEVELS * step
+        steps[fits] = step if clear else np.nan
+        if steps.all():
+            break
+    return np.asarray(np.nan_to_num(steps))
+
+
+def _step(kind: str, values: Array, given: ArrayLike | None) -> Array:
+    """The step (m,) of each channel's converter as given, or as the readings show it."""
+    if given is None:
+        return converter_steps(values)
+    step = within(given, f"step of the {kind}", 0.0, LARGEST)
+    if step.shape not in ((), values.shape[1:]):
+        raise InputError(f"step of the {kind} has shape {step.shape}; give one value, or one for each channel")
+    return np.broadcast_to(step, values.shape[1:])
 
 
 def _spread(value: ArrayLike, kind: str, shape: tuple[int, ...]) -> Array:

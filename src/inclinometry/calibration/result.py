@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,14 @@ from inclinometry.calibration.summary import calibration_text
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
+
+LEAST_REDUNDANCY: Final = 1e-3
+"""Share of a residual's variance that the fit must leave for it to be judged.
+
+A residual with less is a thirtieth of what moves the reading: in a run of settings wrong by 0.1 deg the second order of
+the setting's error, 1e-3 of the first, is then a share of 0.03 of the residual's own standard deviation, but all of it
+for one with a share of 1e-6; and whatever is wrong with such a reading, the fit follows it.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +45,8 @@ class Residuals:
 
     station : names, K of them.
     values : kind -> (K, m), in the triad's unit.
-    standardised : kind -> (K, m), divided by their standard deviation under the model.
+    standardised : kind -> (K, m), each divided by its own standard deviation under the model; NaN, not judged, where
+        the fit leaves less than `LEAST_REDUNDANCY` of the variance.
     leverage : (K,) share of each station in its own prediction, 0..1.
     """
 
@@ -58,7 +68,10 @@ class Calibration:
         rad) and nuisance parameters. It is the inverse Fisher information; it holds when the noise and rig model hold
         and is meaningless along directions named in `warnings` as invisible to the plan.
     warnings : sentences a person can act on.
+    notes : sentences for the record: what was done, with nothing to be settled.
     odd : station -> sentence, of stations at odds with the others (also among the warnings); not kept in tool.json.
+    causes : of a joint fit, cause -> covariance that it brings to the tool's parameters, for `causes.error_budget`; and
+        response (p, K M), how the parameters follow each reading, station by station. Neither is kept in tool.json.
     """
 
     tool: Tool
@@ -71,6 +84,9 @@ class Calibration:
     residuals: Residuals
     warnings: Sequence[str] = ()
     odd: Mapping[str, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+    causes: Mapping[str, Array] = field(default_factory=dict)
+    response: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def dip(self) -> float | None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, finite, frozen
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.variance import least_noise
+from inclinometry.core.angles import wrap_positive
+from inclinometry.core.arrays import Array, Index, finite, frozen
 from inclinometry.core.errors import IdentifiabilityError, InputError
 
 
@@ -105,6 +109,207 @@ def roll_harmonics(roll: ArrayLike, signal: ArrayLike) -> RollHarmonics:
         float(np.abs(residual).max()),
         *(float(s) for s in sds),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class SecondHarmonics:
+    """Second harmonics of every roll set of six or more rolls, and what they mean; S sets, m sensors.
+
+    A linear sensor on a true rig has none: U = mean + Re(c1 exp(-iT)) + Re(c2 exp(-2iT)), c2 = 0.
+
+    sets : (S,) names of the sets: the roll_set of the readings, else azimuth and inclination.
+    first, second : kind -> (S, m) complex amplitudes c1, c2, in the unit of the signals.
+    u : kind -> (S, m) standard uncertainty of the real and of the imaginary part of c2, from what is left over beyond
+        the two harmonics.
+    unevenness, u_unevenness : complex e and the standard uncertainty of its parts, rad: the roll dial reads T where the
+        tool stands at T + Re(e exp(-iT)), as an eccentric dial does.
+    square, u_square : kind -> (m,) the square law of each sensor: what it is off at `swing`, as a share of it.
+    swing : kind -> (m,) largest first amplitude of each sensor, in the unit of the signals.
+    freedom : degrees of freedom of the uncertainties.
+    sentences : what is significant (chance of a false alarm 1 in 1000), one sentence each.
+    """
+
+    sets: tuple[str, ...]
+    first: Mapping[str, Array]
+    second: Mapping[str, Array]
+    u: Mapping[str, Array]
+    unevenness: complex
+    u_unevenness: float
+    square: Mapping[str, Array]
+    u_square: Mapping[str, Array]
+    swing: Mapping[str, Array]
+    freedom: int
+    sentences: tuple[str, ...]
+
+
+FALSE_ALARM = 1e-3
+"""Chance that readings of linear sensors on a true rig are said to have a second harmonic."""
+
+
+def second_harmonics(readings: BenchReadings) -> SecondHarmonics | None:
+    """Second harmonics of all roll sets of a bench run, told apart by their meaning; None without such a set.
+
+    Notes
+    -----
+    A sensor with U = v + q v^2 makes c2 = q c1^2 / 2: a phase of its own, twice that of the first harmonic. A dial that
+    reads T where the tool stands at T + Re(e exp(-iT)) makes c2 = -i e c1 / 2: the same e for every sensor of the tool.
+    Both are fitted together to the second harmonics of all sets, weighted by what the third and higher harmonics leave.
+
+    Random errors of the settings are shared by the sensors of a station; each set counts with the degrees of freedom of
+    one signal, rolls less five, whatever the number of sensors.
+
+    Examples
+    --------
+    >>> roll = np.radians(np.arange(0.0, 360.0, 30.0))
+    >>> v = np.stack([np.cos(roll), np.sin(roll)], axis=1) + 1e-4 * np.random.default_rng(1).normal(size=(12, 2))
+    >>> readings = BenchReadings({"accelerometer": 1000.0 * (v + 0.01 * v**2)}, 0.0 * roll, 0.0 * roll + 1.5, roll)
+    >>> (100.0 * second_harmonics(readings).square["accelerometer"]).round(1)
+    array([1., 1.])
+    """
+    if readings.azimuth is None:
+        return None
+    sets = _roll_sets(readings)
+    if not sets:
+        return None
+    dials = readings.dials
+    first, second, u, rest = ({kind: [] for kind in readings.channels} for _ in range(4))  # type: ignore[var-annotated]
+    freedom = 0
+    for rows in sets.values():
+        design = _design(dials[2][rows], 2)
+        inverse = np.linalg.inv(design.T @ design)
+        freedom += len(rows) - 5
+        for kind, values in readings.channels.items():
+            found = inverse @ design.T @ values[rows]
+            left = values[rows] - design @ found
+            first[kind].append(found[1] + 1j * found[2])
+            second[kind].append(found[3] + 1j * found[4])
+            u[kind].append(np.full(values.shape[1], np.sqrt(inverse[3, 3] / 2.0 + inverse[4, 4] / 2.0)))
+            rest[kind].append((left**2).sum(axis=0) / (len(rows) - 5))
+    c1 = {kind: np.array(v) for kind, v in first.items()}
+    c2 = {kind: np.array(v) for kind, v in second.items()}
+    spread = {}
+    for kind, values in readings.channels.items():
+        least = np.hypot(least_noise(values), np.asarray(readings.step[kind]) / np.sqrt(12.0))
+        spread[kind] = np.array(u[kind]) * np.sqrt(_variance(c1[kind], np.array(rest[kind]), least))
+    swing = {kind: np.abs(v).max(axis=0) for kind, v in c1.items()}
+    solution, sd, columns, told = _causes(c1, c2, spread, swing)
+    square = {kind: solution[columns[kind]] for kind in c1}
+    u_square = {kind: sd[columns[kind]] for kind in c1}
+    uneven, u_uneven = complex(solution[0], solution[1]), float(np.hypot(sd[0], sd[1]) / np.sqrt(2.0))
+    if told:
+        sentences = _meaning(readings, uneven, u_uneven, square, u_square, swing, freedom)
+    else:
+        sentences = _untold(readings, c2, spread, freedom)
+    return SecondHarmonics(
+        tuple(sets), c1, c2, spread, uneven, u_uneven, square, u_square, swing, freedom, tuple(sentences)
+    )
+
+
+def _roll_sets(readings: BenchReadings) -> dict[str, Index]:
+    """Rows of each set of six or more distinct rolls, at one inclination and azimuth, that show two harmonics."""
+    azimuth, inclination, toolface = readings.dials
+    found: dict[tuple[str, float, float], list[int]] = {}
+    for row, (a, i) in enumerate(np.degrees(np.stack([wrap_positive(azimuth), inclination], axis=1)).round(6)):
+        name = readings.roll_set[row] if readings.roll_set else ""
+        found.setdefault((name, float(a) % 360.0, float(i)), []).append(row)
+    sets = {}
+    for (name, a, i), rows in found.items():
+        singular = np.linalg.svd(_design(toolface[rows], 2), compute_uv=False)
+        distinct = len(np.unique(np.round(wrap_positive(toolface[rows]), 6)))
+        if distinct >= 6 and singular[-1] > 0.1 * singular[0]:
+            sets[f"{name + ': ' if name else ''}azimuth {a:g}, inclination {i:g}"] = np.array(rows)
+    return sets
+
+
+def _variance(first: Array, rest: Array, least: Array) -> Array:
+    """Variance (S, m) of one reading: white noise, and settings that err in proportion to the swing."""
+    from scipy.optimize import nnls
+
+    swing = np.abs(first) ** 2
+    size = max(float(swing.max()), float(np.max(least) ** 2))
+    parts, _ = nnls(np.stack([np.ones(rest.size), swing.ravel() / size], axis=1), rest.ravel() / size)
+    return np.asarray(np.maximum(size * (parts[0] + parts[1] * swing / size), least**2))
+
+
+def _causes(
+    first: Mapping[str, Array], second: Mapping[str, Array], u: Mapping[str, Array], swing: Mapping[str, Array]
+) -> tuple[Array, Array, dict[str, slice], bool]:
+    """Unevenness of the dial (two) and square law of each sensor, standard uncertainties, and whether they differ."""
+    columns, width = {}, 2
+    for kind, values in first.items():
+        columns[kind] = slice(width, width + values.shape[1])
+        width += values.shape[1]
+    design, wanted = [], []
+    for kind, c1 in first.items():
+        for (place, sensor), c in np.ndenumerate(c1):
+            if abs(c) < 0.05 * swing[kind].max():
+                continue  # says nothing of either cause, and its noise is not known in proportion
+            row = np.zeros(width, dtype=complex)
+            row[:2] = -0.5j * c, 0.5 * c
+            row[columns[kind].start + sensor] = (
+                0.5 * c**2 / max(float(swing[kind][sensor]), float(np.finfo(float).tiny))
+            )
+            weight = 1.0 / float(u[kind][place, sensor])
+            design += [weight * row.real, weight * row.imag]
+            wanted += [weight * second[kind][place, sensor].real, weight * second[kind][place, sensor].imag]
+    normal = np.array(design).T @ np.array(design)
+    # a sensor that hardly swings shows no square law: its uncertainty is huge, not infinite
+    scale = np.sqrt(np.maximum(np.diagonal(normal), 1.0))
+    scaled = normal / np.outer(scale, scale)
+    inverse = np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) / np.outer(scale, scale)
+    seen = np.diagonal(scaled) > 0.5
+    told = bool(np.linalg.matrix_rank(scaled[np.ix_(seen, seen)], tol=1e-6, hermitian=True) == seen.sum())
+    sd = np.sqrt(np.maximum(np.diagonal(inverse), 1.0 / scale**2))
+    return inverse @ np.array(design).T @ np.array(wanted), sd, columns, told
+
+
+def _untold(readings: BenchReadings, second: Mapping[str, Array], u: Mapping[str, Array], freedom: int) -> list[str]:
+    """Sentences where the sensors swing in one phase, so that dial and characteristic look alike."""
+    from scipy.special import fdtri
+
+    count = sum(values.size for values in second.values())
+    most = float(np.sqrt(2.0 * fdtri(2, freedom, 1.0 - FALSE_ALARM / count)))
+    sentences = []
+    for kind, values in second.items():
+        for sensor in np.flatnonzero((np.abs(values) > most * u[kind]).any(axis=0)):
+            worst = int(np.argmax(np.abs(values[:, sensor]) / u[kind][:, sensor]))
+            sentences.append(
+                f"second harmonic of the rolls: {kind} {sensor + 1} has one of {abs(values[worst, sensor]):.4g} +- "
+                f"{u[kind][worst, sensor]:.2g} {readings.units[kind]}: it is not linear, or the tool turns unevenly "
+                "against the toolface dial; sensors across each other would tell which"
+            )
+    return sentences
+
+
+def _meaning(
+    readings: BenchReadings,
+    uneven: complex,
+    u_uneven: float,
+    square: Mapping[str, Array],
+    u_square: Mapping[str, Array],
+    swing: Mapping[str, Array],
+    freedom: int,
+) -> list[str]:
+    from scipy.special import fdtri, stdtrit
+
+    count = 1 + sum(len(v) for v in square.values())
+    sentences = []
+    if abs(uneven) > u_uneven * np.sqrt(2.0 * fdtri(2, freedom, 1.0 - FALSE_ALARM / count)):
+        sentences.append(
+            f"second harmonic of the rolls: the tool turns unevenly against the toolface dial, by "
+            f"{np.degrees(abs(uneven)):.3f} +- {np.degrees(u_uneven):.3f} deg once a turn, most at toolface "
+            f"{np.degrees(np.angle(uneven)) % 360.0:.0f} deg: an eccentric dial, or a tool loose in its clamp"
+        )
+    most = float(stdtrit(freedom, 1.0 - FALSE_ALARM / (2 * count)))
+    for kind, shares in square.items():
+        for sensor, (share, sd) in enumerate(zip(shares, u_square[kind], strict=True)):
+            if abs(share) > most * sd:
+                sentences.append(
+                    f"second harmonic of the rolls: {kind} {sensor + 1} is not linear: a square law of "
+                    f"{100.0 * share:+.3f} +- {100.0 * sd:.3f} % at its swing of {swing[kind][sensor]:.5g} "
+                    f"{readings.units[kind]}, which the parameters of a linear sensor cannot take up"
+                )
+    return sentences
 
 
 def _design(angle: Array, order: int) -> Array:

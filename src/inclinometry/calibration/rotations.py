@@ -42,7 +42,7 @@ def why_not_rotations(azimuth: ArrayLike, inclination: ArrayLike, toolface: Arra
     >>> why_not_rotations(plan.azimuth, plan.inclination, plan.toolface) is None
     True
     >>> why_not_rotations(plan.azimuth, plan.inclination / 2.0, plan.toolface)
-    'the inclinations are 22.5 and 67.5 degrees; the second turn must be 90 degrees from the first'
+    'the inclinations are 15 and 60 degrees; the second turn must be 90 degrees from the first'
     """
     found = _turns(azimuth, inclination, toolface)
     return found if isinstance(found, str) else None

@@ -53,28 +53,29 @@ def enough(readings: BenchReadings) -> None:
         _plausible(kind, values, readings)
 
 
-def starting_state(model: Model, hints: dict[str, Array]) -> State:
-    """State with trusted dials from which the fit converges.
+def starting_state(model: Model) -> State:
+    """State with trusted dials from which the fit converges; the sign of a field, which no reading tells, is either.
 
     Parameters
     ----------
     model : Model
-    hints : kind -> (3,)
-        A direction each field is known to lie within 90 degrees of; it decides the sign, which no reading can.
     """
     matrix = dcm(*model.settings.T)
     coefficients, directions = {}, {}
     for kind in (k for k in KINDS if k in model.signals):
-        readings = model.signals[kind]
-        direction = _rank_one_direction(matrix, model.powers, readings)
-        if direction is None:
-            guesses = DOWN[None] if kind == "accelerometer" else _sphere(200)
-            costs = [_linear_fit(matrix, model.powers, readings, a)[1] for a in guesses]
-            direction = guesses[int(np.argmin(costs))]
-        direction = direction * (1.0 if direction @ hints[kind] >= 0.0 else -1.0)
-        directions[kind] = direction
-        coefficients[kind] = _linear_fit(matrix, model.powers, readings, direction)[0]
+        directions[kind], coefficients[kind], _ = linear_start(kind, matrix, model.powers, model.signals[kind])
     return State(coefficients, directions, np.zeros((len(matrix), 3)), np.zeros(4))
+
+
+def linear_start(kind: str, matrix: Array, powers: Array, readings: Array) -> tuple[Array, Array, float]:
+    """Direction (3,), coefficients (P, m, 4) and the sum of squares left of one triad, dials trusted."""
+    direction = _rank_one_direction(matrix, powers, readings)
+    if direction is not None:
+        return direction, *_linear_fit(matrix, powers, readings, direction)
+    guesses = DOWN[None] if kind == "accelerometer" else _sphere(200)
+    costs = [_linear_fit(matrix, powers, readings, a)[1] for a in guesses]
+    direction = guesses[int(np.argmin(costs))]
+    return direction, *_linear_fit(matrix, powers, readings, direction)
 
 
 def _rank_one_direction(matrix: Array, powers: Array, readings: Array) -> Array | None:

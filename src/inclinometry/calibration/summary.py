@@ -77,4 +77,6 @@ def readings_text(readings: BenchReadings) -> str:
     dials = "with rig angles" if readings.azimuth is not None else "without rig angles"
     heat = readings.temperature
     span = "" if heat is None else f", {heat.min():.1f} to {heat.max():.1f} degC"
-    return "\n".join([f"BenchReadings: {len(readings)} stations {dials}{span}; {channels}", *readings.notes])
+    return "\n".join(
+        [f"BenchReadings: {len(readings)} stations {dials}{span}; {channels}", *readings.notes, *readings.warnings]
+    )

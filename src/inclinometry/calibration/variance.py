@@ -39,8 +39,9 @@ class _Solution(NamedTuple):
 class _Restricted:
     """Restricted likelihood of one linearised model; everything is done station by station."""
 
-    def __init__(self, at: Linear, errors: Array, prior: Array, parts: list[Array]) -> None:
+    def __init__(self, at: Linear, errors: Array, prior: Array, parts: list[Array], fixed: Array) -> None:
         self.jacobian, self.prior, self.parts, self.stacked = at.jacobian, prior, parts, np.stack(parts)
+        self.fixed = fixed  # of the dials whose standard deviation was stated
         # the residual without the estimated rig errors, since V accounts for them
         self.residual = at.residual - (at.by_setting @ errors[..., None])[..., 0]
 
@@ -53,7 +54,7 @@ class _Restricted:
 
     def solve(self, factors: Array) -> _Solution:
         """Generalised least squares for given factors, with twice its negative restricted log likelihood."""
-        covariance = np.tensordot(factors, self.stacked, axes=1)
+        covariance = np.tensordot(factors, self.stacked, axes=1) + self.fixed
         inverse = np.asarray(np.linalg.inv(covariance))
         spread = np.linalg.slogdet(covariance)[1].sum()
         weighted = inverse @ self.jacobian  # V^-1 J
@@ -97,7 +98,7 @@ def estimate_components(model: Model, at: Linear, state: State, free_noise: Set[
     ----------
     model, at, state : the model, its linearisation and the state of the fit
     free_noise : kinds whose noise may change
-    free_rig : whether the variance of the settings may
+    free_rig : whether the variance of the settings may, where it was not stated
     """
     likelihood, free = _restricted(model, at, state, free_noise, free_rig)
     factors, information = _maximise(likelihood, np.ones(len(free)), free, _floors(model))
@@ -189,10 +190,12 @@ def _restricted(
         part[:, rows, rows] = model.noise_sd[:, rows] ** 2
         parts.append(part)
         start += count
-    spread = at.by_setting * model.rig_sd
+    open_sd = np.where(model.rig_known, 0.0, model.rig_sd)
+    spread, stated = at.by_setting * open_sd, at.by_setting * np.where(model.rig_known, model.rig_sd, 0.0)
     parts.append(spread @ spread.swapaxes(1, 2))
-    free = np.array([*(kind in free_noise for kind in model.signals), free_rig and bool(model.rig_sd.any())])
-    return _Restricted(at, state.errors, model.prior_information(state), parts), free
+    free = np.array([*(kind in free_noise for kind in model.signals), free_rig and bool(open_sd.any())])
+    fixed = stated @ stated.swapaxes(1, 2)
+    return _Restricted(at, state.errors, model.prior_information(state), parts, fixed), free
 
 
 def _components(model: Model, factors: Array, relative_sd: Array) -> Components:
@@ -222,10 +225,13 @@ def least_noise(signals: Array) -> Array:
 def _floors(model: Model) -> Array:
     """Least factor of each variance: rounding for the noise, what is called perfect for the rig."""
     floors, start = [], 0
+    rounding = np.broadcast_to(model.rounding, model.noise_sd.shape)
     for signals in model.signals.values():
-        sd = model.noise_sd[:, start : start + signals.shape[1]]
+        here = slice(start, start + signals.shape[1])
         start += signals.shape[1]
-        floors.append(max(_FLOOR, min(1.0, float(np.max(least_noise(signals) / sd) ** 2))))
+        sd = model.noise_sd[:, here]
+        least = max(np.max(least_noise(signals) / sd), np.min(rounding[:, here] / sd))
+        floors.append(max(_FLOOR, min(1.0, float(least**2))))
     return np.array([*floors, _FLOOR])
 
 

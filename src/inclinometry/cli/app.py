@@ -34,6 +34,12 @@ shots = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
+rig = App(
+    name="rig",
+    help="A calibration rig: how it stands.",
+    help_format="plaintext",
+    suppress_keyboard_interrupt=False,
+)
 ledger = App(
     name="ledger",
     help="The ledger of a calibration laboratory: append-only records in a hash chain.",
@@ -54,6 +60,7 @@ def _add(to: App, where: str, name: str, summary: str, example: str) -> None:
 app.command(simulate)
 app.command(gyro)
 app.command(shots)
+app.command(rig)
 app.command(ledger)
 _add(app, "plan:plan", "plan", "Write the rig settings of a calibration plan.", "plan twelve -o plan.csv")
 _add(
@@ -73,10 +80,31 @@ _add(
 _add(app, "bench:compare", "compare", "Run every applicable method side by side.", "compare readings.csv")
 _add(
     app,
+    "datasheet:datasheet",
+    "datasheet",
+    "Make a tool out of the nameplate values of its sensors.",
+    "datasheet datasheet.toml -o nameplate.json",
+)
+_add(
+    app,
+    "coefficients:coefficients",
+    "coefficients",
+    "Coefficients of a tool as a firmware takes them: inverse matrix, cosines, angles; table, JSON, C or CSV.",
+    "coefficients tool.json --format c -o tool.h",
+)
+_add(
+    app,
     "survey:verify",
     "verify",
     "Verify a calibrated tool at independent positions: exit status 0 pass, 1 fail, 2 bad input.",
     "verify check.csv --calibration tool.json --limits rogatykh-2018-fluxgate",
+)
+_add(
+    rig,
+    "rig:orient",
+    "orient",
+    "Find how a rig stands with a calibrated tool: tilt, north, zeros of its dials.",
+    "rig orient readings.csv --calibration tool.json --site site.toml",
 )
 _add(
     app,

@@ -46,9 +46,7 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
     _show_real(found)
     for name, comparison in found.comparisons.items():
         output.say()
-        show_comparison(
-            comparison, f"plan {name}: standard uncertainty and true rms error, deg, at inclinations 5, 30, 60, 90"
-        )
+        show_comparison(comparison, f"plan {name}")
     output.say()
     if found.verification is not None:
         show_verification(found.verification)
@@ -123,7 +121,7 @@ def show_hot_run(found: Demo) -> None:
 
 def summary(found: Demo) -> dict[str, object]:
     """The figures of the demo for machines."""
-    content: dict[str, object] = {"folder": found.folder, "pages": [path for _, path in found.pages]}
+    content: dict[str, object] = {"folder": found.folder, "pages": [found.folder / page.href for page in found.pages]}
     if found.xsens is not None:
         content["xsens"] = {"poses": found.xsens_poses, "bias": found.xsens.bias, "rms_m_s2": found.xsens.rms}
     if found.cave is not None:
@@ -133,7 +131,7 @@ def summary(found: Demo) -> dict[str, object]:
         }
     content["benches"] = {
         name: {
-            m: {"u_deg": np.degrees(u[:, :2]), "error_deg": np.degrees(c.error[m][:, :2])}
+            m: {"u_deg": np.degrees(u.from_calibration[:, :2]), "error_deg": np.degrees(c.error[m][:, :2])}
             for m, u in c.uncertainty.items()
         }
         for name, c in found.comparisons.items()

@@ -6,11 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from inclinometry.attitude.conventions import Axes, axes_matrix
+from inclinometry.attitude.orientation import SWITCH
 from inclinometry.calibration.summary import rounded
 from inclinometry.cli import output
-from inclinometry.cli.options import Json, Output
+from inclinometry.cli.options import Json, Output, angle
+from inclinometry.cli.six_axis import Convention
 from inclinometry.core.digest import digest_file
+from inclinometry.core.errors import InputError
 from inclinometry.earth.site import REFERENCES
+from inclinometry.io.allan_json import read_allan
 from inclinometry.io.atomic import write_text
 from inclinometry.io.run_file import open_run
 from inclinometry.io.run_write import checked_ending
@@ -26,6 +31,7 @@ from inclinometry.workflow.dynamic import (
     dynamic_run,
     write_dynamic,
 )
+from inclinometry.workflow.dynamic_methods import MethodName
 
 RPM = 30.0 / np.pi
 
@@ -37,10 +43,17 @@ def dynamic(
     site: Path,
     output_: Output,
     calibration: Path | None = None,
-    method: str = "auto",
+    method: MethodName = "auto",
     window_s: float = DEFAULT_WINDOW,
     delay_sd_ms: float = 1e3 * DELAY_SIGMA,
     scale_sd_percent: float = 1e2 * SCALE_SIGMA,
+    gyro_noise_deg_sqrt_h: float | None = None,
+    gyro_bias_sd_deg_h: float | None = None,
+    allan: Path | None = None,
+    convention: Convention = None,
+    axes: str | None = None,
+    mag_axes: str | None = None,
+    switch_deg: float = float(np.degrees(SWITCH)),
     report: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -50,6 +63,7 @@ def dynamic(
     ----------
     run
         Parquet or CSV: time_s, accel_x to z, mag_x to z, gyro_x to z, temperature_degC; any triad may be absent.
+        /dev/stdin takes CSV from a pipe.
     site
         site.toml; its north_reference is what azimuths are counted from, its field and gravity are references.
     output_
@@ -57,7 +71,11 @@ def dynamic(
     calibration
         tool.json; without it channels are in m/s2 (gravity convention), nT and rad/s, or as named.
     method
-        auto (looks at the data), magnetic, gyro, filter or smoother.
+        auto looks at each window and takes what suits it. static: plain means of gravity and field, without a
+        magnetometer of gravity and Earth rate, of a tool at rest; quaternion: the same as Wahba's problem (Davenport's
+        q), both vectors weighted. magnetic: gravity turned back by the magnetic phase. gyro: gyros and gravity alone.
+        filter: 15 states, all three triads. robust: robust adaptive filter over magnetic windows. smoother: backward
+        pass. complementary: any motion about any axis, such as a tool carried by hand.
     window_s
         Length of a window.
     delay_sd_ms
@@ -66,15 +84,43 @@ def dynamic(
     scale_sd_percent
         Without --calibration: standard deviation of each scale error and coupling of the magnetometer, percent; a third
         of it is taken for the accelerometers.
+    gyro_noise_deg_sqrt_h
+        Angle random walk of the gyro, deg/sqrt(h); stands above --allan.
+    gyro_bias_sd_deg_h
+        Standard deviation of the gyro's bias, deg/h; stands above that of --calibration.
+    allan
+        allan.json of the gyro (written by allan): its noise and random walk, where no option states them.
+    convention
+        Without --calibration: axes and signs of the file's sensors, see the documentation's conventions.
+    axes
+        Without --calibration: the file's channels that are x, y and z (of the convention), as y,z,x for a tool whose x
+        lies along the hole. Write a leading minus as --axes=-x,...
+    mag_axes
+        The same of the magnetometer alone, before --axes.
+    switch_deg
+        Inclination below which toolface_type says magnetic: the toolface to steer by is then azimuth + toolface.
     report
         Write an HTML report.
     json
         Print a JSON summary.
     """
     output.claim(
-        {"--output": output_, "--report": report}, {"the run": run, "--site": site, "--calibration": calibration}
+        {"--output": output_, "--report": report},
+        {"the run": run, "--site": site, "--calibration": calibration, "--allan": allan},
     )
-    options = DynamicOptions(method, window_s, delay_sigma=1e-3 * delay_sd_ms, scale_sigma=1e-2 * scale_sd_percent)
+    options = DynamicOptions(
+        method,
+        window_s,
+        delay_sigma=1e-3 * delay_sd_ms,
+        scale_sigma=1e-2 * scale_sd_percent,
+        gyro_noise=_rate(gyro_noise_deg_sqrt_h, "--gyro-noise-deg-sqrt-h", 1e-4, 1000.0, 60.0),
+        gyro_bias_sigma=_rate(gyro_bias_sd_deg_h, "--gyro-bias-sd-deg-h", 0.0, 36000.0, 3600.0),
+        allan=None if allan is None else read_allan(allan),
+        convention=convention,
+        axes=_axes(axes, "--axes"),
+        mag_axes=_axes(mag_axes, "--mag-axes"),
+        switch=angle(switch_deg, "--switch-deg", 0.0, 90.0),
+    )
     checked_ending(output_)
     found = _reduced(run, site, calibration, options)
     page = None
@@ -92,6 +138,25 @@ def dynamic(
     show_dynamic(found)
     written = f"{output.counted(len(found.rows), 'window')} written to {output_}"
     output.say(written + (f", report to {report}" if report else ""))
+
+
+def _rate(value: float | None, option: str, low: float, high: float, per_hour: float) -> float | None:
+    """An option in degrees and hours, in rad and s."""
+    if value is not None and not low <= value <= high:
+        raise InputError(f"{option} is {value:g}; allowed {low:g} to {high:g}")
+    return None if value is None else float(np.radians(value)) / per_hour
+
+
+def _axes(text: str | None, option: str) -> Axes | None:
+    """Three names of axes."""
+    if text is None:
+        return None
+    found = tuple(part.strip() for part in text.split(","))
+    try:
+        axes_matrix(found)  # type: ignore[arg-type]
+    except InputError:
+        raise InputError(f"{option} is {text!r}; give x, y and z once each, a sign before each, as -y,x,z") from None
+    return found  # type: ignore[return-value]
 
 
 def _reduced(run: Path, site: Path, calibration: Path | None, options: DynamicOptions) -> DynamicRun:
@@ -131,7 +196,8 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
     rows = found.rows
     body = [_cells(found, int(k)) for k in np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]
     norths = "/".join(dict.fromkeys(REFERENCES[n] for n in rows.north)) or found.north
-    header = ["time s", "inclination", f"azimuth ({norths})", "toolface", "rpm", "method", "flags"]
+    toolface = "toolface (M: magnetic)" if rows.steep(found.switch).any() else "toolface"
+    header = ["time s", "inclination", f"azimuth ({norths})", toolface, "rpm", "method", "flags"]
     output.table("attitude, deg with standard uncertainty", header, body)
     refused = int(rows.refused.sum())
     if refused:
@@ -144,8 +210,11 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
 def _cells(found: DynamicRun, k: int) -> list[str]:
     """A row of the table."""
     rows = found.rows
-    pairs = [(getattr(rows, name)[k], getattr(rows, f"u_{name}")[k]) for name in ("inclination", "azimuth", "toolface")]
+    steep = bool(rows.steep(found.switch)[k])
+    columns = ("inclination", "azimuth", "magnetic_toolface" if steep else "toolface")
+    pairs = [(getattr(rows, name)[k], getattr(rows, f"u_{name}")[k]) for name in columns]
     shown = [rounded(np.degrees(a), np.degrees(u)) if np.isfinite(a) else "-" for a, u in pairs]
+    shown[2] += " M" if steep and shown[2] != "-" else ""
     speed = f"{rows.rate[k] * RPM:.1f}" if np.isfinite(rows.rate[k]) else "-"
     names = rows.names(k)
     flags = ", ".join(names[:2]) + (f" +{len(names) - 2}" if len(names) > 2 else "")

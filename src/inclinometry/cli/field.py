@@ -21,7 +21,7 @@ def field(
     longitude_deg: float,
     height_m: float,
     date: str,
-    model: Literal["wmm2025", "igrf14"] = "wmm2025",
+    model: Literal["wmm2025", "igrf14"] | None = None,
     crs: str | None = None,
     json: Json = False,
 ) -> None:
@@ -38,7 +38,7 @@ def field(
     date
         2026-05-01, or a decimal year.
     model
-        wmm2025 (2025 to 2030) or igrf14 (1900 to 2030).
+        wmm2025 (2025 to 2030) or igrf14 (1900 to 2030); the first from 2025 on and the second before when not given.
     crs
         Map grid, e.g. EPSG:32632, for the convergence.
     json
@@ -54,7 +54,7 @@ def field(
         options.angle(longitude_deg, "--longitude-deg", -180.0, 360.0),
         height_m,
         _date(date),
-        MODELS[model],
+        None if model is None else MODELS[model],
         crs,
     )
     output.warnings(found.notes)

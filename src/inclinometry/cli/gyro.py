@@ -56,20 +56,23 @@ def north(
     site
         site.toml with latitude_deg; azimuths are true, or grid where north_reference says so.
     output_
-        Stations CSV: the survey columns and scale, u_scale, root, K, temperature_degC.
+        Stations CSV: the survey columns and scale, u_scale, root, K, temperature_degC, and the rates corrected by the
+        scale factor.
     calibration
         tool.json; without it accelerometers are in m/s2 (or as named) and axes are perfect.
     scheme
         Index positions of a station.
     scale
-        joint (azimuth and scale factor together), patent (closed form), fixed (scale taken as 1).
+        joint (azimuth and scale factor together), patent (the closed form of the Chinese patent application of 2015 for
+        a fibre-optic gyro in four positions), fixed (scale taken as 1).
     prior
-        What the joint estimate expects of the scale: calibration, previous station, both, or run (all other stations;
-        the default where there are temperatures).
+        What the joint estimate expects of the scale: calibration, previous station, both, or run (all other stations,
+        the default). Without temperatures the scale wanders from station to station.
     history
         scale.json of an earlier run of this tool.
     scale_sd_percent
-        Standard uncertainty of the scale factor at the reference temperature.
+        Standard uncertainty of the scale factor at the reference temperature; of its history before the first station
+        with patent.
     gyro_sd_deg_h
         Noise of one gyro reading; estimated from the scatter when absent.
     accel_sd_m_s2
@@ -107,6 +110,7 @@ def north(
     write_run(found, output_)
     if page is not None:
         write_text(page, report or "")
+    output.notes(found.survey.notes)
     output.warnings(found.survey.warnings)
     if json:
         output.print_json(_summary(found, output_))
@@ -199,6 +203,7 @@ def scale(
     write_scale(record, output_)
     if page is not None:
         write_text(page, report or "")
+    output.notes(found.survey.notes)
     output.warnings(found.survey.warnings)
     if json:
         known = record.belief
@@ -253,6 +258,7 @@ def _summary(found: GyroRun, path: Path) -> dict[str, object]:
         "checks": [
             {"name": c.name, "verdict": c.verdict, "reason": c.reason, "action": c.action} for c in found.checks
         ],
+        "notes": found.survey.notes,
         "warnings": found.survey.warnings,
         "output": path,
     }

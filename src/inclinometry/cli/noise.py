@@ -15,7 +15,16 @@ from inclinometry.io.atomic import write_text
 from inclinometry.sensors.noise_record import NoiseRecord
 
 
-def allan(log: Path, /, *, output_: Output, report: Path | None = None, json: Json = False) -> None:
+def allan(
+    log: Path,
+    /,
+    *,
+    output_: Output,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    report: Path | None = None,
+    json: Json = False,
+) -> None:
     """Allan deviation of every channel of a log at rest, and the noise coefficients fitted to it.
 
     Parameters
@@ -24,6 +33,10 @@ def allan(log: Path, /, *, output_: Output, report: Path | None = None, json: Js
         CSV with time_s and the channels, the tool at rest, sampled evenly.
     output_
         allan.json: coefficients with uncertainties or upper limits, and the curves.
+    start_s
+        By time_s, where the stretch of the log begins that is used: the tool was at rest in it.
+    stop_s
+        Where it ends.
     report
         Write an HTML report.
     json
@@ -33,7 +46,7 @@ def allan(log: Path, /, *, output_: Output, report: Path | None = None, json: Js
 
     output.claim({"--output": output_, "--report": report}, {"the log": log})
     with output.reading(log) as progress:
-        found = noise_of_log(log, progress=progress)
+        found = noise_of_log(log, start=start_s, stop=stop_s, progress=progress)
     page = None
     if report is not None:
         from inclinometry.report.allan import allan_report

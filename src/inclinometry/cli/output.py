@@ -138,6 +138,13 @@ def warnings(sentences: Sequence[str]) -> None:
         errors.print(sentence)
 
 
+def notes(sentences: Sequence[str]) -> None:
+    """What was done and found, one a line, on standard error: nothing to be settled."""
+    errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    for sentence in sentences:
+        errors.print(f"note: {sentence}")
+
+
 @contextmanager
 def reading(path: str | Path) -> Iterator[Callable[[int], None] | None]:
     """Progress, by bytes read, of a file that takes a while; nothing for a small one or without a terminal."""

@@ -28,6 +28,7 @@ def plan(
     first_inclination_deg: float | None = None,
     azimuth_deg: float | None = None,
     rolls: int | None = None,
+    azimuths: int | None = None,
     seed: int | None = None,
     json: Json = False,
 ) -> None:
@@ -50,11 +51,13 @@ def plan(
     dip_deg
         Magnetic dip at the bench an optimal plan is for (70).
     first_inclination_deg
-        First of the two inclinations of rotations (45); the second is 90 degrees more.
+        First of the two inclinations of rotations (30); the second is 90 degrees more.
     azimuth_deg
         Azimuth of rotations (0).
     rolls
         Equal rolls a turn, of twelve (3) and rotations (8).
+    azimuths
+        Equal azimuths of twelve (3) at which the tool lies.
     seed
         Of the search for an optimal plan (1).
     json
@@ -74,6 +77,7 @@ def plan(
             first_inclination=options.angle_or_none(first_inclination_deg, "--first-inclination-deg", 0.0, 180.0),
             azimuth=options.angle_or_none(azimuth_deg, "--azimuth-deg"),
             rolls=rolls,
+            azimuths=azimuths,
             seed=seed,
             progress=progress,
         )

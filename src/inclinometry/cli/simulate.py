@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Json, Output
+from inclinometry.cli.options import Flag, Json, Output
+from inclinometry.core.constants import DIP, STANDARD_GRAVITY
+from inclinometry.core.errors import InputError
 from inclinometry.io.bench_csv import write_bench
 from inclinometry.io.tool_json import write_truth
 from inclinometry.simulate.rig import Rig
 from inclinometry.workflow import simulate as use
 from inclinometry.workflow.plan import plan_file
+
+AccelNoise = Annotated[float | None, Parameter(name="--accel-noise-mg")]
+MagNoise = Annotated[float | None, Parameter(name="--mag-noise-nT")]
 
 
 def bench(
@@ -24,14 +29,19 @@ def bench(
     seed: int = 1,
     truth: Path | None = None,
     tool: Path | None = None,
+    other_stand: Flag = False,
     layout: str = "realistic",
     rig_sd_deg: float = 0.0,
     base_tilt_deg: float = 0.0,
     north_offset_deg: float = 0.0,
     inclination_zero_deg: float = 0.0,
-    dip_deg: float = 70.0,
+    dip_deg: float = float(np.degrees(DIP)),
     bits: int = 12,
     noise: float = 1.0,
+    magnetometer: Literal["magnetoresistive", "fluxgate"] | None = None,
+    accel_noise: AccelNoise = None,
+    mag_noise: MagNoise = None,
+    nonlinearity_percent: float = 0.0,
     repeats: int = 1,
     temperature: Annotated[
         list[float] | None, Parameter(name="--temperature-degC", consume_multiple=True, negative="")
@@ -53,7 +63,10 @@ def bench(
     truth
         Write the tool and stand behind the readings.
     tool
-        truth.json of an earlier simulation: visit the same tool on the same stand again.
+        truth.json of an earlier simulation: visit the same tool on the same stand again. Or tool.json, or a data
+        sheet (TOML): that tool on a new stand.
+    other_stand
+        With --tool: the same tool on another stand, the one of these options.
     layout
         realistic (a few per cent and degrees off) or random (sensors anywhere).
     rig_sd_deg
@@ -69,7 +82,15 @@ def bench(
     bits
         Of the converter; 0 for signals in m/s2 and nT without steps.
     noise
-        Factor on 0.3 mg and 20 nT.
+        Factor on 0.3 mg and 20 nT, both triads.
+    magnetometer
+        magnetoresistive (20 nT of noise) or fluxgate (noise, non-linearity and hysteresis of 0.5 % of full scale each).
+    accel_noise
+        Noise of one accelerometer reading, instead of --noise.
+    mag_noise
+        Noise of one magnetometer reading, instead of --noise and of what --magnetometer has.
+    nonlinearity_percent
+        Square law of every sensor: what it is off at full scale.
     repeats
         Readings averaged at each station.
     temperature
@@ -95,6 +116,11 @@ def bench(
         inclination_zero=options.angle(inclination_zero_deg, "--inclination-zero-deg", -180.0, 180.0),
         faults=[use.misread(text, len(places)) for text in misread or ()],
     )
+    again = None if tool is None else use.read_visited(tool)
+    if other_stand:
+        if again is None:
+            raise InputError("--other-stand is for a tool visited again: give --tool truth.json")
+        again = (again[0], rig)
     found = use.bench(
         places,
         seed,
@@ -105,12 +131,18 @@ def bench(
         repeats=repeats,
         temperature=heat,
         temperature_degree=temperature_degree,
-        truth=None if tool is None else use.read_truth(tool),
+        truth=again,
+        characteristic=use.characteristics(
+            magnetometer,
+            nonlinearity_percent / 100.0,
+            None if accel_noise is None else 1e-3 * STANDARD_GRAVITY * accel_noise,
+            mag_noise,
+        ),
     )
     write_bench(found.readings, output_)
     if truth is not None:
         write_truth(found.truth, found.extras, truth)
-    output.warnings(found.readings.notes)
+    output.warnings(found.readings.warnings)
     if json:
         output.print_json({"stations": len(found.readings), "output": output_, "truth": truth})
     else:
@@ -127,8 +159,12 @@ def well(
     azimuth_deg: float = 75.0,
     hold_m: float = 900.0,
     spacing_m: float = 30.0,
-    dip_deg: float = 70.0,
+    dip_deg: float = float(np.degrees(DIP)),
     noise: float = 1.0,
+    magnetometer: Literal["magnetoresistive", "fluxgate"] | None = None,
+    accel_noise: AccelNoise = None,
+    mag_noise: MagNoise = None,
+    nonlinearity_percent: float = 0.0,
     path: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -137,7 +173,7 @@ def well(
     Parameters
     ----------
     truth
-        truth.json of the tool (from simulate bench).
+        truth.json of the tool (from simulate bench), or tool.json, or a data sheet (TOML).
     output_
         Raw survey CSV: md_m and the channels.
     seed
@@ -156,6 +192,14 @@ def well(
         Magnetic dip at the well.
     noise
         Factor on the tool's own noise.
+    magnetometer
+        magnetoresistive (20 nT of noise) or fluxgate (noise, non-linearity and hysteresis of 0.5 % of full scale each).
+    accel_noise
+        Noise of one accelerometer reading, instead of --noise.
+    mag_noise
+        Noise of one magnetometer reading, instead of --noise and of what --magnetometer has.
+    nonlinearity_percent
+        Square law of every sensor: what it is off at full scale.
     path
         Write the true path (survey CSV columns).
     json
@@ -163,7 +207,7 @@ def well(
     """
     output.claim({"--output": output_, "--path": path}, {"--truth": truth})
     found = use.well(
-        use.read_truth(truth)[0],
+        use.read_visited(truth)[0],
         seed,
         kickoff=kickoff_m,
         inclination=options.angle(inclination_deg, "--inclination-deg", 0.0, 180.0),
@@ -172,6 +216,12 @@ def well(
         spacing=spacing_m,
         dip=options.angle(dip_deg, "--dip-deg", -90.0, 90.0),
         noise=noise,
+        characteristic=use.characteristics(
+            magnetometer,
+            nonlinearity_percent / 100.0,
+            None if accel_noise is None else 1e-3 * STANDARD_GRAVITY * accel_noise,
+            mag_noise,
+        ),
     )
     use.write_well(found, output_, path)
     if json:

@@ -8,11 +8,14 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.calibration.acceptance import JUDGED, Verification
+from inclinometry.attitude.orientation import SWITCH
+from inclinometry.calibration.acceptance import JUDGED, OtherStand, Verification
+from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
 from inclinometry.calibration.summary import rounded
-from inclinometry.cli import output
-from inclinometry.cli.options import Json, Output
+from inclinometry.cli import options, output
+from inclinometry.cli.options import Json, Output, angle
 from inclinometry.cli.six_axis import Convention, SixAxisForm
+from inclinometry.core.errors import InputError
 from inclinometry.io.atomic import write_text
 from inclinometry.io.bench_csv import read_bench
 from inclinometry.io.limits_toml import read_limits
@@ -28,8 +31,17 @@ def verify(
     *,
     calibration: Path,
     limits: str | None = None,
+    stand: Literal["same", "level", "fit"] = "same",
+    north_deg: float | None = None,
+    north_sd_deg: float = 0.0,
+    level_sd_deg: float = 0.0,
+    rig_sd_deg: float | None = None,
+    azimuth_from: Literal["magnetometer", "gyro"] | None = None,
     output_: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     report: Path | None = None,
+    inclination_from: InclinationFrom = "vertical",
+    azimuth_counts: Counts = "clockwise",
+    toolface_counts: Counts = "clockwise",
     json: Json = False,
 ) -> int:
     """Verify a calibrated tool at independent positions; exit status 0 pass, 1 fail, 2 bad input.
@@ -42,10 +54,28 @@ def verify(
         tool.json
     limits
         Name of a preset or a TOML file; without limits each error is held against its own uncertainty.
+    stand
+        same: the stand of the calibration, not moved since. level: another one, its azimuth axis vertical. fit: another
+        one; its tilt and north are found from these readings, and what they cannot tell from the tool is not judged.
+    north_deg
+        Of a level stand: azimuth of the rig's zero from magnetic north (from true north for a gyro). Not given, it is
+        found from the readings and a constant error of azimuth is not judged.
+    north_sd_deg, level_sd_deg
+        How well the north and the vertical of a level stand are known.
+    rig_sd_deg
+        Random error of a setting of another stand; that of the calibration's rig when not given.
+    azimuth_from
+        Triad that gives the azimuth: the magnetometer where there is one, else the gyro.
     output_
         Write verify.json, for a certificate.
     report
         Write an HTML report.
+    inclination_from
+        Where the inclination dial counts from: vertical, other-end, horizontal or horizontal-up, as for calibrate.
+    azimuth_counts
+        Which way the azimuth dial counts, seen from above: clockwise or counterclockwise.
+    toolface_counts
+        Which way the toolface dial counts, looking down hole: clockwise or counterclockwise.
     json
         Print JSON.
     """
@@ -56,10 +86,16 @@ def verify(
         {"the readings": readings, "--calibration": calibration, "--limits": None if limits is None else Path(limits)},
     )
     with output.reading(readings) as progress:
-        data = read_bench(readings, progress=progress)
+        data = Dials(inclination_from, azimuth_counts, toolface_counts).read(read_bench(readings, progress=progress))
     tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
-    found = verify_readings(data, tool, bounds)
+    where = _stand(stand, north_deg, north_sd_deg, level_sd_deg, rig_sd_deg)
+    found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
     if output_ is not None:
+        if tuple(found.names) != JUDGED:
+            raise InputError(
+                "--output writes what a certificate states, errors of inclination, azimuth and toolface; this tool has "
+                "none of them: use --report or --json"
+            )
         from inclinometry.workflow.issue_certificate import save_verification
 
         save_verification(found, bounds, tool, output_)
@@ -73,6 +109,7 @@ def verify(
             {
                 "verdict": found.verdict,
                 "reasons": found.reasons,
+                "notes": found.notes,
                 "limits": {"name": found.limits_name, "source": found.limits_source},
                 "coverage_factor": found.coverage_factor,
                 "stations": [
@@ -80,7 +117,8 @@ def verify(
                         "station": s,
                         **{
                             n: {"error_deg": e[i], "u_deg": w[i], "limit_deg": b[i], "decision": d[i]}
-                            for i, n in enumerate(JUDGED)
+                            for i, n in enumerate(found.names)
+                            if n != "-"
                         },
                     }
                     for s, e, w, b, d in zip(
@@ -99,10 +137,40 @@ def verify(
     return 0 if found.verdict == "pass" else 1
 
 
+def _stand(
+    stand: str, north_deg: float | None, north_sd_deg: float, level_sd_deg: float, rig_sd_deg: float | None
+) -> OtherStand | None:
+    """What the options say of another stand; an option that says nothing there is refused."""
+    given = {"--north-deg": north_deg is not None, "--north-sd-deg": north_sd_deg != 0.0}
+    useless = given | {
+        "--level-sd-deg": level_sd_deg != 0.0,
+        "--rig-sd-deg": stand == "same" and rig_sd_deg is not None,
+    }
+    if stand != "level" and any(useless.values()):
+        name = next(option for option, there in useless.items() if there)
+        known = "is known from the calibration" if stand == "same" else "is found from the readings"
+        raise InputError(f"{name} says nothing of --stand {stand}, which {known}: leave it out, or use --stand level")
+    if stand == "same":
+        return None
+    if given["--north-sd-deg"] and north_deg is None:
+        raise InputError("--north-sd-deg without --north-deg: give the north it is the uncertainty of")
+    setting = options.sd(rig_sd_deg, "--rig-sd-deg")
+    if stand == "fit":
+        return OtherStand(setting_sd=setting)
+    return OtherStand(
+        options.sd(level_sd_deg, "--level-sd-deg"),
+        options.angle_or_none(north_deg, "--north-deg"),
+        options.sd(north_sd_deg, "--north-sd-deg") or 0.0,
+        setting,
+    )
+
+
 def show_verification(found: Verification) -> None:
     """Verdict and the largest error of each angle on the terminal."""
     rows = []
-    for column, name in enumerate(JUDGED):
+    for column, name in enumerate(found.names):
+        if name == "-":
+            continue
         judged = [row for row in range(len(found.errors)) if found.decision[row][column] != "not judged"]
         if not judged:
             rows.append([name, "-", "-", "-", "not judged"])
@@ -119,7 +187,7 @@ def show_verification(found: Verification) -> None:
         rows,
         found.limits_source,
     )
-    for sentence in found.reasons:
+    for sentence in (*found.reasons, *found.notes):
         output.say(sentence)
 
 
@@ -133,8 +201,10 @@ def survey(
     correct: str | None = None,
     bha: Path | None = None,
     azimuth_from: Literal["magnetometer", "gyro"] | None = None,
+    hole: Literal["down", "up"] = "down",
     from_: SixAxisForm = None,
     convention: Convention = None,
+    switch_deg: float = float(np.degrees(SWITCH)),
     report: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -157,15 +227,20 @@ def survey(
         bha.toml: the assembly, for sag.
     azimuth_from
         Triad that gives the azimuth: the magnetometer where there is one, else the gyro (true north).
+    hole
+        Of a tool with two accelerometers: down takes inclinations of 0 to 90 deg, up those of 90 to 180.
     from_
         Format of the readings; by the file's ending when not given.
     convention
         Axes and signs of the sensors in the file, without a calibration; the house's when not given.
+    switch_deg
+        Inclination below which toolface_type says magnetic: the toolface to steer by is then magnetic_toolface_deg.
     report
         Write an HTML report.
     json
         Print a JSON summary.
     """
+    switch = angle(switch_deg, "--switch-deg", 0.0, 90.0)
     output.claim({"--output": output_, "--report": report}, _inputs(raw, calibration, site, bha, correct))
     with output.reading(raw) as progress:
         done = survey_file(
@@ -175,6 +250,7 @@ def survey(
             correct=correct,
             bha=bha,
             second=azimuth_from,
+            hole=hole,
             form=from_,
             convention=convention,
             charts=report is not None,
@@ -188,7 +264,7 @@ def survey(
             place = None if site is None else done.site
             quality = [None if judged is None else judged.quality for judged in (done.judged, done.before)]
             page = survey_report(found, site=place, quality=quality[0], before=quality[1], notes=done.notes)
-        write_survey(found, output_)
+        write_survey(found, output_, switch=switch)
     if page is not None:
         write_text(page, report or "")
     output.warnings(found.warnings)

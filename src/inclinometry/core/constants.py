@@ -1,7 +1,8 @@
-"""Physical constants, each with its source."""
+"""Physical constants, each with its source, and what is taken where nothing says otherwise: each defined here alone."""
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 STANDARD_GRAVITY: Final = 9.80665
@@ -15,3 +16,27 @@ FOOT: Final = 0.3048
 
 KINDS: Final = ("accelerometer", "magnetometer", "gyro")
 """The kinds of triad, in the order every table, vector and file uses."""
+
+DEG_PER_HOUR: Final = math.pi / 180.0 / 3600.0
+"""One degree an hour, rad/s."""
+
+DIP: Final = math.radians(70.0)
+"""Dip of the magnetic field where nothing says another, rad: a reading then has to do with a third of the field."""
+
+LATITUDE: Final = math.radians(60.0)
+"""Latitude where nothing says another, rad, north."""
+
+COVERAGE_FACTOR: Final = 2.0
+"""k of every expanded uncertainty: about 95 % for a normal distribution (JCGM 100:2008, 6.3.3)."""
+
+INCLINATIONS: Final = tuple(math.radians(x) for x in (1, 2, 3, 5, 10, 15, 20, 30, 45, 60, 75, 90, 105, 120))
+"""Inclinations of a whole table of uncertainties, rad: of a certificate and of what would be certified."""
+
+SHORT_INCLINATIONS: Final = tuple(math.radians(x) for x in (5, 10, 30, 60, 90))
+"""Inclinations of a short table of uncertainties, rad; each is one of `INCLINATIONS`."""
+
+INCLINATION_RANGE: Final = (math.radians(10.0), math.radians(90.0))
+"""Where a tool is taken to work when nothing says otherwise, rad."""
+
+STEPS: Final = 24
+"""Equal steps of azimuth, and of toolface, over which the worst uncertainty of an inclination is taken."""

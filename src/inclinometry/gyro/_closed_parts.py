@@ -16,13 +16,21 @@ from inclinometry.gyro.result import North
 from inclinometry.gyro.tilt import STEEPEST, tilt
 
 WITHIN_NOISE: Final = 3.0
-"""Standard uncertainties within which a quantity cannot be told from nought."""
+"""Standard uncertainties within which a quantity cannot be told from zero."""
 ANGLE_FLOOR: Final = 1e-7
-"""Sine or cosine of the inclination taken as nought, rad: the arcsine of two axes does not resolve less near 90 deg."""
+"""Sine or cosine of the inclination taken as zero, rad: the arcsine of two axes does not resolve less near 90 deg."""
 ROUNDING: Final = 1e-9
 """Relative size of a discriminant below which rounding of the readings moves azimuth by more than 1e-9 deg."""
 PARALLEL_FLOOR: Final = 1e-12
 """Reading, in units of the Earth rate, below which rounding alone decides its direction."""
+FAR: Final = 4.0
+"""Standard uncertainties from the history beyond which a scale factor does not continue it."""
+CHANGE: Final = 0.002
+"""Standard deviation of the change of a scale factor from one station to the next, where none is stated."""
+STEADY: Final = 0.1
+"""Share of the change from station to station by which the rate of that change may itself change."""
+FORTH: Final = np.array([[1.0, 1.0], [0.0, 1.0]])
+"""Scale factor and its rate of change from one station to the next."""
 FAILURES: Final = frozenset({"up-hole", "horizontal", "parallel", "complex", "double-root"})
 """Flags before the choice of a root that leave nothing to choose."""
 
@@ -67,7 +75,7 @@ def prepare(
 
 
 def _covariance(value: ArrayLike | None, n: int, name: str) -> Array:
-    """(n, 3, 3); what is not known of the axis along the tool counts as nought."""
+    """(n, 3, 3); what is not known of the axis along the tool counts as zero."""
     if value is None:
         return np.zeros((n, 3, 3))
     given = np.asarray(value, dtype=np.float64)
@@ -100,11 +108,11 @@ def sensitivity(s: Array, psi: Array, th: Array, lat: float) -> tuple[Array, Arr
     th = np.maximum(th, STEEPEST)
     x, y, z = expected_rates(psi, th, lat)
     x_psi, y_psi = y * np.cos(th), -np.cos(lat) * np.cos(psi)
-    nought = np.zeros_like(s)
+    zero = np.zeros_like(s)
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = x / s, y / s
-        first = np.stack([-s, nought, -z, s * b], -1)
-        second = np.stack([nought, -s, nought, -s * a], -1)
+        first = np.stack([-s, zero, -z, s * b], -1)
+        second = np.stack([zero, -s, zero, -s * a], -1)
         per = 1.0 / (b * x_psi - a * y_psi)[..., None]  # s / (cos a K)
         by_scale = (x_psi[..., None] * second - y_psi[..., None] * first) * per
         return by_scale, (a[..., None] * second - b[..., None] * first) * per
@@ -155,31 +163,54 @@ def failures(
 
 
 def choose(
-    roots: Array, u_roots: Array, flags: list[list[str]], history: float | None, history_sd: float | None
+    roots: Array,
+    u_roots: Array,
+    flags: list[list[str]],
+    history: float | None,
+    history_sd: float,
+    change_sd: float | None,
 ) -> tuple[Array, list[list[str]]]:
-    """Column of the root taken, -1 where none, along the run; flags are added to."""
-    last = None if history is None else float(within(history, "history", 1e-3, 1e3))
-    change = None if history_sd is None else float(within(history_sd, "history_sd", 0.0, np.inf))
-    chosen, variance = np.full(len(roots), -1), 0.0
+    """Column of the root taken, -1 where none, along the run; flags are added to.
+
+    Scale factor and its rate of change from station to station are followed by a Kalman filter on the roots taken, each
+    with its own uncertainty; what it foretells is the history to which a root is near or far.
+    """
+    state = None if history is None else np.array([float(within(history, "history", 1e-3, 1e3)), 0.0])
+    known = float(within(history_sd, "history_sd", 0.0, 1e3))
+    change = CHANGE if change_sd is None else float(within(change_sd, "change_sd", 0.0, 1e3))
+    moves = np.diag([change**2, (STEADY * change) ** 2])
+    spread, doubted = np.diag([known**2, change**2]), (np.nan, 0.0)
+    chosen = np.full(len(roots), -1)
     for i, names in enumerate(flags):
-        variance += 0.0 if change is None else change**2
+        if state is not None:
+            state, spread = FORTH @ state, FORTH @ spread @ FORTH.T + moves
         if any(name in FAILURES for name in names):
             continue
         positive = np.flatnonzero(roots[i] > 0.0)
         if len(positive) == 0:
             names.append("misfit")
             continue
-        if len(positive) == 2 and last is None:
+        if len(positive) == 2 and state is None:
             names.append("history")
             continue
-        pick = positive[0] if len(positive) == 1 else int(np.argmin(np.abs(roots[i] - last)))
-        chosen[i] = pick
+        off = roots[i] - (roots[i] if state is None else state[0])
+        pick = int(positive[np.argmin(np.abs(off[positive]))])
         value, u = float(roots[i, pick]), float(u_roots[i, pick])
-        allowed = np.inf if change is None or last is None else WITHIN_NOISE * np.hypot(u, variance**0.5)
-        if last is not None and abs(value - last) > allowed:
+        agrees = len(positive) == 1 and abs(value - doubted[0]) <= FAR * np.hypot(np.hypot(u, doubted[1]), change)
+        if state is None or agrees:
+            # the first of the tool's own history, or the second in a row that contradicts what was taken for it
+            state, spread = np.array([value, 0.0]), np.diag([u**2, change**2])
+        elif change_sd is not None and abs(off[pick]) > FAR * np.sqrt(u**2 + spread[0, 0]):
+            if len(positive) == 2:  # neither root is near the history: which of them is true it does not say
+                names.append("history")
+                continue
+            doubted = value, u
             names.append("scale")
-        else:
-            last, variance = value, u**2
+        elif spread[0, 0] > 0.0:
+            gain = spread[:, 0] / (spread[0, 0] + max(u, ROUNDING) ** 2)
+            state, spread = state + gain * off[pick], spread - np.outer(gain, spread[0])
+            doubted = np.nan, 0.0
+        chosen[i] = pick
     return chosen, flags
 
 

@@ -68,7 +68,7 @@ def design(index: Array, time: Array, tensor: Array, columns: Columns, damping: 
 
 
 def solve(matrix: Array, values: Array, weight: Array, columns: Columns) -> Solved:
-    """Weighted least squares of every station; weight (S, P, m) is 1/sd, nought for what is left out."""
+    """Weighted least squares of every station; weight (S, P, m) is 1/sd, zero for what is left out."""
     stations, rows, channels, width = matrix.shape
     whitened = matrix * weight[..., None]
     flat = whitened.reshape(stations, rows * channels, width)

@@ -102,7 +102,10 @@ def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) ->
     stations their median, so that spikes not yet found do not count.
     """
     largest = max(float(np.abs(batch.values).max()) for batch in batches)
-    floor = max(1e-13 * largest, 1e-100)  # rounding, for readings without any noise
+    # readings without any noise; and a bias along the tool is told from the field by its prior alone, which rounding
+    # loses where the noise is too much smaller than that
+    sharpest = max(float(batch.columns.prior.max(initial=0.0)) for batch in batches)
+    floor = max(1e-13 * largest, 3e-5 / np.sqrt(sharpest) if sharpest > 0.0 else 1e-100, 1e-100)
     gain = _gains(batches)
     sd = np.full(len(names), max(1e-3 * largest, floor))
     dof = 0.0

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.core.arrays import within
 from inclinometry.gyro._closed_parts import (
+    CHANGE,
     choose,
     failures,
     north_result,
@@ -41,6 +42,7 @@ from inclinometry.gyro.result import North
 from inclinometry.gyro.tilt import STEEPEST
 
 __all__ = [
+    "CHANGE",
     "azimuth_arctan2",
     "expected_rates",
     "high_side",
@@ -62,7 +64,8 @@ def solve_patent(
     rate_covariance: ArrayLike | None = None,
     g: float | None = None,
     history: float | None = None,
-    history_sd: float | None = None,
+    history_sd: float = 0.0,
+    change_sd: float | None = None,
 ) -> North:
     """Steps C to F of the patent for a run of stations: scale factor from the Earth's rate itself, then azimuth.
 
@@ -79,11 +82,13 @@ def solve_patent(
         Of one station's readings, (m/s^2)^2 and (rad/s)^2, m 2 or 3; one (m, m) serves all. Taken as exact if absent.
     g : float, optional
         Strength of gravity, m/s^2; needed where z is not measured.
-    history : float, optional
-        Scale factor before the first station.
-    history_sd : float, optional
-        Standard deviation of its change from one station to the next. With it a scale factor further from the last
-        one than 3 standard uncertainties is flagged "scale" and is not carried on as history.
+    history, history_sd : float, optional
+        Scale factor before the first station, and its standard uncertainty. Absent: the first station with a single
+        positive root begins the history; stations before it are flagged "history".
+    change_sd : float, optional
+        Standard deviation of the scale factor's change from one station to the next. With it a scale factor further
+        than 4 standard uncertainties from the history is flagged "scale" and is not carried on, unless the next station
+        agrees with it; and of two roots that far neither is taken ("history").
 
     Returns
     -------
@@ -99,9 +104,11 @@ def solve_patent(
 
     Notes
     -----
-    Of two positive roots the one nearest the scale factor of the last station that had one is taken. The choice is
-    safe only where the roots are further apart than the scale factor moves: near K = 0 it is not, and an error there
-    is carried on. Implicit differentiation of s A = X, s B = Y gives the sensitivities.
+    Which root: the claim discards "the one that differs much from the history of the scale factor", the description
+    "by the sign of s and the rate of change of the history". So: of two positive roots the one nearer to what the
+    scale factors so far and their rate of change foretell. That is safe only where the roots are further apart than
+    the scale factor moves: near K = 0 it is not, and an error there is carried on. Implicit differentiation of
+    s A = X, s B = Y gives the sensitivities.
 
     Examples
     --------
@@ -119,7 +126,7 @@ def solve_patent(
     by_scale, by_azimuth = sensitivity(roots, psi, th2, lat)
     u_roots = np.sqrt(sum(variance(by_scale, part[:, None]) for part in noise.values()))
     named = failures(attitude, a, b, discriminant, noise, lat)
-    chosen, flags = choose(roots, u_roots, named, history, history_sd)
+    chosen, flags = choose(roots, u_roots, named, history, history_sd, change_sd)
     lost, pick = chosen < 0, (np.arange(len(a)), np.maximum(chosen, 0))
     return north_result(
         attitude,
@@ -199,6 +206,6 @@ def solve_fixed_arctan2(
         attitude, psi, s, u, np.where(lost[:, None], np.nan, by[:, :4]), noise, placed(attitude), lat, "fixed"
     )
     extra = np.where(lost, np.nan, (by[:, 4] * u) ** 2)
-    nought = np.zeros_like(extra)
-    components = {**north.components, "scale": np.stack([nought, extra, nought, extra], axis=-1)}
+    none = np.zeros_like(extra)
+    components = {**north.components, "scale": np.stack([none, extra, none, extra], axis=-1)}
     return replace(north, components=components)

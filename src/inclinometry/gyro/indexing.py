@@ -172,7 +172,8 @@ def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Se
             for s, n in zip(out.spike.tolist(), out.noisy.tolist(), strict=True)
         ),
         left_out=tuple(left_out),
-        notes=_notes(noise, table, names, out, left_out),
+        notes=_notes(noise, table, names),
+        warnings=_warnings(table, out, left_out),
     )
 
 
@@ -202,17 +203,18 @@ class _Sums:
         self.noisy[at], self.spike[at] = noisy, ~batch.used.all(axis=1)
 
 
-def _notes(
-    noise: Noise, table: Table, names: Sequence[str], out: _Sums, left_out: Sequence[tuple[int, int]]
-) -> tuple[str, ...]:
-    notes = []
-    if noise.dof is not None:
-        values = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, noise.sd, strict=True))
-        notes.append(
-            f"Noise of one reading, estimated from the residuals of {len(table.labels)} station(s) with "
-            f"{noise.dof:.0f} degrees of freedom: {values}."
-        )
-    notes += [f"Station {label}: reading in row {row} disagrees with the others; left out." for label, row in left_out]
+def _notes(noise: Noise, table: Table, names: Sequence[str]) -> tuple[str, ...]:
+    if noise.dof is None:
+        return ()
+    values = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, noise.sd, strict=True))
+    return (
+        f"Noise of one reading, estimated from the residuals of {len(table.labels)} station(s) with "
+        f"{noise.dof:.0f} degrees of freedom: {values}.",
+    )
+
+
+def _warnings(table: Table, out: _Sums, left_out: Sequence[tuple[int, int]]) -> tuple[str, ...]:
+    notes = [f"Station {label}: reading in row {row} disagrees with the others; left out." for label, row in left_out]
     noisy = table.labels[out.noisy]
     if len(noisy):
         shown = ", ".join(str(label) for label in noisy[:10]) + (", ..." if len(noisy) > 10 else "")

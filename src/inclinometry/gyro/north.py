@@ -34,6 +34,11 @@ MISFIT = 16.0
 NEAR_VERTICAL = 5.0
 """Standard uncertainties of inclination within which a tool counts as vertical."""
 
+NEAR_HORIZONTAL = 5.0
+"""Standard uncertainties of inclination within which a tool without z counts as horizontal: with 3, three stations in
+20 000 at exactly 90 deg passed with an azimuth wrong by a hundred degrees, since the inclination errs there by the root
+of the noise."""
+
 
 def estimate_north(
     gravity: ArrayLike,
@@ -249,7 +254,8 @@ def _too_level(found: Tilt, covariance: Array) -> Mask:
     spread = np.sqrt(np.einsum("ni,nij,nj->n", across, covariance[:, :2, :2], across))
     # 1 - sin(inclination) against the error of the sine
     gap = 2.0 * np.sin(0.5 * (np.pi / 2 - found.inclination)) ** 2 * found.strength
-    return np.asarray(found.unseen & (gap <= NEAR_VERTICAL * spread))
+    # u(inclination) is that error over the cosine, and 90 deg less the inclination is 2 gap / spread of them
+    return np.asarray(found.unseen & (gap <= 0.5 * NEAR_HORIZONTAL * spread))
 
 
 class _Response(NamedTuple):
@@ -366,7 +372,8 @@ def _result(
     with np.errstate(invalid="ignore", divide="ignore"):
         surprise = np.abs(best.k - 1.0 / problem.scale) > 4.0 * sd_k
     masks = {
-        "vertical": np.minimum(inc, np.pi - inc) <= NEAR_VERTICAL * spread,
+        # by the sine: the inclination of a tool without z is uncertain near horizontal too
+        "vertical": np.sin(inc) <= NEAR_VERTICAL * spread * np.abs(np.cos(inc)),
         "down-assumed": problem.assumed,
         "horizontal": lost,
         "ambiguous": best.ambiguous,

@@ -19,8 +19,8 @@ FLAGS = {
     "noisy": "index positions disagree by more than the noise",
     "temperature": "outside the temperatures of the calibration; the parameters are extrapolated",
     "complex": "no real scale factor solves the closed form: noise near its double root",
-    "double-root": "the two scale factors of the closed form cannot be told apart (K is nought within noise)",
-    "history": "both scale factors are possible and there is no earlier one to choose by",
+    "double-root": "the two scale factors of the closed form cannot be told apart (K is zero within noise)",
+    "history": "both scale factors of the closed form are possible; earlier ones, if any, are near neither",
     "horizontal": "inclination near 90: a tool without z cannot tell how near, and the closed form loses the quadrant",
     "up-hole": "inclination above 90: outside the closed form",
     "parallel": "the tool is parallel to the Earth's axis: its cross-axis gyros see nothing",
@@ -39,7 +39,7 @@ class IndexAverage:
     noise : (m,) standard deviation of one reading that the covariance rests on.
     flags : per station, names of `FLAGS`.
     left_out : (station, row) of readings not used.
-    notes : sentences for the user.
+    notes : what was estimated; warnings : what may be wrong.
     """
 
     field: Array
@@ -52,6 +52,7 @@ class IndexAverage:
     flags: Sequence[Sequence[str]]
     left_out: Sequence[tuple[int, int]] = ()
     notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()
 
     def __len__(self) -> int:
         return len(self.field)
@@ -63,7 +64,7 @@ class North:
 
     inclination, azimuth, toolface, gyro_toolface : (n,) gyro_toolface is azimuth + toolface, defined when vertical too.
     scale, u_scale : (n,) true rate = scale x reading.
-    k : (n,) K = cos(lat) cos(inc) + sin(lat) sin(inc) cos(azi): the scale factor cannot be seen where it is nought.
+    k : (n,) K = cos(lat) cos(inc) + sin(lat) sin(inc) cos(azi): the scale factor cannot be seen where it is zero.
     root : per station "+" or "-", the sign of K, which is the root of the closed form that is true.
     components : cause -> (n, 4) variances of inclination, azimuth, toolface, gyro toolface, rad^2.
     chi_square, dof : (n,) misfit of the rates, prior included, and its degrees of freedom.

@@ -106,7 +106,7 @@ def _derivatives(inclination: Array, toolface: Array, total: Array, unseen: Mask
 
 
 def settle_vertical(inclination: Array, azimuth: Array, toolface: Array) -> tuple[Array, Array]:
-    """Azimuth and toolface as the house gives them: exactly vertical azimuth is 0 and the whole turn is toolface."""
+    """Azimuth and toolface by convention: exactly vertical azimuth is 0 and the whole turn is toolface."""
     vertical = np.sin(inclination) < 1e-15
     hand = np.where(inclination < np.pi / 2, 1.0, -1.0)
     turned = wrap_positive(toolface + hand * azimuth)

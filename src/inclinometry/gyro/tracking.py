@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from inclinometry.core.arrays import Array, Mask, finite, frozen, within
 from inclinometry.core.errors import InputError
 from inclinometry.gyro._input import covariances, one_value, per_station, vectors
-from inclinometry.gyro.joint import LARGEST, JointBatch, solve_joint
+from inclinometry.gyro.joint import LARGEST, SCALES, JointBatch, solve_joint
 
 SPAN = 100.0
 """degC by which temperature is divided, so that coefficients are of one size."""
@@ -22,8 +22,28 @@ TEMPERATURES = (-273.15, 1000.0)
 TIGHTEST = 1e-9
 """Standard uncertainty below which a scale factor need not be known."""
 
+SHARPEST = 1e-7
+"""Standard uncertainty to which one station at best teaches the scale: what is sharper drowns in rounding."""
+
 SURPRISE = 25.0
 """Squared distance, in variances, of a scale from what was expected, beyond which nothing is learnt from it."""
+
+DOUBTFUL = 9.0
+"""Squared misfit of a station, in variances, beyond which it speaks against what is believed of the scale."""
+
+UNLIKELY = 16.0
+"""Squared distance, in variances, of a scale from what is believed, from which on the belief is widened: well before a
+station's own surprise keeps it from teaching anything."""
+
+ENOUGH = 200
+"""Stations that are asked whether the belief can be true."""
+
+FINENESS = 2e-3
+"""Relative step of the scale factors tried for that."""
+
+UNSEEN = 2.0
+"""degC by which two stations that follow one another may differ where no temperature is measured: 30 m of a steep
+geothermal gradient."""
 
 MOST = 3000
 """Stations that `smooth_scale` takes at once."""
@@ -39,7 +59,7 @@ class ScaleBelief:
 
     coefficients, covariance : (p,), (p, p) of c0, c1 ...; p = 1, 2 or 3.
     walk : standard deviation of the wandering over 1 degC of change (it grows with the root of the change).
-    wandered : value and variance of w where it stands, and that temperature, degC; None: nought at the reference.
+    wandered : value and variance of w where it stands, and that temperature, degC; None: zero at the reference.
     jitter : standard deviation of what is each station's own.
     reference_temperature : degC.
     temperature_range : degC in which the belief was formed, None for one that was stated.
@@ -131,12 +151,14 @@ def walking_belief(
 class ScaleTrack:
     """The scale factor along a run of n stations.
 
-    temperature : (n,) degC.
+    temperature : (n,) degC; without a thermometer a stand-in, `UNSEEN` degC from one station to the next.
     expected, expected_sd : (n,) what was known of each station's scale without its own rates: give these to
         `estimate_north` as `scale` and `scale_sd`.
     scale, scale_sd : (n,) with its own rates.
     learnt : (n,) False where nothing was learnt from a station: ambiguous, not Gaussian, or too far from expectation.
     belief : what is known after the run, for the next one.
+    thermometer : whether the temperatures were measured.
+    prior : what was known before the run: as given, or widened where the readings contradict it.
     """
 
     temperature: Array
@@ -146,10 +168,204 @@ class ScaleTrack:
     scale_sd: Array
     learnt: Mask
     belief: ScaleBelief
+    prior: ScaleBelief
+    thermometer: bool = True
     notes: tuple[str, ...] = field(default=())
 
     def __len__(self) -> int:
         return len(self.scale)
+
+
+class ScaleStep(NamedTuple):
+    """One station of a `ScaleTracker`, named as in `ScaleTrack`; azimuth, rad, with its sd by gyros and scale alone."""
+
+    temperature: float
+    expected: float
+    expected_sd: float
+    scale: float
+    scale_sd: float
+    learnt: bool
+    azimuth: float
+    azimuth_sd: float
+
+
+class ScaleTracker:
+    """The scale factor station by station, as the readings come in.
+
+    Parameters
+    ----------
+    belief : ScaleBelief
+        What is known before the first station.
+    latitude : float
+        rad, north positive.
+    thermometer : bool
+        False where no temperature is measured: the scale then wanders as if it changed by `UNSEEN` degC a station.
+
+    Notes
+    -----
+    A Kalman filter on the belief's coefficients. The measurement is the joint estimate itself: the belief is moved by
+    the share in which the station's own rates sharpened its scale, so a station at K = 0 teaches nothing and does no
+    harm. Where the stations so far contradict the belief, it is widened and they are learnt from anew: `steps` then
+    holds all stations with the widened belief: what `add` said of the first ones rested on the contradicted one.
+
+    Examples
+    --------
+    >>> from inclinometry.gyro.joint import earth_in_tool
+    >>> tracker = ScaleTracker(quadratic_belief(), latitude=0.8)
+    >>> for heat in (20.0, 30.0, 40.0):
+    ...     step = tracker.add(earth_in_tool(0.8, 0.3, 0.8)[:2] / 1.001, 1e-8 * np.eye(2), 0.3, heat)
+    >>> round(step.expected, 4), round(step.scale, 4), len(tracker.notes)
+    (1.001, 1.001, 0)
+    """
+
+    def __init__(self, belief: ScaleBelief, latitude: float, *, thermometer: bool = True) -> None:
+        self.stated = self.prior = belief
+        self.latitude = one_value(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
+        self.thermometer = thermometer
+        self._stations: list[tuple[Array, Array, float, float]] = []
+        self.steps: list[ScaleStep] = []
+        self._doubt = _Doubt(belief, self.latitude)
+        self._begin(belief)
+
+    def _begin(self, belief: ScaleBelief) -> None:
+        self.prior, self._at = belief, belief.stands[2]
+        self._mean, self._spread = np.append(belief.coefficients, belief.stands[0]), _blocks(belief)
+
+    def add(
+        self, rates: ArrayLike, covariance: ArrayLike, inclination: float, temperature: float | None = None
+    ) -> ScaleStep:
+        """One station: rates (2,) or (3,) and their covariance as for `solve_joint`, rad, degC."""
+        high = vectors(np.asarray(rates, dtype=np.float64)[None], "rates", LARGEST)
+        cov = covariances(covariance, "covariance", np.isfinite(high[:, 2]), positive=True)
+        slant = one_value(inclination, "inclination", 0.0, np.pi, "rad")
+        if (temperature is not None) != self.thermometer:
+            wanted = "needed" if self.thermometer else "not expected: the tracker was told there is no thermometer"
+            raise InputError(f"temperature is {temperature}; it is {wanted}")
+        last = self._stations[-1][3] if self._stations else self.stated.stands[2]
+        heat = float(_temperatures([last + UNSEEN if temperature is None else temperature], 1)[0])
+        self._stations.append((high, cov, slant, heat))
+        self._doubt.add(high, cov, np.array([slant]), np.array([heat]))
+        prior = self._doubt.verdict()
+        if abs(prior.coefficients[0] - self.prior.coefficients[0]) > 0.1 * np.sqrt(prior.covariance[0, 0]):
+            self._begin(prior)
+            self.steps = [self._take(*station) for station in self._stations[:-1]]
+        self.steps.append(self._take(high, cov, slant, heat))
+        return self.steps[-1]
+
+    def _take(self, high: Array, cov: Array, slant: float, heat: float) -> ScaleStep:
+        belief = self.prior
+        self._spread[-1, -1] += belief.walk**2 * abs(heat - self._at)
+        self._at = heat
+        row = np.append(belief.basis(heat), 1.0)
+        here, variance = float(row @ self._mean), float(row @ self._spread @ row) + max(belief.jitter, TIGHTEST) ** 2
+        found = solve_joint(high, cov, slant, self.latitude, scale=here, scale_sd=np.sqrt(variance))
+        after = _posterior(found)
+        learnt = bool(_teaches(found, after, np.array([here]), np.array([variance]))[0])
+        if learnt:
+            gain = self._spread @ row / variance
+            self._mean = self._mean + gain * (after.scale[0] - here)
+            self._spread = self._spread - np.outer(gain, gain) * (variance - after.variance[0])
+        scale, sd = float(after.scale[0]), float(np.sqrt(after.variance[0]))
+        turn = float(found.azimuth[0]), float(np.sqrt(found.var_azimuth[0]))
+        return ScaleStep(heat, here, float(np.sqrt(variance)), scale, sd, learnt, *turn)
+
+    @property
+    def belief(self) -> ScaleBelief:
+        """What is known after the stations so far."""
+        heat = np.array([heat for *_, heat in self._stations] or [self._at])
+        return _moved(self.prior, self._mean, self._spread, heat)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for the user."""
+        return (*widened(self.stated, self.prior), *_note(np.array([step.learnt for step in self.steps], dtype=bool)))
+
+
+class _Doubt:
+    """Whether the readings contradict what is believed of the scale beforehand.
+
+    One scale factor for all stations, but for what the belief allows them to differ by, is tried over 0.5 to 2: a wrong
+    root is another scale at every station, the right one is the same at all. The squared misfit of each station and
+    that of the belief count up to 25 (five standard uncertainties), so that one disturbed station outvotes nothing, and
+    two that agree outvote a statement.
+    """
+
+    def __init__(self, belief: ScaleBelief, latitude: float) -> None:
+        self.belief, self.latitude = belief, latitude
+        rest = belief.covariance.copy()
+        rest[0, :] = rest[:, 0] = 0.0
+        self._others = replace(belief, covariance=rest)
+        self._centre, self._sd = (
+            float(belief.coefficients[0]),
+            float(np.hypot(belief.covariance[0, 0] ** 0.5, TIGHTEST)),
+        )
+        self._tried = np.append(self._centre, np.exp(np.arange(np.log(0.5), np.log(2.0), FINENESS)))
+        self._cost, self._fits = np.zeros(len(self._tried)), np.zeros(len(self._tried))
+        self._waiting: list[tuple[Array, ...]] = []
+        self._size = self._against = 0
+
+    def add(self, high: Array, covariance: Array, inclination: Array, heat: Array) -> None:
+        """More stations; what costs time waits until two of them speak against the belief."""
+        expected, sd = self.belief.predict(heat)
+        here = solve_joint(high, covariance, inclination, self.latitude, scale=expected, scale_sd=sd)
+        self._against += int(np.sum(here.cost > DOUBTFUL))
+        self._size += len(high)
+        self._waiting.append((high, covariance, inclination, heat))
+
+    def verdict(self) -> ScaleBelief:
+        """The belief; where it is contradicted, centred on what fits best and wide enough for the step."""
+        if self._against < 2:
+            return self.belief
+        for high, covariance, inclination, heat in self._waiting:
+            tried, size = self._tried[:, None], len(high)
+            expected, differs = self._others.predict(heat)
+            found = solve_joint(
+                np.tile(high, (len(tried), 1)),
+                np.tile(covariance, (len(tried), 1, 1)),
+                np.tile(inclination, len(tried)),
+                self.latitude,
+                scale=np.clip(expected + tried - self._centre, *SCALES).ravel(),
+                scale_sd=np.hypot(np.broadcast_to(differs, (len(tried), size)), 0.5 * FINENESS * tried).ravel(),
+            )
+            cost = found.cost.reshape(len(tried), size)
+            self._cost += np.minimum(cost, SURPRISE).sum(axis=1)
+            self._fits += np.sum(cost < DOUBTFUL, axis=1)
+        self._waiting = []
+        own = np.minimum(((self._tried - self._centre) / self._sd) ** 2, SURPRISE)
+        best = int(np.argmin(self._cost + own))
+        if own[best] < UNLIKELY or self._fits[best] < 0.5 * self._size:
+            return self.belief
+        wide = self.belief.covariance.copy()
+        wide[0, 0] += (self._tried[best] - self._centre) ** 2
+        return replace(
+            self.belief, coefficients=np.append(self._tried[best], self.belief.coefficients[1:]), covariance=wide
+        )
+
+
+def contradicted(
+    rates: Array, covariance: Array, inclination: Array, latitude: float, temperature: Array, belief: ScaleBelief
+) -> ScaleBelief:
+    """The belief, or where the readings of a run contradict it the belief widened so that it covers what they say.
+
+    Parameters as `track_scale`, checked.
+    """
+    rows = np.unique(np.linspace(0, len(rates) - 1, min(len(rates), ENOUGH)).astype(int))
+    doubt = _Doubt(belief, latitude)
+    doubt.add(rates[rows], covariance[rows], inclination[rows], temperature[rows])
+    return doubt.verdict()
+
+
+def widened(stated: ScaleBelief, used: ScaleBelief) -> tuple[str, ...]:
+    """What to say of a belief that the readings contradict."""
+    if used is stated:
+        return ()
+    value, sd = stated.coefficients[0], stated.covariance[0, 0] ** 0.5
+    found, wide = used.coefficients[0], used.covariance[0, 0] ** 0.5
+    return (
+        f"the scale factor stated, {value:.4g} +- {100.0 * sd:.2g} %, contradicts the readings, which fit {found:.4g}; "
+        f"it was widened to {found:.4g} +- {100.0 * wide:.2g} %: state what is known of it (--scale-sd-percent), and "
+        "check the calibration and the latitude",
+    )
 
 
 def track_scale(
@@ -157,7 +373,7 @@ def track_scale(
     covariance: ArrayLike,
     inclination: ArrayLike,
     latitude: float,
-    temperature: ArrayLike,
+    temperature: ArrayLike | None,
     belief: ScaleBelief,
 ) -> ScaleTrack:
     """Learn the scale factor online: each station uses what the stations before it have taught.
@@ -166,8 +382,8 @@ def track_scale(
     ----------
     rates, covariance, inclination, latitude
         As for `solve_joint`, stations in the order they were taken.
-    temperature : (n,) array_like
-        degC.
+    temperature : (n,) array_like or None
+        degC; None where it is not measured: the scale then wanders as if it changed by `UNSEEN` degC a station.
     belief : ScaleBelief
         What is known before the first station.
 
@@ -178,13 +394,11 @@ def track_scale(
     Raises
     ------
     InputError
-        Temperatures missing or not finite, or not one a station.
+        Temperatures not finite, or not one a station.
 
     Notes
     -----
-    A Kalman filter on the belief's coefficients. The measurement is the joint estimate itself: the belief is moved by
-    the share in which the station's own rates sharpened its scale, so a station at K = 0 teaches nothing and does no
-    harm.
+    Station by station through a `ScaleTracker`, which see.
 
     Examples
     --------
@@ -197,28 +411,17 @@ def track_scale(
     """
     high = vectors(rates, "rates", LARGEST)
     cov = covariances(covariance, "covariance", np.isfinite(high[:, 2]), positive=True)
-    heat = _temperatures(temperature, len(high))
-    slant = per_station(inclination, len(heat), "inclination", 0.0, np.pi, "rad")
-    powers, steps = belief.basis(heat), _steps(heat, belief)
-    mean = np.append(belief.coefficients, belief.stands[0])
-    spread = _blocks(belief)
-    expected, expected_sd, scale, scale_sd = (np.empty(len(heat)) for _ in range(4))
-    learnt = np.zeros(len(heat), dtype=bool)
-    for n in range(len(heat)):
-        spread[-1, -1] += steps[n]
-        row = np.append(powers[n], 1.0)
-        here, variance = float(row @ mean), float(row @ spread @ row) + max(belief.jitter, TIGHTEST) ** 2
-        found = solve_joint(high[n : n + 1], cov[n : n + 1], slant[n], latitude, scale=here, scale_sd=np.sqrt(variance))
-        after = _posterior(found)
-        expected[n], expected_sd[n] = here, np.sqrt(variance)
-        scale[n], scale_sd[n] = after.scale[0], np.sqrt(after.variance[0])
-        learnt[n] = bool(_teaches(found, after, np.array([here]), np.array([variance]))[0])
-        if learnt[n]:
-            gain = spread @ row / variance
-            mean = mean + gain * (after.scale[0] - here)
-            spread = spread - np.outer(gain, gain) * (variance - after.variance[0])
-    known = _moved(belief, mean, spread, heat)
-    return ScaleTrack(heat, expected, expected_sd, scale, scale_sd, learnt, known, _note(learnt))
+    slant = per_station(inclination, len(high), "inclination", 0.0, np.pi, "rad")
+    heat = None if temperature is None else _temperatures(temperature, len(high)).tolist()
+    tracker = ScaleTracker(belief, latitude, thermometer=heat is not None)
+    for n in range(len(high)):
+        tracker.add(high[n], cov[n], float(slant[n]), None if heat is None else heat[n])
+    found = np.array([step[:5] for step in tracker.steps]).T
+    learnt = np.array([step.learnt for step in tracker.steps], dtype=bool)
+    measured = heat is not None
+    return ScaleTrack(
+        found[0], found[1], found[2], found[3], found[4], learnt, tracker.belief, tracker.prior, measured, tracker.notes
+    )
 
 
 def smooth_scale(
@@ -226,7 +429,7 @@ def smooth_scale(
     covariance: ArrayLike,
     inclination: ArrayLike,
     latitude: float,
-    temperature: ArrayLike,
+    temperature: ArrayLike | None,
     belief: ScaleBelief,
 ) -> ScaleTrack:
     """Learn the scale factor from the whole run: each station uses all others, those after it too.
@@ -248,12 +451,17 @@ def smooth_scale(
     1.004
     """
     high = vectors(rates, "rates", LARGEST)
-    heat = _temperatures(temperature, len(high))
+    covariance = covariances(covariance, "covariance", np.isfinite(high[:, 2]), positive=True)
+    slant = per_station(inclination, len(high), "inclination", 0.0, np.pi, "rad")
+    unseen = belief.stands[2] + UNSEEN * np.arange(1.0, len(high) + 1.0)
+    heat = _temperatures(unseen if temperature is None else temperature, len(high))
     if len(heat) > MOST:
         raise InputError(
             f"{len(heat)} stations; at most {MOST} at once: split the run, or learn from earlier ones only"
         )
-    powers, walked = belief.basis(heat), np.cumsum(_steps(heat, belief))
+    stated, belief = belief, contradicted(high, covariance, slant, latitude, heat, belief)
+    powers = belief.basis(heat)
+    walked = np.cumsum(belief.walk**2 * np.abs(np.diff(heat, prepend=belief.stands[2])))
     mean = powers @ belief.coefficients + belief.stands[0]
     shared = powers @ belief.covariance @ powers.T + np.minimum.outer(walked, walked) + belief.stands[1]
     prior = shared + max(belief.jitter, TIGHTEST) ** 2 * np.eye(len(heat))
@@ -261,11 +469,12 @@ def smooth_scale(
     precision, shift = np.zeros(size), np.zeros(size)  # what each station's own rates add, as a Gaussian
     for _ in range(SWEEPS):
         expected, variance = _without_own(prior, mean, precision, shift)
-        found = solve_joint(high, covariance, inclination, latitude, scale=expected, scale_sd=np.sqrt(variance))
+        found = solve_joint(high, covariance, slant, latitude, scale=expected, scale_sd=np.sqrt(variance))
         after = _posterior(found)
         learnt = _teaches(found, after, expected, variance)
-        gained = np.where(learnt, 1.0 / np.minimum(after.variance, variance) - 1.0 / variance, 0.0)
-        moved = np.where(gained > 0.0, after.scale / after.variance - expected / variance, 0.0)
+        sharp = np.clip(after.variance, SHARPEST**2, variance)
+        gained = np.where(learnt, 1.0 / sharp - 1.0 / variance, 0.0)
+        moved = np.where(gained > 0.0, after.scale / sharp - expected / variance, 0.0)
         done = np.allclose(gained, precision, rtol=1e-9, atol=1e-6) and np.allclose(moved, shift, rtol=1e-9, atol=1e-6)
         precision, shift = gained, moved
         if done:
@@ -278,7 +487,8 @@ def smooth_scale(
     centre = np.divide(shift, precision, out=mean.copy(), where=precision > 0.0)
     known = _moved(belief, start + state @ weights @ (centre - mean), end - state @ weights @ state.T, heat)
     sd = np.sqrt(variance), np.sqrt(after.variance)
-    return ScaleTrack(heat, expected, sd[0], after.scale, sd[1], learnt, known, _note(learnt))
+    notes = (*widened(stated, belief), *_note(learnt))
+    return ScaleTrack(heat, expected, sd[0], after.scale, sd[1], learnt, known, belief, temperature is not None, notes)
 
 
 class _Posterior(NamedTuple):
@@ -308,11 +518,6 @@ def _without_own(prior: Array, mean: Array, precision: Array, shift: Array) -> t
     own = np.diagonal(factor)
     left = 1.0 / own - precision
     return (centre / own - shift) / left, 1.0 / left
-
-
-def _steps(heat: Array, belief: ScaleBelief) -> Array:
-    """Variance (n,) that the wandering gains before each station."""
-    return np.asarray(belief.walk**2 * np.abs(np.diff(heat, prepend=belief.stands[2])))
 
 
 def _temperatures(temperature: ArrayLike, size: int) -> Array:
@@ -353,4 +558,7 @@ def _note(learnt: Mask) -> tuple[str, ...]:
     left = int(np.sum(~learnt))
     if not left:
         return ()
-    return (f"nothing was learnt of the scale from {left} of {len(learnt)} stations: K near nought or out of line",)
+    return (
+        f"nothing was learnt of the scale factor from {left} of {len(learnt)} stations: it is not observable there (K "
+        "near zero), or the station is out of line with the others",
+    )

@@ -44,10 +44,11 @@ def read_signals(table: Table) -> Signals:
         signals.units[kind] = ordered[0].unit
         signals.names[kind] = tuple(c.name for c in ordered)
         signals.values[kind] = np.stack([_readings(table, c.name) for c in ordered], axis=1)
-        if len(ordered) == 2 and ordered[0].axis == "x":
-            notes.append(
-                f"{kind}: two channels ({', '.join(signals.names[kind])}), no {KIND_PREFIX[kind]}_z in the file"
-            )
+        lacking = ["y", "z"][len(ordered) - 1 :] if ordered[0].axis == "x" else []
+        if lacking:
+            number = "one channel" if len(ordered) == 1 else "two channels"
+            without = " and ".join(f"{KIND_PREFIX[kind]}_{axis}" for axis in lacking)
+            notes.append(f"{kind}: {number} ({', '.join(signals.names[kind])}), no {without} in the file")
         if any(c.kind == kind for c in found if c.sd):
             signals.sd[kind] = _deviations(table, signals.names[kind])
     _orphans(table, found)
@@ -92,8 +93,8 @@ def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]
     letters = [a for a in "xyz" if a in by_axis]
     if letters and len(letters) < len(by_axis):
         raise table.error(f"{kind} columns mix letters and numbers; name them {prefix}_x.. or {prefix}_1.., not both")
-    wanted = ["x", "y", "z"][: max(2, "xyz".index(letters[-1]) + 1)] if letters else []
-    wanted = wanted or [str(i + 1) for i in range(max(2, *map(int, by_axis), 0))][:200]
+    wanted = ["x", "y", "z"][: "xyz".index(letters[-1]) + 1] if letters else []
+    wanted = wanted or [str(i + 1) for i in range(max(map(int, by_axis)))][:200]
     tail = found[0].name.removeprefix(f"{prefix}_{found[0].axis}")
     table.require(f"{prefix}_{axis}{tail}" for axis in wanted)
     return [by_axis[axis] for axis in wanted]

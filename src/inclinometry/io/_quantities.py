@@ -171,7 +171,7 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     Traceback (most recent call last):
     inclinometry.core.errors.InputError: column 'Gx' has no unit; write gx_m_s2 or the like
     """
-    if name.startswith(EXTRA) or name == "flags":
+    if name.startswith(EXTRA) or name in ("flags", "toolface_type"):
         return None
     if _squashed(name) in _texts():
         return Meaning(_texts()[_squashed(name)], None)

@@ -25,6 +25,14 @@ def need_settings(table: Table) -> tuple[Array, Array, Array]:
     FileError
         One of the three is missing, values out of range, angles that look like radians.
     """
+    dips = [name for name in table.header if name.lower() in ("dip", "dip_deg")]
+    if dips and "inclination_deg" not in table:
+        # in mines and caves dip is the angle of the tool below the horizon; here it is that of the magnetic field
+        raise table.error(
+            f"column 'inclination_deg' is missing; if {dips[0]!r} is the angle of the tool from the horizontal, name "
+            "it inclination_deg and state --inclination-from horizontal (positive downwards) or horizontal-up "
+            "(positive upwards); the dip of the magnetic field at the stand is reference_dip_deg"
+        )
     table.require(ANGLES)
     degrees = [table.number(name) for name in ANGLES]
     for name, values in zip(ANGLES, degrees, strict=True):

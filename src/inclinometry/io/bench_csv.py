@@ -43,8 +43,8 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     Returns
     -------
     BenchReadings
-        Repeated stations averaged; `sd` is that of the mean. `notes` names what was averaged, what was not used, and
-        channels that look saturated.
+        Repeated stations averaged; `sd` is that of the mean. `notes` names what was averaged, `warnings` what was
+        not used, and channels that look saturated.
 
     Raises
     ------
@@ -70,8 +70,8 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     try:
         with np.errstate(over="raise", invalid="raise"):
             repeats = find_repeats(table, station, settings, temperature, roll_set)
-            notes = [*signals.notes, *unused, *repeats.notes, *_suspicions(table, signals, settings, repeats)]
-            return _merged(table, signals, settings, temperature, count, station, roll_set, repeats, notes)
+            doubts = [*signals.notes, *unused, *_suspicions(table, signals, settings, repeats)]
+            return _merged(table, signals, settings, temperature, count, station, roll_set, repeats, doubts)
     except (InputError, FloatingPointError) as error:
         if isinstance(error, FileError):
             raise
@@ -87,7 +87,7 @@ def _merged(
     station: Sequence[str],
     roll_set: Sequence[str],
     repeats: Repeats,
-    notes: Sequence[str],
+    warnings: Sequence[str],
 ) -> BenchReadings:
     averaged = len(repeats.first) < len(table)
     if count is None and averaged:
@@ -113,8 +113,9 @@ def _merged(
         [roll_set[i] for i in repeats.first] if any(roll_set) else (),
         signals.units,
         _reference(table),
-        notes,
+        repeats.notes,
         table.digest,
+        warnings=warnings,
     )
 
 
@@ -172,7 +173,7 @@ def _suspicions(table: Table, signals: Signals, settings: Settings | None, repea
     return notes
 
 
-def write_bench(readings: BenchReadings, path: str | Path, *, units_in_names: bool = False) -> None:
+def write_bench(readings: BenchReadings, path: str | Path) -> None:
     """Write readings so that `read_bench` gives them back.
 
     Angles are rounded to 1e-10 deg; everything else is printed so that it reads back to the same bits. The standard
@@ -182,8 +183,10 @@ def write_bench(readings: BenchReadings, path: str | Path, *, units_in_names: bo
     ----------
     readings : BenchReadings
     path : str or Path
-    units_in_names : bool
-        Append the unit to the channels' names (`accel_x_m_s2`) where it is one the reader knows.
+
+    Notes
+    -----
+    The unit stands in the channels' names (`accel_x_m_s2`) where it is one the reader knows; counts need none.
     """
     names, columns = ["station"], [list(readings.station)]
     if readings.azimuth is not None:
@@ -193,7 +196,7 @@ def write_bench(readings: BenchReadings, path: str | Path, *, units_in_names: bo
     if readings.temperature is not None:
         names.append("temperature_degC")
         columns.append(_write.column(readings.temperature))
-    _add_channels(readings, names, columns, units_in_names)
+    _add_channels(readings, names, columns)
     if readings.count is not None:
         names.append("count")
         columns.append(_write.column(readings.count))
@@ -208,11 +211,11 @@ def write_bench(readings: BenchReadings, path: str | Path, *, units_in_names: bo
     _write.write_columns(names, columns, path)
 
 
-def _add_channels(readings: BenchReadings, names: list[str], columns: list[list[str]], units: bool) -> None:
+def _add_channels(readings: BenchReadings, names: list[str], columns: list[list[str]]) -> None:
     suffixes = {label: f"_{suffix}" for suffix, label in UNIT_LABELS.items() if label != "counts"}
     repeats = np.ones(len(readings)) if readings.count is None else readings.count
     for kind, values in readings.channels.items():
-        tail = suffixes.get(readings.units[kind], "") if units else ""
+        tail = suffixes.get(readings.units[kind], "")
         channels = [f"{KIND_PREFIX[kind]}_{axis}{tail}" for axis in axes(values.shape[1])]
         names += channels
         columns += [_write.column(column) for column in values.T]

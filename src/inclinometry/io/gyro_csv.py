@@ -19,7 +19,8 @@ from inclinometry.io.columns import GYRO_RUN, KIND_PREFIX, UNIT_LABELS, channel,
 from inclinometry.io.survey_csv import survey_cells
 from inclinometry.io.table import Table, read_table
 
-STATION = ("scale", "u_scale", "root", "K", "temperature_degC")
+CORRECTED = ("gyro_x_corrected_deg_h", "gyro_y_corrected_deg_h", "gyro_z_corrected_deg_h")
+STATION = ("scale", "u_scale", "root", "K", "temperature_degC", *CORRECTED)
 """Columns of a station file beyond those of the survey file."""
 
 
@@ -121,7 +122,7 @@ def read_gyro_run(path: str | Path, *, progress: Progress | None = None) -> Gyro
 
 
 def _positive(table: Table, found: Signals) -> dict[str, Array]:
-    """Standard deviations of the readings, none of them nought."""
+    """Standard deviations of the readings, none of them zero."""
     for kind, sd in found.sd.items():
         if (sd <= 0.0).any():
             row, column = np.argwhere(sd <= 0.0)[0].tolist()
@@ -185,13 +186,13 @@ def _index(table: Table) -> Array:
 
 
 def write_gyro_stations(path: str | Path, columns: Mapping[str, object]) -> None:
-    """Write stations.csv: the columns of the survey file, then `scale, u_scale, root, K, temperature_degC`.
+    """Write stations.csv: the columns of the survey file, then those of `STATION`.
 
     Parameters
     ----------
     path : str or Path
     columns : mapping
-        As `survey_csv.write_survey_csv` takes them, and `scale`, `u_scale`, `root` (text), `K`, `temperature_degC`.
+        As `survey_csv.write_survey_csv` takes them, and those of `STATION`: `root` is text, all others numbers.
     """
     own = {name: columns[name] for name in STATION}
     names, cells = survey_cells({k: v for k, v in columns.items() if k not in STATION})  # type: ignore[misc]

@@ -88,7 +88,7 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     """
     others = [name for name in SURVEY if name not in ("md_m", "flags", "azimuth_reference")]
     table = read_table(path, progress, numeric=numbers_among((*SURVEY, *_USED)), gaps=[*others, "temperature_degC"])
-    table.unknown((*SURVEY, *_USED))
+    table.unknown((*SURVEY, *_USED, "toolface_type"))
     md = _depth(table)
     inclination, azimuth = _angle(table, "inclination_deg", 0.0, 180.0), _angle(table, "azimuth_deg", -360.0, 360.0)
     reference = _reference(table)

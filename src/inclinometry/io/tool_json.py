@@ -69,11 +69,16 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
         "residuals": {
             "station": list(residuals.station),
             "values": dict(residuals.values),
-            "standardised": dict(residuals.standardised),
+            # null: a residual that is not judged
+            "standardised": {
+                kind: [[v if np.isfinite(v) else None for v in row] for row in rows.tolist()]
+                for kind, rows in residuals.standardised.items()
+            },
             "leverage": residuals.leverage,
         },
         "temperature_range_degC": tool.temperature_range,
         "warnings": list(calibration.warnings),
+        "notes": list(calibration.notes),
     }
     inside = _block(names, np.asarray(calibration.covariance), tool.parameter_names)
     if inside is None or not np.array_equal(inside, tool.covariance):
@@ -168,6 +173,8 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 _array(residuals["leverage"]),
             ),
             tuple(content["warnings"]),
+            # files of before have none
+            notes=tuple(content.get("notes", ())),
         )
     except (ValueError, OverflowError) as error:
         raise _refused(error, where) from None
@@ -183,8 +190,8 @@ def read_tool(path: str | Path) -> Tool:
 
 
 def read_extras(path: str | Path) -> dict[str, Any]:
-    """What a truth.json knows besides its triads; errors as `read_calibration`."""
-    extras: dict[str, Any] = _load(path, ("inclinometry/truth",))["extras"]
+    """What a truth.json knows besides its triads, nothing of a tool.json; errors as `read_calibration`."""
+    extras: dict[str, Any] = _load(path, tuple(_SCHEMAS)).get("extras", {})
     return extras
 
 

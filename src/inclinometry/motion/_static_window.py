@@ -55,6 +55,7 @@ class Limits:
     settings: Bounds
     site: Site | None
     north: str  # "mag" or "gyro"
+    method: str = "static"
 
     def of(self, name: str, what: str) -> float:
         """Setting of a triad: `what` is "sigma" or "resolution"."""
@@ -151,7 +152,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     used = np.ones(len(window), np.bool_) if window.clipped is None else np.logical_not(window.clipped)
     share = 1.0 - float(used.mean())
     if share > settings.most_clipped:
-        return refusals([time], ["clipped"], "static", name)
+        return refusals([time], ["clipped"], limits.method, name)
     if used.sum() < 2 * settings.batches:
         raise InputError(
             f"a window has {int(used.sum())} samples; {2 * settings.batches} are needed for {settings.batches} "
@@ -162,22 +163,22 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     flags = {"clipped"} if share > 0.0 else set()
     flags |= {"stuck"} if "never" in (g.life, second.life if second else "") else set()
     if "one" in (g.life, second.life if second else ""):
-        return refusals([time], sorted({*flags, "stuck"}), "static", name)
+        return refusals([time], sorted({*flags, "stuck"}), limits.method, name)
     solution, unknown = _solve(g, second, limits, solve, flags)
     if solution is None:
-        return refusals([time], sorted({*flags, "misfit"}), "static", name)
+        return refusals([time], sorted({*flags, "misfit"}), limits.method, name)
     told = {} if second is None or unknown else _references(g, second, limits)
     if second is not None and not unknown and limits.north == "mag":
         far = departure(g.value, second.value, _fixed(g, second) + _scattered(g, second), limits.site)
         if far.far:
-            return refusals([time], sorted({*flags, "axes", "disturbed"}), "static", name)
+            return refusals([time], sorted({*flags, "axes", "disturbed"}), limits.method, name)
         second = second._replace(fixed=second.fixed + far.extra**2 * np.eye(3))
     errors = _batch_errors(g, second, solution)
     shake = float(np.sqrt(np.mean(np.sum((window.accel[used] - g.value) ** 2, axis=1))))
     rate = _rate(window, used, errors)
     turned = _turned(errors if limits.north == "mag" else _batch_errors(g, None, solution))
     if turned > settings.most_turn:
-        return refusals([time], sorted({*flags, "not-still"}), "static", name)
+        return refusals([time], sorted({*flags, "not-still"}), limits.method, name)
     ratios = {
         "vibration": shake / settings.shake,
         "not-still": max(turned / settings.turn, abs(rate) / settings.spin),
@@ -185,7 +186,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     }
     flags |= {what for what, ratio in ratios.items() if ratio > 1.0}
     covariance = _covariance(errors, g, second, solution, unknown)
-    return _row(time, solution.matrix, covariance, rate, max(ratios.values()), flags, name)
+    return _row(time, solution.matrix, covariance, rate, max(ratios.values()), flags, limits)
 
 
 def _mean(window: Samples, name: str, used: Mask, limits: Limits) -> Mean:
@@ -302,7 +303,7 @@ def _directions(dip: float) -> Array:
 
 
 def _row(
-    time: float, matrix: Array, covariance: Array, rate: float, worst: float, flags: set[str], north: str
+    time: float, matrix: Array, covariance: Array, rate: float, worst: float, flags: set[str], limits: Limits
 ) -> Attitude:
     row = Attitude(
         time=np.array([time]),
@@ -311,8 +312,8 @@ def _row(
         rate=np.array([rate]),
         quality=np.array([max(1.0 - worst, 0.0)]),
         flags=np.array([sum(BITS[flag] for flag in flags)], dtype=np.uint32),
-        method=np.array([METHODS.index("static")], dtype=np.uint8),
-        north=north,
+        method=np.array([METHODS.index(limits.method)], dtype=np.uint8),
+        north="magnetic" if limits.north == "mag" else "true",
     )
     if row.u.azimuth[0] > VERTICAL_U and "unobservable" not in flags and abs(matrix[2, 2]) > np.cos(0.1):
         row.flags[0] |= BITS["vertical"]

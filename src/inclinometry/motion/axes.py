@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.attitude.conventions import AXES
+from inclinometry.attitude.conventions import AXES, axes_matrix, named
 from inclinometry.attitude.mapping import Mapping, find_mapping
 from inclinometry.attitude.orientation import dip_angle
 from inclinometry.core.arrays import Array
@@ -59,12 +59,43 @@ ROOM: Final = 4.0
 """Standard deviations allowed to the dip of a single window, beside `SLACK`."""
 _AGAINST: Final = (
     "the magnetic field turns against the gyro: one of them has a wrong sign or two exchanged transverse axes; gyro_z "
-    "is positive clockwise looking down hole, and then the field's angle from x to y falls"
+    "is positive clockwise looking down hole, and then the field's angle from x to y falls. Where the magnetometer has "
+    "axes of its own state them: --mag-axes=y,x,-z are those of many chips"
 )
-_SIGNS: Final = (
-    "signs of the accelerometer or of the magnetometer are wrong. Give accel as gravity minus acceleration; an "
-    "accelerometer that reports specific force needs all three signs exchanged"
+STATED: Final = (
+    ("--convention specific-force", "accelerometers that report specific force", named("specific-force"), AXES),
+    ("--convention z-up", "z up the hole, and specific force", named("z-up"), AXES),
+    ("--axes=x,-y,-z", "z up the hole, and gravity", named("house"), ("x", "-y", "-z")),
 )
+"""How axes and signs that are often met are stated: option, words, convention and axes before it."""
+TURNED_TO: Final = {"x": ("y,z,x", "z,y,-x"), "y": ("z,x,y", "x,z,-y")}
+"""Axes that bring one of the file to z, where it points down the hole and where it points up."""
+FAR_NORTH: Final = float(np.radians(30.0))
+"""Latitude from which the sign of the dip is that of the latitude, wherever the magnetic poles are."""
+LIVELY: Final = 0.2
+"""rad/s, root mean square rate of a tool that moves: beyond any bias."""
+ALONG: Final = 0.7
+"""Share of z in the rotation below which it is not that of a tool in a hole, whose z lies along it,"""
+ALONE: Final = 0.95
+"""and share of another axis from which it is the hole's, wrongly named."""
+
+
+def expected_dip(site: Site | None) -> tuple[float | None, str]:
+    """The site's dip, rad, else that of a dipole where the latitude leaves no doubt of its sign; in words.
+
+    Examples
+    --------
+    >>> expected_dip(Site(latitude=0.8))[1]
+    'at the latitude 45.8 deg it is near 64 deg'
+    """
+    if site is None:
+        return None, ""
+    if site.dip is not None:
+        return site.dip, f"the site's is {np.degrees(site.dip):.1f} deg"
+    if site.latitude is None or abs(site.latitude) < FAR_NORTH:
+        return None, ""
+    dip = float(np.arctan(2.0 * np.tan(site.latitude)))
+    return dip, f"at the latitude {np.degrees(site.latitude):.1f} deg it is near {np.degrees(dip):.0f} deg"
 
 
 @dataclass
@@ -91,6 +122,8 @@ class AxesCheck:
     _right: int = 0
     _up: int = 0
     _climbs: bool = False
+    _rates: Array = field(default_factory=lambda: np.zeros(3))
+    _samples: int = 0
 
     def add(
         self, window: Samples, turning: Turning, found: Harmonics | None, *, field_usable: bool, phase_usable: bool
@@ -116,6 +149,9 @@ class AxesCheck:
         InputError
             Units, signs or channels that are wrong, with what would be right.
         """
+        if window.gyro is not None:
+            self._rates = self._rates + np.sum(window.gyro**2, axis=0)
+            self._samples += len(window)
         if window.gyro is not None and not self._turns:
             self._gyro(window.gyro, turning, judged=window.mag is not None, sampled=phase_usable)
         if self._believed:
@@ -177,22 +213,52 @@ class AxesCheck:
         self._up = self._up + 1 if opposite else 0
         said = f"the dip comes out as {np.degrees(off.dip):.1f} deg, the site's is {np.degrees(expected):.1f} deg"
         if self._up >= ENOUGH and not self._right:
-            raise InputError(f"{said}: {_SIGNS}")
+            raise InputError(f"{said}: {self._signs(self._seen)}")
         # axes that were right once are right: then it is the field
         where = "mag" if self._right >= ENOUGH else "accel and mag"
         cause = (
             "the field is disturbed"
             if self._right >= ENOUGH
             else "axes or signs of the magnetometer or of the accelerometer are exchanged, the field is disturbed, or "
-            "the site's dip is wrong"
+            "the site's dip is wrong: is this the right site file?"
         )
         return [Finding("axes", where, off.off / limit, True, f"{said}, while the strength is right: {cause}")]
 
     def notes(self) -> tuple[str, ...]:
         """What is possible but not likely."""
-        if not self._climbs:
-            return ()
-        return ("the tool axis points up: the hole climbs, or z points up the hole (it must point down the hole)",)
+        said = [self._free()] if self._free() else []
+        if self._climbs:
+            said.append("the tool axis points up: the hole climbs, or z points up the hole (then state --axes=x,-y,-z)")
+        return tuple(said)
+
+    def _free(self) -> str:
+        """A sentence where the tool turns about no axis of its own; "" otherwise."""
+        total = float(self._rates.sum())
+        if not total > self._samples * LIVELY**2 or self._rates[2] > ALONG * total or self._rates.max() > ALONE * total:
+            return ""
+        shares = ", ".join(f"{axis} {100.0 * one / total:.0f} %" for axis, one in zip("xyz", self._rates, strict=True))
+        return (
+            f"the tool turns about all its axes (of its rotation {shares}): it moves freely, not about the axis of a "
+            "hole; --method complementary is for that"
+        )
+
+    def _signs(self, seen: list[Harmonics]) -> str:
+        """Which statement of axes and signs makes a run right whose dip or gravity has the wrong sign."""
+        fits = []
+        dip, _ = expected_dip(self.site)
+        for option, words, convention, axes in STATED if seen else ():
+            turn = axes_matrix(axes).T
+            accel = np.concatenate([one.accel for one in seen]) @ turn @ convention.matrix("accelerometer").T
+            mag = np.concatenate([one.mag for one in seen]) @ turn @ convention.matrix("magnetometer").T
+            right = float(np.median(accel[:, 2] / np.linalg.norm(accel, axis=1))) > UP
+            if dip is not None and np.isfinite(mag).all():
+                right &= abs(float(np.median(dip_angle(accel, mag))) - dip) < 0.5 * abs(dip)
+            if right:
+                fits.append(f"{option} ({words})")
+        free = "; for a tool that is not in a hole: --method complementary" if self._samples else ""
+        if not fits:
+            return f"signs or axes are wrong: state them by --convention or --axes{free}"
+        return f"the signs are right with {' or '.join(fits)}{free}"
 
     def _fields(self, found: Harmonics | None, *, field_usable: bool) -> list[Finding]:
         """Strength of gravity, and its angle to the field."""
@@ -224,9 +290,10 @@ class AxesCheck:
             self._axes = [*self._axes, int(size.argmax()) if size.max() > 5.0 * size[2] else 2][-KEPT:]
             if len(self._axes) >= ENOUGH and 2 not in self._axes:
                 axis = "xyz"[self._axes[-1]]
+                down, up = TURNED_TO[axis]
                 raise InputError(
-                    f"the tool turns about gyro_{axis}, not about gyro_z, which lies along the hole: map the gyro's "
-                    "channels to the tool's axes first"
+                    f"the tool turns about gyro_{axis}, not about gyro_z, which lies along the hole: state "
+                    f"--axes={down} where {axis} points down the hole, --axes={up} where it points up"
                 )
         if judged and turning.by == "gyro" and turning.span > 4.0 * np.pi and np.isfinite(turning.slope):
             self._slopes = [*self._slopes, turning.slope][-KEPT:]
@@ -255,9 +322,11 @@ class AxesCheck:
         self._along = [*self._along, int(mag.var(axis=0).argmin())][-KEPT:]
         if len(self._along) >= SURE and 2 not in self._along:
             axis = "xyz"[self._along[-1]]
+            down, up = TURNED_TO[axis]
+            option = "--mag-axes" if self._speeds else "--axes (or --mag-axes where the accelerometer's z is right)"
             raise InputError(
-                f"while the tool turns mag_{axis} is constant, not mag_z, which lies along the hole: map the "
-                "magnetometer's channels to the tool's axes first"
+                f"while the tool turns mag_{axis} is constant, not mag_z, which lies along the hole: state {option} as "
+                f"{down} where {axis} points down the hole, as {up} where it points up"
             )
 
     def _gravity_axis(self, accel: Array, angle: Array) -> None:
@@ -273,7 +342,8 @@ class AxesCheck:
         _unit("the accelerometer", "m/s^2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
         raise InputError(
             f"gravity along accel_z, and going round in accel_x and accel_y while the tool turns, is only "
-            f"{strength:.2f} m/s^2: map the accelerometer's channels to the tool's axes first (z lies along the hole)"
+            f"{strength:.2f} m/s^2: the accelerometer's z lies across the hole, that of the others along it; bring its "
+            "channels into the order of the others, or those into its (--mag-axes)"
         )
 
     def _mapping(self) -> list[Finding]:
@@ -282,7 +352,7 @@ class AxesCheck:
         dip = None if self.site is None else self.site.dip
         sure = [one for one in usable if one.turned and one.u_accel < MOST_U * STANDARD_GRAVITY]
         if len(sure) < ENOUGH:
-            self._sign(dip, usable) if len(usable) >= ENOUGH else self._sign(None, self._seen)
+            self._sign(usable if len(usable) >= ENOUGH else self._seen)
             return []
         usable = sure
         accel, mag = np.concatenate([one.accel for one in usable]), np.concatenate([one.mag for one in usable])
@@ -292,13 +362,13 @@ class AxesCheck:
         scatter = float(dips.std(ddof=1))
         off = 0.0 if dip is None else abs(float(dips.mean()) - dip)
         if scatter <= slack and off <= FAR_DIP + slack:
-            self._sign(dip, usable)
+            self._sign(usable)
             self._believed = True
             return []
         if len(sure) < SURE:
             return []
         if dip is not None and scatter <= slack and abs(float(dips.mean()) + dip) < FAR_DIP:
-            self._sign(dip, usable)
+            self._sign(usable)
         ranking = find_mapping(accel, mag, dip=dip, tolerance=slack)
         fits = [one for one in ranking.mappings if one.scatter <= slack and one.axes != AXES]
         fits = [one for one in fits if dip is None or abs(one.dip - dip) <= slack]
@@ -309,24 +379,24 @@ class AxesCheck:
             return [Finding("axes", "mag", share, False, f"{said}; no exchange of axes explains it")]
         raise InputError(
             f"accelerometer and magnetometer do not lie along the same axes: {said}. It is right with "
-            f"{_words(fits)}: map the channels to the tool's axes first"
-            + (", or correct the site's dip" if scatter <= slack else "")
+            f"{_words(fits)}" + (", or correct the site's dip" if scatter <= slack else "")
         )
 
-    def _sign(self, dip: float | None, usable: list[Harmonics]) -> None:
+    def _sign(self, usable: list[Harmonics]) -> None:
         """Gravity that points up: specific force, most likely."""
-        accel = np.concatenate([one.accel for one in usable])
+        accel, mag = (np.concatenate([getattr(one, name) for one in usable]) for name in ("accel", "mag"))
         wrong = ""
-        if dip is not None and abs(dip) > np.radians(10.0):
-            found = float(np.median(dip_angle(accel, np.concatenate([one.mag for one in usable]))))
+        dip, words = expected_dip(self.site)
+        if dip is not None and abs(dip) > np.radians(10.0) and np.isfinite(mag).all():
+            found = float(np.median(dip_angle(accel, mag)))
             if abs(found + dip) < 0.5 * abs(dip):
-                wrong = f"the dip comes out as {np.degrees(found):.1f} deg, the site's is {np.degrees(dip):.1f} deg"
+                wrong = f"the dip comes out as {np.degrees(found):.1f} deg, {words}"
         else:
             down = float(np.median(accel[:, 2] / np.linalg.norm(accel, axis=1)))
             if down < UP:
                 wrong = f"gravity comes out pointing up the hole ({down:.2f} of it along the tool axis)"
         if wrong:
-            raise InputError(f"{wrong}: {_SIGNS}")
+            raise InputError(f"{wrong}: {self._signs(usable)}")
 
 
 def _unit(what: str, unit: str, strength: float, low: float, high: float, others: dict[str, float]) -> None:
@@ -355,4 +425,4 @@ def _judge_slope(slopes: Array, *, sampled: bool) -> None:
 
 
 def _words(fits: list[Mapping]) -> str:
-    return " or ".join(f"magnetometer channels {', '.join(one.axes)} along x, y, z" for one in fits[:3])
+    return " or ".join(f"--mag-axes={','.join(one.axes)}" for one in fits[:3])

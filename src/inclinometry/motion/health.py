@@ -19,10 +19,13 @@ from inclinometry.motion.dip_check import FieldOff, field_off
 from inclinometry.motion.field_check import field_findings, field_strength
 from inclinometry.motion.finding import Finding
 from inclinometry.motion.harmonics import find_harmonics
+from inclinometry.motion.reference import SiteDoubt
 from inclinometry.motion.result import BITS, Attitude
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.turning import Turning, find_turning
 
+STILL: Final = 0.5
+"""m/s^2, range of the accelerometers in a window at rest, by whose means the site is held against the field."""
 LEAST_FELT: Final = 0.5 * STANDARD_GRAVITY
 """m/s^2: gravity and shaking together are more."""
 
@@ -115,6 +118,7 @@ class HealthCheck:
         self._counts: Counter[tuple[str, str]] = Counter()
         self._first: dict[tuple[str, str], str] = {}
         self._windows = 0
+        self._site_doubt = SiteDoubt(site)
 
     def check(self, window: Samples) -> WindowHealth:
         """Findings of the next window.
@@ -135,6 +139,8 @@ class HealthCheck:
         strength = field_strength(judged, self._site)
         found = None if aliased else find_harmonics(judged, turning)
         off = field_off(judged, found, self._site, strength=strength.off, scatter=strength.scatter)
+        if judged.accel is not None and judged.mag is not None and np.ptp(judged.accel, axis=0).max() < STILL:
+            self._site_doubt.add(judged.accel.mean(axis=0), judged.mag.mean(axis=0), 0.0)
         if not self._settings.believe_axes and not any(
             one.refuse for one in findings if one.flag in ("stuck", "clipped")
         ):
@@ -161,7 +167,8 @@ class HealthCheck:
             for key, text in self._first.items()
             if key[0] not in besides
         )
-        return said + self._axes.notes()
+        asked = any("right site file" in text for text in said)
+        return (*(() if asked else self._site_doubt.notes("at rest")), *said, *self._axes.notes())
 
 
 def named(row: Attitude, health: WindowHealth) -> Attitude:

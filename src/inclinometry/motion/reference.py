@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,6 +20,10 @@ FAR_DIP: Final = 0.12
 """rad, between the dip and the site's: no disturbance that leaves the strength right, but axes or signs."""
 FAR_STRENGTH: Final = 0.2
 """Share of the strength: not the Earth's field."""
+ENOUGH: Final = 3
+"""Windows that must agree before a site is doubted,"""
+ALIKE: Final = 0.2
+"""and the scatter of their fields, of their departure from the site's, up to which they are one field."""
 SURE: Final = 5.0
 """Standard deviations of the window beyond these."""
 
@@ -85,6 +90,60 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
             said.append(f"the field is {size:.0f} nT strong, the site's {site.b:.0f} nT")
     text = f"{' and '.join(said)}: axes or signs that are wrong, steel nearby, or another site" if said else ""
     return Departure(shares[0], shares[1], float(np.hypot(*excess)), far, text)
+
+
+@dataclass
+class SiteDoubt:
+    """Windows that agree with each other on a field that is not the site's: another place, more likely than steel.
+
+    Parameters
+    ----------
+    site : Site, optional
+
+    Examples
+    --------
+    >>> from inclinometry.earth.site import Site
+    >>> doubt = SiteDoubt(Site(dip=1.2))
+    >>> for _ in range(3):
+    ...     doubt.add(np.array([0.0, 0.0, 9.8]), np.array([np.cos(1.1), 0.0, np.sin(1.1)]), 0.0)
+    >>> doubt.notes("at rest")[0].partition(":")[0]
+    'the site says dip 68.8 deg, all 3 windows at rest show 63.0'
+    """
+
+    site: Site | None
+    _count: int = 0
+    _sums: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    _missed: Array = field(default_factory=lambda: np.zeros(2))
+
+    def add(self, gravity: Array, field_: Array, u: float) -> None:
+        """Gravity and field (3,) of a window, in any unit and nT, and the standard uncertainty of the dip, rad."""
+        site = self.site
+        if site is None or not (np.linalg.norm(gravity) > 0.0 and np.linalg.norm(field_) > 0.0):
+            return
+        seen = np.array([float(dip_angle(gravity, field_)), float(np.linalg.norm(field_))])
+        self._count += 1
+        self._sums = self._sums + np.stack([seen, seen**2])
+        sigmas = (
+            float(np.hypot(DIP_SIGMA if site.dip_sigma is None else site.dip_sigma, u)),
+            STRENGTH_SIGMA if site.b_sigma is None else site.b_sigma,
+        )
+        for place, known in enumerate((site.dip, site.b)):
+            self._missed[place] += known is not None and abs(seen[place] - known) > COVERAGE * sigmas[place]
+
+    def notes(self, kind: str) -> tuple[str, ...]:
+        """A sentence where all windows of this kind miss the site alike."""
+        if self._count < ENOUGH or self.site is None:
+            return ()
+        mean = self._sums[0] / self._count
+        scatter = np.sqrt(np.maximum(self._sums[1] / self._count - mean**2, 0.0))
+        said = []
+        for place, known in enumerate((self.site.dip, self.site.b)):
+            if known is None or self._missed[place] < self._count or scatter[place] > ALIKE * abs(mean[place] - known):
+                continue
+            pair = (f"dip {np.degrees(known):.1f} deg", f"{np.degrees(mean[0]):.1f}")
+            pair = pair if place == 0 else (f"a field of {known:.0f} nT", f"{mean[1]:.0f}")
+            said.append(f"the site says {pair[0]}, all {self._count} windows {kind} show {pair[1]}")
+        return (f"{'; '.join(said)}: is this the right site file, or does steel go with the tool?",) if said else ()
 
 
 def doubted(covariance: Array, extra: float) -> Array:

@@ -17,6 +17,7 @@ from inclinometry.uncertainty.propagation import UNKNOWN
 
 METHODS: Final = (
     "static",  # mean gravity and field of a tool at rest
+    "quaternion",  # the same by Davenport's q: both weighted
     "magnetic",  # de-rotated by the magnetic phase
     "mean",  # plain mean in the de-rotated frame
     "gyro",  # strapdown quaternion, gravity and Earth rate

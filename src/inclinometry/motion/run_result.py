@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from inclinometry.attitude.orientation import SWITCH
 from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.errors import InputError
 from inclinometry.motion.result import BITS
@@ -24,6 +25,10 @@ class AttitudeRows:
     quality : 0 to 1, as `Attitude.quality`.
     flags : bits of `FLAGS`.
     method : places in `METHODS`.
+    quaternion : (k, 4), scalar first, of the rotation from north-east-down to tool components, north that of the
+        azimuth: v_tool = q v_ned q*; it has no singularity at the vertical. NaN where azimuth + toolface is not known.
+    magnetic_toolface, u_magnetic_toolface : azimuth + toolface and its standard uncertainty, rad, from magnetic north
+        whatever the azimuth is counted from; of a gyro's rows from true north (gyro toolface).
     north : what azimuth is counted from, places in `inclinometry.earth.site.REFERENCES`.
     """
 
@@ -39,12 +44,16 @@ class AttitudeRows:
     flags: NDArray[np.uint32]
     method: NDArray[np.uint8]
     north: NDArray[np.uint8]
+    quaternion: Array
+    magnetic_toolface: Array
+    u_magnetic_toolface: Array
 
     def __post_init__(self) -> None:
         for each in fields(self):
             shape = getattr(self, each.name).shape
-            if shape != self.time.shape:
-                raise InputError(f"{each.name} has shape {shape}; expected {self.time.shape}")
+            wanted = (len(self.time), 4) if each.name == "quaternion" else self.time.shape
+            if shape != wanted:
+                raise InputError(f"{each.name} has shape {shape}; expected {wanted}")
 
     def __len__(self) -> int:
         return len(self.time)
@@ -53,6 +62,10 @@ class AttitudeRows:
     def refused(self) -> Mask:
         """Rows (k,) without an attitude."""
         return np.isnan(self.inclination)
+
+    def steep(self, switch: float) -> Mask:
+        """Rows (k,) of an inclination below the switch, rad: steered by the magnetic toolface."""
+        return np.asarray(self.inclination < switch)
 
     def names(self, row: int) -> tuple[str, ...]:
         """Names of the flags of one row."""
@@ -170,12 +183,13 @@ class DynamicRun:
     vibration : how the tool shook and turned.
     envelopes, excerpts, spectrogram : the channels, thinned; spectrogram None without an accelerometer.
     counts : sizes.
-    method : what was asked for: "auto", "magnetic", "gyro", "filter", "smoother".
+    method : what was asked for, a key of `workflow.dynamic_methods.METHODS`.
     window : length wanted of a window, s.
     north : what azimuths are to be counted from; single rows say it of themselves.
     notes : sentences for the user.
     inputs : name -> digest.
     tool : name of the calibrated tool, "" without a calibration.
+    switch : rad, inclination below which rows are steered by the magnetic toolface.
     """
 
     rows: AttitudeRows
@@ -190,3 +204,4 @@ class DynamicRun:
     notes: tuple[str, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     tool: str = ""
+    switch: float = SWITCH

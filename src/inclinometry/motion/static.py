@@ -128,19 +128,21 @@ class _Stream:
 
 
 class StaticStream(_Stream):
-    """`static_attitude` fed block by block; the same rows to the last bit."""
+    """`static_attitude`, or `static_davenport` where `weighted`, fed block by block; the same rows to the last bit."""
 
-    def __init__(self, settings: StaticSettings | None = None, site: Site | None = None) -> None:
-        super().__init__(*_magnetic(settings, site, by_triad))
+    def __init__(
+        self, settings: StaticSettings | None = None, site: Site | None = None, *, weighted: bool = False
+    ) -> None:
+        super().__init__(*_parts(settings, site, "mag", by_davenport if weighted else by_triad))
 
 
 class NorthSeekingStream(_Stream):
-    """`north_seeking_attitude` fed block by block; the same rows to the last bit."""
+    """`north_seeking_attitude` fed block by block, the same rows to the last bit; by Davenport's q where `weighted`."""
 
-    def __init__(self, settings: StaticSettings | None = None, site: Site | None = None) -> None:
-        chosen = settings or StaticSettings()
-        limits = Limits(chosen, site, "gyro")
-        super().__init__(chosen.window, partial(reduce_window, limits=limits, solve=by_triad), "true")
+    def __init__(
+        self, settings: StaticSettings | None = None, site: Site | None = None, *, weighted: bool = False
+    ) -> None:
+        super().__init__(*_parts(settings, site, "gyro", by_davenport if weighted else by_triad))
 
 
 def static_attitude(samples: Samples, settings: StaticSettings | None = None, site: Site | None = None) -> Attitude:
@@ -198,7 +200,7 @@ def static_davenport(samples: Samples, settings: StaticSettings | None = None, s
     >>> float(static_davenport(still, StaticSettings(window=64.0)).angles.inclination[0])
     0.0
     """
-    return _whole(_Stream(*_magnetic(settings, site, by_davenport)), samples)
+    return _whole(StaticStream(settings, site, weighted=True), samples)
 
 
 def static_svd(samples: Samples, settings: StaticSettings | None = None, site: Site | None = None) -> Attitude:
@@ -210,7 +212,7 @@ def static_svd(samples: Samples, settings: StaticSettings | None = None, site: S
     >>> float(static_svd(still, StaticSettings(window=64.0)).angles.inclination[0].round(12))
     0.0
     """
-    return _whole(_Stream(*_magnetic(settings, site, by_svd)), samples)
+    return _whole(_Stream(*_parts(settings, site, "mag", by_svd)), samples)
 
 
 def north_seeking_attitude(
@@ -251,11 +253,16 @@ def north_seeking_attitude(
     return _whole(NorthSeekingStream(settings, site), samples)
 
 
-def _magnetic(
-    settings: StaticSettings | None, site: Site | None, solve: Solve
+def _parts(
+    settings: StaticSettings | None, site: Site | None, north: str, solve: Solve
 ) -> tuple[float, Callable[[Samples], Attitude], str]:
     chosen = settings or StaticSettings()
-    return chosen.window, partial(reduce_window, limits=Limits(chosen, site, "mag"), solve=solve), "magnetic"
+    limits = Limits(chosen, site, north, "static" if solve is by_triad else "quaternion")
+    return (
+        chosen.window,
+        partial(reduce_window, limits=limits, solve=solve),
+        "magnetic" if north == "mag" else "true",
+    )
 
 
 def _whole(stream: _Stream, samples: Samples) -> Attitude:

@@ -9,8 +9,8 @@ comparison
     `comparison_figure`: methods side by side.
 tables, digits
     Rows of (label, value, uncertainty, unit) and how many digits of them mean something.
-expected, words
-    What a calibrated tool can promise, and the sentences that say so.
+words
+    What a calibration says, in sentences.
 figure, page
     One style for all drawings (matplotlib, loaded when something is drawn) and all pages (jinja2).
 """

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.io.allan_json import Shown, coefficients_of, units_of
 from inclinometry.report.allan_figures import allan_figure
 from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, picture
 from inclinometry.report.digits import significant, with_uncertainty
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.page import render
 from inclinometry.report.words import listed
 from inclinometry.sensors.noise import Coefficient
@@ -90,7 +90,9 @@ def _fit(channel: ChannelNoise) -> list[str]:
 
 
 def _picture(channel: ChannelNoise, place: int) -> Picture:
-    caption = f"{channel.name}: Allan deviation with its band (k = {EXPANDED:g}), the fitted curve and its components"
+    caption = (
+        f"{channel.name}: Allan deviation with its band (k = {COVERAGE_FACTOR:g}), the fitted curve and its components"
+    )
     return picture(allan_figure(channel), f"allan{place}", caption)
 
 

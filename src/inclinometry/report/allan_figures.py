@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.io.allan_json import COEFFICIENTS, units_of
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
 from inclinometry.sensors.noise_record import ChannelNoise
 
@@ -26,7 +26,7 @@ def allan_figure(channel: ChannelNoise) -> Figure:
     axes = figure.add_subplot()
     seen = points > 0.0
     # in the logarithm the band keeps its width and never reaches nought
-    spread = np.exp(EXPANDED * u[seen] / points[seen])
+    spread = np.exp(COVERAGE_FACTOR * u[seen] / points[seen])
     axes.fill_between(
         curve.tau[seen], points[seen] / spread, points[seen] * spread, color=SERIES[0], alpha=0.22, linewidth=0.0
     )
@@ -41,7 +41,7 @@ def allan_figure(channel: ChannelNoise) -> Figure:
     for place, (name, part) in enumerate(channel.model.parts(t).items()):
         title = units.coefficients[COEFFICIENTS.index(name)].title if name in COEFFICIENTS else name
         axes.plot(t, factor * part, color=SERIES[place + 1], linestyle=DASHES[place % 3 + 1], label=title)
-    _scales(axes, low, float((points * np.exp(EXPANDED * u / np.maximum(points, 1e-300))).max()))
+    _scales(axes, low, float((points * np.exp(COVERAGE_FACTOR * u / np.maximum(points, 1e-300))).max()))
     axes.set_xlabel("averaging time, s")
     axes.set_ylabel(f"Allan deviation, {units.deviation.unit}")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.2)

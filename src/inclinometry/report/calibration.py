@@ -6,17 +6,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from inclinometry.calibration.expected import ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
 from inclinometry.report import calibration_figures as draw
 from inclinometry.report import calibration_tables as tables
 from inclinometry.report import words
 from inclinometry.report.content import CONVENTIONS, Picture, cut, picture
-from inclinometry.report.expected import ASSUMED_DIP, Expected, expected, field_dip, second_kind
 from inclinometry.report.page import render
 
-VERDICT_AT = 30.0
-"""Inclination the verdict speaks of, deg."""
+VERDICT_AT = np.radians(30.0)
+"""Inclination the verdict speaks of, rad."""
 _GRID = np.radians(np.arange(3.0, 178.0, 3.0))
 
 
@@ -59,72 +60,86 @@ def calibration_report(
     (True, True)
     """
     tool, name = calibration.tool, calibration.tool.name
-    place, where = _dip(calibration, dip, readings)
-    found = expected(tool, _GRID, place, azimuths=24, toolfaces=8)
-    at_once = expected(tool, np.radians([VERDICT_AT]), place)
+    stated = None if readings is None else readings.reference.get("dip")
+    found = expected_uncertainty(calibration, _GRID, dip, stated_dip=stated)
+    short = expected_uncertainty(calibration, dip=dip, stated_dip=stated)
+    at_once = expected_uncertainty(calibration, VERDICT_AT, dip, stated_dip=stated)
+    place, where = found.dip, _place(found)
+    tests = words.calibration_tests(calibration)
+    failed = sum(test.passed is False for test in tests)
     troubles = len(calibration.warnings)
-    promise, rig_table = tables.promise_table(tool, place), tables.rig_table(calibration, readings)
+    rig_table = tables.rig_table(calibration, readings)
+    second = None if readings is None else second_harmonics(readings)
     return render(
         "calibration.html",
         title=f"Calibration of {name or 'a tool'}",
         kind="Calibration report",
         heading=name or "Tool without a name",
         conventions=CONVENTIONS,
-        state="warn" if troubles else "good",
-        badge=f"{troubles} warning{'s' * (troubles > 1)}" if troubles else "No warnings",
-        verdict=words.verdict(calibration, at_once, VERDICT_AT),
+        state="warn" if failed else "good",
+        badge=f"{troubles} warning{'s' * (troubles > 1)}"
+        if troubles
+        else f"{failed} of {len(tests)} tests failed"
+        if failed
+        else "No warnings, every test passed",
+        verdict=words.verdict(calibration, at_once),
         notes=[line for line in (where, words.covers(calibration)) if line],
         warnings=list(calibration.warnings),
-        promise=promise,
-        promise_figures=_promise_figures(found),
+        expected=tables.expected_tables(short),
+        expected_figures=_expected_figures(found),
+        budget=None if readings is None else tables.budget_table(calibration, readings, short),
         facts=words.run_facts(calibration, readings),
         rig=words.rig_sentences(calibration),
         rig_figures=_rig_figures(calibration),
         rig_table=rig_table and cut(rig_table),
+        tests=tables.test_table(tests),
         residuals=words.residual_sentences(calibration),
         residual_figures=_residual_figures(calibration),
         residual_tables=[(k, cut(t)) for k, t in tables.residual_tables(calibration, readings).items()],
+        rolls=second and cut(tables.roll_table(second, readings.units if readings else {})),
+        roll_sentences=_rolls(second) if second else [],
         triads=[tables.triad_block(tool, kind) for kind in tool.triads],
         identifiability=words.identifiability_sentences(calibration),
         correlations=tables.correlation_table(calibration),
-        comparison=tables.comparison_table(calibration, closed_forms or {}, place, VERDICT_AT),
+        comparison=tables.comparison_table(calibration, closed_forms or {}, place, at_once),
     )
 
 
-def _dip(calibration: Calibration, dip: float | None, readings: BenchReadings | None) -> tuple[float, str]:
-    """Dip the promise is made for, and the sentence that says where it is from."""
-    kind = second_kind(calibration.tool)
-    if kind is None:
-        return 0.0, ""
-    if dip is not None:
-        return dip, _place(kind, dip, "given")
-    stand = field_dip(calibration.field_directions, kind)
-    if stand is not None:
-        return stand, _place(kind, stand, "that of the calibration stand")
-    if readings is not None and kind == "magnetometer" and "dip" in readings.reference:
-        return readings.reference["dip"], _place(kind, readings.reference["dip"], "stated with the readings")
-    # a latitude of the same size, north, for a gyro
-    value = ASSUMED_DIP if kind == "magnetometer" else -ASSUMED_DIP
-    return value, _place(kind, value, "assumed, since none is known: give the dip of the place of work")
+def _rolls(second: SecondHarmonics) -> list[str]:
+    """What the second harmonics of the roll sets mean."""
+    if second.sentences:
+        return [sentence[0].upper() + sentence[1:] + "." for sentence in second.sentences]
+    uneven, u = np.degrees(abs(second.unevenness)), np.degrees(second.u_unevenness)
+    return [
+        "No second harmonic is larger than chance may make it: neither is a sensor seen to be non-linear nor the roll "
+        f"dial to turn unevenly ({uneven:.3f} ± {u:.3f} deg once a turn)."
+    ]
 
 
-def _place(kind: str, dip: float, source: str) -> str:
-    name, value = ("dip", dip) if kind == "magnetometer" else ("latitude", -dip)
-    warning = f" At a place with another {name} the azimuth is better or worse." if source.startswith("that") else ""
+def _place(found: ExpectedUncertainty) -> str:
+    """The place the expected uncertainty is for, and where its dip or latitude is from."""
+    if found.azimuth_from is None:
+        return ""
+    name, value = ("dip", found.dip) if found.azimuth_from == "magnetometer" else ("latitude", -found.dip)
+    source = {
+        "given": "given",
+        "calibration": "that of the calibration stand",
+        "stated": "stated with the readings",
+        "assumed": f"assumed, since none is known: give the {name} of the place of work",
+    }[found.dip_from]
+    warning = f" At a place with another {name} the azimuth is better or worse." * (found.dip_from == "calibration")
     return f"For a {name} of {np.degrees(value):.1f}° ({source}).{warning}"
 
 
-def _promise_figures(found: Expected | None) -> list[Picture]:
-    if found is None or not found.capability.variance.any():
-        return []
+def _expected_figures(found: ExpectedUncertainty) -> list[Picture]:
     pictures = []
     for name in found.angles:
-        caption = f"Expected standard uncertainty of {name} over inclination"
-        pictures.append(picture(draw.promise_figure(found, name), f"line{name}", caption))
-    if found.second is not None:
+        caption = f"Expected standard uncertainty of {name} of one reading over inclination, and its parts"
+        pictures.append(picture(draw.expected_figure(found, name), f"line{name}", caption))
+    if found.azimuth_from is not None:
         for name in found.angles:
-            caption = f"Expected standard uncertainty of {name} over attitude, worst toolface"
-            pictures.append(picture(draw.promise_map(found, name), f"map{name}", caption))
+            caption = f"Expected standard uncertainty of {name} of one reading over attitude, worst toolface"
+            pictures.append(picture(draw.expected_map(found, name), f"map{name}", caption))
     return pictures
 
 

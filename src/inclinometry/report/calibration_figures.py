@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty
 from inclinometry.calibration.result import Calibration
-from inclinometry.report.expected import Expected
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, station_axis, styled
 from inclinometry.report.tables import sensor_names
 
@@ -20,6 +20,9 @@ MANY = 2000
 TICKS_DEG = (0, 30, 60, 90, 120, 150, 180)
 FAR = 6.0
 """Standardised residual beyond which the scale turns logarithmic, so that one outlier does not flatten the rest."""
+
+
+_CAUSES = {"calibration": "calibration alone", "sensor noise": "noise of a reading"}
 
 
 @styled
@@ -94,21 +97,24 @@ def rig_figure(calibration: Calibration, dial: int) -> Figure:
 
 
 @styled
-def promise_figure(found: Expected, name: str) -> Figure:
+def expected_figure(found: ExpectedUncertainty, name: str) -> Figure:
     """Expected standard uncertainty of one angle over inclination, by component."""
     figure = new_figure(3.2)
     axes = figure.add_subplot()
-    x = np.degrees(found.capability.inclination)
-    axes.plot(x, np.degrees(found.worst(name)), color=INK, linewidth=2.0, label="worst attitude")
-    axes.plot(x, np.degrees(found.rms(name)), color=INK, linestyle="--", label="rms")
+    x, column = np.degrees(found.inclination), ANGLES.index(name)
+    worst = np.degrees(found.of_one_reading[:, column])
+    axes.plot(x, worst, color=INK, linewidth=2.0, label="worst attitude")
+    axes.plot(x, np.degrees(found.rms()[:, column]), color=INK, linestyle="--", label="rms")
     lowest = []
-    for n, component in enumerate(found.capability.components):
-        part = np.degrees(found.rms(name, component))
+    for n, component in enumerate(found.components):
+        part = np.degrees(found.rms(component)[:, column])
         if (part > 0.0).any():
             lowest.append(float(part[part > 0.0].min()))
-            axes.plot(x, part, color=SERIES[n], linestyle=DASHES[(n + 2) % len(DASHES)], label=f"{component}, rms")
+            axes.plot(
+                x, part, color=SERIES[n], linestyle=DASHES[(n + 2) % len(DASHES)], label=f"{_CAUSES[component]}, rms"
+            )
     if lowest:
-        log_scale(axes, min(lowest), float(np.degrees(found.worst(name)).max()))
+        log_scale(axes, min(lowest), float(worst.max()))
     axes.set_xticks(TICKS_DEG)
     axes.set_xlim(0, 180)
     axes.set_xlabel("inclination, deg")
@@ -118,13 +124,13 @@ def promise_figure(found: Expected, name: str) -> Figure:
 
 
 @styled
-def promise_map(found: Expected, name: str) -> Figure:
+def expected_map(found: ExpectedUncertainty, name: str) -> Figure:
     """Standard uncertainty of one angle over inclination and azimuth, worst over toolface."""
     from matplotlib.ticker import MaxNLocator
 
-    values = np.degrees(found.over_azimuth(name))
+    values = np.degrees(np.sqrt(found.variance[..., ANGLES.index(name)].max(axis=2)))
     values = np.concatenate([values, values[:, :1]], axis=1)  # 360 deg is 0 deg again
-    inclination = np.degrees(found.capability.inclination)
+    inclination = np.degrees(found.inclination)
     azimuth = np.linspace(0.0, 360.0, values.shape[1])
     # near the vertical azimuth and toolface grow without bound: the scale ends where the tool hangs at 15 deg
     inside = values[(inclination >= 15.0) & (inclination <= 165.0)]

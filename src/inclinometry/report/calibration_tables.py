@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from inclinometry.calibration.causes import error_budget
+from inclinometry.calibration.expected import (
+    ANGLES,
+    FROM_CALIBRATION,
+    OF_ONE_READING,
+    ExpectedUncertainty,
+    expected_uncertainty,
+)
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.rollset import SecondHarmonics
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report.content import Table, TableRow
 from inclinometry.report.digits import plain, significant, with_uncertainty
-from inclinometry.report.expected import COLUMNS, EXPANDED, TYPICAL, differences, expected
 from inclinometry.report.tables import (
     Row,
     classical_rows,
+    differences,
     field_unit,
     noise_rows,
     orthogonality_rows,
@@ -22,28 +32,36 @@ from inclinometry.report.tables import (
     sensor_names,
     signal_to_field,
 )
-from inclinometry.report.words import DIALS, strongest_correlations
+from inclinometry.report.words import DIALS, Test, strongest_correlations
 from inclinometry.sensors.tool import Tool
 
 
-def promise_table(tool: Tool, dip: float) -> Table | None:
-    """Standard and expanded uncertainty at typical inclinations."""
-    found = expected(tool, np.radians(TYPICAL), dip)
-    if found is None or not found.capability.variance.any():
-        return None
-    table = {name: np.degrees(found.worst(name)) for name in found.angles}
-    rows = [
-        TableRow(
-            [
-                f"{x:g}°",
-                *(f"{significant(float(u[i]))} / {significant(EXPANDED * float(u[i]))}" for u in table.values()),
-            ]
-        )
-        for i, x in enumerate(TYPICAL)
-    ]
-    where = "worst azimuth and toolface at each inclination" if found.second else "worst toolface at each inclination"
-    caption = f"Standard / expanded uncertainty (k = {EXPANDED:g}), deg; {where}"
-    return Table(caption, ["at", *table], rows)
+def expected_tables(found: ExpectedUncertainty) -> list[Table]:
+    """Standard and expanded uncertainty, a table under each term; none where the tool can give no angle."""
+    terms = {FROM_CALIBRATION: np.degrees(found.from_calibration), OF_ONE_READING: np.degrees(found.of_one_reading)}
+    where = "worst azimuth and toolface at each inclination" if found.azimuth_from else "worst toolface"
+    tables = []
+    for term, u in terms.items() if found.angles else ():
+        columns = [u[:, ANGLES.index(name)] for name in found.angles]
+        rows = [
+            TableRow(
+                [
+                    f"{x:g}°",
+                    *(f"{significant(float(v[i]))} / {significant(COVERAGE_FACTOR * float(v[i]))}" for v in columns),
+                ]
+            )
+            for i, x in enumerate(np.degrees(found.inclination).round(9))
+        ]
+        caption = f"Uncertainty {term}: standard / expanded (k = {COVERAGE_FACTOR:g}), deg; {where}"
+        tables.append(Table(caption, ["at", *found.angles], rows))
+    return tables
+
+
+def test_table(tests: Sequence[Test]) -> Table:
+    """What was judged, from which the verdict of the page follows."""
+    said = {True: "passed", False: "failed", None: "not judged"}
+    rows = [TableRow([t.what, t.found, t.limit, said[t.passed]], "warn" if t.passed is False else "") for t in tests]
+    return Table("Tests of this calibration", ["test", "found", "limit", "result"], rows)
 
 
 def rig_table(calibration: Calibration, readings: BenchReadings | None) -> Table | None:
@@ -90,7 +108,7 @@ def residual_tables(calibration: Calibration, readings: BenchReadings | None) ->
         rows = []
         for k, name in enumerate(residuals.station):
             cells = [_fixed(float(v), float(s)) for v, s in zip(fields[k], noise, strict=True)]
-            scaled = [f"{v:+.2f}" for v in standardised[k]]
+            scaled = [f"{v:+.2f}" if np.isfinite(v) else "not judged" for v in standardised[k]]
             worst = float(np.nanmax(np.abs(standardised[k]), initial=0.0))
             state = "bad" if worst > 3.0 else "warn" if worst > 2.0 else ""
             rows.append(
@@ -109,6 +127,44 @@ def _fixed(value: float, noise: float) -> str:
         return "not known"
     places = 3 if not noise > 0.0 else int(np.clip(1 - np.floor(np.log10(noise)), 0, 9))
     return f"{value:+.{places}f}"
+
+
+def budget_table(calibration: Calibration, readings: BenchReadings, expected: ExpectedUncertainty) -> Table | None:
+    """Standard uncertainty of one reading by cause, with its share of the variance; None where it is not known."""
+    found = error_budget(calibration, readings, expected.inclination, expected.dip)
+    at_deg = np.degrees(expected.inclination)
+    if found is None:
+        return None
+    angles, shares, rows = found.quantities[:2], found.shares, []
+    for name, part in found.components.items():
+        u = np.degrees(np.sqrt(np.diagonal(part, axis1=1, axis2=2)))
+        cells = [
+            f"{significant(float(u[i, a]))} ({shares[name][i, a]:.0%})" for a in (0, 1) for i in range(len(at_deg))
+        ]
+        rows.append(TableRow([name, *cells]))
+    total = np.degrees(found.standard_uncertainty)
+    rows.append(TableRow(["all", *(significant(float(total[i, a])) for a in (0, 1) for i in range(len(at_deg)))]))
+    head = ["cause", *(f"{angle} at {at:g}°" for angle in angles for at in at_deg)]
+    note = (
+        "Root mean square over azimuth and toolface, so that the squares add up; the figures above are of the worst. "
+        "A non-linearity that the rolls show stands here but not in the uncertainties the calibration states."
+    )
+    return Table("Standard uncertainty of one reading by cause, deg, and its share", head, rows, note)
+
+
+def roll_table(found: SecondHarmonics, units: Mapping[str, str]) -> Table:
+    """Second harmonic of each sensor in each roll set, beside its first."""
+    rows = []
+    for place, name in enumerate(found.sets):
+        for kind in found.second:
+            for sensor, c in enumerate(found.second[kind][place]):
+                first, u = abs(found.first[kind][place, sensor]), float(found.u[kind][place, sensor])
+                unit = units.get(kind, "")
+                cells = [name, f"{kind} {sensor + 1}", f"{first:.5g} {unit}", f"{with_uncertainty(abs(c), u)} {unit}"]
+                rows.append(TableRow(cells, "warn" if abs(c) > 4.0 * u else ""))
+    head = ["roll set", "sensor", "first harmonic", "second harmonic"]
+    note = "Amplitudes; the uncertainty of the second is what the third and higher harmonics leave."
+    return Table("Harmonics of the roll sets", head, rows, note, text_columns=2)
 
 
 def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
@@ -161,26 +217,28 @@ def correlation_table(calibration: Calibration) -> Table | None:
 
 
 def comparison_table(
-    calibration: Calibration, others: Mapping[str, Calibration], dip: float, at_deg: float
+    calibration: Calibration, others: Mapping[str, Calibration], dip: float, at_once: ExpectedUncertainty
 ) -> Table | None:
-    """Each method's own promise and how far its angles are from this calibration's."""
+    """What each method says of itself, and how far its angles are from this calibration's."""
     if not others:
         return None
-    body = [_method(f"{calibration.method} (this report)", calibration, None, dip, at_deg)]
-    body += [_method(name, other, calibration, dip, at_deg) for name, other in others.items()]
-    head = ["method", *(f"u({name}), deg" for name in COLUMNS), *(f"Δ {name}, deg" for name in COLUMNS)]
+    body = [_method(f"{calibration.method} (this report)", at_once, {})]
+    for name, other in others.items():
+        found = expected_uncertainty(other, at_once.inclination, dip)
+        body.append(_method(name, found, differences(calibration.tool, other.tool, dip)))
+    angles = ANGLES[:3]
+    head = ["method", *(f"u({name}), deg" for name in angles), *(f"Δ {name}, deg" for name in angles)]
     note = (
         "Δ: largest difference from this report's calibration between 10 and 90 deg inclination. u: what the method "
-        "says of itself; a method that knows nothing of the rig's errors promises too much."
+        "says of itself; one that knows nothing of the rig's errors states too little."
     )
-    return Table(f"Standard uncertainty at {at_deg:g}° inclination, worst attitude", head, body, note)
+    at_deg = float(np.degrees(at_once.inclination[0]))
+    caption = f"Standard uncertainty {FROM_CALIBRATION} at {at_deg:g}° inclination, worst attitude"
+    return Table(caption, head, body, note)
 
 
-def _method(name: str, other: Calibration, reference: Calibration | None, dip: float, at_deg: float) -> TableRow:
-    found = expected(other.tool, np.radians([at_deg]), dip)
-    promised = dict.fromkeys(COLUMNS, "")
-    if found is not None and np.any(np.diagonal(other.tool.covariance)):
-        promised |= {n: significant(float(np.degrees(found.worst(n)[0]))) for n in found.angles}
-    away = {} if reference is None else differences(reference.tool, other.tool, dip)
-    shown = [significant(float(np.degrees(away[n]))) if n in away else "" for n in COLUMNS]
-    return TableRow([name, *(promised[n] or "not stated" for n in COLUMNS), *shown])
+def _method(name: str, found: ExpectedUncertainty, away: Mapping[str, float]) -> TableRow:
+    u = np.degrees(found.from_calibration[0])
+    stated = {n: significant(float(u[ANGLES.index(n)])) for n in found.angles}
+    shown = [significant(float(np.degrees(away[n]))) if n in away else "" for n in ANGLES[:3]]
+    return TableRow([name, *(stated.get(n, "not stated") for n in ANGLES[:3]), *shown])

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 STANDARD: Final = "a-2b"
 """PDF/A-2b: what archives accept; every font is inside, nothing outside is needed."""
-COLOURS: Final = {"pass": "#1a7f37", "fail": "#c1272d", "not assessed": "#5d6975"}
+COLOURS: Final = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
 LONGEST_WORD: Final = 24
 _CONFORMITY: Final = {
     ("pass", "consistency"): "consistent",
@@ -124,6 +124,9 @@ def _view(record: Content) -> Content:
     say, number, digest = words(record["language"]), record["number"], record_digest(record)
     laboratory = record["laboratory"] or {}
     day = date.fromisoformat(record["dates"]["issued"])
+    statement = record["conformity"]["statement"]
+    # whoever reads the box alone reads what speaks against relying on it
+    doubts = [] if statement == "not assessed" else [*record["verification"]["report"]["warnings"], *record["warnings"]]
     sections = [
         tables.uncertainty_section(record, say),
         tables.parameter_section(record, say),
@@ -148,9 +151,9 @@ def _view(record: Content) -> Content:
         "letterhead": _letterhead(laboratory, say),
         "incomplete": "" if record["laboratory"] else say("incomplete"),
         "facts": _facts(record, say),
-        "conformity_colour": COLOURS[record["conformity"]["statement"]],
+        "conformity_colour": COLOURS["doubted" if statement == "pass" and doubts else statement],
         "conformity_head": say("conformity"),
-        "conformity": _conformity(record, say),
+        "conformity": [*_conformity(record, say), *doubts],
         "authorised": _authorised(laboratory, record, say),
         "marks": _marks(record, digest, say),
         "qr_says": qr_text(number, digest),

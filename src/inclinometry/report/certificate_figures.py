@@ -69,8 +69,10 @@ def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
 
 
 @styled
-def error_figure(setting: Array, error: Array, u: Array, limit: Array, letter: str) -> Figure:
-    """Errors of one angle over its setting with U, and the limits; all in degrees, judged positions only."""
+def error_figure(
+    setting: Array, error: Array, u: Array, limit: Array, letter: str, *, by_place: bool = False
+) -> Figure:
+    """Errors of one angle over its setting, or position by position, with U and limits; degrees, judged ones only."""
     figure = new_figure(1.9, width=WIDTH)
     axes = figure.add_subplot()
     axes.errorbar(setting, error, u, linestyle="none", marker="o", markersize=3.5, color=SERIES[0], elinewidth=0.9)
@@ -84,7 +86,7 @@ def error_figure(setting: Array, error: Array, u: Array, limit: Array, letter: s
     reach = 1.1 * float(max(np.max(np.abs(error) + u, initial=1e-6), np.max(limit, initial=0.0)))
     axes.set_ylim(-reach, reach)
     axes.axhline(0.0, color=INK, linewidth=0.7)
-    axes.set_xlabel(f"{letter}, °")
+    axes.set_xlabel("n" if by_place else f"{letter}, °")
     axes.set_ylabel(f"Δ{letter}, °")
     return figure
 

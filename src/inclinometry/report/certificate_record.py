@@ -12,27 +12,18 @@ from typing import Any, Final
 
 import numpy as np
 
+from inclinometry.calibration.expected import ANGLES, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.angles import wrap_signed
+from inclinometry.core.constants import COVERAGE_FACTOR, INCLINATIONS
 from inclinometry.core.errors import InputError
 from inclinometry.io._json import canonical
 from inclinometry.io.certificate_json import SCHEMA, VERSION, checked
 from inclinometry.io.laboratory_toml import Laboratory, Order
-from inclinometry.report.expected import (
-    ASSUMED_DIP,
-    EXPANDED,
-    differences,
-    expected,
-    field_dip,
-    second_kind,
-    tool_temperature,
-)
-from inclinometry.report.tables import Row, classical_rows, parameter_rows
+from inclinometry.report.tables import Row, classical_rows, differences, parameter_rows
 from inclinometry.sensors.tool import Tool
 
 LANGUAGES: Final = ("en", "ru", "zh")
-INCLINATIONS_DEG: Final = (1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0)
-"""Inclinations of the table of uncertainties, deg."""
 RULES: Final = {"none": "simple", "expanded-uncertainty": "guarded"}
 
 Record = dict[str, Any]
@@ -114,7 +105,7 @@ def certificate_record(
         "verification": None if verification is None else _verification(verification),
         "conformity": _conformity(verification),
         "interval_months": order.interval_months,
-        "warnings": list(calibration.warnings),
+        "warnings": [*calibration.warnings, *_two_accelerometers(calibration.tool)],
         "inputs": {**{f"calibration {n}": d for n, d in calibration.inputs.items()}, **(inputs or {})},
         "head": head,
         "supersedes": supersedes,
@@ -162,6 +153,17 @@ def _dates(order: Order) -> Record:
     return {name: None if day is None else day.isoformat() for name, day in days.items()}
 
 
+def _two_accelerometers(tool: Tool) -> list[str]:
+    """The condition under which two accelerometers have an uncertainty of inclination."""
+    triad = tool.triads.get("accelerometer")
+    if triad is None or triad.rank != 2:
+        return []
+    return [
+        "two accelerometers: the uncertainties hold where the strength of gravity is known and the way the hole goes "
+        "tells the sign of the component across both; they grow without bound toward gravity in the plane of the two"
+    ]
+
+
 def _method(calibration: Calibration, order: Order) -> Record:
     rig = np.broadcast_to(np.degrees(calibration.rig.sd), (3,))
     return {
@@ -176,26 +178,24 @@ def _method(calibration: Calibration, order: Order) -> Record:
 
 
 def _uncertainty(calibration: Calibration) -> Record | None:
-    """Expanded uncertainty of one reading over inclination, worst azimuth and toolface; None where none is known."""
-    tool = calibration.tool
-    second = second_kind(tool)
-    dip = None if second is None else field_dip(calibration.field_directions, second)
-    assumed = dip is None
-    found = expected(tool, np.radians(INCLINATIONS_DEG), float(ASSUMED_DIP) if dip is None else dip)
-    if found is None or not found.capability.variance.any():
+    """Expanded uncertainty over inclination, worst azimuth and toolface; None where none is known."""
+    found = expected_uncertainty(calibration, INCLINATIONS)
+    if not found.angles:
         return None
+    second = found.azimuth_from
     table: Record = {
-        "coverage_factor": EXPANDED,
-        "coverage_probability": round(coverage_probability(EXPANDED), 4),
+        "coverage_factor": COVERAGE_FACTOR,
+        "coverage_probability": round(coverage_probability(COVERAGE_FACTOR), 4),
         "azimuth_from": second,
         "dip_deg": None if second is None else float(np.degrees(found.dip)),
-        "dip_assumed": assumed and second is not None,
-        "temperature_degC": tool_temperature(tool),
-        "inclination_deg": list(INCLINATIONS_DEG),
+        "dip_assumed": second is not None and found.dip_from == "assumed",
+        "temperature_degC": found.temperature,
+        "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
     }
-    for name in found.angles:
-        # beyond half a turn the angle is simply not known
-        table[f"U_{name}_deg"] = np.degrees(np.fmin(EXPANDED * found.worst(name), np.pi)).tolist()
+    one, alone = (np.degrees(expanded(u)) for u in (found.of_one_reading, found.from_calibration))
+    columns = {f"U_{name}_deg": ANGLES.index(name) for name in found.angles}
+    table |= {key: one[:, place].tolist() for key, place in columns.items()}
+    table["from_calibration"] = {key: alone[:, place].tolist() for key, place in columns.items()}
     return table
 
 
@@ -235,9 +235,7 @@ def _adjustment(calibration: Calibration, previous: Calibration, previous_from: 
         tool.triads[kind].unit != old.triads[kind].unit for kind in tool.triads
     ):
         raise InputError("the previous calibration is of other sensors or of another unit; leave it out")
-    second = second_kind(tool)
-    dip = None if second is None else field_dip(calibration.field_directions, second)
-    apart = differences(tool, old, float(ASSUMED_DIP) if dip is None else dip)
+    apart = differences(tool, old, expected_uncertainty(calibration).dip)
     return {
         "previous": previous_from,
         "parameters": _parameters(old),

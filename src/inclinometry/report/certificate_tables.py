@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report import certificate_figures as draw
 from inclinometry.report.certificate_record import coverage_probability
 from inclinometry.report.certificate_words import Words
@@ -15,7 +16,8 @@ from inclinometry.report.digits import plain, rounded, significant
 from inclinometry.report.tables import sensor_names
 
 Content = dict[str, Any]
-K = 2.0
+FEWEST_SETTINGS = 4
+"""Settings of an angle below which errors over it are drawn position by position."""
 UNDEFINED_DEG = 60.0
 """Expanded uncertainty from which an angle is not worth printing."""
 
@@ -53,11 +55,15 @@ def uncertainty_section(record: Content, say: Words) -> Content:
         texts.append(say(key, triad=say(found["azimuth_from"]), dip=plain(found["dip_deg"], 2)))
     if any(triad["degree"] for triad in record["item"]["triads"]):
         texts.append(say("at_temperature", heat=plain(found["temperature_degC"], 1)))
+    alone = found.get("from_calibration")  # certificates of before state U of one reading only
+    blocks = [found] if alone is None else [found, alone]
     rows = [
-        [f"{x:g}", *(_degrees(found[f"U_{name}_deg"][place], say) for name in names)]
+        [f"{x:g}", *(_degrees(block[f"U_{name}_deg"][place], say) for block in blocks for name in names)]
         for place, x in enumerate(found["inclination_deg"])
     ]
-    head = ["I, °", *(f"U({draw.LETTERS[name]}), °" for name in names)]
+    head = ["I, °", *(f"{sign}({draw.LETTERS[name]}), °" for sign in ("U", "Uc")[: len(blocks)] for name in names)]
+    if alone is not None:
+        texts.append(say("alone_note"))
     picture = figure(draw.paper_svg(draw.uncertainty_figure(found)), say("curve_u"))
     caption = f"U, k = {k:g}"
     return section(title, texts, tables=[table(caption, head, rows)], figures=[picture], new_page=True)
@@ -93,7 +99,7 @@ def _expanded(row: Content) -> str:
         return "–"
     if not row["u"]:
         return f"{row['value']:.8g}"
-    return f"{rounded(row['value'], K * row['u'])} ± {significant(K * row['u'])}"
+    return f"{rounded(row['value'], COVERAGE_FACTOR * row['u'])} ± {significant(COVERAGE_FACTOR * row['u'])}"
 
 
 def classical_section(record: Content, say: Words) -> Content:
@@ -127,7 +133,7 @@ def _classical_row(row: Content, old: Mapping[str, Content] | None, say: Words) 
     before = old.get(row["name"])
     if before is None or before["value"] is None or row["value"] is None:
         return [*cells, "–", _expanded(row), "–"]
-    spread = K * np.hypot(row["u"] or 0.0, before["u"] or 0.0)
+    spread = COVERAGE_FACTOR * np.hypot(row["u"] or 0.0, before["u"] or 0.0)
     change = row["value"] - before["value"]
     said = f"{rounded(change, spread)} ± {significant(spread)}" if spread else f"{change:.3g}"
     return [*cells, _expanded(before), _expanded(row), said]
@@ -138,9 +144,13 @@ def residual_section(record: Content, say: Words) -> Content:
     said, figures = [], []
     for part in record["results"]["residuals"]:
         triad = say(part["kind"])
+        idle = sum(value is None for row in part["standardised"] for value in row)
+        if part["rms"] is not None:
+            said.append(say("residuals_kind", triad=triad, rms=f"{part['rms']:.2f}", largest=f"{part['largest']:.2f}"))
+        if idle:
+            said.append(say("residuals_idle", triad=triad, number=idle))
         if part["rms"] is None:
             continue
-        said.append(say("residuals_kind", triad=triad, rms=f"{part['rms']:.2f}", largest=f"{part['largest']:.2f}"))
         svg = draw.paper_svg(draw.residual_figure(part["standardised"]))
         figures.append(figure(svg, say("curve_residuals", triad=triad)))
     return section(say("residuals"), [say("residuals_note", kinds="; ".join(said) or "–")], figures=figures)
@@ -222,6 +232,8 @@ def _curves(positions: Sequence[Content], say: Words) -> list[Content]:
             error, u, limit = (
                 np.array([row[name][key] for row in judged], dtype=float) for key in ("error_deg", "U_deg", "limit_deg")
             )
-            svg = draw.paper_svg(draw.error_figure(setting, error, u, limit, letter))
-            figures.append(figure(svg, say("curve_error", angle=say(name))))
+            few = len(np.unique(setting.round(3))) < FEWEST_SETTINGS
+            place = np.array([n for n, row in enumerate(positions, 1) if row in judged], dtype=float)
+            svg = draw.paper_svg(draw.error_figure(place if few else setting, error, u, limit, letter, by_place=few))
+            figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name))))
     return figures

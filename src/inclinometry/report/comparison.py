@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.calibration.capability import capability
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import InputError
 from inclinometry.report.calibration_figures import log_scale
 from inclinometry.report.figure import DASHES, INK, MARKERS, SERIES, new_figure, styled
-from inclinometry.sensors.tool import Tool
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,21 +25,6 @@ class MethodCurve(NamedTuple):
     inclination: ArrayLike
     sd_inclination: ArrayLike
     sd_azimuth: ArrayLike
-
-
-def method_curve(name: str, tool: Tool, inclination: ArrayLike, dip: float) -> MethodCurve:
-    """What a method says of its own result: root mean square over azimuth and toolface, one reading.
-
-    Examples
-    --------
-    >>> from inclinometry.sensors.triad import Triad
-    >>> kinds = ("accelerometer", "magnetometer")
-    >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in kinds}, 1e-8 * np.eye(24))
-    >>> method_curve("joint", tool, np.radians([30.0, 90.0]), np.radians(70.0)).sd_azimuth.shape
-    (2,)
-    """
-    found = capability(tool, inclination, dip)
-    return MethodCurve(name, found.inclination, found.rms()[:, 0], found.rms()[:, 1])
 
 
 @styled

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from inclinometry.core.arrays import Mask
-from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.constants import COVERAGE_FACTOR, STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import REFERENCES
 from inclinometry.motion.result import BITS, FLAGS, METHODS
@@ -15,7 +15,6 @@ from inclinometry.report import dynamic_figures as draw
 from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, picture
 from inclinometry.report.digits import plain, rounded, significant
 from inclinometry.report.dynamic_words import CHANNEL_WORDS, METHOD_WORDS, REMEDIES
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.gyro_scale import Section
 from inclinometry.report.page import MOST_ROWS, render
 from inclinometry.report.words import listed
@@ -79,8 +78,8 @@ def norths(rows: AttitudeRows) -> str:
     Examples
     --------
     >>> from inclinometry.motion.run_result import AttitudeRows
-    >>> nought = np.zeros(2)
-    >>> norths(AttitudeRows(*[nought] * 9, *[nought.astype(int)] * 2, np.array([0, 1])))
+    >>> zero, north = np.zeros(2), np.array([0, 1])
+    >>> norths(AttitudeRows(*[zero] * 9, *[zero.astype(int)] * 2, north, np.zeros((2, 4)), zero, zero))
     'magnetic and true north'
     """
     return f"{listed([REFERENCES[place] for place in np.unique(rows.north[~rows.refused])]) or 'no'} north"
@@ -117,14 +116,14 @@ def _sentence(run: DynamicRun) -> str:
         parts.append(f"{name} within ±{typical}°" if typical else f"{name} not known")
     left = f", {int(refused.sum())} refused" if refused.any() else ""
     most = "half of the others" if refused.any() else "half of them"
-    return f"{span}{left}: {listed(parts)} at {most} (expanded, k = {EXPANDED:g}, about 95 %)."
+    return f"{span}{left}: {listed(parts)} at {most} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
 
 
 def _typical(rows: AttitudeRows, name: str, which: Mask) -> str:
     """Median expanded uncertainty of an angle, deg, over the rows that know it; "" where none does."""
     u = getattr(rows, f"u_{name}")[which]
     known = u[np.isfinite(u)]
-    return significant(EXPANDED * float(np.degrees(np.median(known)))) if len(known) else ""
+    return significant(COVERAGE_FACTOR * float(np.degrees(np.median(known)))) if len(known) else ""
 
 
 def _covers(run: DynamicRun) -> str:
@@ -139,7 +138,7 @@ def _covers(run: DynamicRun) -> str:
 def _angles(run: DynamicRun) -> Section:
     rows, pictures, body = run.rows, [], []
     for name in _ANGLES:
-        expanded = EXPANDED * np.degrees(getattr(rows, f"u_{name}"))
+        expanded = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}"))
         good = np.flatnonzero(np.isfinite(expanded))
         if not len(good):
             continue
@@ -148,7 +147,7 @@ def _angles(run: DynamicRun) -> Section:
         cells = [significant(float(v)) for v in (expanded[good].min(), np.median(expanded[good]), expanded[at])]
         body.append(TableRow([name, *cells, plain(rows.time[at], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at time, s"]
-    tables = [Table(f"Expanded uncertainty (k = {EXPANDED:g})", head, body)] if body else []
+    tables = [Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)] if body else []
     return Section("Inclination, azimuth, toolface", [f"Azimuth counts from {norths(rows)}."], tables, pictures)
 
 
@@ -169,12 +168,14 @@ def _motion(run: DynamicRun) -> Section:
     if run.spectrogram is not None and np.isfinite(run.spectrogram.density).any():
         caption = f"Spectrogram: {run.spectrogram.what}"
         pictures.append(picture(draw.spectrogram_figure(run.spectrogram), "spectrogram", caption))
-    return Section("How it turned and shook", _motion_sentences(vibration), [], pictures)
+    return Section("How it turned and shook", _motion_sentences(vibration, run.rows.rate), [], pictures)
 
 
-def _motion_sentences(vibration: Vibration) -> list[str]:
+def _motion_sentences(vibration: Vibration, rate: Array) -> list[str]:
     lines = []
-    speed = np.abs(draw.RPM * vibration.mean[np.isfinite(vibration.mean)])
+    # the speeds of the table of windows, where there are any: a gyro's own mean has its scale error besides
+    mean = rate if np.isfinite(rate).any() and np.isfinite(vibration.mean).any() else vibration.mean
+    speed = np.abs(draw.RPM * mean[np.isfinite(mean)])
     if len(speed):
         low, middle, high = (plain(float(v), 1) for v in (speed.min(), np.median(speed), speed.max()))
         fastest = plain(float(draw.RPM * np.nanmax(np.abs(vibration.fastest))), 1)
@@ -266,7 +267,11 @@ def _table(run: DynamicRun) -> Section:
         cells = [plain(rows.time[n], 3)]
         for value, u in values:
             lost = not np.isfinite(value[n])
-            cells += ["", ""] if lost else [rounded(float(value[n]), float(u[n])), significant(EXPANDED * float(u[n]))]
+            cells += (
+                ["", ""]
+                if lost
+                else [rounded(float(value[n]), float(u[n])), significant(COVERAGE_FACTOR * float(u[n]))]
+            )
         speed = draw.RPM * float(rows.rate[n])
         cells += [plain(speed, 1) if np.isfinite(speed) else "", METHODS[rows.method[n]]]
         cells += [f"{rows.quality[n]:.2f}", ", ".join(rows.names(n))]
@@ -274,7 +279,8 @@ def _table(run: DynamicRun) -> Section:
     head = ["time, s"]
     for name in _ANGLES:
         head += [name, "U"]
-    caption = f"Windows; angles and U (k = {EXPANDED:g}) in deg, azimuth from {norths(rows)}; quality 1 best, 0 refused"
+    what = f"azimuth from {norths(rows)}; quality 1 best, 0 refused"
+    caption = f"Windows; angles and U (k = {COVERAGE_FACTOR:g}) in deg, {what}"
     more = len(rows) > MOST_ROWS
     note = f"The first {MOST_ROWS} of {len(rows)} windows; the data files hold all." if more else ""
     return Section("Windows", tables=[Table(caption, [*head, "rpm", "method", "quality", "flags"], body, note)])

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from inclinometry.core.arrays import Array, Mask
-from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.constants import COVERAGE_FACTOR, STANDARD_GRAVITY
 from inclinometry.motion.run_result import AttitudeRows, Envelope, Excerpt, Spectrogram, Vibration
 from inclinometry.report.calibration_figures import log_scale
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.figure import BAD, DASHES, INK, SERIES, new_figure, styled
 from inclinometry.report.survey_figures import compass_dots, course, thinned, unbroken
 
@@ -95,17 +94,17 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
     if _leaps(path):
         compass_dots(upper, time, path)
     else:
-        course(upper, time, path, EXPANDED * u)
-        _frame(upper, path, EXPANDED * u)
+        course(upper, time, path, COVERAGE_FACTOR * u)
+        _frame(upper, path, COVERAGE_FACTOR * u)
     for axes in (upper, lower):
         _shade(axes, found.time, found.refused, at)
     upper.set_ylabel(f"{name}, deg")
     _above(upper, 2)
     seen = u[np.isfinite(u) & (u > 0.0)]
     if len(seen):
-        lower.plot(time, EXPANDED * u, color=INK, marker="o" if len(rows) <= 80 else None, markersize=2.5)
+        lower.plot(time, COVERAGE_FACTOR * u, color=INK, marker="o" if len(rows) <= 80 else None, markersize=2.5)
         # wide enough for two labels where U hardly changes
-        log_scale(lower, 0.8 * EXPANDED * float(seen.min()), 1.25 * EXPANDED * float(seen.max()))
+        log_scale(lower, 0.8 * COVERAGE_FACTOR * float(seen.min()), 1.25 * COVERAGE_FACTOR * float(seen.max()))
     lower.set_ylabel("U, deg")
     lower.set_xlabel(f"time, {at.unit}")
     return figure

@@ -9,9 +9,9 @@ import numpy as np
 
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report.calibration_figures import log_scale
 from inclinometry.report.digits import significant
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.figure import INK, SERIES, new_figure, styled
 
 if TYPE_CHECKING:
@@ -109,7 +109,12 @@ def _angle_panel(
         axes.plot(one.time, path, zorder=2.0 + place, **look)
         if one.u is not None:
             axes.errorbar(
-                one.time, path, EXPANDED * np.degrees(one.u[column]), linestyle="none", color=look["color"], capsize=2.0
+                one.time,
+                path,
+                COVERAGE_FACTOR * np.degrees(one.u[column]),
+                linestyle="none",
+                color=look["color"],
+                capsize=2.0,
             )
     axes.plot(truth.time, true, color=INK, linewidth=1.6, linestyle="--", zorder=6.0)
     size = [np.abs(np.degrees(errors[name][column])) for name in list(found)[1:]]

@@ -6,6 +6,7 @@ from typing import Final
 
 METHOD_WORDS: Final = {
     "static": "means of gravity and field of a tool at rest",
+    "quaternion": "the same, gravity and field both weighted (Davenport's q)",
     "magnetic": "turned back by the magnetic phase, weighted least squares with the lever arm",
     "mean": "turned back by the magnetic phase, plain mean",
     "gyro": "carried on by the gyros, gravity and Earth rate",

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array, Index, finite
+from inclinometry.core.constants import COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.gyro.result import FLAGS, North
@@ -18,11 +19,9 @@ from inclinometry.gyro.tracking import ScaleTrack
 from inclinometry.report import gyro_figures as draw
 from inclinometry.report.content import Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, rounded, significant
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.gyro_scale import GYRO_CONVENTIONS, Section, learnt_sentences, scale_picture, scale_report
 from inclinometry.report.page import render
 from inclinometry.report.survey_figures import angle_figure
-from inclinometry.report.tables import DEG_PER_HOUR
 from inclinometry.report.words import listed
 from inclinometry.survey.checks import Check, worst
 from inclinometry.survey.reduce import Survey
@@ -30,7 +29,7 @@ from inclinometry.survey.reduce import Survey
 __all__ = ["gyro_report", "scale_report"]
 
 _ANGLES = ("inclination", "azimuth")
-_UNITS = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", DEG_PER_HOUR), "sigma": (" σ", 1.0)}
+_UNITS = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
 _NOT_INCLUDED = (
     "misalignment of the tool in the hole",
     "misalignment of gyros against accelerometers",
@@ -141,7 +140,7 @@ def _run(
 ) -> _Run:
     depth = finite(md, "md", (None,))
     heat = None if temperature is None else finite(temperature, "temperature", (None,))
-    if heat is None and track is not None:
+    if heat is None and track is not None and track.thermometer:
         heat = track.temperature
     sizes = {"survey": len(survey), "north": len(north), **{name: len(other) for name, other in others.items()}}
     sizes |= {} if heat is None else {"temperature": len(heat)}
@@ -182,11 +181,11 @@ def _badge(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> tu
 def _sentence(survey: Survey, checks: Sequence[Check]) -> str:
     size = len(survey)
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    medians = {name: EXPANDED * float(np.degrees(np.median(survey.u(name)))) for name in _ANGLES}
+    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in _ANGLES}
     parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
     failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
     condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
-    return f"{span}: {parts} at half of them (expanded, k = {EXPANDED:g}, about 95 %).{condition}"
+    return f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).{condition}"
 
 
 def _covers(survey: Survey) -> str:
@@ -210,12 +209,12 @@ def _angles(run: _Run) -> Section:
     ]
     body = []
     for name in _ANGLES:
-        expanded = EXPANDED * np.degrees(survey.u(name))
+        expanded = COVERAGE_FACTOR * np.degrees(survey.u(name))
         at = int(np.argmax(expanded))
         cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[at])]
         body.append(TableRow([name, *cells, plain(survey.md[at], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
-    table = Table(f"Expanded uncertainty (k = {EXPANDED:g})", head, body)
+    table = Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)
     reference = f"Azimuth counts from {survey.azimuth_reference} north."
     return Section("Inclination and azimuth", [reference], [table], pictures)
 
@@ -233,7 +232,7 @@ def _scale(run: _Run, track: ScaleTrack | None) -> Section:
     lost = np.zeros(len(k), dtype=bool)
     for other in run.others.values():
         lost |= ~np.isfinite(other.scale)
-    caption = "K over depth; the scale factor cannot be seen where it is nought"
+    caption = "K over depth; the scale factor cannot be seen where it is zero"
     pictures.append(picture(draw.condition_figure(k, run.survey.md, draw.DEPTH, lost), "condition", caption))
     return Section("Scale factor", sentences, [], pictures)
 
@@ -308,7 +307,7 @@ def _stations(run: _Run) -> Table:
     for n in range(len(survey)):
         cells = [f"{survey.md[n]:.2f}"]
         for value, u in angles:
-            cells += [rounded(float(value[n]), float(u[n])), significant(EXPANDED * float(u[n]))]
+            cells += [rounded(float(value[n]), float(u[n])), significant(COVERAGE_FACTOR * float(u[n]))]
         u_scale = float(north.u_scale[n])
         cells += [rounded(float(north.scale[n]), u_scale), significant(u_scale)]
         cells += [north.root[n], rounded(float(north.k[n]), 0.02)]
@@ -319,8 +318,8 @@ def _stations(run: _Run) -> Table:
         head += [name, "U"]
     head += ["scale", "u", "root", "K", *([] if run.temperature is None else ["T, °C"]), "flags"]
     caption = (
-        f"Stations; angles and U (k = {EXPANDED:g}) in deg, azimuth from {survey.azimuth_reference} north, scale with "
-        "its standard uncertainty u"
+        f"Stations; angles and U (k = {COVERAGE_FACTOR:g}) in deg, azimuth from {survey.azimuth_reference} north, "
+        "scale with its standard uncertainty u"
     )
     return Table(caption, head, rows)
 
@@ -340,4 +339,5 @@ def _facts(run: _Run, track: ScaleTrack | None, site: Site | None) -> list[tuple
         facts.append(("Temperature", f"{run.temperature.min():.1f} to {run.temperature.max():.1f} °C"))
     if track is not None:
         facts.append(("Scale learnt from", f"{int(track.learnt.sum())} of {len(track)} stations"))
+    facts += [("Note", sentence) for sentence in run.survey.notes]
     return facts + [(f"Digest of {name}", digest) for name, digest in run.survey.inputs.items()]

@@ -9,12 +9,12 @@ import numpy as np
 
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.core.errors import InputError
 from inclinometry.gyro.result import North
 from inclinometry.gyro.tracking import ScaleTrack
 from inclinometry.report.calibration_figures import MANY
 from inclinometry.report.digits import significant
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, styled
 
 if TYPE_CHECKING:
@@ -47,10 +47,16 @@ def scale_course(track: ScaleTrack) -> tuple[Array, Array, Array]:
     without its own rates, because the belief then holds at the end of the run only.
     """
     if track.belief.walk > 0.0 or not len(track):
-        order = np.argsort(track.temperature, kind="stable")
-        return track.temperature[order], track.expected[order], track.expected_sd[order]
+        place = scale_place(track)
+        order = np.argsort(place, kind="stable")
+        return place[order], track.expected[order], track.expected_sd[order]
     heat = np.linspace(float(track.temperature.min()), float(track.temperature.max()), 121)
     return heat, *track.belief.predict(heat)
+
+
+def scale_place(track: ScaleTrack) -> Array:
+    """Abscissa (n,) of a track: temperatures, or without a thermometer the number of the station."""
+    return track.temperature if track.thermometer else np.arange(1.0, len(track) + 1.0)
 
 
 @styled
@@ -70,10 +76,10 @@ def scale_figure(track: ScaleTrack) -> Figure:
                 "elinewidth": 1.0,
                 "markersize": size if marker == "o" else 6.5,
             }
-            bars, value = EXPANDED * PER_CENT * track.scale_sd[rows], _per_cent(track.scale[rows])
+            bars, value = COVERAGE_FACTOR * PER_CENT * track.scale_sd[rows], _per_cent(track.scale[rows])
             few = int(rows.sum()) <= MANY
             axes.errorbar(
-                track.temperature[rows],
+                scale_place(track)[rows],
                 value,
                 bars,
                 marker=marker,
@@ -82,7 +88,7 @@ def scale_figure(track: ScaleTrack) -> Figure:
                 rasterized=not few,
                 **look,
             )
-    axes.set_xlabel(TEMPERATURE)
+    axes.set_xlabel(TEMPERATURE if track.thermometer else "station")
     _above(axes, 2)
     return figure
 
@@ -94,12 +100,12 @@ def _per_cent(scale: Array) -> Array:
 
 def _scale_panel(axes: Axes, track: ScaleTrack, label: str = "learnt", colour: str = SERIES[0]) -> None:
     heat, scale, sd = scale_course(track)
-    middle, spread = _per_cent(scale), EXPANDED * PER_CENT * sd
+    middle, spread = _per_cent(scale), COVERAGE_FACTOR * PER_CENT * sd
     band: dict[str, Any] = {
         "color": colour,
         "alpha": 0.2,
         "linewidth": 0.0,
-        "label": f"its ±U (k = {EXPANDED:g})",
+        "label": f"its ±U (k = {COVERAGE_FACTOR:g})",
     }
     axes.plot(heat, middle, color=colour, label=label)
     axes.fill_between(heat, middle - spread, middle + spread, **band)
@@ -125,7 +131,7 @@ def difference_figure(north: North, others: Mapping[str, North], place: Array, l
     """
     figure = new_figure(3.6)
     axes = figure.add_subplot()
-    band = EXPANDED * np.degrees(north.u("azimuth"))
+    band = COVERAGE_FACTOR * np.degrees(north.u("azimuth"))
     differences = {
         method_label(name): np.degrees(wrap_signed(other.azimuth - north.azimuth)) for name, other in others.items()
     }
@@ -137,7 +143,7 @@ def difference_figure(north: North, others: Mapping[str, North], place: Array, l
 
 
 def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Array, band_label: str) -> None:
-    """Differences in degrees about nought with a band; what is off the axis or missing is marked at its edge."""
+    """Differences in degrees about zero with a band; what is off the axis or missing is marked at its edge."""
     order = np.argsort(place, kind="stable")
     wide = np.minimum(band, 180.0)[order]
     axes.fill_between(place[order], -wide, wide, color=SERIES[2], alpha=0.25, linewidth=0.0, label=band_label)
@@ -248,7 +254,7 @@ def hot_run_figure(
     top, middle, low = figure.subplots(3, 1, sharex=True, height_ratios=(5, 4, 1.6))
     named = {_with_rms(name, value): np.degrees(value) for name, value in errors.items()}
     who, spread = list(u.items())[-1]
-    _differences(top, temperature, named, EXPANDED * np.degrees(spread), f"95 % band that “{who}” states")
+    _differences(top, temperature, named, COVERAGE_FACTOR * np.degrees(spread), f"95 % band that “{who}” states")
     top.set_ylabel("azimuth error, deg")
     top.legend(loc="upper left", ncols=1)
     top.set_title("Error of azimuth as the hole gets hot (triangle: off the axis; red cross: no azimuth)")

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.core.arrays import Array, finite
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.core.errors import InputError
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.report import gyro_figures as draw
 from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
 from inclinometry.report.digits import rounded, significant, with_uncertainty
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.page import render
 
 GYRO_CONVENTIONS = (
@@ -94,18 +94,20 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
 
 def scale_picture(track: ScaleTrack) -> Picture:
     """The scale factor over temperature."""
-    caption = f"Scale factor over temperature; bars and band: U (k = {EXPANDED:g})"
+    over = "temperature" if track.thermometer else "the stations"
+    caption = f"Scale factor over {over}; bars and band: U (k = {COVERAGE_FACTOR:g})"
     return picture(draw.scale_figure(track), "scale", caption)
 
 
 def learnt_sentences(track: ScaleTrack) -> list[str]:
     """How far the scale factor moved and how well it is known, and what the track itself notes."""
     low, high = float(track.temperature.min()), float(track.temperature.max())
-    spread = EXPANDED * draw.PER_CENT * float(np.median(track.scale_sd))
+    spread = COVERAGE_FACTOR * draw.PER_CENT * float(np.median(track.scale_sd))
     change = draw.PER_CENT * float(np.ptp(track.scale))
+    over = f"From {low:.0f} to {high:.0f} °C" if track.thermometer else "Over the run"
     return [
-        f"From {low:.0f} to {high:.0f} °C the scale factor changed by {significant(change)} %; it is known within "
-        f"±{significant(spread)} % at half of the stations (k = {EXPANDED:g}).",
+        f"{over} the scale factor changed by {significant(change)} %; it is known within "
+        f"±{significant(spread)} % at half of the stations (k = {COVERAGE_FACTOR:g}).",
         *(f"{note[0].upper()}{note[1:]}." for note in track.notes),
     ]
 
@@ -151,10 +153,10 @@ def _forecast(track: ScaleTrack) -> Table:
         heat = track.temperature[-1:]
     scale, sd = track.belief.predict(heat)
     body = [
-        TableRow([f"{t:.1f}", rounded(float(value), float(u)), significant(EXPANDED * float(u))])
+        TableRow([f"{t:.1f}", rounded(float(value), float(u)), significant(COVERAGE_FACTOR * float(u))])
         for t, value, u in zip(heat, scale, sd, strict=True)
     ]
-    return Table(f"Expected scale factor, U (k = {EXPANDED:g})", ["temperature, °C", "scale", "U"], body)
+    return Table(f"Expected scale factor, U (k = {COVERAGE_FACTOR:g})", ["temperature, °C", "scale", "U"], body)
 
 
 def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
@@ -163,7 +165,7 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
     for n, name in enumerate(first):
         cells = [name, f"{track.temperature[n]:.1f}"]
         for value, u in ((track.expected[n], track.expected_sd[n]), (track.scale[n], track.scale_sd[n])):
-            cells += [rounded(float(value), float(u)), significant(EXPANDED * float(u))]
+            cells += [rounded(float(value), float(u)), significant(COVERAGE_FACTOR * float(u))]
         used = bool(track.learnt[n])
         body.append(TableRow([*cells, "yes" if used else "no"], "" if used else "warn"))
     head = [
@@ -175,4 +177,4 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
         "U",
         "learnt from",
     ]
-    return Table(f"Scale factor of each station, U (k = {EXPANDED:g})", head, body)
+    return Table(f"Scale factor of each station, U (k = {COVERAGE_FACTOR:g})", head, body)

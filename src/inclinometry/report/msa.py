@@ -9,10 +9,10 @@ import numpy as np
 from inclinometry.attitude.orientation import angles, angles_jacobian
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report import msa_figures as draw
 from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, significant, with_uncertainty
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.msa_words import VAGUE, blind_spots, described, labels, unit_of
 from inclinometry.report.page import render
 from inclinometry.report.quality import quality_pictures
@@ -65,8 +65,8 @@ def msa_report(
         kind="Multi-station analysis",
         heading=f"Sensor errors of {tool} in one run" if tool else "Sensor errors of one run",
         conventions=CONVENTIONS,
-        state="warn" if said else "good",
-        badge="Read the warnings" if said else f"{len(before)} stations, nothing against it",
+        state="bad" if after.verdict == "fail" else "warn" if said or after.verdict != "pass" else "good",
+        badge=_badge(after.verdict, said, len(before)),
         verdict=_verdict(found, before, u_after),
         notes=list(notes),
         warnings=said,
@@ -89,6 +89,15 @@ def msa_report(
     )
 
 
+def _badge(verdict: str, said: Sequence[str], stations: int) -> str:
+    """In a word, what the tests of the corrected stations and the warnings say."""
+    if verdict == "fail":
+        return "The corrected stations fail the tests of the field"
+    if said:
+        return "Read the warnings"
+    return f"{stations} stations, every test passed" if verdict == "pass" else "The tests of the field are not decided"
+
+
 def azimuth_u(stations: Stations) -> Array:
     """Standard uncertainty (n,) of azimuth from all that is uncertain about the stations, rad; at most `UNKNOWN`."""
     rows = angles_jacobian(stations.g, stations.b)[:, 1]
@@ -103,7 +112,7 @@ def _reference_shift(found: MultiStation) -> Array:
 def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     """One sentence: what was wrong, what that did to azimuth, how sure it is now."""
     moves = _azimuth_moves(found)
-    stand_out = (name for name in moves if found.parameters[name].significance > EXPANDED)
+    stand_out = (name for name in moves if found.parameters[name].significance > COVERAGE_FACTOR)
     sure = sorted(stand_out, key=lambda name: -moves[name])[:3]
     parts = [f"{described(name)} {_value(found, name)}" for name in sure]
     what = "; ".join(parts) if parts else "no sensor error stands out"
@@ -112,12 +121,12 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
         return f"{what[0].upper()}{what[1:]}. No station is inclined enough for an azimuth."
     old, new = (angles(s.g, s.b).azimuth[able] for s in (before, found.corrected))
     moved = np.abs(np.degrees(wrap_signed(new - old)))
-    left = EXPANDED * float(np.degrees(np.median(u_after[able])))
+    left = COVERAGE_FACTOR * float(np.degrees(np.median(u_after[able])))
     which = f"the {len(before)} stations" if able.all() else f"the {int(able.sum())} stations that are not vertical"
     half, most = significant(float(np.median(moved))), significant(float(moved.max()))
     return (
         f"{what[0].upper()}{what[1:]}. Azimuth changes by {half}° at half of {which}, at most by {most}°, and is then "
-        f"known to ±{significant(left)}° at half of them (expanded, k = {EXPANDED:g})."
+        f"known to ±{significant(left)}° at half of them (expanded, k = {COVERAGE_FACTOR:g})."
     )
 
 
@@ -180,7 +189,7 @@ def _parameters(found: MultiStation) -> Table:
         value = [significant(f * p.value, 3) if p.value >= 0.0 else f"−{significant(-f * p.value, 3)}"]
         cells = [*value, significant(f * p.u), significant(f * p.prior), unit or "-"]
         learned = f"{100.0 * p.learned:.0f} %"
-        word = "yes" if p.significance > EXPANDED else ""
+        word = "yes" if p.significance > COVERAGE_FACTOR else ""
         rows.append(TableRow([name, described(name), *cells, f"{p.significance:.1f}", word, learned]))
     head = ["parameter", "meaning", "estimate", "u", "u before", "unit", "estimate / u", "stands out", "learned"]
     note = (

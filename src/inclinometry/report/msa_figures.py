@@ -9,7 +9,7 @@ import numpy as np
 from inclinometry.attitude.orientation import angles
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
-from inclinometry.report.expected import EXPANDED
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report.figure import BAD, INK, SERIES, new_figure, styled
 from inclinometry.report.survey_figures import thinned
 from inclinometry.survey.multistation import MultiStation
@@ -33,20 +33,27 @@ def estimate_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
     figure = new_figure(0.9 + 0.24 * len(names))
     axes = figure.add_subplot()
     axes.axvspan(
-        -EXPANDED, EXPANDED, color=SERIES[7], alpha=0.15, linewidth=0.0, label=f"known before (k = {EXPANDED:g})"
+        -COVERAGE_FACTOR,
+        COVERAGE_FACTOR,
+        color=SERIES[7],
+        alpha=0.15,
+        linewidth=0.0,
+        label=f"known before (k = {COVERAGE_FACTOR:g})",
     )
     axes.axvline(0.0, color=INK, alpha=0.5, linewidth=0.8)
     for row, name in enumerate(names):
         p = found.parameters[name]
-        at, spread = p.value / p.prior, EXPANDED * p.u / p.prior
-        sure = p.significance > EXPANDED
+        at, spread = p.value / p.prior, COVERAGE_FACTOR * p.u / p.prior
+        sure = p.significance > COVERAGE_FACTOR
         look: dict[str, Any] = {"color": SERIES[1] if sure else SERIES[0], "marker": "s" if sure else "o"}
         axes.errorbar([np.clip(at, -_FAR, _FAR)], [row], xerr=[spread], linestyle="none", capsize=2.5, **look)
         if abs(at) > _FAR:
             axes.annotate(f"{at:+.1f}", (np.sign(at) * _FAR, row), (0.0, 4.0), textcoords="offset points", ha="center")
     axes.set_yticks(range(len(names)), [labels[name] for name in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
-    reach = min(_FAR + 0.6, max(2.6, *(abs(p.value) / p.prior + EXPANDED * p.u / p.prior for p in _of(found, names))))
+    reach = min(
+        _FAR + 0.6, max(2.6, *(abs(p.value) / p.prior + COVERAGE_FACTOR * p.u / p.prior for p in _of(found, names)))
+    )
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("estimate ± U, in standard deviations of its prior")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
@@ -117,7 +124,7 @@ def azimuth_figure(found: MultiStation, before: Stations, u_before: Array, u_aft
     md = before.md[rows]
     old, new = (angles(s.g, s.b).azimuth for s in (before, found.corrected))
     moved = np.degrees(wrap_signed(new - old))[rows]
-    was, left = (EXPANDED * np.minimum(np.degrees(u[rows]), 90.0) for u in (u_before, u_after))
+    was, left = (COVERAGE_FACTOR * np.minimum(np.degrees(u[rows]), 90.0) for u in (u_before, u_after))
     moved[np.isnan(left)] = np.nan
     axes.fill_between(md, -was, was, color=SERIES[7], alpha=0.15, linewidth=0.0, label="U before")
     axes.fill_between(md, moved - left, moved + left, color=SERIES[0], alpha=0.3, linewidth=0.0, label="U after")

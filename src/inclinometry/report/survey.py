@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.earth.site import Site
 from inclinometry.report import survey_figures as draw
 from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, rounded, significant
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.norths import chain_of_norths, compass
 from inclinometry.report.page import render
 from inclinometry.report.quality import check_table, quality_pictures
@@ -67,7 +67,8 @@ def survey_report(
     True
     """
     flagged = sum(bool(row) for row in survey.flags)
-    troubles = bool(flagged or survey.warnings)
+    failed = 0 if quality is None else sum(check.verdict == "fail" for check in quality.checks)
+    troubles = bool(flagged or survey.warnings or failed)
     return render(
         "survey.html",
         title=f"Survey with {survey.tool or 'a tool'}",
@@ -77,6 +78,8 @@ def survey_report(
         state="warn" if troubles else "good",
         badge=f"{flagged} of {len(survey)} stations flagged"
         if flagged
+        else f"{failed} of {len(quality.checks)} checks failed"
+        if failed and quality is not None
         else "Read the warnings"
         if troubles
         else "No flags",
@@ -105,11 +108,11 @@ def _sentence(survey: Survey) -> str:
     if not size:
         return "No station was surveyed."
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    medians = {name: EXPANDED * float(np.degrees(np.median(survey.u(name)))) for name in _known(survey)}
+    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in _known(survey)}
     if not any(medians.values()):
         return f"{span}; the calibration states no uncertainty."
     parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
-    return f"{span}: {parts} at half of them (expanded, k = {EXPANDED:g}, about 95 %)."
+    return f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
 
 
 def _covers(survey: Survey) -> str:
@@ -129,12 +132,12 @@ def _summary(survey: Survey) -> Table | None:
         return None
     body = []
     for name in _known(survey):
-        expanded = EXPANDED * np.degrees(survey.u(name))
+        expanded = COVERAGE_FACTOR * np.degrees(survey.u(name))
         worst = int(np.argmax(expanded))
         cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[worst])]
         body.append(TableRow([name, *cells, plain(survey.md[worst], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
-    return Table(f"Expanded uncertainty (k = {EXPANDED:g})", head, body)
+    return Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)
 
 
 def _angle_figures(survey: Survey) -> list[Picture]:
@@ -203,14 +206,14 @@ def _table(survey: Survey) -> Table:
         cells = [f"{survey.md[k]:.2f}"]
         for value, u in degrees.values():
             spread = float(u[k])
-            cells += [rounded(float(value[k]), spread), significant(EXPANDED * spread)]
+            cells += [rounded(float(value[k]), spread), significant(COVERAGE_FACTOR * spread)]
         cells += [f"{values[k]:.{places}f}" for _, values, places in totals]
         rows.append(TableRow([*cells, ", ".join(survey.flags[k])], "warn" if survey.flags[k] else ""))
     head = ["md, m"]
     for name in degrees:
         head += [name, "U"]
     return Table(
-        f"Stations; angles, U (k = {EXPANDED:g}) and dip in deg", [*head, *(t[0] for t in totals), "flags"], rows
+        f"Stations; angles, U (k = {COVERAGE_FACTOR:g}) and dip in deg", [*head, *(t[0] for t in totals), "flags"], rows
     )
 
 

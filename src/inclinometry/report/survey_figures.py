@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report.calibration_figures import MANY, log_scale
-from inclinometry.report.expected import EXPANDED
 from inclinometry.report.figure import BAD, DASHES, INK, SERIES, new_figure, styled
 from inclinometry.survey.reduce import Survey
 
@@ -42,7 +42,7 @@ def angle_figure(survey: Survey, name: str) -> Figure:
     rows = thinned(len(survey))
     md, value = survey.md[rows], np.degrees(getattr(survey, name)[rows])
     u = np.degrees(survey.u(name)[rows])
-    course(upper, md, value if name == "inclination" else unbroken(value), EXPANDED * u)
+    course(upper, md, value if name == "inclination" else unbroken(value), COVERAGE_FACTOR * u)
     upper.set_ylabel(f"{name}, deg")
     _uncertainty(lower, survey, name, rows, u)
     lower.set_xlabel("measured depth, m")
@@ -78,7 +78,7 @@ def _uncertainty(axes: Axes, survey: Survey, name: str, rows: Array, u: Array) -
     if not (u > 0.0).any():
         axes.text(0.5, 0.5, "no uncertainty known", transform=axes.transAxes, ha="center", va="center")
         return
-    axes.plot(md, EXPANDED * u, color=INK, label="U, all")
+    axes.plot(md, COVERAGE_FACTOR * u, color=INK, label="U, all")
     low, least = float(u[u > 0.0].min()), NEGLIGIBLE * float(u.max())
     for n, (component, parts) in enumerate(survey.components.items()):
         variance = parts[rows, COLUMN[name]]
@@ -88,12 +88,12 @@ def _uncertainty(axes: Axes, survey: Survey, name: str, rows: Array, u: Array) -
             low = min(low, float(np.nanmin(part)))
             axes.plot(
                 md,
-                EXPANDED * part,
+                COVERAGE_FACTOR * part,
                 color=SERIES[(n + 1) % len(SERIES)],
                 linestyle=DASHES[(n + 1) % len(DASHES)],
                 label=component,
             )
-    log_scale(axes, EXPANDED * low, EXPANDED * float(u.max()))
+    log_scale(axes, COVERAGE_FACTOR * low, COVERAGE_FACTOR * float(u.max()))
     axes.set_ylabel("U, deg")
     # two long names side by side are as much as the width bears
     wide = 3 if len(survey.components) < 4 else 2
@@ -132,7 +132,9 @@ def magnitude_figure(
         at, sigma = reference
         axes.axhline(at, color=SERIES[2], linestyle="--", label="reference")
         if sigma:
-            axes.axhspan(at - EXPANDED * sigma, at + EXPANDED * sigma, color=SERIES[2], alpha=0.15, linewidth=0.0)
+            axes.axhspan(
+                at - COVERAGE_FACTOR * sigma, at + COVERAGE_FACTOR * sigma, color=SERIES[2], alpha=0.15, linewidth=0.0
+            )
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_ylabel(f"{label}, {unit}" if unit else label)
     axes.set_xlabel("measured depth, m")

@@ -7,14 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from inclinometry.attitude.orientation import angles, fields, inclination_toolface
+from inclinometry.calibration.expected import azimuth_triad, tool_temperature
+from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
-from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from inclinometry.report.digits import with_uncertainty
 from inclinometry.sensors.classical import classical_view
 from inclinometry.sensors.tool import Tool, parameter_names, parameter_vector, triad_from_vector
 from inclinometry.sensors.triad import Triad
-
-DEG_PER_HOUR = np.degrees(1.0) * 3600.0
 
 
 class Row(NamedTuple):
@@ -65,7 +66,7 @@ def field_unit(triad: Triad) -> FieldUnit:
             return FieldUnit("nT", 1.0, f"{triad.unit} per µT", 1e3)
         return FieldUnit("% of the field", 100.0, f"{triad.unit} per field", 1.0)
     if absolute:
-        return FieldUnit("deg/h", DEG_PER_HOUR, f"{triad.unit} per deg/h", 1.0 / DEG_PER_HOUR)
+        return FieldUnit("deg/h", 1.0 / DEG_PER_HOUR, f"{triad.unit} per deg/h", DEG_PER_HOUR)
     return FieldUnit("% of Earth rate", 100.0, f"{triad.unit} per Earth rate", 1.0)
 
 
@@ -158,3 +159,28 @@ def _derived(tool: Tool, kind: str, view: Callable[[Triad], Array], labels: list
     sd = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slope, own, slope), 0.0))
     entries = zip(labels, view(triad), np.where(sd > 0.0, sd, np.nan), units, strict=True)
     return [Row(label, float(value), float(u), unit) for label, value, u, unit in entries]
+
+
+def differences(tool: Tool, other: Tool, dip: float) -> dict[str, float]:
+    """Largest difference of the angles two calibrations of one tool give for the same signals, rad.
+
+    Over inclinations 10 to 90 deg and all azimuths and toolfaces in steps of 45 deg; only angles both can give.
+    """
+    grid = np.meshgrid(np.radians(np.arange(10.0, 91.0, 10.0)), *[np.radians(np.arange(0.0, 360.0, 45.0))] * 2)
+    g, b = fields(grid[1], grid[0], grid[2], dip)
+    seen = []
+    second = azimuth_triad(tool)
+    pair = [("accelerometer", g)] + ([(second, b)] if second and second in other.triads else [])
+    for kind, field in pair:
+        if kind not in other.triads or not tool.triads[kind].full:
+            return {}
+        heat = np.full(grid[0].shape, tool_temperature(tool))
+        seen.append(other.triads[kind].field(tool.triads[kind].signals(field, heat), heat))
+    if len(seen) == 2:
+        found = angles(*seen)
+        pairs = {"inclination": (found.inclination, grid[0]), "azimuth": (found.azimuth, grid[1])}
+        pairs["toolface"] = (found.toolface, grid[2])
+    else:
+        inclination, toolface = inclination_toolface(seen[0])
+        pairs = {"inclination": (inclination, grid[0]), "toolface": (toolface, grid[2])}
+    return {name: float(np.abs(wrap_signed(a - b)).max()) for name, (a, b) in pairs.items()}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import JUDGED, Verification
+from inclinometry.calibration.acceptance import DERIVED, Verification
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report import verification_figures as draw
 from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, rounded, significant
@@ -12,6 +13,8 @@ from inclinometry.report.page import render
 
 UNDEFINED_DEG = 30.0
 """Standard uncertainty from which an angle is not worth printing: the tool hangs vertically, deg."""
+FEWEST_SETTINGS = 4
+"""Settings of an angle below which errors over it are no curve; the stations show them."""
 _STATES = {"fail": "bad", "inconclusive": "warn"}
 
 
@@ -38,6 +41,7 @@ def verification_report(verification: Verification) -> str:
     (True, False)
     """
     passed = verification.verdict == "pass"
+    drawn = [c for c in range(3) if np.isfinite(verification.errors[:, c]).any()]
     name = verification.tool or "Tool without a name"
     return render(
         "verification.html",
@@ -45,14 +49,16 @@ def verification_report(verification: Verification) -> str:
         kind="Verification report",
         heading=name,
         conventions=CONVENTIONS,
-        state="good" if passed else "bad",
-        badge=verification.verdict.upper(),
+        # green only when nothing below speaks against relying on it
+        state="bad" if not passed else "warn" if verification.warnings else "good",
+        badge=verification.verdict.upper() + (", with reservations" if passed and verification.warnings else ""),
         verdict=_sentence(verification),
-        notes=[f"{reason[:1].upper()}{reason[1:]}." for reason in verification.reasons],
+        notes=[f"{said[:1].upper()}{said[1:]}." for said in (*verification.reasons, *verification.notes)],
         warnings=list(verification.warnings),
         summary=_summary(verification),
-        station_figures=[_station(verification, c) for c in range(3)],
-        curve_figures=[_curve(verification, c) for c in range(3)],
+        station_figures=[_station(verification, c) for c in drawn],
+        curve_figures=[_curve(verification, c) for c in drawn if draw.settings(verification, c) >= FEWEST_SETTINGS],
+        rule=_rule(verification),
         table=cut(_table(verification)),
         facts=_facts(verification),
     )
@@ -68,7 +74,9 @@ def _sentence(verification: Verification) -> str:
 def _summary(verification: Verification) -> Table:
     """Per angle: largest error, its limit, counts of the decisions."""
     body = []
-    for column, name in enumerate(JUDGED):
+    for column, name in enumerate(verification.names):
+        if name == "-":
+            continue
         decisions = [row[column] for row in verification.decision]
         judged = np.array([d != "not judged" for d in decisions], dtype=bool)
         error = np.degrees(verification.errors[judged, column])
@@ -106,16 +114,36 @@ def _signed(value: float, u: float) -> str:
     return text if text.startswith("-") or not np.isfinite(value) else f"+{text}"
 
 
+def _rule(verification: Verification) -> str:
+    """How an error is held against its limit, for the section that draws both."""
+    bars = f"Bars are U of the comparison, k = {COVERAGE_FACTOR:g}: tool, noise and stand together."
+    if np.isfinite(verification.limits).any() and verification.limits_source == DERIVED:
+        return (
+            f"Each error passes within its own limit of k u, k = {verification.coverage_factor:.3g} for the number of "
+            f"errors judged; no guard band. {bars}"
+        )
+    if any("inconclusive" in row for row in verification.decision):
+        return f"An error passes within the limit less its own U, the guard band (JCGM 106:2012, 8.3). {bars}"
+    return (
+        "An error passes within the limit, whatever its bar (JCGM 106:2012, 8.2), or, where a guard band was asked "
+        f"for, within the limit less its own U. {bars}"
+    )
+
+
 def _station(verification: Verification, column: int) -> Picture:
-    name = JUDGED[column]
+    name = verification.names[column]
     band = "; shaded: guard band" if any("inconclusive" in row for row in verification.decision) else ""
-    caption = f"Error of {name} at each station, bars U (k = {verification.coverage_factor:.3g}); red: limits{band}"
-    return picture(draw.station_figure(verification, column), f"station{name}", caption)
+    caption = f"Error of {name} at each station, bars U (k = {COVERAGE_FACTOR:g}); red: limits{band}"
+    return picture(draw.station_figure(verification, column), f"station{_slug(name)}", caption)
+
+
+def _slug(name: str) -> str:
+    return name.replace(" ", "")
 
 
 def _curve(verification: Verification, column: int) -> Picture:
-    caption = f"Error curve: error of {JUDGED[column]} over its setting"
-    return picture(draw.curve_figure(verification, column), f"curve{JUDGED[column]}", caption)
+    caption = f"Error curve: error of {verification.names[column]} over its setting"
+    return picture(draw.curve_figure(verification, column), f"curve{_slug(verification.names[column])}", caption)
 
 
 def _table(verification: Verification) -> Table:
@@ -137,7 +165,7 @@ def _table(verification: Verification) -> Table:
         state = "bad" if "bad" in worst else "warn" if "warn" in worst else ""
         rows.append(TableRow([station, *cells], state))
     head = ["station", "azimuth set", "inclination set", "toolface set"]
-    for name in JUDGED:
+    for name in verification.names:
         head += [f"error of {name}", "U", "limit ±", "decision"]
     return Table(f"All positions, deg; U with k = {verification.coverage_factor:.3g}", head, rows)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from inclinometry.calibration.acceptance import Verification
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report.figure import BAD, INK, SERIES, new_figure, station_axis, styled
 
 if TYPE_CHECKING:
@@ -56,6 +57,12 @@ def curve_figure(verification: Verification, column: int) -> Figure:
     return figure
 
 
+def settings(verification: Verification, column: int) -> int:
+    """At how many settings of its own an angle was judged."""
+    judged = np.isfinite(verification.limits[:, column])
+    return len(np.unique(np.degrees(verification.dials[judged, DIAL_COLUMN[column]]).round(3)))
+
+
 def _guarded(verification: Verification) -> bool:
     return any("inconclusive" in row for row in verification.decision)
 
@@ -75,7 +82,7 @@ def _errors(axes: Axes, x: np.ndarray, verification: Verification, column: int) 
 
     decisions = np.array([row[column] for row in verification.decision], dtype=object)
     errors = np.degrees(verification.errors[:, column])
-    spread = verification.coverage_factor * np.degrees(verification.u[:, column])
+    spread = COVERAGE_FACTOR * np.degrees(verification.u[:, column])
     handles: list[object] = []
     for name, (marker, colour) in LOOKS.items():
         rows = decisions == name
@@ -93,10 +100,10 @@ def _reach(verification: Verification, column: int) -> tuple[float, float]:
     """Limits of the y axis: everything that was judged fits in; what was not judged must not hide it."""
     judged = np.isfinite(verification.limits[:, column])
     if not judged.any():
-        judged = np.ones(len(judged), dtype=bool)
+        judged = np.isfinite(verification.errors[:, column])
     error, u = np.degrees(verification.errors[judged, column]), np.degrees(verification.u[judged, column])
     limit = np.degrees(
         np.where(np.isfinite(verification.limits[judged, column]), verification.limits[judged, column], 0)
     )
-    top = 1.1 * float(max(limit.max(initial=0.0), (np.abs(error) + verification.coverage_factor * u).max(initial=1e-6)))
+    top = 1.1 * float(max(limit.max(initial=0.0), (np.abs(error) + COVERAGE_FACTOR * u).max(initial=1e-6)))
     return -top, top

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
+from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty, field_dip
 from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.signs import zero_from_north
 from inclinometry.core.angles import wrap_positive, wrap_signed
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report.digits import significant, with_uncertainty
-from inclinometry.report.expected import EXPANDED, Expected, field_dip
 
 METHODS = {
     "joint": "joint maximum likelihood of all triads, rig errors shared between them",
@@ -21,8 +24,11 @@ METHODS = {
     "rotations": "closed form for two full rotations about the tool axis",
     "field": "constant field strength in any attitude, no rig",
     "classical": "classical small-angle differences",
+    "datasheet": "nameplate values of the sensors, nothing measured",
 }
 DIALS = ("azimuth", "inclination", "toolface")
+DECISIVE = 0.9
+"""Leverage from which a station decides alone: an error there would go unseen."""
 
 
 def listed(words: list[str]) -> str:
@@ -36,34 +42,41 @@ def listed(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
 
 
-def verdict(calibration: Calibration, found: Expected | None, at_deg: float) -> str:
-    """One sentence: what a reading of this tool is worth. `found` holds the inclination `at_deg` (deg) alone."""
+def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
+    """One sentence: what a reading of this tool is worth. `found` holds one inclination."""
     tool = calibration.tool.name or "this tool"
-    if found is None:
-        return f"The accelerometers of {tool} see fewer than three components of gravity: no attitude can be promised."
-    values = {name: EXPANDED * float(np.degrees(found.worst(name)[0])) for name in found.angles}
-    if not any(values.values()):
+    seen = calibration.tool.triads["accelerometer"].rank if "accelerometer" in calibration.tool.triads else 0
+    if seen < 2:
+        return f"The accelerometers of {tool} see fewer than two components of gravity: no attitude can be given."
+    if not found.angles:
         return f"The method gives no uncertainty for {tool}: what its readings are worth is not known from this run."
+    at_deg = float(np.degrees(found.inclination[0]))
+    values = {
+        name: COVERAGE_FACTOR * float(np.degrees(found.of_one_reading[0, ANGLES.index(name)])) for name in found.angles
+    }
     parts = listed([f"{name} within ±{significant(value)}°" for name, value in values.items()])
-    where = f"at {at_deg:g}° inclination, at the worst azimuth and toolface" if found.second else f"at {at_deg:g}°"
+    where = (
+        f"at {at_deg:g}° inclination, at the worst azimuth and toolface" if found.azimuth_from else f"at {at_deg:g}°"
+    )
+    if seen == 2:
+        where += ", |g| known and the way of the hole stated"
     count = len(calibration.warnings)
     condition = f"; settle the warning{'s' * (count > 1)} below before relying on it" if count else ""
     return f"One reading of {tool} gives {parts} ({_coverage()}) {where}{condition}."
 
 
 def _coverage() -> str:
-    return f"expanded, k = {EXPANDED:g}, about 95 %"
+    return f"expanded, k = {COVERAGE_FACTOR:g}, about 95 %"
 
 
 def covers(calibration: Calibration) -> str:
-    """What stands behind the promise, and what does not."""
-    without = not np.any(np.diagonal(calibration.tool.covariance))
-    if without:
-        return "The method states no covariance: only the noise of one reading is included, not the calibration itself."
+    """What stands behind the expected uncertainty of one reading, and what does not."""
+    if not np.any(np.diagonal(calibration.tool.covariance)):
+        return "The method states no covariance, so no uncertainty of the angles can be given."
     return (
-        "Included: the calibration's own uncertainty with all correlations, and the noise of one reading. Not "
-        "included: misalignment in the drill string, magnetic interference, temperatures outside the calibrated range, "
-        "ageing."
+        "Included: the uncertainty from the calibration alone, with all correlations, and the noise of one reading. "
+        "Not included: misalignment in the drill string, magnetic interference, temperatures outside the "
+        "calibrated range, ageing."
     )
 
 
@@ -86,6 +99,7 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
         facts.append(("Readings averaged", f"{int(readings.count.min())} to {int(readings.count.max())} a station"))
     if readings is not None:
         facts += [(f"Stated at the stand: {name}", text) for name, text in _stated(readings.reference)]
+    facts += [("Note", sentence) for sentence in calibration.notes]
     return facts + [(f"Digest of {name}", digest) for name, digest in calibration.inputs.items()]
 
 
@@ -100,7 +114,8 @@ def _temperature(calibration: Calibration) -> str:
 
 
 def _stated(reference: Mapping[str, float]) -> list[tuple[str, str]]:
-    shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: f"{v:.0f} nT", "dip": lambda v: f"{np.degrees(v):.2f}°"}
+    shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: f"{v:.0f} nT"}
+    shown |= dict.fromkeys(("dip", "latitude", "north"), lambda v: f"{np.degrees(v):.2f}°")
     return [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in reference.items()]
 
 
@@ -145,8 +160,9 @@ def _base(calibration: Calibration) -> str:
 
 def _second_field(calibration: Calibration, kind: str) -> list[str]:
     def turn(fields: Mapping[str, Array]) -> float:
-        x, y, _ = fields[kind]
-        return float(np.degrees(wrap_signed(np.arctan2(y, x))))
+        # levelled with the gravity found: on a tilted base a steep field leans far from north in rig axes
+        down = fields.get("accelerometer", np.array([0.0, 0.0, 1.0]))
+        return float(np.degrees(wrap_signed(-zero_from_north(down, fields[kind]))))
 
     def below(fields: Mapping[str, Array]) -> float:
         return float(np.degrees(field_dip(fields, kind) or 0.0))
@@ -155,9 +171,10 @@ def _second_field(calibration: Calibration, kind: str) -> list[str]:
     dip = with_uncertainty(below(at), _spread(calibration, below))
     north = with_uncertainty(turn(at), _spread(calibration, turn))
     if kind == "magnetometer":
-        return [f"The magnetic field dips {dip}° and points to the rig's azimuth {north}°."]
+        return [f"The magnetic field dips {dip}° and, seen from above, points to the rig's azimuth {north}°."]
     latitude = with_uncertainty(-below(at), _spread(calibration, below))
-    return [f"The Earth's axis stands {latitude}° above the horizon (the latitude), at the rig's azimuth {north}°."]
+    where = f"seen from above at the rig's azimuth {north}°"
+    return [f"The Earth's axis stands {latitude}° above the horizon (the latitude), {where}."]
 
 
 def _spread(calibration: Calibration, quantity: Callable[[Mapping[str, Array]], float]) -> float:
@@ -185,9 +202,10 @@ def residual_sentences(calibration: Calibration) -> list[str]:
 
     blocks = calibration.residuals.standardised
     values = np.concatenate([np.zeros(0), *(np.asarray(v).ravel() for v in blocks.values())])
+    idle = int(np.isnan(values).sum())
     values = values[np.isfinite(values)]
     if not len(values):
-        return ["The method leaves no residuals."]
+        return ["No residual is judged: the fit follows every reading." if idle else "The method leaves no residuals."]
     beyond = int((np.abs(values) > 3.0).sum())
     lie = "lies" if beyond == 1 else "lie"
     chance = len(values) * float(erfc(3.0 / np.sqrt(2.0)))
@@ -196,7 +214,45 @@ def residual_sentences(calibration: Calibration) -> list[str]:
         f"Root mean square of the standardised residuals: {spread:.2f} (1 when noise and rig are as stated).",
         f"{beyond} of {len(values)} residuals {lie} beyond three standard deviations; chance alone would put "
         f"{significant(chance, 1)} there.",
+        *([f"{idle} more {'is' if idle == 1 else 'are'} not judged: there the fit follows the reading."] * bool(idle)),
     ]
+
+
+class Test(NamedTuple):
+    """One thing a report judges; `passed` None where it cannot be judged."""
+
+    what: str
+    found: str
+    limit: str
+    passed: bool | None
+
+
+def calibration_tests(calibration: Calibration) -> list[Test]:
+    """Everything a page about a calibration judges; its verdict is good when none of these fails.
+
+    The largest residual is held against what the largest of so many reaches in 1 % of honest runs, their root mean
+    square against the same of a chi-square over its degrees of freedom.
+    """
+    from scipy.stats import chi2, norm
+
+    blocks = calibration.residuals.standardised.values()
+    values = np.concatenate([np.zeros(0), *(np.asarray(v).ravel() for v in blocks)])
+    judged = values[np.isfinite(values)]
+    warned = len(calibration.warnings)
+    tests = [Test("warnings", str(warned), "none", warned == 0)]
+    if judged.size:
+        largest, bound = float(np.abs(judged).max()), float(norm.isf(0.005 / judged.size))
+        tests.append(Test("largest standardised residual", f"{largest:.2f}", f"{bound:.2f}", largest <= bound))
+        freedom = max(values.size - len(calibration.parameter_names), 1)
+        rms, most = float(np.sqrt(np.mean(judged**2))), float(np.sqrt(chi2.isf(0.01, freedom) / freedom))
+        tests.append(Test("rms of the standardised residuals", f"{rms:.2f}", f"{most:.2f}", rms <= most))
+    elif values.size:
+        tests.append(Test("residuals", "none can be judged", "", None))
+    leverage = np.asarray(calibration.residuals.leverage)
+    if len(leverage):
+        share = float(leverage.max())
+        tests.append(Test("largest leverage of a station", f"{share:.2f}", f"{DECISIVE:g}", share <= DECISIVE))
+    return tests
 
 
 def identifiability_sentences(calibration: Calibration) -> list[str]:
@@ -208,7 +264,7 @@ def identifiability_sentences(calibration: Calibration) -> list[str]:
     if len(leverage):
         most = int(np.argmax(leverage))
         name, share = calibration.residuals.station[most], float(leverage[most])
-        decisive = "an error there would go unseen" if share > 0.9 else "no station decides alone"
+        decisive = "an error there would go unseen" if share > DECISIVE else "no station decides alone"
         sentences.append(f"The station with most leverage is {name}, {share:.2f} of 1: {decisive}.")
     if any("assumed" in sentence for sentence in calibration.warnings):
         sentences.append("The plan is blind in a direction named in the warnings; there the assumption decides.")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inclinometry.core.angles import wrap_positive
 from inclinometry.core.arrays import Array, frozen
 from inclinometry.sensors.triad import Triad
 
@@ -24,7 +25,13 @@ class ClassicalView:
     nominal : (m, 3)
         The axis of the tool nearest to each, in either sense.
     misalignment : (m,)
-        Angle between the sensitive axis and its nominal place, rad.
+        Angle between the sensitive axis and its nominal place, rad: the installation angle I of well-logging texts, in
+        which the main coefficient is k cos I.
+    phase : (m,)
+        Its installation phase: where the axis leans, counted about the nominal axis from the next axis of the tool in
+        the order x, y, z, x toward the one after, rad in [0, 2 pi); so for a sensor along z about z from x.
+    from_z, about_z : (m,)
+        The same for any axis: its angle from the tool's z and the phase about z from x, rad.
     misalignment_angles : (m, 2)
         The small angles d1, d2 of the axis toward the two other axes of the tool, in the order x, y, z, rad. Positive
         toward the positive axis.
@@ -39,6 +46,9 @@ class ClassicalView:
     axes: Array
     nominal: Array
     misalignment: Array
+    phase: Array
+    from_z: Array
+    about_z: Array
     misalignment_angles: Array
     orthogonality: Array
     bias: Array
@@ -78,6 +88,9 @@ def classical_view(triad: Triad, temperature: ArrayLike | None = None) -> Classi
     main = np.abs(axes[rows, place])
     others = np.array([[axis for axis in range(3) if axis != at_axis] for at_axis in place])
     across = axes[rows[:, None], others]
+    following = np.stack([axes[rows, (place + step) % 3] for step in (1, 2)])
+    # turned with a sensor that points along a negative axis, so that the phase is about the nominal axis itself
+    phase = np.arctan2(sense * following[1], following[0])
     upright = axes * sense[:, None]
     normal = np.linalg.norm(np.cross(upright[:, None], upright[None, :]), axis=-1)
     angle = np.arctan2(-upright @ upright.T, normal)  # 90 degrees less, without the arc cosine's loss of digits
@@ -87,6 +100,9 @@ def classical_view(triad: Triad, temperature: ArrayLike | None = None) -> Classi
         axes=frozen(axes),
         nominal=frozen(nominal),
         misalignment=frozen(np.arctan2(np.linalg.norm(across, axis=-1), main)),
+        phase=frozen(wrap_positive(phase)),
+        from_z=frozen(np.arctan2(np.hypot(axes[:, 0], axes[:, 1]), axes[:, 2])),
+        about_z=frozen(wrap_positive(np.arctan2(axes[:, 1], axes[:, 0]))),
         misalignment_angles=frozen(np.arctan2(across, main[:, None])),
         orthogonality=frozen(np.where(np.eye(len(axes), dtype=bool), 0.0, angle)),
         bias=frozen(offset / scale),

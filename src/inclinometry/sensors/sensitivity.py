@@ -71,11 +71,34 @@ def angle_sensitivity(
     jacobian = angles_jacobian(g, other)
     if second not in fields:
         jacobian[..., [1, 3], :] = np.nan
+    return field_sensitivity(tool, kinds, jacobian, fields, temperature)
+
+
+def field_sensitivity(
+    tool: Tool,
+    kinds: tuple[str, ...],
+    jacobian: Array,
+    fields: Mapping[str, Array],
+    temperature: ArrayLike | None = None,
+) -> Sensitivity:
+    """Sensitivity of whatever depends on the fields.
+
+    Parameters
+    ----------
+    tool : Tool
+    kinds : tuple of str
+        The triads in the order of the columns of `jacobian`.
+    jacobian : (..., r, 3 k) ndarray
+        Derivatives of r quantities by the components of the k fields.
+    fields : mapping of kind to (..., 3)
+    temperature : (...) array_like, optional
+        degC.
+    """
     parameters = np.zeros((*jacobian.shape[:-1], len(tool.parameter_names)))
     signals = []
     for place, kind in enumerate(kinds):
         triad, field = tool.triads[kind], fields[kind]
-        by_signal = jacobian[..., 3 * place : 3 * place + 3] @ triad.inverse(temperature)
+        by_signal = jacobian[..., 3 * place : 3 * place + 3] @ triad.inverse_at(field, temperature)
         signals.append(by_signal)
         parameters[..., tool.slices[kind]] = by_parameter(triad, field, by_signal, temperature)
     return Sensitivity(parameters, np.concatenate(signals, axis=-1), kinds)

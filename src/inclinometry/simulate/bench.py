@@ -13,6 +13,7 @@ from inclinometry.core.arrays import Array, finite
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
+from inclinometry.simulate.characteristic import Characteristic
 from inclinometry.simulate.rig import DIALS, Bump, Misread, Rig
 from inclinometry.simulate.sensing import sense, sense_batch
 from inclinometry.simulate.streams import Seed, Streams
@@ -82,6 +83,7 @@ def simulate_bench(
     bits: int | None = None,
     repeats: int = 1,
     temperature: ArrayLike | None = None,
+    characteristic: Mapping[str, Characteristic] | None = None,
     seed: Seed,
 ) -> BenchSimulation:
     """Readings of a true tool on a true rig at the stations of a plan.
@@ -101,6 +103,8 @@ def simulate_bench(
         Readings averaged at each station, without moving the rig between them.
     temperature : float or (K,) array_like, optional
         degC; the triads' reference temperature when not given.
+    characteristic : mapping of kind to Characteristic, optional
+        What bends the sensors' characteristic.
     seed : int, SeedSequence or Generator
         The rig's errors depend on it alone, not on the noise, the bits or the tool.
 
@@ -125,7 +129,16 @@ def simulate_bench(
     orientation = _bumped(rig, streams, rig.orientation(record + errors[0]))
     directions = {kind: rig.direction(kind, tilt_axis[0]) for kind in tool.triads}
     fields = {kind: orientation @ direction for kind, direction in directions.items()}
-    sensed = sense(tool, fields, streams, noise=noise, bits=bits, repeats=repeats, temperature=degrees)
+    sensed = sense(
+        tool,
+        fields,
+        streams,
+        noise=noise,
+        bits=bits,
+        repeats=repeats,
+        temperature=degrees,
+        characteristic=characteristic,
+    )
     written = _written(rig, record)
     return BenchSimulation(
         azimuth=written[:, 0],

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.attitude.rotations import dcm, rotation_exp, rotation_z
 from inclinometry.core.arrays import Array, finite
+from inclinometry.core.constants import DIP, LATITUDE
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.bench import bench_reference
@@ -35,8 +36,8 @@ class HandHeld:
     rolls: int = 8
     pointing_sd: float = np.radians(0.3)
     roll_sd: float = np.radians(5.0)
-    dip: float = np.radians(65.0)
-    latitude: float = np.radians(60.0)
+    dip: float = DIP
+    latitude: float = LATITUDE
 
     def __post_init__(self) -> None:
         sets = self.roll_sets * self.rolls

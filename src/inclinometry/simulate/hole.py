@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from inclinometry.attitude.rotations import dcm
 from inclinometry.core.angles import wrap_positive
 from inclinometry.core.arrays import Array, finite
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.constants import EARTH_RATE, LATITUDE
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
+from inclinometry.simulate.characteristic import Characteristic
 from inclinometry.simulate.rig import field_direction
 from inclinometry.simulate.sensing import sense
 from inclinometry.simulate.streams import Seed, Streams
@@ -134,12 +135,13 @@ def simulate_survey(
     g: float | None = None,
     b: float | None = None,
     dip: float,
-    latitude: float = np.radians(60.0),
+    latitude: float = LATITUDE,
     declination: float = 0.0,
     noise: Mapping[str, ArrayLike] | None = None,
     bits: int | None = None,
     repeats: int = 1,
     temperature: ArrayLike | None = None,
+    characteristic: Mapping[str, Characteristic] | None = None,
     seed: Seed,
 ) -> SurveySimulation:
     """Raw readings of a tool at the stations of a well, standing still.
@@ -152,7 +154,7 @@ def simulate_survey(
         Fields at the well, m/s^2 and nT; those of the calibration when absent.
     dip, latitude, declination : float
         rad, at the well.
-    noise, bits, repeats
+    noise, bits, repeats, characteristic
         As in `simulate_bench`.
     temperature : float or (n,) array_like, optional
         degC.
@@ -178,7 +180,16 @@ def simulate_survey(
     north = {kind: field_direction(kind, dip, latitude, declination) for kind in tool.triads}
     fields = {kind: orientation @ north[kind] * field_ratio(tool, kind, local[kind]) for kind in tool.triads}
     streams = Streams(seed, "survey")
-    sensed = sense(tool, fields, streams, noise=noise, bits=bits, repeats=repeats, temperature=degrees)
+    sensed = sense(
+        tool,
+        fields,
+        streams,
+        noise=noise,
+        bits=bits,
+        repeats=repeats,
+        temperature=degrees,
+        characteristic=characteristic,
+    )
     return SurveySimulation(
         units={kind: triad.unit for kind, triad in tool.triads.items()},
         md=path.md,

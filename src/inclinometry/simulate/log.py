@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.attitude.rotations import dcm, rotation_exp, rotation_log
 from inclinometry.core.arrays import Array, finite, within
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.core.constants import DIP, EARTH_RATE, LATITUDE, STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.rig import field_direction
@@ -52,8 +52,8 @@ def simulate_log(
     move: ArrayLike = 2.0,
     rate: float = 100.0,
     shake: float = 1.0,
-    dip: float = np.radians(70.0),
-    latitude: float = np.radians(60.0),
+    dip: float = DIP,
+    latitude: float = LATITUDE,
     noise: Mapping[str, ArrayLike] | None = None,
     drift: Mapping[str, ArrayLike] | None = None,
     bits: int | None = None,

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.attitude.rotations import dcm, rotation_x, rotation_y, rotation_z
 from inclinometry.core.arrays import Array, finite, frozen
+from inclinometry.core.constants import DIP, LATITUDE
 from inclinometry.core.errors import InputError
 
 DIALS: Final = ("azimuth", "inclination", "toolface")
@@ -81,8 +82,8 @@ class Rig:
     array([0.    , 0.0872, 0.9962])
     """
 
-    dip: float = np.radians(70.0)
-    latitude: float = np.radians(60.0)
+    dip: float = DIP
+    latitude: float = LATITUDE
     declination: float = 0.0
     base_tilt: float = 0.0
     tilt_axis: float | None = None

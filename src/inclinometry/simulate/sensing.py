@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
+from inclinometry.simulate.characteristic import Characteristic
 from inclinometry.simulate.converter import digitise, signal_step
 from inclinometry.simulate.streams import Streams
 from inclinometry.simulate.tool import ToolBatch
@@ -21,7 +22,7 @@ class Sensed(NamedTuple):
 
     signals: dict[str, Array]
     sd: dict[str, Array]  # of the mean of repeated readings; empty without repeats
-    clean: dict[str, Array]  # without noise and converter
+    clean: dict[str, Array]  # of straight sensors without noise and converter
     saturated: dict[str, NDArray[np.bool_]]
 
 
@@ -35,6 +36,7 @@ def sense(
     repeats: int = 1,
     temperature: Array | None = None,
     drift: Mapping[str, Array] | None = None,
+    characteristic: Mapping[str, Characteristic] | None = None,
 ) -> Sensed:
     """What a tool reports for fields (n, 3) in tool axes, in units of each triad's field strength.
 
@@ -50,6 +52,8 @@ def sense(
         degC; each triad's reference temperature when absent.
     drift : mapping of kind to (n, m) ndarray, optional
         Added to the clean signals, signal units.
+    characteristic : mapping of kind to Characteristic, optional
+        What bends the sensors' characteristic; the clean signals stay those of straight ones.
 
     Raises
     ------
@@ -74,6 +78,8 @@ def sense(
         spread = finite((tool.noise if noise is None else noise).get(kind, 0.0), f"{kind} noise")
         step = None if bits is None else signal_step(kind, triad.unit, bits)
         out.clean[kind] = clean
+        if characteristic is not None and kind in characteristic:
+            clean = characteristic[kind].bent(clean, triad)
         out.signals[kind], sd, out.saturated[kind] = read_sensors(
             clean, spread, step, bits, repeats, streams[f"{kind}.noise"]
         )

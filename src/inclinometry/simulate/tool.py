@@ -11,14 +11,13 @@ import numpy as np
 
 from inclinometry.attitude.rotations import dcm_from_quaternion
 from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE, KINDS, STANDARD_GRAVITY
+from inclinometry.core.constants import DEG_PER_HOUR, EARTH_RATE, KINDS, STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
 from inclinometry.simulate.converter import PHYSICAL_UNITS, converter_step
 from inclinometry.simulate.streams import Seed, Streams
 
-DEG_PER_HOUR: Final = np.pi / 180.0 / 3600.0
 TRIADS: Final[Mapping[str, int]] = MappingProxyType({"accelerometer": 3, "magnetometer": 3})
 """Sensors of each kind in the usual tool; a gyro triad is added by naming it."""
 NOISE: Final[Mapping[str, float]] = MappingProxyType(
@@ -61,8 +60,8 @@ class ToolBatch:
 def nominal_axes(count: int) -> Array:
     """Directions (m, 3) in tool axes of a usual layout of `count` sensors.
 
-    Two sensors lie along x and y, three along x, y, z; more stand evenly on the cone about z with half angle
-    arccos(1/sqrt 3), which sees all directions equally well: sum of c c^T = m/3 I.
+    One sensor lies along x, two along x and y, three along x, y, z; more stand evenly on the cone about z with half
+    angle arccos(1/sqrt 3), which sees all directions equally well: sum of c c^T = m/3 I.
 
     Examples
     --------
@@ -70,8 +69,8 @@ def nominal_axes(count: int) -> Array:
     >>> np.allclose(axes.T @ axes, 5 / 3 * np.eye(3))
     True
     """
-    if count < 2:
-        raise InputError(f"a triad of {count} sensor; at least 2 are needed to see a direction")
+    if count < 1:
+        raise InputError(f"a triad of {count} sensors; at least 1 is needed")
     if count <= 3:
         return np.eye(3)[:count]
     turn = 2.0 * np.pi * np.arange(count) / count

@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.arrays import Array, Index, Mask
 
 _AZIMUTHS = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+_SIDES = np.radians([-1.7, 0.0, 1.7])
+_SHRINKING = np.radians([1.7, 0.85, 0.42, 0.2, 0.1, 0.05, 0.02, 0.005, 0.0005])
 _GRID = np.radians(np.arange(-90.0, 90.1, 2.0))
 _MOST = 500  # stations that the coarse search over latitude looks at
 _SAME = 9.0  # misfits closer than three standard deviations squared: either latitude may be the true one
@@ -46,20 +48,43 @@ class Misfit:
     prior: Array
     freedom: int
 
-    def at(self, latitude: float) -> tuple[Array, Array]:
-        """Misfit (n,) at the best azimuths and those azimuths (n,), rad from p to q."""
-        azimuth = self._valleys(latitude)
+    def at(self, latitude: float, *, roughly: bool = False) -> tuple[Array, Array]:
+        """Misfit (n,) at the best azimuths and those azimuths (n,), rad from p to q.
+
+        Near K = 0 two valleys lie closer together than the grid is wide. Stations that do not fit are therefore looked
+        at from both sides of their valleys, unless `roughly` will do.
+        """
+        lowest, azimuth = self._descend(self._valleys(latitude), np.radians([2.5, 0.5, 0.05, 0.005, 0.0005]), latitude)
+        poor = np.flatnonzero(lowest > _SAME)
+        if not roughly and poor.size:
+            some = self._rows(poor)
+            starts = np.concatenate([some._valleys(latitude) + side for side in _SIDES])
+            cost, there = some._descend(starts, _SHRINKING, latitude)
+            better = cost < lowest[poor]
+            lowest[poor[better]], azimuth[poor[better]] = cost[better], there[better]
+        return lowest, azimuth
+
+    def _descend(self, azimuth: Array, steps: Array, latitude: float) -> tuple[Array, Array]:
+        """Least misfit (n,) and its azimuth (n,) from several starts (m, n)."""
         lowest = self.cost(latitude, azimuth)[0]
-        for step in np.radians([2.5, 0.5, 0.05, 0.005, 0.0005]):
+        for step in steps:
             before = self.cost(latitude, azimuth - step)[0]
             after = self.cost(latitude, azimuth + step)[0]
             bend = before - 2.0 * lowest + after
             move = np.where(bend > 0.0, 0.5 * (before - after) / np.where(bend > 0.0, bend, 1.0), 0.0)
             trial = azimuth + step * np.clip(move, -1.0, 1.0)
-            cost = self.cost(latitude, trial)[0]
-            azimuth, lowest = np.where(cost < lowest, trial, azimuth), np.minimum(cost, lowest)
+            centre = azimuth
+            for there, cost in (
+                (trial, self.cost(latitude, trial)[0]),
+                (centre - step, before),
+                (centre + step, after),
+            ):
+                azimuth, lowest = np.where(cost < lowest, there, azimuth), np.minimum(cost, lowest)
         row = lowest.argmin(axis=0)[None]
         return np.take_along_axis(lowest, row, axis=0)[0], np.take_along_axis(azimuth, row, axis=0)[0]
+
+    def _rows(self, rows: Index) -> Misfit:
+        return Misfit(Projections(*(x[rows] for x in self.products)), self.prior[rows], self.freedom)
 
     def _valleys(self, latitude: float) -> Array:
         """Azimuths (3, n) of the grid where the misfit is least among its neighbours, the lowest three.
@@ -68,16 +93,15 @@ class Misfit:
         """
         found = np.empty((3, len(self.prior)))
         for rows in np.array_split(np.arange(len(self.prior)), 1 + len(self.prior) // 2000):
-            part = Misfit(Projections(*(x[rows] for x in self.products)), self.prior[rows], self.freedom)
-            cost = part.cost(latitude, _AZIMUTHS[:, None])[0]
+            cost = self._rows(rows).cost(latitude, _AZIMUTHS[:, None])[0]
             valley = (cost <= np.roll(cost, 1, axis=0)) & (cost <= np.roll(cost, -1, axis=0))
             order = np.argsort(np.where(valley, cost, np.inf), axis=0)[:3]
             found[:, rows] = _AZIMUTHS[order]
         return found
 
-    def total(self, latitude: float) -> float:
+    def total(self, latitude: float, *, roughly: bool = False) -> float:
         """Misfit of the run."""
-        return float(self.at(latitude)[0].sum())
+        return float(self.at(latitude, roughly=roughly)[0].sum())
 
     def cost(self, latitude: float, azimuth: Array) -> tuple[Array, Array]:
         """Misfit (..., n) and the relative scale (..., n) that is best with it, at azimuths (..., n)."""
@@ -95,7 +119,7 @@ class Misfit:
         from scipy.optimize import minimize_scalar
 
         coarse = self.some(_MOST)
-        scan = np.array([coarse.total(float(x)) for x in _GRID])
+        scan = np.array([coarse.total(float(x), roughly=True) for x in _GRID])
         padded = np.concatenate([[np.inf], scan, [np.inf]])
         valleys = np.flatnonzero((scan <= padded[:-2]) & (scan <= padded[2:]))
         found = []
@@ -112,8 +136,7 @@ class Misfit:
         size = len(self.prior)
         if size <= most:
             return self
-        rows = np.linspace(0, size - 1, most).astype(int)
-        return Misfit(Projections(*(x[rows] for x in self.products)), self.prior[rows], self.freedom)
+        return self._rows(np.linspace(0, size - 1, most).astype(int))
 
     def sd(self, latitude: float, common: Array) -> float:
         """Standard uncertainty of the best latitude, rad.

@@ -22,6 +22,9 @@ FLAGS = {
     "rate": "the rotation measured is not the Earth's rate: the tool moved, or the gyro's bias or scale has changed",
     "latitude": "the latitude that gravity and the Earth rate give differs from the site's by more than its tolerance",
     "no-azimuth": "no second field to take the azimuth from",
+    "g-in-plane": "gravity lies in the plane of the two accelerometers, which tell nothing of the component across "
+    "it: the "
+    "inclination may be wrong by more than is stated",
 }
 """What a flag means and what to do about it."""
 
@@ -44,7 +47,8 @@ def magnitudes(seen: Mapping[str, Array], tool: Tool, heat: Array | None, size: 
         covariance = _field_covariance(tool, kind, field, heat)
         strength[kind] = np.linalg.norm(field, axis=1)
         unit = field / strength[kind][:, None]
-        spread[kind] = np.sqrt(np.einsum("ni,nij,nj->n", unit, covariance, unit))
+        # a length that is known has no variance, but for rounding
+        spread[kind] = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", unit, covariance, unit), 0.0))
         blocks[kind] = covariance
     dip, dip_sd = _dip(seen, blocks, "magnetometer", size)
     below, latitude_sd = _dip(seen, blocks, "gyro", size)
@@ -68,7 +72,7 @@ def _dip(seen: Mapping[str, Array], blocks: Mapping[str, Array], second: str, si
 def _field_covariance(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
     """Covariance (n, 3, 3) of a field vector from its triad's parameters and one reading's noise."""
     triad = tool.triads[kind]
-    powers, inverse = triad.basis(heat), triad.inverse(heat)
+    powers, inverse = triad.basis(heat), triad.inverse_at(field, heat)
     regressor = np.concatenate([field, np.ones((len(field), 1))], axis=1)
     design = (np.broadcast_to(powers, (len(field), triad.degree + 1))[:, :, None] * regressor[:, None, :]).reshape(
         len(field), -1

@@ -21,6 +21,7 @@ FALSE_ALARM: Final = 0.0027
 SIGN: Final = 25.0
 """By how much the misfit must favour the opposite latitude to be called the wrong sign (five sigma squared)."""
 
+_ROUNDING = 1e-7  # of the Earth rate: the misfit is a difference of squares, which keeps half of the digits
 _TELLING = 9.0  # and by how much the stated one, to say that the stations tell the sign at all
 _VAGUE = np.radians(10.0)  # a latitude known no better than this checks nothing
 _BLIND = 1.0 / 3.0  # of the horizontal rate: with a larger uncertainty no reasonable reading could fail
@@ -215,7 +216,7 @@ def _cross_finite(value: ArrayLike, name: str) -> Array:
 
 
 def _covariance(value: ArrayLike, name: str, seen: Mask) -> Array:
-    """A covariance (n, 3, 3), z nought where it is not seen."""
+    """A covariance (n, 3, 3), z zero where it is not seen."""
     array = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (len(seen), 3, 3)))
     array[~seen, 2, :] = array[~seen, :, 2] = 0.0
     finite(array, name)
@@ -234,7 +235,7 @@ def _down(gravity: Array, covariance: Array, g: float | None) -> tuple[Array, Ar
     full = np.stack([gravity[:, 0], gravity[:, 1], z], axis=1)
     length = np.linalg.norm(full, axis=1)
     if (length == 0.0).any():
-        raise InputError(f"gravity is nought at station {int(np.argmax(length == 0.0)) + 1}; remove that reading")
+        raise InputError(f"gravity is zero at station {int(np.argmax(length == 0.0)) + 1}; remove that reading")
     down = full / length[:, None]
     jacobian = np.eye(3) - down[:, :, None] * down[:, None, :]
     # z = sqrt(g^2 - x^2 - y^2); at inclination 90 its slope is infinite and it is held back at a tenth of a degree
@@ -251,7 +252,7 @@ def _run(read: _Readings) -> Misfit:
     prior = np.where(read.scale_sd > 0.0, 1.0 / sharp**2, np.inf)
     # an error of gravity turns what the Earth rate should be by its own angle, taken as alike in all directions
     tilt = 0.5 * np.trace(read.down_covariance, axis1=1, axis2=2)
-    spread = read.covariance + tilt[:, None, None] * np.eye(3)
+    spread = read.covariance + (tilt[:, None, None] + _ROUNDING**2) * np.eye(3)
     return misfit(read.rate, read.down, weights(spread, read.seen), read.seen, prior)
 
 

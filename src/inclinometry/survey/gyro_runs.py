@@ -68,7 +68,7 @@ class RepeatLimits:
 class Statistics(NamedTuple):
     """Of out-run minus in-run, rad: mean, standard deviation, rms and largest size, over so many `stations`.
 
-    systematic : the mean is more than three of its standard deviations from nought.
+    systematic : the mean is more than three of its standard deviations from zero.
     """
 
     stations: int

@@ -10,18 +10,33 @@ from numpy.typing import ArrayLike
 
 from inclinometry.attitude.orientation import Angles, angles, inclination_toolface
 from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, finite, within
+from inclinometry.core.arrays import Array, Mask, finite, within
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.sensors.tool import Tool
-from inclinometry.survey.flags import magnitudes, reference_of, reversed_field, reversed_rate, station_flags, summary
+from inclinometry.sensors.triad import Triad
+from inclinometry.survey.flags import (
+    TOLERANCE,
+    magnitudes,
+    reference_of,
+    reversed_field,
+    reversed_rate,
+    station_flags,
+    summary,
+)
 from inclinometry.uncertainty.propagation import angle_sd
 
 _SHOWN = ("inclination", "azimuth", "toolface")
 DEAD = 1e-6
 """Share of the field at the stand below which a triad counts as dead."""
+
+HOLES = {"down": 1.0, "up": -1.0}
+"""Component of gravity along the tool axis by the way the hole goes."""
+
+LEAST_ALONG = 0.5
+"""Least share of the tool axis in the component two accelerometers cannot see for the hole to tell its sign."""
 
 BLOCK = 20_000
 """Stations whose sensitivities are held in memory at once."""
@@ -38,6 +53,7 @@ class Survey:
     components : name -> (n, 4) variances, rad^2, of inclination, azimuth, toolface, magnetic toolface
     flags : per station, the names of what is remarkable; see `inclinometry.survey.flags.FLAGS`
     history : what was done to the stations before, a sentence each
+    notes : what was estimated on the way, with nothing to be settled
     """
 
     md: Array
@@ -57,6 +73,7 @@ class Survey:
     rate_total: Array = field(default_factory=lambda: np.zeros(0))
     latitude: Array = field(default_factory=lambda: np.zeros(0))
     history: Sequence[str] = ()
+    notes: Sequence[str] = ()
 
     def __repr__(self) -> str:
         steps = sorted(set(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int).tolist()))
@@ -103,6 +120,7 @@ def reduce_survey(
     calibration_dip: float | None = None,
     inputs: Mapping[str, str] | None = None,
     second: str | None = None,
+    hole: str = "down",
 ) -> Survey:
     """Inclination, azimuth, toolface and their uncertainties from raw channels.
 
@@ -122,6 +140,9 @@ def reduce_survey(
     inputs : mapping of name to digest, optional
     second : {"magnetometer", "gyro"}, optional
         The triad that gives the azimuth; the magnetometer where there is one, else the gyro.
+    hole : {"down", "up"}
+        Which way the hole goes, for tools with two accelerometers: the third component of gravity is the root of what
+        |g| leaves, and the hole tells its sign (inclination 0 to 90 deg, or 90 to 180).
 
     Returns
     -------
@@ -160,15 +181,22 @@ def reduce_survey(
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
     second = _second(channels, second)
-    seen, left_out = tool_fields(channels, tool, heat, len(depth), second)
+    if hole not in HOLES:
+        raise InputError(f"hole is {hole!r}; allowed: {', '.join(HOLES)}")
+    length, assumed = _gravity(tool, site, hole)
+    seen, left_out = tool_fields(channels, tool, heat, len(depth), second, (hole, length))
+    left_out += assumed
     found, parts = _attitude(seen, tool, heat, second)
     azimuth, parts, reference, warnings = turned_to_north(
         found.azimuth, parts, site, "true" if second == "gyro" else "magnetic"
     )
     size = magnitudes(seen, tool, heat, len(depth))
     inclination_sd = np.sqrt(np.asarray(sum(p[:, 0] for p in parts.values())))
+    in_plane = _in_plane(seen["accelerometer"], tool, inclination_sd)
     warnings += [*left_out, *reversed_field(size.dip, site), *reversed_rate(size.latitude, site)]
     flags = station_flags(found, inclination_sd, size, tool, heat, reference_of(tool, site, calibration_dip))
+    for row in np.flatnonzero(in_plane).tolist():
+        flags[row].append("g-in-plane")
     return Survey(
         depth,
         found.inclination,
@@ -189,6 +217,32 @@ def reduce_survey(
     )
 
 
+def _gravity(tool: Tool, site: Site | None, hole: str) -> tuple[float, list[str]]:
+    """Strength of gravity in units of the calibration's, for two accelerometers, and what was taken for granted."""
+    triad = tool.triads.get("accelerometer")
+    if triad is None or triad.rank != 2:
+        return 1.0, []
+    way = "0 to 90" if hole == "down" else "90 to 180"
+    said = f"two accelerometers: the third component of gravity is from |g| and a hole that goes {hole}, {way} deg"
+    here = None if site is None else site.gravity
+    if here is not None and triad.field_strength is not None:
+        return here / triad.field_strength, [f"{said}; |g| is {here:.5f} m/s^2 here"]
+    return 1.0, [
+        f"{said}; |g| is taken to be that of the calibration stand, and one per mille of it is "
+        f"{np.degrees(1e-3):.3f} deg "
+        "times the tangent of the inclination: give g here (--site) and at the stand (reference_g_m_s2)"
+    ]
+
+
+def _in_plane(g: Array, tool: Tool, inclination_sd: Array) -> Mask:
+    """Stations (n,) where the component that two accelerometers cannot see is lost in its uncertainty."""
+    triad = tool.triads["accelerometer"]
+    if triad.rank != 2:
+        return np.zeros(len(g), dtype=bool)
+    across = np.linalg.svd(triad.tensor[0])[2][2]
+    return np.asarray(~(np.abs(g @ across) > TOLERANCE * inclination_sd))
+
+
 def _second(channels: Mapping[str, ArrayLike], wanted: str | None) -> str | None:
     """The triad that gives the azimuth; None where there is only an accelerometer."""
     if wanted is None:
@@ -201,7 +255,12 @@ def _second(channels: Mapping[str, ArrayLike], wanted: str | None) -> str | None
 
 
 def tool_fields(
-    channels: Mapping[str, ArrayLike], tool: Tool, heat: Array | None, size: int, second: str | None
+    channels: Mapping[str, ArrayLike],
+    tool: Tool,
+    heat: Array | None,
+    size: int,
+    second: str | None,
+    gravity: tuple[str, float] | None = None,
 ) -> tuple[dict[str, Array], list[str]]:
     """Fields in tool axes for every triad the readings and the tool share; what was left out, in words."""
     if "accelerometer" not in channels or "accelerometer" not in tool.triads:
@@ -217,12 +276,14 @@ def tool_fields(
         signals = finite(channels[kind], f"{kind} channels", (size, None))
         if signals.shape[1] != triad.count:
             raise InputError(f"{signals.shape[1]} {kind} channels, the calibration has {triad.count}: another tool?")
+        if kind == "accelerometer" and triad.rank == 2 and gravity is not None:
+            fields[kind] = _gravity_of_two(triad, signals, heat, gravity)
+            continue
         if not triad.full:
             if kind == "gyro" and second != "gyro":
-                left_out.append("the gyro sees only a plane and was not used; the azimuth is the magnetometer's")
+                left_out.append(f"the gyro sees {_seen(triad)} and was not used; the azimuth is the magnetometer's")
                 continue
-            remedy = "; `inclinometry gyro north` needs but two" if kind == "gyro" else ""
-            raise InputError(f"the {kind} sees only a plane; three seen components are needed{remedy}")
+            raise InputError(f"the {kind} sees {_seen(triad)}; three seen components are needed{_REMEDY.get(kind, '')}")
         if triad.g_sensitivity is not None:
             g = fields["accelerometer"]
             signals = triad.without_gravity(signals, g / np.linalg.norm(g, axis=1, keepdims=True))
@@ -232,6 +293,28 @@ def tool_fields(
             row = int(np.argmax(dead))
             raise InputError(f"station {row + 1}: the {kind} sees no field at all; remove the row if it is a drop-out")
     return fields, left_out
+
+
+def _seen(triad: Triad) -> str:
+    return "only a plane" if triad.rank == 2 else "one component"
+
+
+_REMEDY = {
+    "gyro": "; `inclinometry gyro north` needs but two; without its columns inclination and toolface are reduced alone",
+    "magnetometer": "; without its columns inclination and toolface are reduced alone",
+    "accelerometer": "; the angle of one accelerometer to gravity is no inclination (`verify` judges that angle)",
+}
+
+
+def _gravity_of_two(triad: Triad, signals: Array, heat: Array | None, gravity: tuple[str, float]) -> Array:
+    """Gravity (n, 3) that two accelerometers see in part, by the way the hole goes and its strength."""
+    hole, length = gravity
+    if abs(np.linalg.svd(triad.tensor[0])[2][2][2]) < LEAST_ALONG:
+        raise InputError(
+            "the two accelerometers lie along the tool axis: which way the hole goes does not tell the sign of the "
+            "component they cannot see, and no inclination follows; a third accelerometer is needed"
+        )
+    return triad.field_of_length(signals, [0.0, 0.0, HOLES[hole]], heat, length)[0]
 
 
 def _attitude(

@@ -3,36 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from inclinometry.calibration.stillness import still_intervals
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io.even_log import EvenLog, read_even_log
-from inclinometry.sensors.noise import NoiseModel, allan_deviation, fit_noise
+from inclinometry.sensors.noise import SHORTEST, NoiseModel, allan_deviation, fit_noise
 from inclinometry.sensors.noise_record import ChannelNoise, NoiseRecord
 
 JUMP = 9.0
 """Change from one stretch to the next, in robust standard deviations of such changes, that noise does not make."""
 STRETCHES = 200
+MOVED = 10.0
+"""Scatter outside the rests, over that at rest, which is motion whatever the noise."""
+STILL = 0.9
+"""Share of a log at rest from which the rest of it may be knocks; below it the tool was moved."""
 _MISFIT = 3.0
 
 
-def noise_of_log(path: str | Path, *, progress: Callable[[int], None] | None = None) -> NoiseRecord:
-    """Allan deviation and noise coefficients of every channel of a log.
+def noise_of_log(
+    path: str | Path,
+    *,
+    start: float | None = None,
+    stop: float | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> NoiseRecord:
+    """Allan deviation and noise coefficients of every channel of a log, or of a stretch of it.
 
     Parameters
     ----------
     path : str or Path
         CSV of `time_s` and channels, the instrument at rest, sampled evenly.
+    start, stop : float, optional
+        s, by the stamps of the log: the stretch that is used.
 
     Raises
     ------
     FileError
-        As `read_even_log`; a log too short, a channel that does not vary.
+        As `read_even_log`; a log too short, a channel that does not vary, a tool that moved, with the longest rest.
+    InputError
+        A stretch outside the log.
     """
-    log = read_even_log(path, progress=progress)
+    log = _stretch(read_even_log(path, progress=progress), start, stop)
+    rest = _longest_rest(log, path)
     channels, warnings = [], list(log.notes)
     for kind, values in log.channels.items():
         whole = allan_deviation(values, log.dt)
@@ -43,16 +60,65 @@ def noise_of_log(path: str | Path, *, progress: Callable[[int], None] | None = N
             except InputError as error:
                 raise FileError(f"column {name!r}: {error}", path=path) from None
             channels.append(ChannelNoise(name, kind, log.units[kind], curve, model))
-            warnings += _doubts(log, name, values[:, place], model)
+            warnings += _doubts(log, name, values[:, place], model, rest)
     return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(warnings))
 
 
-def _doubts(log: EvenLog, name: str, values: Array, model: NoiseModel) -> list[str]:
+def _stretch(log: EvenLog, start: float | None, stop: float | None) -> EvenLog:
+    """The samples between two times."""
+    if start is None and stop is None:
+        return log
+    end = log.start + (len(log) - 1) * log.dt
+    low, high = log.start if start is None else start, end if stop is None else stop
+    slack = 0.5 * log.dt
+    if not log.start - slack <= low < high <= end + slack:
+        raise InputError(f"the stretch is {low:.6g} to {high:.6g} s; the log is from {log.start:.6g} to {end:.6g} s")
+    first, last = round((low - log.start) / log.dt), round((high - log.start) / log.dt) + 1
+    channels = {kind: values[first:last] for kind, values in log.channels.items()}
+    said = f"of the log {low:.6g} to {high:.6g} s are used, as stated"
+    return replace(log, start=log.start + first * log.dt, channels=channels, notes=(*log.notes, said))
+
+
+def _longest_rest(log: EvenLog, path: str | Path) -> str:
+    """Where the longest of several rests is, for a warning; FileError where the tool moved for much of the log."""
+    signals = np.concatenate(list(log.channels.values()), axis=1)
+    spread = signals.std(axis=0)
+    # in units of each channel: rates of 1e-6 rad/s stand beside fields of 5e4 nT
+    signals = (signals - signals.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    try:
+        found = still_intervals(log.dt * np.arange(len(log)), signals)
+    except InputError:
+        return ""  # too short or dead: said channel by channel
+    if len(found) == 1 and found.pairs()[0] == (0, len(log)):
+        return ""
+    still = sum(stop - start for start, stop in found.pairs()) / len(log)
+    first, last = max(found.pairs(), key=lambda pair: pair[1] - pair[0], default=(0, 0))
+    times = [log.start + place * log.dt for place in (first, max(last - 1, 0))]
+    short = last - first < SHORTEST
+    use = f"the longest rest is {times[0]:.6g} to {times[1]:.6g} s: --start-s {times[0]:.6g} --stop-s {times[1]:.6g}"
+    if still >= STILL:
+        return f"; {use}"
+    away = np.ones(len(log), dtype=np.bool_)
+    for start, stop in found.pairs():
+        away[start:stop] = False
+    ratio = np.std(signals[away], axis=0) / np.where(found.noise_sd > 0.0, found.noise_sd, np.inf)
+    worst = int(np.argmax(ratio))
+    if ratio[worst] < MOVED:
+        return ""
+    name = [name for kind in log.channels for name in log.names[kind]][worst]
+    raise FileError(
+        f"the tool is at rest in {100.0 * still:.0f} % of the log; elsewhere {name} varies {ratio[worst]:.3g} times "
+        f"as much as at rest, which is motion, not noise; {'log the tool at rest' if short else use}",
+        path=path,
+    )
+
+
+def _doubts(log: EvenLog, name: str, values: Array, model: NoiseModel, rest: str) -> list[str]:
     """Signs that the instrument was not at rest, or that its noise is of another kind."""
     at = _moved(values)
     if at is not None:
         when = f"{log.start + at * log.dt:.6g} s"
-        return [f"{name} jumps at {when}: was the tool moved or knocked? the noise is that of the log as it is"]
+        return [f"{name} jumps at {when}: was the tool moved or knocked? the noise is that of the log as it is{rest}"]
     if model.chi_square > _MISFIT * model.dof + 10.0:
         return [
             f"{name}: the curve does not follow these kinds of noise (chi-square {model.chi_square:.0f} for "

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, replace
 from dataclasses import fields as fields_of
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from inclinometry.attitude.orientation import angles, fields
-from inclinometry.calibration.capability import capability
+from inclinometry.calibration.conventions import USUAL, Dials
+from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import DIP, KINDS, SHORT_INCLINATIONS, STEPS
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.bench_csv import read_bench
+from inclinometry.io.columns import KIND_PREFIX
+from inclinometry.io.datasheet_toml import read_datasheet
+from inclinometry.io.tool_json import read_tool
 from inclinometry.sensors.tool import Tool
 from inclinometry.workflow.methods import Attempt, attempt_all, method
 
@@ -26,7 +33,12 @@ from inclinometry.workflow.methods import Attempt, attempt_all, method
 class Options:
     """What a user may say of a run; each method uses some of it. Angles in rad.
 
+    rig_sd : of a setting of any dial; azimuth_sd, inclination_sd, toolface_sd say it of one
+    north : azimuth of the rig's zero from magnetic north
+    accel_step, mag_step, gyro_step : step of the converter in the unit of the signals; 0 for none, found where not said
     specific_force : the accelerometer reads -g at rest; for the methods without a rig, which cannot tell
+    left_handed : the channels are left-handed, not the dials reversed; for the methods with a rig
+    nameplate : conversion factors that the classical method believes
     """
 
     rig_sd: float | None = None
@@ -36,75 +48,167 @@ class Options:
     temperature_degree: int | None = None
     robust: bool = False
     specific_force: bool = False
+    left_handed: bool = False
+    nameplate: Tool | None = None
     name: str = "unnamed"
+    azimuth_sd: float | None = None
+    inclination_sd: float | None = None
+    toolface_sd: float | None = None
+    north: float | None = None
+    north_sd: float | None = None
+    dip: float | None = None
+    dip_sd: float | None = None
+    accel_step: float | None = None
+    mag_step: float | None = None
+    gyro_step: float | None = None
+
+
+DEFAULTS = Options()
 
 
 def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Calibration:
     """Calibrate with a method by name; an option the method cannot use is refused, never ignored."""
     run = method(method_name)
-    given = {f.name: getattr(options, f.name) for f in fields_of(Options) if getattr(options, f.name) != f.default}
-    given.pop("name", None)
+    given = {f.name for f in fields_of(Options) if getattr(options, f.name) != f.default} - {"name"}
     _refuse_useless(method_name, given)
+    if method_name in ("field", "norm"):
+        return run(readings, specific_force=options.specific_force, name=options.name)
+    stand = known_stand(readings, options)
     if method_name != "joint":
-        return run(readings, **given, name=options.name)
+        plate = {"nameplate": options.nameplate} if method_name == "classical" else {}
+        return run(stand.readings, rig_sd=stand.rig_sd, name=options.name, **plate)
     nuisance = {
         "inclination_zero": options.inclination_zero_sd,
         "outer_nonorthogonality": options.nonorthogonality_sd,
         "inner_nonorthogonality": options.nonorthogonality_sd,
     }
     return run(
-        readings,
-        rig_sd=options.rig_sd,
+        stand.readings,
+        rig_sd=stand.rig_sd,
         nuisance_sd={name: sd for name, sd in nuisance.items() if sd is not None},
-        field_prior=None if options.level_sd is None else {"accelerometer": ([0.0, 0.0, 1.0], options.level_sd)},
+        field_prior=stand.field_prior,
+        reference_sd=stand.reference_sd,
         temperature_degree=options.temperature_degree,
         robust=options.robust,
+        left_handed=options.left_handed,
         name=options.name,
     )
 
 
-def _refuse_useless(method_name: str, given: Mapping[str, object]) -> None:
+def known_stand(readings: BenchReadings, options: Options) -> Stand:
+    """What the options say of the stand, in the terms of the estimators; `readings` completed by dip and north.
+
+    Examples
+    --------
+    >>> upright = BenchReadings({"magnetometer": [[1.0]]}, [0.0], [0.0], [0.0])
+    >>> known_stand(upright, Options(rig_sd=0.001, toolface_sd=0.01, dip=1.2)).rig_sd
+    array([0.001, 0.001, 0.01 ])
+    """
+    reference = dict(readings.reference)
+    for name, value in (("dip", options.dip), ("north", options.north)):
+        if value is not None:
+            reference[name] = value
+    steps = {
+        kind: step
+        for kind, step in zip(KINDS, (options.accel_step, options.mag_step, options.gyro_step), strict=True)
+        if step is not None
+    }
+    for kind in set(steps) - set(readings.channels):
+        raise InputError(f"--{KIND_PREFIX[kind]}-step is given, but these readings have no {kind}; leave it out")
+    reference_sd = {}
+    for name, sd in (("dip", options.dip_sd), ("north", options.north_sd)):
+        if sd is None:
+            continue
+        if name not in reference:
+            raise InputError(
+                f"--{name}-sd-deg says how well the {name} is known, but nothing says what it is: give --{name}-deg"
+            )
+        if "magnetometer" not in readings.channels:
+            raise InputError(
+                f"--{name}-sd-deg is about the magnetic field, but these readings have no magnetometer; leave it out"
+            )
+        if "accelerometer" not in readings.channels:
+            if options.level_sd is None:
+                raise InputError(f"--{name}-sd-deg without accelerometers needs a level stand: give --level-sd-deg too")
+            # the vertical is the rig's own axis then, and a tilt moves the dip as it is and north by tan(dip)
+            steep = 1.0 if name == "dip" else float(np.tan(reference.get("dip", DIP)))
+            sd = float(np.hypot(sd, options.level_sd * steep))
+        reference_sd[name] = sd
+    dials = [
+        options.rig_sd if own is None else own
+        for own in (options.azimuth_sd, options.inclination_sd, options.toolface_sd)
+    ]
+    return Stand(
+        replace(readings, reference=reference, step={**readings.step, **steps}),
+        None if dials == [None] * 3 else np.array(dials, dtype=np.float64),
+        None if options.level_sd is None else {"accelerometer": ([0.0, 0.0, 1.0], options.level_sd)},
+        reference_sd,
+    )
+
+
+class Stand(NamedTuple):
+    """What is known of a stand, as the arguments of `calibrate_joint`; rad, NaN where a dial is to be estimated."""
+
+    readings: BenchReadings
+    rig_sd: Array | None
+    field_prior: Mapping[str, tuple[list[float], float]] | None
+    reference_sd: Mapping[str, float]
+
+
+_EVERY_RIG = frozenset(
+    {"rig_sd", "azimuth_sd", "inclination_sd", "toolface_sd", "north", "dip", "accel_step", "mag_step", "gyro_step"}
+)
+"""Options that every method with a rig can use."""
+
+
+def _refuse_useless(method_name: str, given: Set[str]) -> None:
     rigless = method_name in ("field", "norm")
-    for option in given:
+    for option in sorted(given):
         if option == "specific_force":
             useful, remedy = rigless, "leave it out: the rig tells the sign of the accelerometer"
+        elif option == "left_handed":
+            useful, remedy = not rigless, "leave it out: without a rig no dial can be reversed"
+        elif option == "nameplate":
+            useful, remedy = method_name == "classical", "leave it out: the conversion factors are found"
         else:
-            useful = method_name == "joint" or (option == "rig_sd" and not rigless)
+            useful = method_name == "joint" or (option in _EVERY_RIG and not rigless)
             remedy = "leave it out, or use joint"
         if not useful:
-            flag = option.replace("_", "-") + ("-deg" if option.endswith("_sd") else "")
+            in_degrees = option.endswith("_sd") or option in ("north", "dip")
+            flag = option.replace("_", "-") + ("-deg" if in_degrees else "")
             raise InputError(f"method {method_name} has no use for --{flag}; {remedy}")
 
 
-INCLINATIONS = np.radians([5.0, 30.0, 60.0, 90.0])
-"""Where expected uncertainties are quoted, rad."""
-
-
 def readings_at(
-    path: str | Path, site: Site | None = None, progress: Callable[[int], None] | None = None
+    path: str | Path,
+    site: Site | None = None,
+    progress: Callable[[int], None] | None = None,
+    dials: Dials = USUAL,
 ) -> BenchReadings:
-    """Bench readings of a file, completed by what a site file says of the fields at the stand."""
-    readings = read_bench(path, progress=progress)
+    """Bench readings of a file, dials converted, completed by what a site file says of the fields at the stand."""
+    readings = dials.read(read_bench(path, progress=progress))
     return readings if site is None else replace(readings, reference={**readings.reference, **_site_fields(site)})
 
 
+def read_nameplate(path: str | Path) -> Tool:
+    """The tool of a data sheet (.toml) or of a tool.json."""
+    return read_datasheet(path).tool if Path(path).suffix.lower() == ".toml" else read_tool(path)
+
+
 def _site_fields(site: Site) -> Mapping[str, float]:
-    return {name: value for name in ("g", "b", "dip") if (value := getattr(site, name)) is not None}
+    return {name: value for name in ("g", "b", "dip", "latitude") if (value := getattr(site, name)) is not None}
 
 
-def dip_of(calibration: Calibration, default: float = np.radians(70.0)) -> float:
-    """Dip at the stand as the calibration found it, rad."""
-    return default if calibration.dip is None else calibration.dip
-
-
-def expected_uncertainty(calibration: Calibration, inclination: Array = INCLINATIONS) -> Array | None:
-    """Standard uncertainties (n, 4) from the calibration alone, worst over azimuth and toolface; None for one triad."""
-    triads = calibration.tool.triads
-    if not all(kind in triads and triads[kind].full for kind in ("accelerometer", "magnetometer")):
-        return None
-    heat = next(iter(triads.values())).reference_temperature
-    found = capability(calibration.tool, inclination, dip_of(calibration), temperature=heat)
-    return np.asarray(np.sqrt(found.components["calibration"].max(axis=(1, 2))))
+def named_degrees(found: ExpectedUncertainty) -> dict[str, Any]:
+    """Standard uncertainties under both terms, degrees, angle by angle; empty where the tool can give none."""
+    terms = {"from_calibration": found.from_calibration, "of_one_reading": found.of_one_reading}
+    return {
+        "inclination_deg": np.degrees(found.inclination).round(9),
+        "azimuth_from": found.azimuth_from,
+        "dip_deg": None if found.azimuth_from is None else float(np.degrees(found.dip)),
+        "dip_from": None if found.azimuth_from is None else found.dip_from,
+        **{term: {n: np.degrees(u[:, ANGLES.index(n)]) for n in found.angles} for term, u in terms.items()},
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,36 +217,42 @@ class Comparison:
 
     attempts : in the order of the table of methods
     inclination : (n,) rad, where the figures below are taken
-    uncertainty : method -> (n, 4) expected standard uncertainty from the calibration alone, rad
+    uncertainty : method -> what is expected of its tool
     error : method -> (n, 3) rms error of inclination, azimuth, toolface against a known truth, rad
     """
 
     attempts: list[Attempt]
     inclination: Array
-    uncertainty: Mapping[str, Array]
+    uncertainty: Mapping[str, ExpectedUncertainty]
     error: Mapping[str, Array]
 
 
-def compare(
-    readings: BenchReadings, *, truth: Tool | None = None, rig_sd: float | None = None, level_sd: float | None = None
-) -> Comparison:
-    """Run every applicable method on the same readings; rad."""
-    attempts = attempt_all(readings, rig_sd=rig_sd, level_sd=level_sd)
+def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Options = DEFAULTS) -> Comparison:
+    """Run every applicable method on the same readings, each with what it can use of the options.
+
+    Raises
+    ------
+    InputError
+        Readings with dials that the joint fit refuses: in another convention, or against what is stated of the stand.
+    """
+    stand = known_stand(readings, options)
+    known = stand._asdict()
+    attempts = attempt_all(known.pop("readings"), left_handed=options.left_handed, nameplate=options.nameplate, **known)
     uncertainty, error = {}, {}
     for attempt in attempts:
         if attempt.calibration is None:
             continue
-        expected = expected_uncertainty(attempt.calibration)
-        if expected is not None:
+        expected = expected_uncertainty(attempt.calibration, stated_dip=readings.reference.get("dip"))
+        if expected.angles:
             uncertainty[attempt.method] = expected
-            if truth is not None:
-                error[attempt.method] = true_errors(attempt.calibration.tool, truth, dip_of(attempt.calibration))
-    return Comparison(attempts, INCLINATIONS, uncertainty, error)
+            if truth is not None and expected.azimuth_from == "magnetometer":
+                error[attempt.method] = true_errors(attempt.calibration.tool, truth, expected.dip)
+    return Comparison(attempts, np.array(SHORT_INCLINATIONS), uncertainty, error)
 
 
-def true_errors(tool: Tool, truth: Tool, dip: float, inclination: Array = INCLINATIONS) -> Array:
+def true_errors(tool: Tool, truth: Tool, dip: float, inclination: ArrayLike = SHORT_INCLINATIONS) -> Array:
     """Rms errors (n, 3) of inclination, azimuth, toolface when noise-free signals of `truth` are read with `tool`."""
-    turn = 2.0 * np.pi * np.arange(24) / 24
+    turn = 2.0 * np.pi * np.arange(STEPS) / STEPS
     grid = np.meshgrid(inclination, turn, turn, indexing="ij")
     g, b = fields(grid[1], grid[0], grid[2], dip)
     heat = np.full(grid[0].shape, truth.triads["accelerometer"].reference_temperature)

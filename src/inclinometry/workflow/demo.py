@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from inclinometry.io.survey_csv import read_raw_survey
 from inclinometry.io.tool_json import read_calibration, write_calibration, write_truth
 from inclinometry.report.calibration import calibration_report
 from inclinometry.report.gyro import gyro_report, scale_report
+from inclinometry.report.index import Entry, entry_of, index_page
 from inclinometry.report.survey import survey_report
 from inclinometry.report.verification import verification_report
 from inclinometry.sensors.tool import Tool
@@ -33,8 +35,8 @@ from inclinometry.simulate.rig import Rig
 from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.workflow import simulate
-from inclinometry.workflow.calibrate import Comparison, compare, true_errors
-from inclinometry.workflow.demo_drilling import PICTURE, DemoDrilling, drill
+from inclinometry.workflow.calibrate import Comparison, Options, compare, true_errors
+from inclinometry.workflow.demo_drilling import PICTURE, DemoDrilling, drill, drilling_sentences
 from inclinometry.workflow.demo_well import DemoWell, survey_demo_well, well_sentences
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
 from inclinometry.workflow.hot_run import JOINT, HotRunMethods, many_hot_runs, reduce_hot_run, rms_degrees
@@ -82,14 +84,14 @@ class Demo:
     hot_runs_rms: dict[str, float] = field(default_factory=dict)  # method -> deg, over HOT_RUNS runs
     well: DemoWell | None = None
     drilling: DemoDrilling | None = None
-    pages: list[tuple[str, Path]] = field(default_factory=list)
+    pages: list[Entry] = field(default_factory=list)
 
-    def page(self, title: str, name: str, text: str) -> None:
-        """Write a report and remember it for the index."""
+    def page(self, title: str, name: str, text: str, picture: str = "") -> None:
+        """Write a report and remember it for the index, with a picture of the folder where there is one."""
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(text, path)
-        self.pages.append((title, path))
+        self.pages.append(entry_of(title, name, text, picture))
 
 
 def steps() -> Iterator[tuple[str, Callable[[Demo], None]]]:
@@ -147,7 +149,8 @@ def _bench(demo: Demo, name: str) -> None:
     write_bench(run.readings, folder / "readings.csv")
     write_truth(run.truth, run.extras, folder / "truth.json")
     readings = read_bench(folder / "readings.csv")
-    found = compare(readings, truth=run.truth, level_sd=RIG.base_tilt)
+    known = Options(level_sd=RIG.base_tilt, nameplate=run.truth)
+    found = compare(readings, truth=run.truth, options=known)
     demo.comparisons[name] = found
     best = found.attempts[0].calibration
     if best is None:
@@ -237,7 +240,8 @@ def _hot_run(demo: Demo) -> None:
     page = gyro_report(
         survey, joint, md=depth, temperature=run.temperature, track=found.track, others=others, site=site
     )
-    demo.page("simulated hot gyro run: survey by the Earth's rotation", "gyro/gyro.html", page)
+    title = "simulated hot gyro run: survey by the Earth's rotation"
+    demo.page(title, "gyro/gyro.html", page, "gyro/hot_run.png")
     text = scale_report(found.track, md=depth, tool="a simulated gyro")
     demo.page("simulated hot gyro run: scale factor over temperature", "gyro/scale.html", text)
     demo.hot_run, demo.hot_runs_rms = found, rms_degrees(many_hot_runs(HOT_RUNS))
@@ -249,22 +253,27 @@ def _drilling(demo: Demo) -> None:
     demo.drilling = drill(demo.folder / "drilling")
     page = dynamic_report(demo.drilling.found)
     demo.page("simulated drilling with stick-slip: attitude", "drilling/dynamic.html", page)
-    picture = demo.folder / "drilling" / PICTURE
-    demo.pages.append(("simulated drilling: single samples, textbook filter and this package in one picture", picture))
+    head, *lines = drilling_sentences(demo.drilling)
+    picture, sentence = f"drilling/{PICTURE}", f"{head} {'; '.join(lines)}"
+    title = "simulated drilling: single samples, textbook filter and this package in one picture"
+    demo.pages.append(Entry(title, picture, sentence=sentence, picture=picture))
 
 
 def _picture(demo: Demo) -> None:
     from inclinometry.report.comparison import MethodCurve, comparison_figure
     from inclinometry.report.figure import save_png
-    from inclinometry.report.index import index_page
 
     curves = [
         MethodCurve(name, INCLINATIONS_PICTURED, errors[:, 0], errors[:, 1])
         for name, errors in simulated_errors(PICTURED, BENCHES["twelve"](), INCLINATIONS_PICTURED, DRAWS).items()
     ]
     save_png(comparison_figure(curves, title=picture_title(DRAWS)), demo.folder / "comparison.png")
-    pages = [(title, path.relative_to(demo.folder).as_posix()) for title, path in demo.pages]
-    write_text(index_page("Demonstration", pages), demo.folder / "index.html")
+    found = demo.comparisons["twelve"]
+    rms = (f"{name} {np.degrees(error[1, 1]):.3f}" for name, error in found.error.items())
+    at = np.degrees(found.inclination[1])
+    sentence = f"{picture_title(DRAWS)}; of the tool above, azimuth at inclination {at:.0f}, deg: {', '.join(rms)}"
+    picture = Entry("the methods side by side", "comparison.png", sentence=sentence, picture="comparison.png")
+    write_text(index_page("Demonstration", [*demo.pages, picture]), demo.folder / "index.html")
 
 
 DRAWS = 40
@@ -280,10 +289,11 @@ def picture_title(draws: int) -> str:
 def simulated_errors(methods: Sequence[str], plan: Plan, inclination: Array, draws: int) -> dict[str, Array]:
     """Rms errors (n, 3) of angles, rad, over simulated tools and rigs: what a method does, not what it says."""
     squared: dict[str, list[Array]] = {name: [] for name in methods}
+    known: dict[str, Any] = {"joint": {"diagnose": False}}
     for seed in range(draws):
         run = simulate.bench(plan, seed, rig=RIG)
+        known["classical"] = {"nameplate": run.truth}  # at its best: each conversion factor is what the nameplate says
         for name in methods:
-            known = {"diagnose": False} if name == "joint" else {}
-            found = METHODS[name](run.readings, **known)
+            found = METHODS[name](run.readings, **known.get(name, {}))
             squared[name].append(true_errors(found.tool, run.truth, RIG.dip, inclination) ** 2)
     return {name: np.sqrt(np.mean(values, axis=0)) for name, values in squared.items()}

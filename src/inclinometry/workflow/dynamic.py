@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+import numpy as np
+
+from inclinometry.attitude.conventions import AXES, Axes, axes_matrix, named
+from inclinometry.attitude.orientation import SWITCH
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.arrays import within
+from inclinometry.core.arrays import Array, within
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.attitude_file import write_attitude
@@ -23,8 +27,11 @@ from inclinometry.workflow.dynamic_methods import (
     SHORTEST,
     Carried,
     Method,
+    MethodName,
     Setup,
+    Stream,
     chosen_method,
+    gyro_known,
     offset_doubt,
 )
 from inclinometry.workflow.dynamic_monitor import Monitor
@@ -52,6 +59,12 @@ class DynamicOptions:
     scale_sigma : without a calibration, of each scale error and coupling of the magnetometer, a third of it of the
         accelerometers.
     block : samples handled at a time; results do not depend on it.
+    gyro_noise, gyro_bias_sigma : of the gyro, rad/sqrt(s) and rad/s, where they are stated; see `gyro_known`.
+    allan : content of an allan.json, where there is one.
+    convention : without a calibration, axes and signs of the file's sensors, one of `attitude.conventions`.
+    axes, mag_axes : without a calibration, the file's channels that are x, y and z of the convention: of all triads,
+        and of the magnetometer before that.
+    switch : rad, inclination below which a row is steered by its magnetic toolface, from there on by gravity's.
 
     Raises
     ------
@@ -62,14 +75,22 @@ class DynamicOptions:
     --------
     >>> DynamicOptions("psychic")
     Traceback (most recent call last):
-    inclinometry.core.errors.InputError: method is 'psychic'; allowed: auto, magnetic, gyro, filter, smoother
+    inclinometry.core.errors.InputError: method is 'psychic'; allowed: auto, static, quaternion,
+    magnetic, gyro, filter, robust, smoother, complementary
     """
 
-    method: str = "auto"
+    method: MethodName = "auto"
     window: float = DEFAULT_WINDOW
     block: int = BLOCK
     delay_sigma: float = DELAY_SIGMA
     scale_sigma: float = SCALE_SIGMA
+    gyro_noise: float | None = None
+    gyro_bias_sigma: float | None = None
+    allan: Mapping[str, Any] | None = None
+    convention: str | None = None
+    axes: Axes | None = None
+    mag_axes: Axes | None = None
+    switch: float = SWITCH
 
     def __post_init__(self) -> None:
         chosen_method(self.method)
@@ -77,6 +98,11 @@ class DynamicOptions:
             raise InputError(f"the window is {self.window:g} s; allowed {SHORTEST:g} to {LONGEST:g} s")
         within(self.delay_sigma, "the standard deviation of the delay", 0.0, 0.01, "s")
         within(self.scale_sigma, "the standard deviation of the scale errors", 0.0, 0.1)
+        if self.gyro_noise is not None:
+            within(self.gyro_noise, "the gyro's noise", 1e-9, 1.0, "rad/sqrt(s)")
+        if self.gyro_bias_sigma is not None:
+            within(self.gyro_bias_sigma, "the standard deviation of the gyro's bias", 0.0, 1.0, "rad/s")
+        within(self.switch, "the inclination of the switch of toolfaces", 0.0, 0.5 * np.pi, "rad")
         if self.block < 1:
             raise InputError(f"the block is {self.block} samples; allowed: 1 or more")
 
@@ -120,10 +146,10 @@ def dynamic_run(
     place, said = completed(site)
     _check_triads(run, chosen.method, method)
     _check_north(place, run)
-    setup = Setup(place, chosen.window, offset_doubt(calibration, place), chosen.delay_sigma)
+    setup, known = _setup(run, place, calibration, chosen)
     work = _Work(
         run,
-        Signals(run, place, calibration),
+        Signals(run, place, calibration, _turned(run, calibration, chosen)),
         Rows(place, calibration, chosen.window, chosen.scale_sigma),
         setup,
         method,
@@ -142,7 +168,15 @@ def dynamic_run(
         raise FileError(f"{length} of {chosen.window:g} s; give a longer run or a shorter window", path=run.path)
     vibration, envelopes, excerpts, spectrogram = work.monitor.finish()
     heat = temperature_doubts(work.monitor.heat, calibration)
-    notes = (*run.notes, *said, *work.signals.absurd.notes(), *work.cutter.report.notes(), *heat, *work.rows.notes)
+    notes = (
+        *run.notes,
+        *said,
+        *known,
+        *work.signals.absurd.notes(),
+        *work.cutter.report.notes(),
+        *heat,
+        *work.rows.notes,
+    )
     return DynamicRun(
         work.rows.done(),
         vibration,
@@ -156,7 +190,80 @@ def dynamic_run(
         tuple(dict.fromkeys(notes)),
         {"run": run.digest(), **(inputs or {})},
         tool_name(calibration),
+        chosen.switch,
     )
+
+
+def _setup(
+    run: RunFile, place: Site, calibration: Calibration | None, options: DynamicOptions
+) -> tuple[Setup, tuple[str, ...]]:
+    """What the method is made from, and what is to be said of the gyro where there is one."""
+    doubt = offset_doubt(calibration, place)
+    stated = (options.gyro_noise, options.gyro_bias_sigma, options.allan)
+    if "gyro" not in run.names:
+        if any(one is not None for one in stated):
+            raise FileError("the gyro's noise or bias is stated, and the run has no gyro", path=run.path)
+        return Setup(place, options.window, doubt, options.delay_sigma), ()
+    known, said = gyro_known(options.gyro_noise, options.gyro_bias_sigma, doubt, options.allan)
+    # said where it decides: known from somewhere, or an azimuth that rests on the gyro
+    say = bool(known) or options.method == "gyro" or "magnetometer" not in run.names
+    return Setup(place, options.window, doubt, options.delay_sigma, known), (said,) if say else ()
+
+
+def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptions) -> dict[str, Array]:
+    """Kind -> matrix (3, 3) that takes its channels to tool axes, where one is stated."""
+    if options.convention is None and options.axes is None and options.mag_axes is None:
+        return {}
+    if calibration is not None:
+        raise InputError("a convention or axes are of no use with a calibration, which knows them; leave them out")
+    convention = named(options.convention or "house")
+    found = {}
+    for kind in run.names:
+        found[kind] = convention.matrix(kind) @ axes_matrix(options.axes or AXES)
+        if kind == "magnetometer":
+            found[kind] = found[kind] @ axes_matrix(options.mag_axes or AXES)
+    return found
+
+
+def attitude_stream(
+    site: Site, options: DynamicOptions | None = None, calibration: Calibration | None = None
+) -> Stream:
+    """A method of `dynamic_run` fed block by block: for a rig that wants attitudes while it drills.
+
+    Parameters
+    ----------
+    site : Site
+    options : DynamicOptions, optional
+        Method, window, and what is known of the sensors; axes are those of the tool.
+    calibration : Calibration, optional
+        What it leaves uncertain of the offsets; the samples are field vectors already.
+
+    Returns
+    -------
+    Stream
+        `push(Samples)` gives an `Attitude` with the rows that became complete, `finish()` the last ones and the notes;
+        the same rows to the last bit however a run is cut into blocks. Azimuth counts from the method's own north
+        (`Attitude.north`). What `dynamic_run` adds to the uncertainty, the share of the calibration's scales and of the
+        declination, is not in it.
+
+    Raises
+    ------
+    InputError
+        As `DynamicOptions`; `push` raises what the method raises.
+
+    Examples
+    --------
+    >>> from inclinometry.motion.samples import Samples
+    >>> stream = attitude_stream(Site(b=44721.0, dip=1.1071), DynamicOptions("static", 1.0))
+    >>> still = Samples(np.arange(250) / 100.0, 0.01, accel=[[0.0, 0.0, 9.81]] * 250, mag=[[2e4, 0.0, 4e4]] * 250)
+    >>> [len(stream.push(still.part(start, start + 50))) for start in range(0, 250, 50)]
+    [0, 1, 0, 1, 0]
+    """
+    chosen = options or DynamicOptions()
+    place, _ = completed(site)
+    doubt = offset_doubt(calibration, place)
+    known, _ = gyro_known(chosen.gyro_noise, chosen.gyro_bias_sigma, doubt, chosen.allan)
+    return chosen_method(chosen.method).make(Setup(place, chosen.window, doubt, chosen.delay_sigma, known))
 
 
 @dataclass
@@ -239,4 +346,5 @@ def _check_north(site: Site, run: RunFile) -> None:
 def write_dynamic(found: DynamicRun, path: str | Path) -> None:
     """Write the attitude of a run, CSV or Parquet; digests of the inputs go into the metadata of Parquet."""
     header = {"method": found.method, "window_s": f"{found.window:g}"}
-    write_attitude(found.rows, path, {**header, **{f"input {name}": text for name, text in found.inputs.items()}})
+    header |= {f"input {name}": text for name, text in found.inputs.items()}
+    write_attitude(found.rows, path, header, switch=found.switch)

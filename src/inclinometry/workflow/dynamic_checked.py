@@ -10,6 +10,7 @@ import numpy as np
 
 from inclinometry.earth.site import Site
 from inclinometry.motion._window_buffer import WindowBuffer
+from inclinometry.motion.choose import TURNING
 from inclinometry.motion.dip_check import azimuth_doubt, widened
 from inclinometry.motion.finding import Finding
 from inclinometry.motion.health import HealthCheck, WindowHealth, named
@@ -46,6 +47,7 @@ class _Verdict(NamedTuple):
     flags: int
     refused: int
     doubt: float
+    turned: bool
 
 
 class Checked:
@@ -62,10 +64,15 @@ class Checked:
         Triads the method's rows rest on.
     carries : bool
         Whether its azimuth is carried by a gyro from the best field it has met; else it is that of each window.
+    still : bool
+        Whether its rows hold for a tool at rest only.
     """
 
-    def __init__(self, stream: Stream, window: float, site: Site, needs: tuple[str, ...], *, carries: bool) -> None:
+    def __init__(
+        self, stream: Stream, window: float, site: Site, needs: tuple[str, ...], *, carries: bool, still: bool = False
+    ) -> None:
         self._stream, self._site, self._needs, self._carries = stream, site, needs, carries
+        self._still, self._moved, self._judged_rows = still, 0, 0
         self._buffer, self._check = WindowBuffer(window), HealthCheck(None, site)
         self._verdicts: deque[_Verdict] = deque()
         self._held: list[Attitude] = []
@@ -93,6 +100,12 @@ class Checked:
         said = self._check.notes(besides=() if "mag" in self._needs else ("no-field", "disturbed"))
         if self._misfits and not said:
             said = (f"{self._misfits} rows were refused for misfit: {_MISFIT}",)
+        if self._moved:
+            said = (
+                f"the tool was not at rest in {self._moved} of {self._judged_rows} windows, which are refused: means "
+                "of gravity and field are its attitude only while it stands; the method auto takes the others as well",
+                *said,
+            )
         return replace(rows, notes=tuple(dict.fromkeys((*last.notes, *rows.notes, *said))))
 
     def _judge(self, windows: list[Samples]) -> None:
@@ -105,7 +118,8 @@ class Checked:
             half = 0.5 * window.interval
             start, stop = float(window.time[0]) - half, float(window.time[-1]) + half
             lean = replace(health, samples=window.part(0, 0))  # the readings themselves are not kept
-            self._verdicts.append(_Verdict(start, stop, lean, health.flags, refused, doubt))
+            turned = health.turning.span >= TURNING
+            self._verdicts.append(_Verdict(start, stop, lean, health.flags, refused, doubt, turned))
 
     def _forbids(self, one: Finding) -> bool:
         """Whether a finding leaves nothing to be made of the window by this method."""
@@ -135,10 +149,15 @@ class Checked:
         if verdict is None or not verdict.start <= float(row.time[0]) <= verdict.stop:
             return row
         row = widened(named(row, verdict.health), verdict.doubt)
-        if verdict.refused:
+        refused = verdict.refused
+        if self._still:
+            moved = verdict.turned or bool(int(row.flags[0]) & (BITS["not-still"] | BITS["vibration"]))
+            self._judged_rows, self._moved = self._judged_rows + 1, self._moved + moved
+            refused |= BITS["not-still"] if moved else 0
+        if refused:
             blank = np.full_like(row.quaternion, np.nan), np.full_like(row.covariance, np.nan)
             row = replace(row, quaternion=blank[0], covariance=blank[1], quality=np.zeros(1))
-        return replace(row, flags=row.flags | np.uint32(verdict.flags | verdict.refused))
+        return replace(row, flags=row.flags | np.uint32(verdict.flags | refused))
 
 
 def _rows(rows: Attitude, chosen: Any) -> Attitude:

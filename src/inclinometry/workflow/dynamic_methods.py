@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
-from typing import Final, Protocol
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
+from inclinometry.motion.axes import expected_dip
 from inclinometry.motion.choose import AttitudeChooser, ChooserSettings
+from inclinometry.motion.complementary.filter import ComplementaryStream
+from inclinometry.motion.complementary.settings import ComplementarySettings
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.inertial.smoother import smoothed_attitude
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import MagneticStream
-from inclinometry.motion.result import Attitude, refusals
+from inclinometry.motion.result import BITS, Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
-from inclinometry.motion.static import StaticSettings
-from inclinometry.motion.window_filter import WindowFilterSettings
+from inclinometry.motion.static import NorthSeekingStream, StaticSettings, StaticStream
+from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings
 from inclinometry.workflow.dynamic_checked import Checked
 from inclinometry.workflow.dynamic_smoother import SampleSmoother, WindowSmoother
 
@@ -54,8 +58,9 @@ class Setup:
     site : where the tool is, completed by the field models.
     window : s, spacing of the rows.
     doubt : standard uncertainties of offsets by the calibration, SI, where there is one: "accelerometer",
-        "magnetometer" across and "axial".
+        "magnetometer" across and "axial", "gyro" of its worst axis.
     delay : s, standard uncertainty of the time by which the sensors are out of step.
+    gyro : what is known of the gyro, by the names of `InertialSettings`: gyro_noise, gyro_bias_sigma, gyro_bias_walk.
 
     One tool has one set of priors, whatever the method.
     """
@@ -64,6 +69,7 @@ class Setup:
     window: float
     doubt: Mapping[str, float]
     delay: float = 1e-4
+    gyro: Mapping[str, float] = field(default_factory=dict)
 
     def magnetic(self) -> MagneticSettings:
         """Windows side by side; offsets as the calibration leaves them, but no better than drilling allows."""
@@ -83,17 +89,40 @@ class Setup:
         """As above."""
         same = self.magnetic()
         return StaticSettings(
-            accel_sigma=same.accel_sigma, mag_sigma=same.offset_sigma, mag_axial_sigma=same.axial_sigma
+            window=self.window,
+            accel_sigma=same.accel_sigma,
+            mag_sigma=same.offset_sigma,
+            mag_axial_sigma=same.axial_sigma,
+            gyro_sigma=min(1e-2, self.inertial().gyro_bias_sigma),
         )
 
     def inertial(self) -> InertialSettings:
         """As above."""
         same = self.magnetic()
-        return InertialSettings(
+        plain = InertialSettings(
             window=self.window,
             accel_bias_sigma=same.accel_sigma,
             hard_iron_sigma=(same.offset_sigma, same.offset_sigma, same.axial_sigma),
             delay_sigma_s=self.delay,
+        )
+        return replace(plain, **self.gyro)  # type: ignore[arg-type]
+
+    def complementary(self, interval: float) -> ComplementarySettings:
+        """As above; a row a window."""
+        gyro = {
+            name: self.gyro[known]
+            for name, known in (
+                ("rate_noise", "gyro_noise"),
+                ("bias_sigma", "gyro_bias_sigma"),
+                ("bias_walk", "gyro_bias_walk"),
+            )
+            if known in self.gyro
+        }
+        return ComplementarySettings(
+            every=max(1, round(self.window / interval)),
+            gravity=self.site.gravity or STANDARD_GRAVITY,
+            accel_error=self.magnetic().accel_sigma,
+            **gyro,
         )
 
     def robust(self) -> WindowFilterSettings:
@@ -131,29 +160,88 @@ def _filter(setup: Setup) -> Stream:
     return _checked(InertialStream(setup.inertial(), setup.site), setup, "accel", "gyro", "mag")
 
 
-class _Smoother:
-    """The smoother that the triads of the first piece allow."""
+class _ByTriads:
+    """The stream that the triads of the first piece allow."""
 
-    def __init__(self, setup: Setup) -> None:
-        self._setup = setup
+    def __init__(self, make: Callable[[Setup, Samples], Stream], setup: Setup) -> None:
+        self._make, self._setup = make, setup
         self._stream: Stream | None = None
 
     def push(self, samples: Samples) -> Attitude:
         if self._stream is None:
-            self._stream = self._chosen(samples.has("gyro"))
+            self._stream = self._make(self._setup, samples)
         return self._stream.push(samples)
 
     def finish(self) -> Attitude:
-        return refusals([], (), "smoother", "magnetic") if self._stream is None else self._stream.finish()
+        return refusals([], (), "static", "magnetic") if self._stream is None else self._stream.finish()
 
-    def _chosen(self, gyro: bool) -> Stream:
-        setup = self._setup
-        if not gyro:
-            stream = WindowSmoother(MagneticStream(setup.magnetic()), setup.robust())
-            return _checked(stream, setup, "accel", "mag", carries=False)
-        settings = setup.inertial()
-        smoother = SampleSmoother(lambda samples: smoothed_attitude(samples, settings, setup.site), setup.window)
-        return _checked(smoother, setup, "accel", "gyro", "mag")
+
+def _smoother(setup: Setup, first: Samples) -> Stream:
+    if not first.has("gyro"):
+        stream = WindowSmoother(MagneticStream(setup.magnetic()), setup.robust())
+        return _checked(stream, setup, "accel", "mag", carries=False)
+    settings = setup.inertial()
+    smoother = SampleSmoother(lambda samples: smoothed_attitude(samples, settings, setup.site), setup.window)
+    return _checked(smoother, setup, "accel", "gyro", "mag")
+
+
+def _still(setup: Setup, first: Samples, *, weighted: bool) -> Stream:
+    """Gravity with the field, without a magnetometer with the Earth's rotation."""
+    by_gyro = first.has("gyro") and not first.has("mag")
+    kind = NorthSeekingStream if by_gyro else StaticStream
+    needs = ("accel", "gyro" if by_gyro else "mag")
+    stream = kind(setup.static(), setup.site, weighted=weighted)
+    return Checked(stream, setup.window, setup.site, needs, carries=False, still=True)
+
+
+class _Robust:
+    """The robust adaptive filter behind the judged magnetic windows: it bridges the refused ones."""
+
+    def __init__(self, setup: Setup) -> None:
+        self._windows, self._filter = _magnetic(setup), RobustStream(setup.robust())
+
+    def push(self, samples: Samples) -> Attitude:
+        return self._filter.push(self._windows.push(samples))
+
+    def finish(self) -> Attitude:
+        rows = self._windows.finish()
+        return replace(joined([self._filter.push(rows), self._filter.finish()]), notes=rows.notes)
+
+
+class _Complementary:
+    """The filter of any motion; it needs no axis of rotation, and its rows are not judged by one.
+
+    What any motion leaves is g.b = |g| |b| sin(dip), in which shaking averages out: it tells the signs.
+    """
+
+    def __init__(self, setup: Setup, first: Samples) -> None:
+        self._site, self._dots, self._strengths, self._count = setup.site, 0.0, 0.0, 0
+        settings = setup.complementary(first.interval)
+        self._stream = ComplementaryStream(first.interval, settings, magnetometer=first.has("mag"))
+
+    def push(self, samples: Samples) -> Attitude:
+        if samples.mag is not None and samples.accel is not None:
+            self._dots += float(np.sum(samples.accel * samples.mag))
+            self._strengths += float(np.sum(samples.mag**2))
+            self._count += len(samples)
+        rows = self._stream.push(samples)
+        # what the first second makes of a tool that spins is no attitude, and its covariance does not say so
+        young = (rows.flags & np.uint32(BITS["start"]) > 0)[:, None]
+        covariance = np.where(young[:, :, None], np.nan, rows.covariance)
+        return replace(rows, quaternion=np.where(young, np.nan, rows.quaternion), covariance=covariance)
+
+    def finish(self) -> Attitude:
+        dip, words = expected_dip(self._site)
+        if self._count and dip is not None:
+            strength = np.sqrt(self._strengths * self._count) * (self._site.gravity or STANDARD_GRAVITY)
+            found = float(np.arcsin(np.clip(self._dots / strength, -1.0, 1.0)))
+            if abs(found + dip) < 0.5 * abs(dip):
+                raise InputError(
+                    f"the dip comes out as {np.degrees(found):.1f} deg, {words}: the accelerometers or the "
+                    "magnetometer have the wrong sign; state --convention specific-force where accelerometers at "
+                    "rest read upwards"
+                )
+        return replace(self._stream.finish(), notes=self._stream.notes())
 
 
 @dataclass(frozen=True)
@@ -170,19 +258,41 @@ class Method:
     restarts: bool = False
 
 
-METHODS: Final[Mapping[str, Method]] = MappingProxyType(
+MethodName = Literal[
+    "auto", "static", "quaternion", "magnetic", "gyro", "filter", "robust", "smoother", "complementary"
+]
+METHODS: Final[Mapping[MethodName, Method]] = MappingProxyType(
     {
         "auto": Method(_auto, ("accel",), "looks at each window and takes what suits it"),
+        "static": Method(
+            partial(_ByTriads, partial(_still, weighted=False)),
+            ("accel",),
+            "plain means of gravity and field (or Earth rate) while the tool is at rest",
+        ),
+        "quaternion": Method(
+            partial(_ByTriads, partial(_still, weighted=True)),
+            ("accel",),
+            "the same as Wahba's problem: Davenport's q, both vectors weighted by their uncertainty",
+        ),
         "magnetic": Method(_magnetic, ("accel", "mag"), "gravity turned back by the magnetic phase, window by window"),
         "gyro": Method(_gyro, ("accel", "gyro"), "gyro and gravity alone; north from the Earth's rotation at rest"),
         "filter": Method(_filter, ("accel", "gyro", "mag"), "15-state filter of gyro, gravity and field"),
-        "smoother": Method(_Smoother, ("accel", "mag"), "backward pass over all that was recorded", restarts=True),
+        "robust": Method(_Robust, ("accel", "mag"), "robust adaptive filter of the magnetic windows"),
+        "smoother": Method(
+            partial(_ByTriads, _smoother), ("accel", "mag"), "backward pass over all that was recorded", restarts=True
+        ),
+        "complementary": Method(
+            partial(_ByTriads, _Complementary),
+            ("accel", "gyro"),
+            "gyro with gravity and field in the almost-inertial frame: any motion, no hole",
+            restarts=True,
+        ),
     }
 )
 """Names at the command line."""
 
 
-def chosen_method(name: str) -> Method:
+def chosen_method(name: MethodName) -> Method:
     """The method of a name.
 
     Raises
@@ -205,7 +315,7 @@ def offset_doubt(calibration: Calibration | None, site: Site) -> dict[str, float
     if calibration is None:
         return {}
     tool, found = calibration.tool, {}
-    strengths = {"accelerometer": site.gravity, "magnetometer": site.b}
+    strengths = {"accelerometer": site.gravity, "magnetometer": site.b, "gyro": EARTH_RATE}
     for kind, other in strengths.items():
         triad = tool.triads.get(kind)
         strength = None if triad is None else triad.field_strength or other
@@ -214,9 +324,87 @@ def offset_doubt(calibration: Calibration | None, site: Site) -> dict[str, float
         places = np.arange(tool.slices[kind].start + 3, tool.slices[kind].stop, 4)
         inverse = triad.inverse()
         spread = strength * np.sqrt(np.diag(inverse @ tool.covariance[np.ix_(places, places)] @ inverse.T))
-        found[kind] = float(np.sqrt(np.mean(spread[:2] ** 2)))
+        found[kind] = float(np.sqrt(np.mean(spread[:2] ** 2))) if kind != "gyro" else float(spread.max())
         if kind == "magnetometer":
             found["axial"] = float(spread[2])
+    return found
+
+
+def gyro_known(
+    noise: float | None, bias_sigma: float | None, doubt: Mapping[str, float], allan: Mapping[str, Any] | None
+) -> tuple[dict[str, float], str]:
+    """What is known of the gyro, as `Setup.gyro` takes it, and a sentence that says from where.
+
+    Parameters
+    ----------
+    noise, bias_sigma : float, optional
+        As stated: angle random walk, rad/sqrt(s), and standard deviation of the bias, rad/s.
+    doubt : name -> float
+        Of `offset_doubt`: "gyro" where a calibration has one, rad/s.
+    allan : mapping, optional
+        Content of an allan.json.
+
+    Raises
+    ------
+    InputError
+        An allan.json without a gyro channel in a unit of rate.
+
+    Notes
+    -----
+    Stated values stand above the calibration's, those above the Allan curve's, those above the defaults of
+    `InertialSettings`. A calibration knows the offset, not the noise in a second (how long its readings lasted is not
+    recorded); an Allan curve knows noise and random walk, not the constant part of the bias. A calibrated bias is never
+    better than the instability the Allan curve shows. Where no curve tells how a bias that is known wanders, it wanders
+    by its own standard deviation in an hour.
+
+    Examples
+    --------
+    >>> known, said = gyro_known(3e-6, 5e-8, {}, None)
+    >>> said
+    'gyro: noise 0.0103 deg/sqrt(h) (as stated), standard deviation of the bias 0.0103 deg/h (as stated)'
+    """
+    curve = {} if allan is None else _gyro_curve(allan)
+    plain, known, said = InertialSettings(), {}, []
+    if noise is not None or "noise" in curve:
+        known["gyro_noise"] = curve["noise"] if noise is None else noise
+        source = "the Allan deviation" if noise is None else "as stated"
+    else:
+        source = "taken for granted: no option and no Allan deviation states it"
+    said.append(f"noise {np.degrees(known.get('gyro_noise', plain.gyro_noise)) * 60.0:.3g} deg/sqrt(h) ({source})")
+    if bias_sigma is not None:
+        known["gyro_bias_sigma"], source = bias_sigma, "as stated"
+    elif "gyro" in doubt:
+        known["gyro_bias_sigma"], source = float(np.hypot(doubt["gyro"], curve.get("bias", 0.0))), "the calibration"
+    else:
+        source = "taken for granted: no option and no calibration states it"
+    if "walk" in curve:
+        known["gyro_bias_walk"] = curve["walk"]
+    elif "gyro_bias_sigma" in known:
+        known["gyro_bias_walk"] = min(plain.gyro_bias_walk, known["gyro_bias_sigma"] / 60.0)
+    bias = np.degrees(known.get("gyro_bias_sigma", plain.gyro_bias_sigma)) * 3600.0
+    said.append(f"standard deviation of the bias {bias:.3g} deg/h ({source})")
+    return known, "gyro: " + ", ".join(said)
+
+
+def _gyro_curve(allan: Mapping[str, Any]) -> dict[str, float]:
+    """Noise, bias instability and random walk of the worst gyro channel, SI; what was not seen is left out."""
+    channels = [one for one in allan["channels"] if one["kind"] == "gyro" and "arw_deg_sqrt_h" in one]
+    if not channels:
+        raise InputError(
+            "the Allan file has no gyro channel in a unit of rate: name the columns of its log gyro_x_deg_h, "
+            "gyro_x_deg_s or gyro_x_rad_s, and run allan again"
+        )
+    found = {}
+    for name, key, factor in (
+        ("noise", "arw_deg_sqrt_h", 60.0),
+        ("bias", "bias_instability_deg_h", 3600.0),
+        ("walk", "rate_random_walk_deg_h_sqrt_h", 3600.0 * 60.0),
+    ):
+        seen = [one[key] for one in channels if one[key] is not None]
+        if name == "noise":
+            seen = seen or [one[f"limit_{key}"] for one in channels]
+        if seen:
+            found[name] = float(np.radians(max(seen)) / factor)
     return found
 
 

@@ -9,9 +9,11 @@ from typing import Final
 import numpy as np
 
 from inclinometry.attitude.orientation import Angles, angles_jacobian, fields
+from inclinometry.attitude.rotations import dcm_from_quaternion, quaternion_from_dcm, rotation_z
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.angles import TAU
 from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.constants import DIP
 from inclinometry.earth.site import REFERENCES, Site
 from inclinometry.motion.result import Attitude
 from inclinometry.motion.run_result import AttitudeRows
@@ -25,8 +27,6 @@ NOTHING: Final = 0.999
 """Share of the uncertainty of an angle nothing is known of from which it is left blank."""
 ACCEL_SHARE: Final = 1.0 / 3.0
 """Scale errors of uncalibrated accelerometers, of those of the magnetometer."""
-USUAL_DIP: Final = float(np.radians(65.0))
-"""Dip for the calibration's share where the site has none."""
 
 
 class Rows:
@@ -68,7 +68,7 @@ class Rows:
             return
         at, u = found.angles, found.u
         good = ~found.refused
-        own = np.stack([u.inclination, u.azimuth, u.toolface], axis=1) ** 2
+        own = np.stack(u, axis=1) ** 2
         if good.any():
             turning = np.abs(np.nan_to_num(found.rate[good])) * self._window > TAU
             seen = Angles(*(column[good] for column in at))
@@ -76,12 +76,16 @@ class Rows:
                 own[good] += self._by_calibration(self._calibration, seen, turning, found.north)
             elif self._scale:
                 own[good] += self._by_scale(seen, turning, found.north)
-        azimuth, north = np.full(len(found), np.nan), found.north
+        azimuth, north, quaternion = np.full(len(found), np.nan), found.north, found.quaternion.copy()
         if good.any():
-            padded = np.concatenate([own[good], np.zeros((int(good.sum()), 1))], axis=1)
-            turned, variances, north, said = turned_to_north(at.azimuth[good], {"own": padded}, self._site, found.north)
+            turned, variances, north, said = turned_to_north(
+                at.azimuth[good], {"own": own[good]}, self._site, found.north
+            )
             azimuth[good] = turned
-            own[good] = np.sum(list(variances.values()), axis=0)[:, :3]
+            own[good] = np.sum(list(variances.values()), axis=0)
+            # C(A + d, I, T) = C(A, I, T) R_z(d)
+            by = rotation_z(turned - at.azimuth[good])
+            quaternion[good] = quaternion_from_dcm(dcm_from_quaternion(quaternion[good]) @ by)
             self.notes += [note for note in said if note not in self.notes]
         spread = np.minimum(np.sqrt(own), UNKNOWN)
         # an angle of which nothing is known is no angle, though the row has others
@@ -100,30 +104,31 @@ class Rows:
                 flags=found.flags,
                 method=found.method,
                 north=np.full(len(found), REFERENCES.index(north), dtype=np.uint8),
+                quaternion=np.where(unknown[:, 3:], np.nan, quaternion),
+                magnetic_toolface=np.where(unknown[:, 3], np.nan, at.magnetic_toolface),
+                u_magnetic_toolface=spread[:, 3],
             )
         )
 
     def done(self) -> AttitudeRows:
         """All rows."""
-        kinds = {"flags": np.uint32, "method": np.uint8, "north": np.uint8}
+        # a run without a whole window has been refused: there is a part
         return AttitudeRows(
             **{
-                each.name: np.concatenate(
-                    [np.empty(0, kinds.get(each.name, np.float64)), *(getattr(part, each.name) for part in self._parts)]
-                )
+                each.name: np.concatenate([getattr(part, each.name) for part in self._parts])
                 for each in dataclasses.fields(AttitudeRows)
             }
         )
 
     def _by_calibration(self, calibration: Calibration, at: Angles, turning: Mask, source: str) -> Array:
-        """Variances (k, 3) of inclination, azimuth and toolface by scale factors and couplings of the calibration.
+        """Variances (k, 4) of inclination, azimuth and toolfaces by scale factors and couplings of the calibration.
 
         Offsets are left to the methods, which know whether the tool turned them away; so is the gyro, whose bias and
         scale are states of the filters.
         """
         tool = calibration.tool
         if "accelerometer" not in tool.triads:
-            return np.zeros((len(turning), 3))
+            return np.zeros((len(turning), 4))
         heat = None if self.heat is None else np.full(len(turning), self.heat)
         moved = np.zeros((len(turning), 4, len(tool.parameter_names)))
         for g, b in self._seen(at, turning):
@@ -134,10 +139,10 @@ class Rows:
         # exactly vertical azimuth and toolface have no derivative: their uncertainty is unbounded anyway
         moved = np.where(np.isfinite(moved), moved, 0.0)
         moved[..., [".offset[" in name for name in tool.parameter_names]] = 0.0
-        return np.asarray(np.einsum("kap,pq,kaq->ka", moved, tool.covariance, moved, optimize=True)[:, :3])
+        return np.asarray(np.einsum("kap,pq,kaq->ka", moved, tool.covariance, moved, optimize=True))
 
     def _by_scale(self, at: Angles, turning: Mask, source: str) -> Array:
-        """Variances (k, 3) by scale errors and couplings, each independent, of sensors that no calibration vouches for.
+        """Variances (k, 4) by scale errors and couplings, each independent, of sensors that no calibration vouches for.
 
         A change E of a triad's matrix moves its field v by E v; what turns with the tool averages out.
         """
@@ -147,12 +152,12 @@ class Rows:
             slopes = np.where(np.isfinite(slopes), slopes, 0.0)
             moved[0] += slopes[:, :, :3, None] * g[:, None, None, :]
             moved[1] += slopes[:, :, 3:, None] * b[:, None, None, :]
-        by_accel, by_mag = np.sum(moved**2, axis=(3, 4))[:, :, :3]
+        by_accel, by_mag = np.sum(moved**2, axis=(3, 4))
         return np.asarray(self._scale**2 * (ACCEL_SHARE**2 * by_accel + (by_mag if source == "magnetic" else 0.0)))
 
     def _seen(self, at: Angles, turning: Mask) -> Iterator[tuple[Array, Array]]:
         """Directions of gravity and field from `TURNS` sides where the tool turns, else as often from the one."""
-        dip = USUAL_DIP if self._site.dip is None else self._site.dip
+        dip = DIP if self._site.dip is None else self._site.dip
         for step in range(TURNS):
             toolface = at.toolface + np.where(turning, TAU * step / TURNS, 0.0)
             yield fields(at.azimuth, at.inclination, toolface, dip)

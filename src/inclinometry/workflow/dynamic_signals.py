@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -40,6 +42,8 @@ class Signals:
         Its gravity and field strength serve a calibration that does not know its own.
     calibration : Calibration, optional
         Without one the channels are field vectors in tool axes: m/s^2 (gravity convention), nT, rad/s, or as named.
+    turned : kind -> (3, 3) ndarray
+        Without a calibration, what takes the channels of a kind to tool axes where they lie otherwise.
 
     Raises
     ------
@@ -51,8 +55,14 @@ class Signals:
     A sample of which a channel is missing is NaN in that triad. Temperature holds its last value where it is missing.
     """
 
-    def __init__(self, run: RunFile, site: Site, calibration: Calibration | None = None) -> None:
-        self._run, self._calibration = run, calibration
+    def __init__(
+        self,
+        run: RunFile,
+        site: Site,
+        calibration: Calibration | None = None,
+        turned: Mapping[str, Array] = MappingProxyType({}),
+    ) -> None:
+        self._run, self._calibration, self._turned = run, calibration, turned
         self._warm: float | None = None
         self._judged = False
         self.absurd = Absurd(run.names)
@@ -80,6 +90,8 @@ class Signals:
                 triad = self._calibration.tool.triads[kind]
                 found[kind] = self._strengths[kind] * _field(triad, values, heat, found.get("accelerometer"))
             found[kind] = self.absurd.blanked(kind, values, found[kind])
+            if kind in self._turned:
+                found[kind] = found[kind] @ self._turned[kind].T
         self.absurd.counted(len(block.time))
         if not self._judged:
             self._judged = True

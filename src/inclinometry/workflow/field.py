@@ -53,7 +53,7 @@ def field_at(
     longitude: float,
     height_m: float,
     date: datetime.date | float,
-    model: Model = wmm2025,
+    model: Model | None = None,
     crs: str | None = None,
 ) -> PlaceField:
     """Reference fields of a place.
@@ -66,8 +66,8 @@ def field_at(
         Above the ellipsoid, m, -12000 to 20000.
     date : datetime.date or float
         Date, or decimal year.
-    model : callable
-        `wmm2025` or `igrf14`.
+    model : callable, optional
+        `wmm2025` or `igrf14`; the one for the date (`model_of`) when not given.
     crs : str, optional
         Grid, e.g. "EPSG:32632".
 
@@ -83,7 +83,7 @@ def field_at(
     (np.float64(0.866), 9.81918)
     """
     site = Site(latitude=latitude, longitude=longitude, height_m=height_m, crs=crs)
-    found = model(latitude, longitude, height_m, date)
+    found = (model or model_of(date))(latitude, longitude, height_m, date)
     notes = _weak(float(found.horizontal), float(found.declination_sigma))
     convergence = scale = None
     if crs is not None:
@@ -103,15 +103,16 @@ def field_at(
     )
 
 
-def model_of(date: datetime.date) -> Model:
-    """The model to fill a site with: WMM2025 from 2025 on, IGRF-14, definitive in its past, before.
+def model_of(date: datetime.date | float) -> Model:
+    """The model for a date or decimal year: WMM2025 from 2025 on, IGRF-14, definitive in its past, before.
 
     Examples
     --------
     >>> model_of(datetime.date(2018, 5, 1)) is igrf14
     True
     """
-    return wmm2025 if decimal_year(date) >= _WMM_FROM else igrf14
+    year = decimal_year(date) if isinstance(date, datetime.date) else date
+    return wmm2025 if year >= _WMM_FROM else igrf14
 
 
 def completed(site: Site) -> tuple[Site, list[str]]:

@@ -22,12 +22,14 @@ from inclinometry.gyro.tracking import (
     MOST,
     ScaleBelief,
     ScaleTrack,
+    contradicted,
     quadratic_belief,
     smooth_scale,
     track_scale,
     walking_belief,
+    widened,
 )
-from inclinometry.io.gyro_csv import GyroReadings, write_gyro_stations
+from inclinometry.io.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.io.scale_json import ScaleRecord
 from inclinometry.survey.checks import Check
 from inclinometry.survey.flags import HEAT_MARGIN
@@ -35,7 +37,7 @@ from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.gyro_quality import rate_unit_suspect
 from inclinometry.survey.reduce import Survey
 from inclinometry.workflow.gyro_average import Averages, average_run, gravity_suspect
-from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, misfit_hint, refusal
+from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, gravity_scale, misfit_hint, refusal
 from inclinometry.workflow.gyro_methods import Known, Stations, solve, stations_of
 
 METHODS: Final = ("joint", "patent", "fixed")
@@ -56,7 +58,7 @@ class GyroOptions:
 
     scheme : index positions, a key of `inclinometry.gyro.indexing.SCHEMES`.
     method : one of `METHODS`.
-    prior : one of `PRIORS`; None: "run" where the file has temperatures, else "calibration".
+    prior : one of `PRIORS`; None: "run". Without temperatures the scale wanders from station to station.
     scale_sd : standard uncertainty of the scale factor at the reference temperature.
     slope_sd, bend_sd : of its change over 100 degC, linear and square.
     jitter : standard deviation of the scale from station to station.
@@ -83,6 +85,10 @@ class GyroOptions:
         for name, value, allowed in (("scale", self.method, METHODS), ("prior", self.prior, (None, *PRIORS))):
             if value not in allowed:
                 raise InputError(f"{name} is {value!r}; allowed: {', '.join(str(a) for a in allowed if a)}")
+        if self.prior is not None and self.method != "joint":
+            raise InputError(
+                f"the prior {self.prior!r} is for the joint estimate; method {self.method!r} does without: leave it out"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +101,8 @@ class GyroRun:
     track : how the scale was learnt; None where it was not.
     others : the other methods, for comparison.
     checks : the rates against the Earth's.
+    rates : (n, 3) what the gyros read in tool axes at index 0, freed of bias, times the scale factor found (step E of
+        the patent); rad/s, NaN where it is not measured or no scale factor was found.
     """
 
     survey: Survey
@@ -104,6 +112,7 @@ class GyroRun:
     track: ScaleTrack | None
     others: Mapping[str, North]
     checks: Sequence[Check]
+    rates: Array
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
 
@@ -113,7 +122,10 @@ class GyroRun:
     def record(self) -> ScaleRecord:
         """The scale factor of the run as a record; InputError where it was not followed."""
         if self.track is None or self.temperature is None:
-            raise InputError("the scale factor was not followed over this run: temperature_degC is needed")
+            raise InputError(
+                "a record of the scale factor gives it by temperature, for the joint estimate that follows it: add the "
+                "column temperature_degC"
+            )
         track = self.track
         return ScaleRecord(
             self.tool, track.belief, self.md, track.temperature, track.expected, track.expected_sd, track.scale,
@@ -184,6 +196,7 @@ def north_run(
     flags = _flags(averages, heat, calibration, chosen.history)
     checks = [replace(c, reason=_labelled(c.reason, readings)) for c in checks]
     notes = _notes(readings, averages, known, calibration, _remarks(readings, heat, chosen))
+    notes += gravity_scale(stations)
     notes += misfit_hint(found.get("joint", north), stations.rate, site.latitude)
     notes += [f"{c.name}: {c.reason}; {c.action}" for c in checks if c.verdict == "fail"]
     total = np.linalg.norm(averages.gravity.field, axis=1)
@@ -192,9 +205,11 @@ def north_run(
     survey = gyro_survey(
         readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, notes=notes
     )
+    survey = replace(survey, notes=(*averages.gravity.notes, *averages.rate.notes))
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
-    return GyroRun(survey, north, readings.md, heat, track, found, checks, name, digests)
+    rates = north.scale[:, None] * averages.rate.field
+    return GyroRun(survey, north, readings.md, heat, track, found, checks, rates, name, digests)
 
 
 def _notes(
@@ -202,7 +217,7 @@ def _notes(
 ) -> list[str]:
     """What reader, averages and calibration have to say."""
     inherited = [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
-    return [*remarks, *readings.notes, *averages.gravity.notes, *averages.rate.notes, *known.notes, *inherited]
+    return [*remarks, *readings.notes, *averages.gravity.warnings, *averages.rate.warnings, *known.notes, *inherited]
 
 
 def _labelled(reason: str, readings: GyroReadings) -> str:
@@ -221,8 +236,6 @@ def _remarks(readings: GyroReadings, heat: Array | None, options: GyroOptions) -
     if known is not None and heat is not None and np.array_equal(known.md, readings.md):
         same = np.allclose(known.temperature, heat, atol=1e-9)
         found += ["the history has the depths and temperatures of this very run: was it learnt from it?"] * int(same)
-    if options.prior is not None and options.method != "joint":
-        found.append(f"the prior {options.prior!r} is for the joint estimate; the method is {options.method!r}")
     return found
 
 
@@ -250,25 +263,24 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
     """What is known of each station's scale factor before and beside its own rates."""
     size = len(stations.rate)
     own = float(np.max(averages.scale_calibration, initial=0.0))
-    prior = options.prior or ("calibration" if heat is None else "run" if size <= MOST else "both")
-    if heat is None:
-        if prior != "calibration":
-            raise InputError("following the scale over temperature needs temperatures: add the column temperature_degC")
-        if options.history is not None:
-            raise InputError("the history gives the scale by temperature; add the column temperature_degC")
-        ones, sd = np.ones(size), np.full(size, np.hypot(options.scale_sd, own))
-        return Known(ones, sd, ones, sd, None)
-    belief = _belief(options, own, walking=prior == "previous", start=float(heat[0]))
-    scale, sd = belief.predict(heat)
-    if prior == "calibration":
-        return Known(scale, sd, scale, sd, None)
-    follow = smooth_scale if prior == "run" else track_scale
+    prior = options.prior or ("run" if size <= MOST else "both")
+    if heat is None and options.history is not None:
+        raise InputError("the history gives the scale by temperature; add the column temperature_degC")
+    start = 0.0 if heat is None else float(heat[0])
+    stated = _belief(options, own, walking=heat is None or prior == "previous", start=start)
     found = tilt(stations.gravity, stations.g)
     if stations.hole == "up":
         found = upward(found, found.unseen)
     high, covariance = to_high_side(stations.rate, stations.rate_covariance, found.toolface)
-    track = follow(high / EARTH_RATE, covariance / EARTH_RATE**2, found.inclination, stations.latitude, heat, belief)
-    return Known(track.expected, track.expected_sd, scale, sd, track, track.notes)
+    given = high / EARTH_RATE, covariance / EARTH_RATE**2, found.inclination, stations.latitude
+    if prior == "calibration":
+        at = np.full(size, start) if heat is None else heat
+        used = contradicted(*given, at, stated)
+        known = used.predict(at)
+        return Known(*known, *known, *stated.predict(at), None, widened(stated, used))
+    track = (smooth_scale if prior == "run" else track_scale)(*given, heat, stated)
+    before = track.prior.predict(track.temperature), stated.predict(track.temperature)
+    return Known(track.expected, track.expected_sd, *before[0], *before[1], track, track.notes)
 
 
 def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) -> ScaleBelief:
@@ -315,4 +327,5 @@ def write_run(run: GyroRun, path: str | Path) -> None:
     columns |= {"scale": north.scale[order], "u_scale": north.u_scale[order], "K": north.k[order]}
     columns |= {"root": [north.root[n] for n in order]}
     columns["temperature_degC"] = None if run.temperature is None else run.temperature[order]
+    columns |= dict(zip(CORRECTED, np.degrees(3600.0 * run.rates[order]).T, strict=True))
     write_gyro_stations(path, columns)

@@ -99,8 +99,8 @@ def average_run(
     gravity = _named(readings, calibration, "accelerometer", scheme, accelerometer_sd, None, sweep, g)
     rate = _named(readings, calibration, "gyro", scheme, gyro_sd, z_bias_sd, sweep, g)
     if calibration is None:
-        nought = np.zeros((len(readings), 3, 3))
-        return Averages(gravity, rate, nought, nought, np.zeros(len(readings)))
+        nothing = np.zeros((len(readings), 3, 3))
+        return Averages(gravity, rate, nothing, nothing, np.zeros(len(readings)))
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
     own = field_doubt(calibration.tool, "accelerometer", gravity.field, heat)
     turned = field_doubt(calibration.tool, "gyro", rate.field, heat)
@@ -288,11 +288,15 @@ def _two_passes(
     elif bias is not None:
         known[along] = bias[along]
     found = average(everything, known)
+    unit = readings.units[kind]
+    if unit == "counts" and kind == "accelerometer" and readings.letters.get(kind) and tensor.ndim == 2:
+        unit = "m/s^2"
     scaled = replace(
         found,
         field=found.field * strength,
         covariance=found.covariance * strength**2,
-        notes=(*_notes(readings, found, kind), *notes),
+        notes=tuple(f"{kind}: {note.rstrip('.')} {unit}." for note in found.notes),
+        warnings=(*_warnings(readings, found, kind), *notes),
     )
     return scaled, known
 
@@ -307,8 +311,8 @@ def _axial_note(kind: str, size: float) -> str:
     )
 
 
-def _notes(readings: GyroReadings, found: IndexAverage, kind: str) -> list[str]:
-    """The average's notes, with stations and lines as the file has them."""
+def _warnings(readings: GyroReadings, found: IndexAverage, kind: str) -> list[str]:
+    """The average's warnings, with stations and lines as the file has them."""
     left = [
         f"{kind}: the reading in line {readings.lines[row]} (station {readings.labels[station]!r}, index "
         f"{np.degrees(readings.index[row]):g} deg) disagrees with the others and was left out"
@@ -321,7 +325,7 @@ def _notes(readings: GyroReadings, found: IndexAverage, kind: str) -> list[str]:
             f"{kind}: positions disagree by more than the noise at {len(noisy)} of {len(found)} stations ({shown}); "
             "their uncertainty is widened to what the residuals say"
         )
-    return [f"{kind}: {note}" for note in found.notes if note.startswith("Noise of one reading")] + left
+    return left
 
 
 def _check_direction(

@@ -17,6 +17,10 @@ from inclinometry.survey.gyro_quality import rate_checks
 from inclinometry.workflow.gyro_average import LIGHTEST
 from inclinometry.workflow.gyro_methods import Known, Stations, solve
 
+HEAVY: Final = (1e-3, 5.0)
+"""Share, and standard uncertainties, by which the median gravity of a run must be off to be named. Gravity by latitude
+and height is right to 1e-4."""
+
 COVERED: Final = 3.0
 """Standard uncertainties that a faultless run stays within."""
 
@@ -37,8 +41,8 @@ def check_rates(stations: Stations, known: Known, joint: North, calibration: Arr
         stations.latitude,
         gravity_covariance=covariance,
         rate_covariance=stations.rate_covariance,
-        scale=known.before,
-        scale_sd=known.before_sd,
+        scale=known.stated,
+        scale_sd=known.stated_sd,
         g=stations.g,
     )
     # the calibration's errors are common to all stations: their mean does not vanish
@@ -83,6 +87,23 @@ def misfit_hint(joint: North, rate: Array, latitude: float) -> list[str]:
     ]
 
 
+def gravity_scale(stations: Stations) -> list[str]:
+    """A sentence where the gravity of three accelerometers is not the site's: the rates say nothing of it."""
+    length = np.linalg.norm(stations.gravity, axis=1)
+    if not np.isfinite(length).all():
+        return []
+    unit = stations.gravity / length[:, None]
+    sd = np.sqrt(np.einsum("ni,nij,nj->n", unit, stations.gravity_covariance, unit))
+    off, sigmas = float(np.median(length / stations.g - 1.0)), float(np.median((length - stations.g) / sd))
+    if abs(off) < HEAVY[0] or abs(sigmas) < HEAVY[1]:
+        return []
+    return [
+        f"gravity comes out {100.0 * off:+.2f} % from the site's {stations.g:.5g} m/s^2 ({abs(sigmas):.0f} standard "
+        "uncertainties): the scale of the accelerometers has changed, with the temperature perhaps, and with it the "
+        "inclination; calibrate them over temperature"
+    ]
+
+
 def gravity_in_g(stations: Stations) -> str | None:
     """A sentence where cross-axis accelerometers fit the rates far better when their numbers are taken as g."""
     level = np.hypot(stations.gravity[:, 0], stations.gravity[:, 1])
@@ -94,7 +115,7 @@ def gravity_in_g(stations: Stations) -> str | None:
         gravity_covariance=stations.gravity_covariance * STANDARD_GRAVITY**2,
     )
     ones, vague_sd = np.ones(len(level)), np.full(len(level), VAGUE)
-    vague = Known(ones, vague_sd, ones, vague_sd, None)
+    vague = Known(ones, vague_sd, ones, vague_sd, ones, vague_sd, None)
     try:
         given, other = (float(np.sum(solve("joint", s, vague).chi_square)) for s in (stations, larger))
     except InputError:

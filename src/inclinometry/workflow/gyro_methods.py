@@ -7,12 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import EARTH_RATE
 from inclinometry.earth.site import Site
-from inclinometry.gyro.closed_form import solve_patent
+from inclinometry.gyro.closed_form import CHANGE, solve_patent
 from inclinometry.gyro.north import estimate_north, estimate_north_fixed
 from inclinometry.gyro.result import North
 from inclinometry.gyro.tracking import ScaleTrack
 from inclinometry.workflow.gyro_average import Averages
+
+ROUNDING = 1e-9
+"""Share of gravity and of the Earth rate below which no noise is believed: readings without any still are rounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +36,12 @@ class Stations:
 def stations_of(averages: Averages, site: Site, hole: str | None) -> Stations:
     """What the average and the site say; the site must have a latitude."""
     latitude, g = site.latitude or 0.0, site.gravity or 0.0
+    floor = ROUNDING**2 * np.eye(3)
     return Stations(
         averages.gravity.field,
-        averages.gravity.covariance + averages.gravity_calibration,
+        averages.gravity.covariance + averages.gravity_calibration + g**2 * floor,
         averages.rate.field,
-        averages.rate.covariance + averages.rate_calibration,
+        averages.rate.covariance + averages.rate_calibration + EARTH_RATE**2 * floor,
         latitude,
         g,
         hole,
@@ -49,19 +54,18 @@ class Known:
     """What is known of each station's scale without its own rates.
 
     scale, sd : (n,) from the calibration, the history and, where the run is followed, its other stations.
-    before, before_sd : (n,) without any station of the run.
+    stated, stated_sd : (n,) without any station of the run.
+    before, before_sd : (n,) the same, widened where the run contradicts it.
     """
 
     scale: Array
     sd: Array
     before: Array
     before_sd: Array
+    stated: Array
+    stated_sd: Array
     track: ScaleTrack | None
     notes: tuple[str, ...] = ()
-
-
-JUMP = 0.002
-"""Standard deviation of the scale from station to station by which the closed form follows its history."""
 
 
 def solve(method: str, stations: Stations, known: Known) -> North:
@@ -73,8 +77,9 @@ def solve(method: str, stations: Stations, known: Known) -> North:
             gravity_covariance=stations.gravity_covariance,
             rate_covariance=stations.rate_covariance,
             g=stations.g,
-            history=float(known.before[0]),
-            history_sd=JUMP,
+            history=float(known.stated[0]),
+            history_sd=float(known.stated_sd[0]),
+            change_sd=CHANGE,
         )
         return found if stations.hole is None else _declared(found, stations.hole)
     estimate = estimate_north_fixed if method == "fixed" else estimate_north

@@ -67,6 +67,10 @@ def record_from_files(
         Files that do not belong together, in one sentence.
     """
     calibration = read_calibration(tool)
+    if calibration.method == "datasheet":
+        raise InputError(
+            f"{tool} was entered from a data sheet, nothing was measured: calibrate the tool to certify it"
+        )
     who, order = (None, Order()) if laboratory is None else read_laboratory(laboratory)
     order = _completed(order, calibration, today)
     judged = None if verification is None else read_verification(verification, calibration)

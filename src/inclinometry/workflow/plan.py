@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.design import CRITERIA, optimal_plan
-from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.design import CRITERIA, RIG_SD, optimal_plan
+from inclinometry.calibration.plans import FIRST_INCLINATION, Plan
+from inclinometry.core.constants import DIP, INCLINATION_RANGE
 from inclinometry.core.errors import InputError
 from inclinometry.workflow.simulate import PLANS, plan_named
 
@@ -17,7 +18,7 @@ LEAST_INCLINATION = np.radians(1.0)
 """Azimuth is aimed no nearer to the vertical than this, rad: there it grows without bound whatever the plan."""
 
 _USES = {
-    "twelve": {"rolls"},
+    "twelve": {"rolls", "azimuths"},
     "rotations": {"first_inclination", "azimuth", "rolls"},
     "optimal": {"number", "inclination_range", "criterion", "rig_sd", "dip", "seed"},
 }
@@ -25,8 +26,9 @@ _USES = {
 
 _ADVICE = {
     "rotations": (
-        "two turns at one azimuth cannot tell the zero of the toolface dial from a tilt of the rig across the plane of "
-        "the turns: trust the level of the stand (--level-sd-deg when calibrating), or add turns at a second azimuth",
+        "two turns at one azimuth hardly tell the zero of the toolface dial from a tilt of the rig across the plane of "
+        "the turns: state what is known of the stand when calibrating (--level-sd-deg, --north-deg and --north-sd-deg, "
+        "--dip-sd-deg), or add turns at a second azimuth",
     )
 }
 
@@ -66,6 +68,7 @@ def make_plan(
     first_inclination: float | None = None,
     azimuth: float | None = None,
     rolls: int | None = None,
+    azimuths: int | None = None,
     seed: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Plan:
@@ -85,14 +88,15 @@ def make_plan(
         "first_inclination": first_inclination,
         "azimuth": azimuth,
         "rolls": rolls,
+        "azimuths": azimuths,
         "seed": seed,
     }
     _refuse_useless(name, [option for option, value in given.items() if value is not None])
     if name == "twelve":
-        return plans.twelve(rolls=3 if rolls is None else rolls)
+        return plans.twelve(3 if rolls is None else rolls, 3 if azimuths is None else azimuths)
     if name == "rotations":
         return plans.rotations(
-            np.pi / 4.0 if first_inclination is None else first_inclination,
+            FIRST_INCLINATION if first_inclination is None else first_inclination,
             0.0 if azimuth is None else azimuth,
             8 if rolls is None else rolls,
         )
@@ -124,13 +128,13 @@ def _optimal(
     aim = "azimuth" if criterion is None else criterion
     if aim not in CRITERIA:
         raise InputError(f"criterion {aim!r} is unknown; allowed: {', '.join(CRITERIA)}")
-    work = (np.radians(10.0), np.radians(90.0)) if inclination_range is None else inclination_range
+    work = INCLINATION_RANGE if inclination_range is None else inclination_range
     return optimal_plan(
         24 if number is None else number,
         inclination_range=aimed_range(work, aim),
         criterion=CRITERIA[aim],
-        rig_sd=np.radians(0.1) if rig_sd is None else rig_sd,
-        dip=np.radians(70.0) if dip is None else dip,
+        rig_sd=RIG_SD if rig_sd is None else rig_sd,
+        dip=DIP if dip is None else dip,
         seed=1 if seed is None else seed,
         progress=progress,
     )

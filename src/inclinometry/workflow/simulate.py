@@ -13,6 +13,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import DIP
 from inclinometry.core.errors import InputError
 from inclinometry.io.plan_csv import read_plan
 from inclinometry.io.raw_csv import write_log as write_log_csv
@@ -21,10 +22,12 @@ from inclinometry.io.survey_csv import write_survey_csv
 from inclinometry.io.tool_json import read_extras, read_tool
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.bench import BenchSimulation, simulate_bench
+from inclinometry.simulate.characteristic import MAGNETOMETERS, Characteristic, signal_of
 from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
 from inclinometry.simulate.log import LogSimulation, simulate_log
 from inclinometry.simulate.rig import Misread, Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
+from inclinometry.workflow.calibrate import read_nameplate
 
 PLANS = {
     "twelve": plans.twelve,
@@ -68,7 +71,8 @@ def bench(
     repeats: int = 1,
     temperature: Array | float | None = None,
     temperature_degree: int = 0,
-    truth: tuple[Tool, Rig] | None = None,
+    truth: tuple[Tool, Rig | None] | None = None,
+    characteristic: Mapping[str, Characteristic] | None = None,
 ) -> SimulatedBench:
     """Simulate a bench run of a plan.
 
@@ -84,28 +88,57 @@ def bench(
         Of the converter; None for signals in m/s^2 and nT without steps.
     noise : float
         Factor on 0.3 mg and 20 nT.
-    truth : (Tool, Rig), optional
-        A tool and stand of an earlier simulation, to be visited again.
+    truth : (Tool, Rig or None), optional
+        A tool and, where it is that of an earlier simulation, its stand, to be visited again.
+    characteristic : mapping of kind to Characteristic, optional
+        Noise and what bends the sensors, as `characteristics` makes them of a user's words.
     """
     if layout not in LAYOUTS:
         raise InputError(f"layout {layout!r} is unknown; allowed: {', '.join(LAYOUTS)}")
     if noise < 0.0:
         raise InputError(f"noise factor is {noise:g}; it must be 0 or more")
     tool = LAYOUTS[layout](seed, bits=bits, temperature_degree=temperature_degree) if truth is None else truth[0]
-    stand = rig if truth is None else _revisit(rig, truth[1])
+    stand = rig if truth is None or truth[1] is None else _revisit(rig, truth[1])
+    characteristic = characteristic or {}
     run = simulate_bench(
         tool,
         stand,
         plan.azimuth,
         plan.inclination,
         plan.toolface,
-        noise={kind: noise * sd for kind, sd in tool.noise.items()},
+        noise=_noise(tool, noise, characteristic),
         bits=bits,
         repeats=repeats,
         temperature=temperature,
+        characteristic=characteristic,
         seed=seed,
     )
     return SimulatedBench(_readings(run, plan), run.tool, _extras(run, seed))
+
+
+def characteristics(
+    magnetometer: str | None = None,
+    nonlinearity: float = 0.0,
+    accelerometer_noise: float | None = None,
+    magnetometer_noise: float | None = None,
+) -> dict[str, Characteristic]:
+    """Characteristic of each kind: a magnetometer by name, a square law for all, their own noises in m/s^2 and nT."""
+    if magnetometer is not None and magnetometer not in MAGNETOMETERS:
+        raise InputError(f"magnetometer {magnetometer!r} is unknown; allowed: {', '.join(MAGNETOMETERS)}")
+    named = Characteristic() if magnetometer is None else MAGNETOMETERS[magnetometer]
+    found = {"accelerometer": Characteristic(accelerometer_noise), "magnetometer": named, "gyro": Characteristic()}
+    if magnetometer_noise is not None:
+        found["magnetometer"] = replace(named, noise=magnetometer_noise)
+    return {kind: replace(c, square=c.square + nonlinearity) for kind, c in found.items()}
+
+
+def _noise(tool: Tool, factor: float, characteristic: Mapping[str, Characteristic]) -> dict[str, Array]:
+    """Noise of one reading in signal units: that of the characteristic where it has one, else the tool's, scaled."""
+    found = {}
+    for kind, own in tool.noise.items():
+        stated = characteristic[kind].noise if kind in characteristic else None
+        found[kind] = factor * own if stated is None else signal_of(tool.triads[kind], stated)
+    return found
 
 
 def _revisit(rig: Rig, stand: Rig) -> Rig:
@@ -126,7 +159,7 @@ def _readings(run: BenchSimulation, plan: Plan) -> BenchReadings:
         roll_set=plan.roll_set,
         units=run.units,
         reference=run.reference,
-        notes=[
+        warnings=[
             f"{kind} saturated in {int(hit.any(axis=1).sum())} stations"
             for kind, hit in run.saturated.items()
             if hit.any()
@@ -149,6 +182,12 @@ def _extras(run: BenchSimulation, seed: int) -> dict[str, Any]:
             "north_offset_deg": float(np.degrees(rig.north_offset)),
         },
     }
+
+
+def read_visited(path: str | Path) -> tuple[Tool, Rig | None]:
+    """Tool and stand of a truth.json; the tool of a tool.json or of a data sheet, which know no stand."""
+    tool = read_nameplate(path)
+    return (tool, None) if Path(path).suffix.lower() == ".toml" or not read_extras(path) else read_truth(path)
 
 
 def read_truth(path: str | Path) -> tuple[Tool, Rig]:
@@ -189,13 +228,17 @@ def well(
     azimuth: float = np.radians(75.0),
     hold: float = 900.0,
     spacing: float = 30.0,
-    dip: float = np.radians(70.0),
+    dip: float = DIP,
     noise: float = 1.0,
+    characteristic: Mapping[str, Characteristic] | None = None,
 ) -> SurveySimulation:
     """The raw survey of a build-and-hold well; lengths in m, angles in rad, azimuth from magnetic north."""
+    characteristic = characteristic or {}
     profile = WellProfile(kickoff=kickoff, hold=inclination, hold_length=hold, azimuth=azimuth, spacing=spacing)
     path = well_path(profile, seed)
-    return simulate_survey(tool, *path, dip=dip, noise={k: noise * sd for k, sd in tool.noise.items()}, seed=seed)
+    return simulate_survey(
+        tool, *path, dip=dip, noise=_noise(tool, noise, characteristic), characteristic=characteristic, seed=seed
+    )
 
 
 def write_well(found: SurveySimulation, path: str | Path, truth: str | Path | None = None) -> None:

@@ -46,7 +46,7 @@ def readings_of_log(
     readings, found = stations_from_log(
         log.time, log.channels, temperature=log.temperature, units=log.units, window=window, shortest=shortest
     )
-    readings = replace(readings, digest=log.digest, notes=(*log.notes, *readings.notes))
+    readings = replace(readings, digest=log.digest, warnings=(*log.notes, *readings.warnings))
     if plan is None:
         return readings, found
     if len(plan) != len(readings):

@@ -5,13 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from inclinometry.attitude.orientation import SWITCH
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.io._lines import Progress
+from inclinometry.io._write import write_columns
 from inclinometry.io.site_toml import read_site
-from inclinometry.io.survey_csv import RawSurvey, read_raw_survey, write_survey_csv
+from inclinometry.io.survey_csv import RawSurvey, read_raw_survey, survey_cells
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.survey.from_tool import KINDS, stations_from_tool
 from inclinometry.survey.reduce import Survey, reduce_survey
@@ -28,7 +32,12 @@ from inclinometry.workflow.six_axis import (
 
 
 def survey_raw(
-    raw: RawSurvey, calibration: Calibration, site: Site | None = None, *, second: str | None = None
+    raw: RawSurvey,
+    calibration: Calibration,
+    site: Site | None = None,
+    *,
+    second: str | None = None,
+    hole: str = "down",
 ) -> Survey:
     """Reduce raw stations with a calibrated tool.
 
@@ -41,6 +50,8 @@ def survey_raw(
         North reference and reference fields.
     second : {"magnetometer", "gyro"}, optional
         The triad that gives the azimuth; the magnetometer where there is one, else the gyro.
+    hole : {"down", "up"}
+        For two accelerometers, as `reduce_survey`.
     """
     same_units(raw.units, calibration)
     found = reduce_survey(
@@ -52,6 +63,7 @@ def survey_raw(
         calibration_dip=calibration.dip,
         inputs={"raw": raw.digest, **{f"calibration {name}": digest for name, digest in calibration.inputs.items()}},
         second=second,
+        hole=hole,
     )
     inherited = [f"calibration: {sentence}" for sentence in calibration.warnings]
     return replace(found, warnings=(*raw.notes, *inherited, *found.warnings))
@@ -65,6 +77,7 @@ def survey_file(
     correct: str | None = None,
     bha: str | Path | None = None,
     second: str | None = None,
+    hole: str = "down",
     form: str | None = None,
     convention: str | None = None,
     charts: bool = False,
@@ -78,6 +91,8 @@ def survey_file(
         As `read_six_axis`; with a calibration the site is optional.
     correct, bha
         As `survey_six_axis`.
+    hole : {"down", "up"}
+        As `survey_raw`.
     second : {"magnetometer", "gyro"}, optional
         As `survey_raw`; corrections are of the magnetometer's survey only.
     charts : bool
@@ -92,6 +107,8 @@ def survey_file(
         if second is not None:
             option = f"--azimuth-from {second}"
             raise InputError(f"{option} is for raw channels of a calibrated tool without corrections; leave it out")
+        if hole != "down":
+            raise InputError("--hole is for raw channels of two calibrated accelerometers; leave it out")
         run = read_six_axis(raw, site, calibration, form=form, convention=convention, progress=progress)
         return survey_six_axis(run, correct, bha)
     if convention is not None or form not in (None, "csv"):
@@ -99,7 +116,7 @@ def survey_file(
     place, notes = (None, []) if site is None else completed(read_site(site))
     data = read_raw_survey(raw, progress=progress)
     record = read_calibration(calibration)
-    found = survey_raw(data, record, place, second=second)
+    found = survey_raw(data, record, place, second=second, hole=hole)
     doubts = [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
     found = replace(found, inputs=inputs, warnings=(*doubts, *found.warnings))
@@ -116,10 +133,20 @@ def _judged(raw: RawSurvey, record: Calibration, site: Site) -> Judged | None:
     return judge(stations_from_tool(raw.md, raw.channels, record.tool, temperature=raw.temperature), site)
 
 
-def write_survey(survey: Survey, path: str | Path) -> None:
-    """Write the survey CSV."""
+def write_survey(survey: Survey, path: str | Path, *, switch: float = SWITCH) -> None:
+    """Write the survey CSV, and `toolface_type`, by which toolface to steer.
+
+    Parameters
+    ----------
+    survey : Survey
+    path : str or Path
+    switch : float
+        rad, inclination below which `toolface_type` says magnetic, from there on gravity.
+    """
     names = ("md", "inclination", "azimuth", "toolface", "magnetic_toolface", "g_total", "b_total", "dip")
     columns = {name: getattr(survey, name) for name in names}
     columns |= {name: getattr(survey, name) for name in ("u_inclination", "u_azimuth", "u_toolface")}
     flags = ["|".join(row) for row in survey.flags]
-    write_survey_csv(path, {**columns, "azimuth_reference": survey.azimuth_reference, "flags": flags})
+    header, cells = survey_cells({**columns, "azimuth_reference": survey.azimuth_reference, "flags": flags})
+    steer = np.where(survey.inclination < switch, "magnetic", "gravity").tolist()
+    write_columns((*header, "toolface_type"), [*cells, steer], path)

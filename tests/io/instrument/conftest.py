@@ -66,7 +66,7 @@ def served() -> Iterator[Callable[[Serve], Lined]]:
 def until() -> Callable[..., None]:
     """until(condition) waits for it."""
 
-    def wait(condition: Callable[[], object], seconds: float = 10.0) -> None:
+    def wait(condition: Callable[[], object], seconds: float = 60.0) -> None:
         end = time.monotonic() + seconds
         while not condition():
             assert time.monotonic() < end, "it did not happen"

@@ -3,6 +3,7 @@
 import socket
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -14,7 +15,7 @@ from inclinometry.io.instrument.transport import Port, PortError, checked_url
 FAST = (0.01, 0.05)
 CHANNELS = {"accelerometer": ChannelMap(("a", "b"))}
 # with a checksum no first line is doubted, so that every number can be asked for
-STREAM = Protocol("stream", CHANNELS, columns=("n", "a", "b"), sequence="n", checksum="xor", silence=0.3)
+STREAM = Protocol("stream", CHANNELS, columns=("n", "a", "b"), sequence="n", checksum="xor")
 ASKED = Protocol("asked", CHANNELS, columns=("n", "a", "b"), sequence="n", query=b"?", interval=0.0, answer=0.1)
 
 
@@ -52,14 +53,16 @@ def wait_for_the_end(connection):
     connection.recv(1)
 
 
-def greet():
+def greet(kinds, count=1):
     # pyserial throws away what came before it had opened the port
-    time.sleep(0.1)
+    end = time.monotonic() + 60.0
+    while kinds().count("connected") < count and time.monotonic() < end:
+        time.sleep(0.005)
 
 
 def test_nothing_is_lost_or_doubled_when_connections_break_between_lines(served, until, kept):
     def serve(connection, count):
-        greet()
+        greet(lambda: kept.kinds, count)
         connection.sendall(b"".join(line(n) for n in range(100 * count, 100 * count + 100)))
         if count == 5:
             wait_for_the_end(connection)
@@ -75,7 +78,7 @@ def test_nothing_is_lost_or_doubled_when_connections_break_between_lines(served,
 
 def test_the_last_bytes_before_a_connection_ends_are_read(served, until, kept):
     def serve(connection, count):
-        greet()
+        greet(lambda: kept.kinds, count)
         connection.sendall(line(count))
 
     server = served(serve)
@@ -86,7 +89,7 @@ def test_the_last_bytes_before_a_connection_ends_are_read(served, until, kept):
 
 def test_a_line_cut_by_a_broken_connection_is_the_only_loss(served, until, kept):
     def serve(connection, count):
-        greet()
+        greet(lambda: kept.kinds, count)
         data = b"".join(line(n) for n in range(10 * count, 10 * count + 10))
         connection.sendall(data[:-4] if count == 1 else data)
         if count == 2:
@@ -99,8 +102,8 @@ def test_a_line_cut_by_a_broken_connection_is_the_only_loss(served, until, kept)
 
 
 def test_bytes_one_by_one(served, until, kept):
-    def serve(connection, _count):
-        greet()
+    def serve(connection, count):
+        greet(lambda: kept.kinds, count)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         for byte in line(1) + line(2):
             connection.sendall(bytes([byte]))
@@ -113,8 +116,8 @@ def test_bytes_one_by_one(served, until, kept):
 
 
 def test_rubbish_and_a_line_without_end_do_not_stop_it(served, until, kept):
-    def serve(connection, _count):
-        greet()
+    def serve(connection, count):
+        greet(lambda: kept.kinds, count)
         connection.sendall(line(1) + bytes(range(256)) + b"\r\n" + b"x" * 500_000 + b"\r\n" + line(2))
         wait_for_the_end(connection)
 
@@ -155,7 +158,7 @@ def test_silence_is_told_and_then_the_port_is_opened_again(served, until, kept):
         wait_for_the_end(connection)
 
     server = served(serve)
-    with kept.reader(server):
+    with kept.reader(server, replace(STREAM, silence=0.3)):
         until(lambda: kept.kinds.count("connected") >= 2)
     assert kept.kinds[:3] == ["connected", "silent", "disconnected"]
     assert "switched on" in kept.events[1].sentence
@@ -179,8 +182,8 @@ def test_a_receiver_that_fails_does_not_stop_the_reading(served, until):
         seen.append(sample.sequence)
         raise RuntimeError("the page is gone")
 
-    def serve(connection, _count):
-        greet()
+    def serve(connection, count):
+        greet(lambda: events, count)
         connection.sendall(line(1) + line(2))
         wait_for_the_end(connection)
 
@@ -197,7 +200,7 @@ def test_a_receiver_that_fails_does_not_stop_the_reading(served, until):
 
 def test_stop_waits_for_the_thread_and_a_second_start_reads_on(served, until, kept):
     def serve(connection, count):
-        greet()
+        greet(lambda: kept.kinds, count)
         connection.sendall(line(count))
         wait_for_the_end(connection)
 

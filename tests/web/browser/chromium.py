@@ -67,7 +67,7 @@ class Browser:
     def find(self, css: str) -> list[WebElement]:
         return self.driver.find_elements(By.CSS_SELECTOR, css)
 
-    def one(self, css: str, seconds: float = 10.0) -> WebElement:
+    def one(self, css: str, seconds: float = 60.0) -> WebElement:
         return self.wait(lambda: next(iter(self.find(css)), None), f"there is no {css}", seconds)
 
     def named(self, name: str) -> WebElement:
@@ -89,7 +89,7 @@ class Browser:
         except StaleElementReferenceException:
             return ""
 
-    def wait(self, found: Callable[[], Any], what: str, seconds: float = 10.0) -> Any:
+    def wait(self, found: Callable[[], Any], what: str, seconds: float = 180.0) -> Any:
         """What `found` gives once it gives something."""
         end = time.monotonic() + seconds
         while True:

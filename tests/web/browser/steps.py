@@ -25,6 +25,7 @@ def begin(browser: Browser) -> None:
     browser.click("Start a calibration")
     browser.wait(lambda: browser.at("/calibrate"), "no form")
     browser.fill("Rig", RIG, choose=True)
+    browser.fill("Dip of the magnetic field at the stand, degrees (blank: not known)", "70")
     browser.pick("Plan", "Twelve positions")
     browser.click("Begin")
     browser.named("capture")
@@ -41,6 +42,7 @@ def finish(browser: Browser) -> None:
     browser.wait(lambda: browser.at("/results/"), "no result")
     browser.wait(lambda: "Parameters" in browser.seen(), "no parameters")
     assert SERIAL in browser.seen()
+    assert "sign of the magnetic field" not in browser.seen()  # its dip was stated as the session began
 
 
 def open_rolls(browser: Browser) -> None:
@@ -68,7 +70,7 @@ def issue(browser: Browser) -> str:
     browser.fill("Address", "Example street 1, 12345 Town")
     browser.fill("Country (two letters, e.g. DE)", "NO")
     browser.click("Issue")
-    browser.wait(lambda: re.search(r"/certificates/\d{4}-\d+$", browser.driver.current_url), "none was issued", 20.0)
+    browser.wait(lambda: re.search(r"/certificates/\d{4}-\d+$", browser.driver.current_url), "none was issued")
     assert "issued" in browser.seen()
     return browser.driver.current_url.rpartition("/")[2]
 

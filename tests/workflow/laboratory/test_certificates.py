@@ -18,6 +18,7 @@ from inclinometry.calibration.acceptance import Limits
 from inclinometry.core.errors import InputError
 from inclinometry.io.dcc import read_dcc
 from inclinometry.io.laboratory_toml import Laboratory
+from inclinometry.report.digits import significant
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError, Record
@@ -36,12 +37,14 @@ from inclinometry.workflow.laboratory.registry import (
     RegisteredRig,
     RegisteredSite,
     RegisteredTool,
+    find_rig,
     put_rig,
     put_site,
     put_tool,
 )
 from inclinometry.workflow.laboratory.results import finish_calibration
 from inclinometry.workflow.laboratory.session import open_session
+from inclinometry.workflow.laboratory.standing import Goal, standing
 from inclinometry.workflow.laboratory.verification import finish_verification
 
 LABORATORY = Laboratory("Stand 1", "Street 1", "NO", authoriser="Anna")
@@ -73,9 +76,10 @@ def checked(ledger: Ledger, bench: SimpleNamespace, calibration: str, seed: int,
 def test_from_issue_to_the_auditor(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
     """Number, documents, head of the chain; the check finds nothing; the ledger verifies."""
     calibration, verification = made()
-    head = str(laboratory.head())
+    head, began = str(laboratory.head()), datetime.now(UTC).year
     record = issue(laboratory, calibration, verification, LABORATORY, author="anna")
-    year = datetime.now(UTC).year
+    year = int(record.keys["number"][:4])
+    assert year in (began, datetime.now(UTC).year)
     assert record.keys == {"number": f"{year}-0001", "serial": "IN-7"}
     assert record.body["head"] == head
     content = record.body["record"]
@@ -101,11 +105,12 @@ def test_numbers_are_consecutive_and_begin_anew_each_year(
 ) -> None:
     """A number of one's own does not disturb them; a taken one is refused."""
     first, second, third = made(1)[0], made(2)[0], made(3)[0]
-    assert issue(laboratory, first, None, LABORATORY, author="a").keys["number"].endswith("-0001")
+    number = issue(laboratory, first, None, LABORATORY, author="a").keys["number"]
+    assert number.endswith("-0001")
     assert issue(laboratory, second, None, LABORATORY, author="a", number="X 1").keys["number"] == "X 1"
     with pytest.raises(LedgerError, match="is taken; leave it out"):
         issue(laboratory, third, None, LABORATORY, author="a", number="X 1")
-    year = datetime.now(UTC).year
+    year = int(number[:4])
     assert next_number(laboratory, year) == f"{year}-0002"
     assert next_number(laboratory, year + 1) == f"{year + 1}-0001"
     previous = issue(laboratory, third, None, LABORATORY, author="a").body["record"]["adjustment"]["previous"]
@@ -274,3 +279,44 @@ def test_a_record_that_contradicts_is_named(laboratory: Ledger, made: Callable[.
         laboratory.append("certificate", keys, forged(change, true), author="mallory")
         problems = verify_certificate(laboratory, keys["number"]).problems
         assert any(said in problem for problem in problems), (said, problems)
+
+
+@pytest.mark.parametrize("span", [(10.0, 90.0), (12.0, 88.0)])
+def test_what_would_be_certified_is_what_is_certified(
+    laboratory: Ledger, bench: SimpleNamespace, span: tuple[float, float]
+) -> None:
+    """The bench's number is one of the certificate's table, to the last bit and as printed; a goal is judged by it."""
+    session = bench.calibrated(laboratory, plans.orthogonal())
+    rig = find_rig(laboratory, "stand 1")
+    assert rig is not None
+    goal = Goal(inclination_range=(float(np.radians(span[0])), float(np.radians(span[1]))))
+    now = standing(session, goal, rig)
+    limits = {"u_azimuth": now.u_azimuth, "u_inclination": now.u_inclination}
+    assert standing(session, replace(goal, **limits), rig).reached
+    assert not standing(session, replace(goal, u_azimuth=now.u_azimuth * (1.0 - 1e-12)), rig).reached
+    calibration = finish_calibration(laboratory, session.id, author="anna", goal=goal).id
+    table = issue(laboratory, calibration, None, LABORATORY, author="anna").body["record"]["results"]["uncertainty"]
+    # 12 to 88 deg is covered by the rows from 10 to 90 deg
+    rows = [n for n, x in enumerate(table["inclination_deg"]) if 10.0 <= x <= 90.0]
+    assert np.degrees(now.covered).round(9).tolist() == [10.0, 90.0]
+    alone = table["from_calibration"]
+    for name, value, part in zip(
+        ("inclination", "azimuth"), (now.u_inclination, now.u_azimuth), now.from_calibration, strict=True
+    ):
+        certified = max(table[f"U_{name}_deg"][n] for n in rows)
+        assert float(np.degrees(value)) == certified
+        assert significant(float(np.degrees(value))) == significant(certified)
+        assert float(np.degrees(part)) == max(alone[f"U_{name}_deg"][n] for n in rows)
+    recorded = laboratory.get("calibration", calibration).body["capability_deg"]
+    assert recorded["U_azimuth_deg"] == table["U_azimuth_deg"]
+
+
+def test_a_goal_below_the_noise_of_one_reading_is_never_reached(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """No calibration betters what one reading scatters; the bench knows by how much."""
+    session = bench.calibrated(laboratory, plans.orthogonal())
+    rig = find_rig(laboratory, "stand 1")
+    assert rig is not None
+    now = standing(session, Goal(), rig)
+    assert 0.0 < now.noise[1] < now.u_azimuth <= np.hypot(now.noise[1], now.from_calibration[1]) * (1.0 + 1e-12)
+    low = standing(session, Goal(u_azimuth=0.9 * now.noise[1]), rig)
+    assert not low.reached

@@ -14,7 +14,15 @@ from inclinometry.core.errors import InputError
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError
 from inclinometry.store.verify import verify
-from inclinometry.workflow.laboratory.registry import RegisteredRig, find_tool, months_after, next_due, put_rig
+from inclinometry.workflow.laboratory.registry import (
+    RegisteredRig,
+    RegisteredSite,
+    find_tool,
+    months_after,
+    next_due,
+    put_rig,
+    put_site,
+)
 from inclinometry.workflow.laboratory.results import calibration_of, finish_calibration, history, parameters
 from inclinometry.workflow.laboratory.session import load_session, open_session
 
@@ -51,6 +59,29 @@ def test_the_same_reading_at_every_position_is_no_calibration(laboratory: Ledger
     with pytest.raises(LedgerError, match="was it turned to each position"):
         finish_calibration(laboratory, session.id, author="anna")
     assert laboratory.count("calibration") == 0
+
+
+@pytest.mark.parametrize(
+    ("turned", "said"),
+    [
+        ((1.0, 1.0, -1.0), "--toolface-counts counterclockwise"),
+        ((-1.0, 1.0, 1.0), "--azimuth-counts counterclockwise"),
+        ((-1.0, 1.0, -1.0), "left-handed: the channels of the accelerometer and the magnetometer"),
+    ],
+)
+def test_a_dial_that_counts_the_other_way_is_no_calibration(
+    laboratory: Ledger, bench: SimpleNamespace, turned: tuple[float, float, float], said: str
+) -> None:
+    """As with a file: refused, the option that fits named, and the session stays open."""
+    put_site(laboratory, RegisteredSite("yard", dip=bench.dip), author="a")
+    session = open_session(laboratory, "IN-7", plans.orthogonal(), rig="stand 1", author="a", settings={"site": "yard"})
+    read = bench.sensors(realistic_tool(7), 1)
+    dialled = {p.dial: (p.dial[0] * turned[0], p.dial[1], p.dial[2] * turned[2]) for p in session.positions}
+    bench.take(laboratory, session, lambda dial: replace(read(dialled[dial]), dial=dial))
+    with pytest.raises(LedgerError, match=said):
+        finish_calibration(laboratory, session.id, author="anna")
+    assert laboratory.count("calibration") == 0
+    assert load_session(laboratory, session.id).closed == ""
 
 
 def test_readings_that_make_no_calibration_leave_the_session_open(laboratory: Ledger) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 
 from inclinometry.core.arrays import Array
 
-HALVES: Final = (0, 1, 2, 3, 4, 6, 9, 13, 19, 28, 42, 63, 95, 142, 213, 320, 480)
-"""Half lengths of the smoother that are tried, in nodes."""
+HALVES: Final = (2, 3, 4, 6, 9, 13, 19, 28, 42, 63, 95, 142, 213, 320, 480)
+"""Half lengths of the smoother that are tried, in nodes; a parabola through three points (1) would meet them all, and
+there is nothing left to predict."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,7 @@ def smooth(phase: Array) -> Track:
     best: tuple[float, int, Array] | None = None
     values: dict[int, Array] = {0: phase}
     for half in HALVES:
-        if 0 < half <= max(2, phase.size // 6):
+        if half <= max(2, phase.size // 6):
             value = values[half] = filtered(phase, half)
             inner = slice(half, phase.size - half)
             error = (phase - value)[inner] / (1.0 - _kernels(half)[0][half])

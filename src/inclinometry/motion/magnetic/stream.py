@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from inclinometry.attitude.orientation import dip_jacobian
 from inclinometry.core.errors import InputError
 from inclinometry.motion.magnetic.blocks import Held
 from inclinometry.motion.magnetic.constants import ToolConstants, beforehand
@@ -11,6 +12,7 @@ from inclinometry.motion.magnetic.judge import Verdict, judge, stuck
 from inclinometry.motion.magnetic.offset import clock_notes
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.window import fit_window
+from inclinometry.motion.reference import SiteDoubt
 from inclinometry.motion.result import BITS, METHODS, Attitude, joined
 from inclinometry.motion.samples import Samples
 
@@ -75,6 +77,7 @@ class MagneticStream:
         self._fastest = 0.0  # rad/s
         self._far = ("", 0)  # why windows were refused, in words, and how many
         self._rows = 0
+        self._site_doubt = SiteDoubt(self.settings.site)
 
     def push(self, samples: Samples) -> Attitude:
         """Take a block; rows of the windows it completes.
@@ -122,6 +125,7 @@ class MagneticStream:
                 f"transverse magnetic offset found and taken off: {constants.offset.real:.0f} and "
                 f"{constants.offset.imag:.0f} nT, standard uncertainty {sigma:.1f} nT"
             )
+        notes += self._site_doubt.notes("that turn or shake")
         notes += clock_notes(constants, self.settings, self._fastest)
         if self._far[1]:
             notes.append(f"{self._far[0]} ({self._far[1]} windows were refused for the like)")
@@ -138,9 +142,14 @@ class MagneticStream:
         window = fit_window(part, self.settings, constants.aged((start + size - end) * part.interval))
         verdict = judge(window, self.settings, stuck(part))
         self._known = self._known[place:]
+        told = not np.isnan(verdict.quaternion[0])
+        if told and not set(verdict.flags) & {"clipped", "stuck", "aliased", "no-field"}:
+            slopes = dip_jacobian(window.gravity, window.field)
+            u = float(np.sqrt(slopes @ window.covariance @ slopes))
+            self._site_doubt.add(window.gravity, window.field, u)
         if verdict.said:
             self._far = (self._far[0] or verdict.said, self._far[1] + 1)
-        if not np.isnan(verdict.quaternion[0]):
+        if told:
             self._known.append((start + size, window.constants))
             self._fastest = max(self._fastest, abs(window.rate))
         return window.rate, verdict

@@ -52,6 +52,7 @@ class SessionBody(BaseModel):
     wanted_u_inclination_deg: float | None = Field(default=None, gt=0.0, lt=180.0)
     condition: Text = ""
     customer: Text = ""
+    left_handed: bool = False
 
 
 class ReadingBody(BaseModel):
@@ -104,6 +105,8 @@ def begin(ledger: TheLedger, user: Operator, body: SessionBody) -> dict[str, Any
     wanted = GuidedPlan(body.plan, body.number, tuple(body.temperatures_degC))
     plan, settings = plan_for(wanted, ledger, body.serial, rig)
     settings |= {name: value for name in ("site", "condition", "customer") if (value := getattr(body, name))}
+    if body.left_handed:
+        settings["settings"] = {**settings.get("settings", {}), "left_handed": True}
     goal = {"u_azimuth_deg": body.wanted_u_azimuth_deg, "u_inclination_deg": body.wanted_u_inclination_deg}
     settings["wanted"] = settings.get("wanted", {}) | {k: v for k, v in goal.items() if v is not None}
     session = open_session(

@@ -1,4 +1,4 @@
-"""A recorded calibration: parameters, residuals, what it promises, what changed, other methods beside it."""
+"""A recorded calibration: parameters, residuals, what is expected of it, what changed, other methods beside it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ import numpy as np
 from fastapi import HTTPException, Request
 from nicegui import run, ui
 
-from inclinometry.calibration.capability import capability
+from inclinometry.calibration.expected import ANGLES, FROM_CALIBRATION, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
+from inclinometry.core.constants import COVERAGE_FACTOR, INCLINATION_RANGE, INCLINATIONS
 from inclinometry.core.errors import InclinometryError
+from inclinometry.report.words import calibration_tests
 from inclinometry.store.ledger import LedgerError, Record
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.web.pages.charts import BLUE, axis, chart, legend
@@ -19,10 +21,8 @@ from inclinometry.workflow.calibrate import compare
 from inclinometry.workflow.laboratory.listing import extract, listed
 from inclinometry.workflow.laboratory.results import calibration_of, parameters, recorded_parameters
 from inclinometry.workflow.laboratory.session import bench_readings, load_session
-from inclinometry.workflow.laboratory.standing import BOTH
 
-MAP_INCLINATIONS = np.radians([2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
-
+MAP_INCLINATIONS = INCLINATIONS[1 : INCLINATIONS.index(max(INCLINATION_RANGE)) + 1]
 PAGE = 12
 HEAT_SLACK = 5.0
 """Beyond the calibrated range by more than this, degC, a reading is said to be extrapolated."""
@@ -38,7 +38,7 @@ def result_page(request: Request, calibration: str) -> None:
             raise HTTPException(404, str(error)) from None
         found = calibration_of(record)
         _summary(visitor, record, found)
-        _promise(visitor, record)
+        _expected(visitor, record)
         _map(visitor, found)
         _heat(visitor, found)
         _residuals(visitor, found)
@@ -53,10 +53,16 @@ def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
         about = record.body.get("summary", {})
         text = f"{about.get('plan', '')} · {about.get('rig', '')} · {found.method} · {record.author}"
         ui.label(text).classes("dim")
+        tests = calibration_tests(found)
+        failed = [test for test in tests if test.passed is False]
         for sentence in found.warnings:
             ui.label(sentence).classes("warn")
-        if not found.warnings:
+        for test in failed if not found.warnings else ():
+            ui.label(say("results.test_failed", what=test.what, found=test.found, limit=test.limit)).classes("warn")
+        if not failed:
             ui.label(say("results.no_warnings")).classes("good")
+        for sentence in found.notes:
+            ui.label(sentence).classes("dim")
         with ui.row():
             ui.link(say("tools.one"), to("/tools", record.keys["serial"]))
             if visitor.user.may("capture"):
@@ -66,7 +72,7 @@ def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
             ui.link(say("results.tool_json"), f"/api/v1/calibrations/{record.id}")
 
 
-def _promise(visitor: Visitor, record: Record) -> None:
+def _expected(visitor: Visitor, record: Record) -> None:
     """Expanded uncertainty of the angles over inclination, as recorded."""
     table = record.body.get("capability_deg", {})
     if not table:
@@ -75,30 +81,32 @@ def _promise(visitor: Visitor, record: Record) -> None:
     series: list[dict[str, Any]] = [
         {"type": "line", "name": say(f"bench.{name}"), "data": table[f"U_{name}_deg"]}
         for name in ("inclination", "azimuth", "toolface")
+        if f"U_{name}_deg" in table
     ]
+    title = say("results.expected", k=f"{table['coverage_factor']:g}")
     with ui.card().classes("panel"):
-        ui.label(say("results.promise", k=f"{table['coverage_factor']:g}")).classes("subtitle")
+        ui.label(title).classes("subtitle")
         options = {
             "legend": legend(),
             "xAxis": axis(say("results.inclination"), kind="category", data=places),
             "yAxis": axis(say("results.degrees"), kind="log"),
             "series": series,
         }
-        chart(options, say("results.promise", k="2"))
+        chart(options, title)
 
 
 def _map(visitor: Visitor, found: Calibration) -> None:
     """U(azimuth) from the calibration alone over inclination and azimuth, worst toolface."""
-    tool, dip = found.tool, found.dip
-    if dip is None or not all(kind in tool.triads and tool.triads[kind].full for kind in BOTH):
+    expected = expected_uncertainty(found, MAP_INCLINATIONS)
+    if "azimuth" not in expected.angles:
         return
-    heat = next(iter(tool.triads.values())).reference_temperature
-    spread = capability(tool, MAP_INCLINATIONS, dip, temperature=heat).components["calibration"][..., 1].max(axis=2)
-    values = np.degrees(2.0 * np.sqrt(spread))
+    spread = expected.components["calibration"][..., ANGLES.index("azimuth")].max(axis=2)
+    values = np.degrees(expanded(np.sqrt(spread)))
     say, turns = visitor.say, values.shape[1]
     cells = [[a, i, round(float(values[i, a]), 4)] for i in range(len(values)) for a in range(turns)]
+    title = say("results.map", k=f"{COVERAGE_FACTOR:g}")
     with ui.card().classes("panel"):
-        ui.label(say("results.map")).classes("subtitle")
+        ui.label(title).classes("subtitle")
         options = {
             "tooltip": {"trigger": "item"},
             "xAxis": axis(say("results.azimuth"), kind="category", data=[f"{360 * a / turns:g}" for a in range(turns)]),
@@ -118,7 +126,7 @@ def _map(visitor: Visitor, found: Calibration) -> None:
             "grid": {"left": 60, "right": 110, "top": 20, "bottom": 45},
             "series": [{"type": "heatmap", "data": cells}],
         }
-        chart(options, say("results.map"), height="300px")
+        chart(options, title, height="300px")
 
 
 def _heat(visitor: Visitor, found: Calibration) -> None:
@@ -149,11 +157,13 @@ def _residuals(visitor: Visitor, found: Calibration) -> None:
     for kind, values in residuals.standardised.items():
         for column in range(values.shape[1]):
             name = f"{kind} {'xyz'[column] if column < 3 else column + 1}"
-            series.append(
-                {"type": "scatter", "symbolSize": 7, "name": name, "data": values[:, column].round(3).tolist()}
-            )
+            data = [None if np.isnan(v) else round(v, 3) for v in values[:, column].tolist()]
+            series.append({"type": "scatter", "symbolSize": 7, "name": name, "data": data})
     with ui.card().classes("panel"):
         ui.label(say("results.residuals")).classes("subtitle")
+        idle = sum(int(np.isnan(values).sum()) for values in residuals.standardised.values())
+        if idle:
+            ui.label(say("results.not_judged", number=idle)).classes("dim")
         options = {
             "legend": legend(),
             "xAxis": axis(say("results.position"), kind="category", data=list(residuals.station)),
@@ -223,6 +233,7 @@ def _compared(visitor: Visitor, record: Record) -> list[str]:
         if attempt.calibration is None:
             lines.append(f"{attempt.method}: {attempt.reason}")
         elif expected is not None:
-            worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected[:, 1]))
-            lines.append(f"{attempt.method}: u(azimuth) {worst} deg at 5, 30, 60, 90 deg")
+            worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected.from_calibration[:, ANGLES.index("azimuth")]))
+            at = ", ".join(f"{x:g}" for x in np.degrees(found.inclination).round(9))
+            lines.append(f"{attempt.method}: u(azimuth) {FROM_CALIBRATION} {worst} deg at {at} deg")
     return lines

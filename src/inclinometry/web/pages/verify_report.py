@@ -9,6 +9,7 @@ from fastapi import HTTPException, Request
 from nicegui import run, ui
 
 from inclinometry.calibration.acceptance import JUDGED
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import Ledger, LedgerError, Record
 from inclinometry.web.frame import Visitor, frame
@@ -108,7 +109,9 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
     """Verdict, curves and table of a report in degrees, as `workflow.laboratory.verification.report` makes it."""
     say = visitor.say
     with ui.card().classes("panel"):
-        ui.label(say(f"verdict.{verdict}")).classes("judgement " + ("good" if verdict == "pass" else "bad"))
+        # green only when nothing below speaks against relying on it
+        doubted = "warn" if content.get("warnings") else "good"
+        ui.label(say(f"verdict.{verdict}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
         if protocol := content.get("protocol"):
             ui.label(say("verify.of_protocol", **protocol))
         for sentence in content.get("reasons", ()):
@@ -118,19 +121,21 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
         ui.label(say("verify.against", name=str(limits.get("name", "")), source=visible(str(limits.get("source", "")))))
         guard = str(limits.get("guard", "none"))
         k = float(content.get("coverage_factor", 2.0))
-        ui.label(say(f"verify.rule.{guard}", k=f"{k:.3g}")).classes("dim")
+        rule = guard if "guard" in limits else "derived"
+        ui.label(say(f"verify.rule.{rule}", k=f"{k:.3g}")).classes("dim")
     for name in JUDGED:
         with ui.card().classes("panel"):
             ui.label(say("verify.errors_of", name=say(f"bench.{name}"))).classes("subtitle")
-            _curves(visitor, name, content["positions"], guard)
-    _positions(visitor, content["positions"])
+            _curves(visitor, name, content["positions"], guard, COVERAGE_FACTOR / k)
+    _positions(visitor, content["positions"], COVERAGE_FACTOR / k)
 
 
-def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str) -> None:
-    """Errors with bars of U, limits, and where a guarded decision accepts."""
+def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str, share: float) -> None:
+    """Errors with bars of U for the usual k (a share of the recorded), limits, and where a guarded decision accepts."""
     say = visitor.say
     errors, expanded, limit = ([_cell(row, name, key) for row in rows] for key in ("error_deg", "U_deg", "limit_deg"))
-    series = bars(say("verify.error"), errors, expanded, [row[name]["decision"] for row in rows])
+    shown = [None if u is None else share * u for u in expanded]
+    series = bars(say("verify.error"), errors, shown, [row[name]["decision"] for row in rows])
     series += _lines(say("verify.limit"), limit, RED, "solid")
     if guard != "none":
         inside = [None if x is None or u is None else max(x - u, 0.0) for x, u in zip(limit, expanded, strict=True)]
@@ -168,7 +173,8 @@ def _cell(row: Content, name: str, key: str) -> float | None:
     return None if value is None else round(float(value), 5)
 
 
-def _positions(visitor: Visitor, rows: list[Content]) -> None:
+def _positions(visitor: Visitor, rows: list[Content], share: float) -> None:
+    """Every position, with the U of the bars."""
     say = visitor.say
     shown = []
     for row in rows:
@@ -176,7 +182,7 @@ def _positions(visitor: Visitor, rows: list[Content]) -> None:
         line |= {key: f"{row[f'{key}_deg']:g}" for key in ("inclination", "azimuth", "toolface")}
         for name in JUDGED:
             error, u = _cell(row, name, "error_deg"), _cell(row, name, "U_deg")
-            line[f"e_{name}"] = "" if error is None else f"{error:+.3f} ± {u:.3f}"
+            line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {share * u:.3f}"
             line[f"d_{name}"] = say(f"decision.{row[name]['decision']}")
         shown.append(line)
     columns = [_column("position", say("verify.position"))]

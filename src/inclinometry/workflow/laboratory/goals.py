@@ -20,8 +20,6 @@ def goal_of(ledger: Ledger, session: Session) -> Goal:
         u_azimuth=_radians(wanted.get("u_azimuth_deg")),
         u_inclination=_radians(wanted.get("u_inclination_deg")),
         inclination_range=Goal().inclination_range if tool is None else tool.inclination_range,
-        dip=_radians(wanted.get("dip_deg")),
-        coverage=float(wanted.get("coverage_factor", 2.0)),
         criterion=str(wanted.get("criterion", "azimuth")),
     )
 

@@ -114,7 +114,7 @@ def _session(
 def _capture(readings: BenchReadings, row: int) -> Capture:
     count = 1.0 if readings.count is None else float(readings.count[row])
     azimuth, inclination, toolface = (float(dial[row]) for dial in readings.dials)
-    notes = [f"station {readings.station[row]}", *(readings.notes if row == 0 else ())]
+    notes = [f"station {readings.station[row]}", *((*readings.notes, *readings.warnings) if row == 0 else ())]
     return Capture(
         {kind: values[row] for kind, values in readings.channels.items()},
         (azimuth, inclination, toolface),

@@ -10,9 +10,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.capability import ANGLES, capability
+from inclinometry.calibration.expected import ANGLES, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import COVERAGE_FACTOR, INCLINATIONS
 from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.io._json import canonical
 from inclinometry.io.tool_json import calibration_content, calibration_from
@@ -21,11 +22,8 @@ from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.workflow.laboratory.listing import extract, listed
 from inclinometry.workflow.laboratory.registry import find_site, rig_of
 from inclinometry.workflow.laboratory.session import Session, close_session_draft, load_session, unless_closed
-from inclinometry.workflow.laboratory.standing import BOTH, Goal, standing
+from inclinometry.workflow.laboratory.standing import Goal, standing
 
-SHOWN: Final = tuple(float(x) for x in np.radians([1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0]))
-"""Inclinations of the table of expected uncertainties, rad."""
-COVERAGE: Final = 2.0
 UNTURNED: Final = "they do not determine the tool; was it turned to each position?"
 """What is said of readings that are all alike, or whose fit has no usable uncertainty."""
 
@@ -109,19 +107,20 @@ def calibration_of(record: Record) -> Calibration:
 
 
 def expected_table(calibration: Calibration) -> dict[str, Any]:
-    """Expanded uncertainties of the angles of one reading over inclination, worst azimuth and toolface, degrees.
-
-    Calibration and sensor noise together; empty for a tool without both triads.
+    """Expanded uncertainties over inclination, worst azimuth and toolface, degrees: of one reading, and below
+    "from_calibration" from the calibration alone; empty for a tool that can give no angle.
     """
-    tool = calibration.tool
-    if not all(kind in tool.triads and tool.triads[kind].full for kind in BOTH) or calibration.dip is None:
+    found = expected_uncertainty(calibration, INCLINATIONS)
+    if not found.angles:
         return {}
-    heat = next(iter(tool.triads.values())).reference_temperature
-    worst = capability(tool, SHOWN, calibration.dip, temperature=heat).worst()
-    table: dict[str, Any] = {"coverage_factor": COVERAGE, "inclination_deg": np.degrees(SHOWN).round(6).tolist()}
-    for place, name in enumerate(ANGLES[:3]):
-        table[f"U_{name}_deg"] = np.degrees(COVERAGE * np.minimum(worst[:, place], np.pi)).tolist()
-    return table
+    one, alone = (np.degrees(expanded(u)) for u in (found.of_one_reading, found.from_calibration))
+    columns = {f"U_{name}_deg": ANGLES.index(name) for name in found.angles}
+    return {
+        "coverage_factor": COVERAGE_FACTOR,
+        "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
+        **{key: one[:, place].tolist() for key, place in columns.items()},
+        "from_calibration": {key: alone[:, place].tolist() for key, place in columns.items()},
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.capability import capability
 from inclinometry.calibration.design import (
     AZIMUTH,
     CRITERIA,
@@ -18,16 +17,20 @@ from inclinometry.calibration.design import (
     optimal_plan,
     plan_value,
 )
+from inclinometry.calibration.expected import (
+    ANGLES,
+    expanded,
+    expected_uncertainty,
+)
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import COVERAGE_FACTOR, DIP, INCLINATION_RANGE, INCLINATIONS
 from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
 from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredSite
 from inclinometry.workflow.laboratory.session import Session, bench_readings
 
-GRID: Final = 8
-"""Inclinations over the range at which the worst uncertainty is looked for."""
 SCATTER: Final = 3.0
 """Standard deviations by which the residuals may exceed the noise of the samples before they are believed instead."""
 MORE_THAN_NOISE: Final = (
@@ -38,6 +41,8 @@ AIM: Final = 0.97
 """Share of the wanted uncertainty that is planned for: what is certified scatters a little."""
 FEWEST, FARTHEST = 9, 30
 """Positions of the shortest run that is planned, and of the longest."""
+_SAME: Final = 1e-9
+"""Inclinations nearer to each other than this are one, rad: what conversion to degrees and back changes."""
 BOTH: Final = frozenset({"accelerometer", "magnetometer"})
 
 
@@ -45,19 +50,15 @@ BOTH: Final = frozenset({"accelerometer", "magnetometer"})
 class Goal:
     """What a calibration is to reach.
 
-    u_azimuth, u_inclination : wanted expanded uncertainty from the calibration alone, worst attitude of the range,
-        rad; None where nothing is wanted.
+    u_azimuth, u_inclination : wanted expanded uncertainty of one reading, worst attitude of the range, rad; None where
+        nothing is wanted.
     inclination_range : where the tool will work, rad.
-    dip : of the magnetic field where it will work, rad; None takes that of the stand.
-    coverage : k of the expanded uncertainty.
     criterion : what the next position is to improve: "azimuth", "inclination" or "trace".
     """
 
     u_azimuth: float | None = None
     u_inclination: float | None = None
-    inclination_range: tuple[float, float] = (float(np.radians(10.0)), float(np.radians(90.0)))
-    dip: float | None = None
-    coverage: float = 2.0
+    inclination_range: tuple[float, float] = INCLINATION_RANGE
     criterion: str = AZIMUTH.name
 
     def __post_init__(self) -> None:
@@ -75,8 +76,11 @@ class Standing:
 
     captured : valid readings.
     calibration : the running joint fit; None while it cannot be made, and then `waiting` says what for.
-    u_azimuth, u_inclination : expanded uncertainty from the calibration alone at the worst attitude of the range, rad;
-        NaN while there is no fit or the tool lacks a triad.
+    u_azimuth, u_inclination : expanded uncertainty of one reading at the worst attitude of the range, rad: the largest
+        of the rows of the certificate's table that cover it; NaN while there is no fit, or no such angle.
+    from_calibration : (inclination, azimuth), the same from the calibration alone.
+    noise : (inclination, azimuth), the same from the noise of one reading alone, which no calibration can better.
+    covered : lowest and highest inclination of those rows, rad.
     odd : position number -> sentence, of readings at odds with the others: retake them while the tool is on the stand.
     reached : whether every wanted uncertainty is reached and nothing is odd.
     """
@@ -88,6 +92,9 @@ class Standing:
     u_inclination: float
     odd: Mapping[int, str]
     reached: bool
+    from_calibration: tuple[float, float] = (np.nan, np.nan)
+    noise: tuple[float, float] = (0.0, 0.0)
+    covered: tuple[float, float] = (np.nan, np.nan)
 
 
 def standing(
@@ -104,51 +111,65 @@ def standing(
     site : RegisteredSite, optional
         Fields at the stand.
     """
-    rows = session.valid
+    captured = len(session.valid)
     fields = {} if site is None else {"g": site.g, "b": site.b, "dip": site.dip}
     try:
         readings = bench_readings(session, **fields)
         sd = None if estimate_rig else np.array(rig.sd)
-        found = _fitted(readings, sd, session.serial)
+        left = bool(dict(session.settings.get("settings", {})).get("left_handed", False))
+        found = _fitted(readings, sd, session.serial, left_handed=left)
     except (InputError, IdentifiabilityError, ConvergenceError, np.linalg.LinAlgError) as error:
-        return Standing(len(rows), None, str(error), np.nan, np.nan, {}, False)
-    inclination, azimuth = worst_uncertainty(found, goal)
+        return Standing(captured, None, str(error), np.nan, np.nan, {}, False)
+    table = expected_uncertainty(found, INCLINATIONS)
+    rows = covering(goal.inclination_range)
+    inclination, azimuth = _worst(table.of_one_reading[rows])
     odd = {int(station): sentence for station, sentence in found.odd.items()}
     wanted = [(goal.u_azimuth, azimuth), (goal.u_inclination, inclination)]
     stated = [(limit, value) for limit, value in wanted if limit is not None]
     reached = bool(stated) and not odd and all(value <= limit for limit, value in stated)
-    return Standing(len(rows), found, "", azimuth, inclination, odd, reached)
+    noise = _worst(np.sqrt(table.components["sensor noise"].max(axis=(1, 2)))[rows])
+    alone = _worst(table.from_calibration[rows])
+    span = (float(table.inclination[rows][0]), float(table.inclination[rows][-1]))
+    return Standing(captured, found, "", azimuth, inclination, odd, reached, alone, noise, span)
 
 
-def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str) -> Calibration:
+def covering(inclination_range: tuple[float, float]) -> slice:
+    """The rows of the table of uncertainties that cover a range, its neighbours outside included.
+
+    Examples
+    --------
+    >>> np.degrees(np.array(INCLINATIONS)[covering((np.radians(12.0), np.radians(88.0)))]).round()
+    array([10., 15., 20., 30., 45., 60., 75., 90.])
+    """
+    low, high = inclination_range
+    table = np.array(INCLINATIONS)
+    first = int(np.searchsorted(table, low + _SAME, side="right")) - 1
+    last = int(np.searchsorted(table, high - _SAME, side="left"))
+    return slice(max(first, 0), min(last, len(table) - 1) + 1)
+
+
+def _worst(u: Array) -> tuple[float, float]:
+    """Expanded uncertainties (inclination, azimuth), rad, the worst of some rows."""
+    largest = expanded(u.max(axis=0))
+    return float(largest[ANGLES.index("inclination")]), float(largest[ANGLES.index("azimuth")])
+
+
+def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_handed: bool) -> Calibration:
     """The joint fit with the noise the samples showed, or with that of the residuals where they are larger.
 
     Noise that is known need not be estimated from a few residuals, which makes an uncertainty wide and scatter. But
     readings that scatter more from position to position than within one have causes the samples do not show.
     """
     if not readings.sd:
-        return calibrate_joint(readings, rig_sd=rig_sd, name=name)
-    found = calibrate_joint(readings, rig_sd=rig_sd, name=name)
+        return calibrate_joint(readings, rig_sd=rig_sd, name=name, left_handed=left_handed)
+    found = calibrate_joint(readings, rig_sd=rig_sd, name=name, left_handed=left_handed)
     squares = np.concatenate([np.square(v).ravel() for v in found.residuals.standardised.values()])
+    squares = squares[np.isfinite(squares)]
     freedom = max(squares.size - len(found.parameter_names), 1)
-    if found.odd or squares.mean() <= 1.0 + SCATTER * np.sqrt(2.0 / freedom):
+    if found.odd or not squares.size or squares.mean() <= 1.0 + SCATTER * np.sqrt(2.0 / freedom):
         return found
-    wide = calibrate_joint(replace(readings, sd={}), rig_sd=rig_sd, name=name)
+    wide = calibrate_joint(replace(readings, sd={}), rig_sd=rig_sd, name=name, left_handed=left_handed)
     return replace(wide, warnings=(*wide.warnings, MORE_THAN_NOISE))
-
-
-def worst_uncertainty(calibration: Calibration, goal: Goal) -> tuple[float, float]:
-    """Expanded uncertainties (inclination, azimuth), rad, worst attitude of the range; NaN without both triads."""
-    tool = calibration.tool
-    if not all(kind in tool.triads and tool.triads[kind].full for kind in BOTH):
-        return float("nan"), float("nan")
-    low, high = goal.inclination_range
-    grid = np.linspace(max(low, np.radians(1.0)), min(high, np.pi - np.radians(1.0)), GRID)
-    dip = goal.dip if goal.dip is not None else calibration.dip
-    heat = next(iter(tool.triads.values())).reference_temperature
-    found = capability(tool, grid, float("nan") if dip is None else dip, temperature=heat)
-    worst = np.sqrt(found.components["calibration"].max(axis=(0, 1, 2))) * goal.coverage
-    return float(worst[0]), float(worst[1])
 
 
 def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing) -> NextPosition | None:
@@ -163,28 +184,32 @@ def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing)
     settings = np.array([row.capture.dial for row in session.valid]).reshape(-1, 3)
     calibration = so_far.calibration
     own = calibration is not None and set(calibration.tool.triads) >= BOTH
+    rows = np.array(INCLINATIONS)[covering(goal.inclination_range)]
     about: dict[str, Any] = {
-        "inclination_range": goal.inclination_range,
+        # what is certified is judged on whole rows of the table, so it is them that a plan is aimed at
+        "inclination_range": (float(rows[0]), float(rows[-1])),
         "criterion": CRITERIA[goal.criterion],
         "rig_sd": float(np.sqrt(np.mean(np.square(rig.sd)))),
         "noise": _relative_noise(calibration, session) if own and calibration is not None else NOISE,
-        "dip": _dip(goal, calibration),
+        "dip": DIP if calibration is None or calibration.dip is None else calibration.dip,
         "tool": calibration.tool if own and calibration is not None else None,
         "stand": rig.stand,
     }
     try:
-        return _ahead(settings, goal, about) or next_position(settings, **about)
+        return _ahead(settings, goal, so_far, about) or next_position(settings, **about)
     except (InputError, IdentifiabilityError):
         return None
 
 
-def _ahead(settings: Array, goal: Goal, about: Mapping[str, Any]) -> NextPosition | None:
+def _ahead(settings: Array, goal: Goal, so_far: Standing, about: Mapping[str, Any]) -> NextPosition | None:
     """The first of the fewest positions that reach what the goal's criterion is to reach; None where none do."""
     limit = {"azimuth": goal.u_azimuth, "inclination": goal.u_inclination}.get(goal.criterion)
-    if limit is None:
+    noise = dict(zip(("inclination", "azimuth"), so_far.noise, strict=True)).get(goal.criterion, 0.0)
+    if limit is None or limit <= noise:
         return None
     judged = {name: value for name, value in about.items() if name != "stand"}
-    wanted, before = AIM * limit / goal.coverage, plan_value(settings, **judged)
+    # the calibration may use what the noise of one reading leaves of the wanted uncertainty
+    wanted, before = AIM * float(np.sqrt(limit**2 - noise**2)) / COVERAGE_FACTOR, plan_value(settings, **judged)
     for number in range(max(1, FEWEST - len(settings)), max(2, FARTHEST - len(settings))):
         try:
             plan = optimal_plan(number, start_from=settings, restarts=1, **about)
@@ -196,12 +221,6 @@ def _ahead(settings: Array, goal: Goal, about: Mapping[str, Any]) -> NextPositio
             azimuth, inclination, toolface = (float(x) for x in rest[0])
             return NextPosition(azimuth, inclination, toolface, after, before)
     return None
-
-
-def _dip(goal: Goal, calibration: Calibration | None) -> float:
-    found = None if calibration is None else calibration.dip
-    chosen = goal.dip if goal.dip is not None else found
-    return float(np.radians(70.0)) if chosen is None else chosen
 
 
 def _relative_noise(calibration: Calibration, session: Session) -> dict[str, float]:

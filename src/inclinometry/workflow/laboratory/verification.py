@@ -46,7 +46,7 @@ def protocols() -> dict[str, Protocol]:
     Examples
     --------
     >>> {name: len(protocol.plan) for name, protocol in protocols().items()}
-    {'azimuth': 72, 'inclination': 14, 'long': 480, 'roll-4': 4, 'roll-8': 8}
+    {'spread-12': 12, 'azimuth': 72, 'inclination': 14, 'long': 480, 'roll-4': 4, 'roll-8': 8}
     """
     text = files("inclinometry.workflow.laboratory").joinpath("protocols.json").read_text("utf-8")
     return {name: _protocol(name, entry) for name, entry in json.loads(text).items()}
@@ -166,7 +166,7 @@ def report(found: Verification, seen: Session | None = None) -> dict[str, Any]:
     return plan | {
         "coverage_factor": found.coverage_factor,
         "positions": rows,
-        "reasons": list(found.reasons),
+        "reasons": [*found.reasons, *found.notes],
         "warnings": list(found.warnings),
     }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from inclinometry.calibration.design import NextPosition
+from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.io.instrument.rig import ManualRig
 from inclinometry.store.ledger import Record
@@ -105,10 +106,12 @@ class Guided:
             return None
         before, after = self.place.before, self.place.value
         shown = float("nan") if self.now is None else getattr(self.now, f"u_{self.goal.criterion}")
-        if np.isfinite(shown) and np.isfinite(before):
-            return shown, shown * after / before
-        k = self.goal.coverage
-        return (k * before, k * after) if np.isfinite(after) else None
+        if self.now is not None and np.isfinite(shown) and np.isfinite(before):
+            noise = self.now.noise[("inclination", "azimuth").index(self.goal.criterion)]
+            # only the calibration's share shrinks
+            share = max(shown**2 - noise**2, 0.0) * (after / before) ** 2
+            return shown, float(np.sqrt(share + noise**2))
+        return (COVERAGE_FACTOR * before, COVERAGE_FACTOR * after) if np.isfinite(after) else None
 
     def target_temperature(self, number: int) -> float | None:
         """degC a position of a temperature campaign is to be captured at; None without a campaign."""

@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from nicegui import ui
 
+from inclinometry.core.constants import COVERAGE_FACTOR
+from inclinometry.report.digits import significant
 from inclinometry.web.pages.calibrate.guided import Guided
 from inclinometry.workflow.laboratory.session import Position
 
@@ -131,24 +133,32 @@ class Certifies:
         if now is None or now.calibration is None:
             ui.label(say("bench.no_fit") if now is None else now.waiting).classes("dim waiting")
             return
-        low, high = np.degrees(guided.goal.inclination_range)
+        low, high = np.degrees(now.covered)
         with ui.element("div").classes("pair"):
-            self._line("U_azimuth", now.u_azimuth, guided.goal.u_azimuth)
-            self._line("U_inclination", now.u_inclination, guided.goal.u_inclination)
-        ui.label(say("bench.range", low=f"{low:g}", high=f"{high:g}")).classes("dim small number")
+            self._line("azimuth", now.u_azimuth, now.from_calibration[1], now.noise[1], guided.goal.u_azimuth)
+            self._line(
+                "inclination", now.u_inclination, now.from_calibration[0], now.noise[0], guided.goal.u_inclination
+            )
+        ui.label(say("bench.range", low=f"{low:.0f}", high=f"{high:.0f}", k=f"{COVERAGE_FACTOR:g}")).classes(
+            "dim small number"
+        )
         others = [w for w in now.calibration.warnings if w not in now.odd.values()]
         for sentence in others[:3]:
             ui.label(sentence).classes("warn small")
 
-    def _line(self, name: str, value: float, wanted: float | None) -> None:
-        say = self._guided.visitor.say
-        text = f"{np.degrees(value):.3f}°" if np.isfinite(value) else "–"
+    def _line(self, angle: str, value: float, alone: float, noise: float, wanted: float | None) -> None:
+        """U of one reading as the certificate will print it; below, from the calibration alone, and what is wanted."""
+        say, name, text = self._guided.visitor.say, f"U_{angle}", _degrees(value)
         colour = "" if wanted is None else "good" if value <= wanted else "warn"
         with ui.element("div").classes("uncertainty"):
             ui.label(say(f"bench.{name}")).classes("dim")
             ui.label(text).classes(f"value number {colour}").props(f'data-testid="{name.lower()}"')
+            if np.isfinite(alone):
+                ui.label(say("bench.alone", value=_degrees(alone))).classes("dim small number")
             if wanted is not None:
-                ui.label(f"{say('bench.wanted')} {np.degrees(wanted):.3f}°").classes("dim small number")
+                ui.label(f"{say('bench.wanted')} {_degrees(wanted)}").classes("dim small number")
+            if wanted is not None and noise > wanted:
+                ui.label(say("bench.beyond", value=_degrees(noise))).classes("warn small").props('role="alert"')
 
     def _next_best(self) -> None:
         guided, say, number = self._guided, self._guided.visitor.say, self._guided.proposed
@@ -166,4 +176,5 @@ class Certifies:
 
 
 def _degrees(angle: float) -> str:
-    return f"{np.degrees(angle):.3f}°" if np.isfinite(angle) else "–"
+    """An angle to the digits of a certificate."""
+    return f"{significant(float(np.degrees(angle)))}°" if np.isfinite(angle) else "–"

@@ -7,14 +7,18 @@ from fastapi import Request
 from nicegui import ui
 
 from inclinometry.core.errors import InputError
+from inclinometry.store.ledger import Ledger
 from inclinometry.store.users import User
 from inclinometry.web.frame import Visitor, frame
 from inclinometry.workflow.laboratory.guided import ADAPTIVE, CALIBRATING, GuidedPlan, plan_for
 from inclinometry.workflow.laboratory.registry import (
     RegisteredRig,
+    RegisteredSite,
     RegisteredTool,
     find_rig,
+    find_site,
     put_rig,
+    put_site,
     put_tool,
     rigs,
     sites,
@@ -43,6 +47,8 @@ class StartForm:
         self.rig_sd = ui.number(say("start.rig_sd"), value=0.1, min=0.0, max=10.0, step=0.01)
         self.rig_sd.bind_visibility_from(self.rig, "value", lambda name: bool(name) and str(name).strip() not in names)
         self.site = ui.select(places, label=say("start.site"), value=places[-1])
+        self.dip = ui.number(say("start.dip"), value=None, min=-90.0, max=90.0, step=0.1)
+        self.dip.bind_visibility_from(self.site, "value", lambda name: not name)
         plans = {name: say(f"plan.{name}") for name in CALIBRATING}
         self.plan = ui.select(plans, label=say("start.plan"), value="orthogonal").props('data-testid="plan"')
         self.number = ui.number(say("start.number"), value=16, min=6, max=200, step=1)
@@ -77,12 +83,22 @@ class StartForm:
         plan, settings = plan_for(chosen, ledger, serial, rig)
         if self.site.value:
             settings["site"] = str(self.site.value)
+        elif self.dip.value is not None:
+            settings["site"] = _site_of_dip(ledger, name, float(self.dip.value), author)
         if wanted:
             only = "inclination" if set(wanted) == {"u_inclination_deg"} else "azimuth"
             settings["wanted"] = {**wanted, "criterion": only}
         purpose = "temperature" if chosen.temperatures else "calibrate"
         session = open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
         ui.navigate.to(f"/calibrate/{session.id}")
+
+
+def _site_of_dip(ledger: Ledger, rig: str, dip_deg: float, author: str) -> str:
+    """Name of the site of a rig whose field has this dip; another dip is another site, so that none is changed."""
+    name = f"{rig}, dip {dip_deg:g}°"
+    if find_site(ledger, name) is None:
+        put_site(ledger, RegisteredSite(name, dip=float(np.radians(dip_deg))), author=author)
+    return name
 
 
 def _known(label: str, name: str, values: list[str], value: str) -> ui.input:

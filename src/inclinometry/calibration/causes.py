@@ -1,0 +1,147 @@
+"""Error budget of a calibration: which cause brings how much of the uncertainty of the angles; linear propagation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.attitude.orientation import fields
+from inclinometry.calibration.expected import ANGLES
+from inclinometry.calibration.fitting import Fitted
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.rollset import second_harmonics
+from inclinometry.core.arrays import Array, within
+from inclinometry.sensors.sensitivity import angle_sensitivity
+from inclinometry.uncertainty.budget import Budget
+
+DIALS = ("azimuth dial", "inclination dial", "toolface dial")
+
+
+def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str, Array], Array]:
+    """`Calibration.causes` and `Calibration.response` of a joint fit; the causes add up to the whole covariance.
+
+    Notes
+    -----
+    The fit is x = H^-1 J' C^-1 y with C = sum of C_c over the causes, H = J' C^-1 J + P, P the priors; so cause c
+    brings H^-1 J' C^-1 C_c C^-1 J H^-1, and what was assumed of the stand H^-1 P H^-1. The sum is H^-1.
+    """
+    model, at = fitted.model, fitted.at
+    size = max(columns.stop for columns in model.columns()[0].values())
+    weighted = np.linalg.solve(model.station_covariance(at), at.jacobian)  # (K, M, p)
+    prior = model.prior_information(fitted.state)
+    inverse = np.linalg.pinv((at.jacobian.swapaxes(1, 2) @ weighted).sum(axis=0) + prior, hermitian=True)[:size]
+
+    def brought(information: Array) -> Array:
+        return np.asarray(inverse @ information @ inverse.T)
+
+    rounding = np.concatenate([readings.rounding(kind) for kind in readings.channels], axis=1)
+    converter = np.minimum(rounding**2, model.noise_sd**2)
+    found = {}
+    for name, variance in (("converter", converter), ("sensor noise", model.noise_sd**2 - converter)):
+        spread = weighted * np.sqrt(variance)[..., None]
+        found[name] = brought((spread.swapaxes(1, 2) @ spread).sum(axis=0))
+    for dial, name in enumerate(DIALS):
+        moved = model.rig_sd[dial] * np.einsum("kmp,km->kp", weighted, at.by_setting[..., dial])
+        found[name] = brought(moved.T @ moved)
+    found["what is assumed of the stand"] = brought(prior)
+    response = inverse @ weighted.reshape(-1, weighted.shape[2]).T
+    return {name: covariance for name, covariance in found.items() if covariance.any()}, response
+
+
+def error_budget(
+    calibration: Calibration, readings: BenchReadings, inclination: ArrayLike, dip: float, *, steps: int = 12
+) -> Budget | None:
+    """Variances of the angles of one reading by cause, mean over azimuth and toolface.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of the joint method, as `calibrate_joint` returns it.
+    readings : BenchReadings
+        What it was made from.
+    inclination : (n,) array_like
+        rad, between 0 and pi.
+    dip : float
+        Where the tool works, rad.
+    steps : int
+        Equal steps of azimuth and of toolface.
+
+    Returns
+    -------
+    Budget
+        Components (n, 4, 4), rad^2, quantities as `expected.ANGLES`: from the calibration the converter, the noise,
+        each dial, what was assumed of the stand; of the reading itself the converter and the noise. Non-linearity is a
+        component where the roll sets show it, through calibration and reading together; it is not part of the
+        calibration's own covariance. None without accelerometer and magnetometer of three seen components, or for a
+        calibration that does not know its causes.
+
+    Notes
+    -----
+    The shares are those of the fit's own variances; the sum over the calibration's causes is its stated covariance,
+    which for estimated variances is a few per cent larger.
+
+    Examples
+    --------
+    >>> from inclinometry.attitude.rotations import dcm
+    >>> from inclinometry.calibration import plans
+    >>> from inclinometry.calibration.joint import calibrate_joint
+    >>> p, a = plans.twelve(), {"accelerometer": [0.0, 0.0, 1.0], "magnetometer": [0.34, 0.0, 0.94]}
+    >>> turn = dcm(p.azimuth, p.inclination, p.toolface)
+    >>> signals = {kind: 2000.0 * turn @ v for kind, v in a.items()}
+    >>> readings = BenchReadings(signals, p.azimuth, p.inclination, p.toolface)
+    >>> found = calibrate_joint(readings, noise_sd=dict.fromkeys(a, 1.0), rig_sd=1e-3)
+    >>> budget = error_budget(found, readings, [1.0], 1.2)
+    >>> list(budget.components)[:3]
+    ['calibration: sensor noise', 'calibration: azimuth dial', 'calibration: inclination dial']
+    """
+    tool = calibration.tool
+    if not calibration.causes or any(k not in tool.triads or not tool.triads[k].full for k in _KINDS):
+        return None
+    values = np.atleast_1d(within(inclination, "inclination", 1e-6, np.pi - 1e-6, "rad"))
+    turn = 2.0 * np.pi * np.arange(steps) / steps
+    grid = np.meshgrid(values, turn, turn, indexing="ij")
+    seen = dict(zip(_KINDS, fields(grid[1], grid[0], grid[2], dip), strict=True))
+    heat = np.full(grid[0].shape, tool.triads["accelerometer"].reference_temperature)
+    sensitivity = angle_sensitivity(tool, seen, heat)
+
+    def mean(slope: Array, covariance: Array) -> Array:
+        return np.asarray(np.einsum("nabip,pq,nabjq->nij", slope, covariance, slope, optimize=True) / steps**2)
+
+    whole, stated = np.trace(sum(calibration.causes.values())), np.trace(tool.covariance)
+    parts = {}
+    for name, covariance in calibration.causes.items():
+        parts[f"calibration: {name}"] = mean(sensitivity.by_parameter, covariance * (stated / whole))
+    noise = np.concatenate([tool.noise[kind] for kind in _KINDS])
+    rounding = np.concatenate([np.asarray(readings.step[k]) for k in _KINDS]) / np.sqrt(12.0)
+    rounding = np.minimum(rounding, noise)
+    parts["reading: converter"] = mean(sensitivity.by_signal, np.diag(rounding**2))
+    parts["reading: sensor noise"] = mean(sensitivity.by_signal, np.diag(noise**2 - rounding**2))
+    bent = _non_linearity(calibration, readings, seen, sensitivity.by_signal, sensitivity.by_parameter)
+    if bent is not None:
+        parts["non-linearity"] = np.einsum("nabi,nabj->nij", bent, bent) / steps**2
+    return Budget(ANGLES, {name: part for name, part in parts.items() if part.any()})
+
+
+_KINDS = ("accelerometer", "magnetometer")
+
+
+def _non_linearity(
+    calibration: Calibration, readings: BenchReadings, seen: dict[str, Array], by_signal: Array, by_parameter: Array
+) -> Array | None:
+    """Errors (..., 4) of the angles by the square laws that the roll sets show; None where they show none."""
+    second = second_harmonics(readings)
+    if second is None or not any("not linear" in sentence for sentence in second.sentences):
+        return None
+    tool, kept = calibration.tool, [readings.station.index(name) for name in calibration.residuals.station]
+    wrong, signals = [], []
+    for kind, triad in tool.triads.items():
+        clear = np.abs(second.square[kind]) > 4.0 * second.u_square[kind]
+        law = np.where(clear, second.square[kind] / np.maximum(second.swing[kind], np.finfo(float).tiny), 0.0)
+        wrong.append(law * (readings.channels[kind][kept] - triad.offset[0]) ** 2)
+        if kind in seen:
+            signals.append(law * (seen[kind] @ triad.tensor[0].T) ** 2)
+    moved = calibration.response @ np.concatenate(wrong, axis=1).ravel()
+    angles = np.einsum("nabim,nabm->nabi", by_signal, np.concatenate(signals, axis=-1))
+    # by_parameter is of the reading's own angles: a parameter too large makes the field too small
+    return np.asarray(angles + by_parameter @ moved)

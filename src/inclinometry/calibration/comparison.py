@@ -1,0 +1,212 @@
+"""Two calibrations of one tool side by side: coefficients with their differences, and curves over inclination."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from inclinometry.attitude.orientation import angles, fields, inclination_toolface
+from inclinometry.calibration.expected import azimuth_triad, expected_uncertainty, field_dip
+from inclinometry.calibration.result import Calibration
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.arrays import Array
+from inclinometry.core.constants import DIP, INCLINATIONS, LATITUDE, STEPS
+from inclinometry.core.errors import InputError
+from inclinometry.sensors.tool import Tool
+
+AXES = ("x", "y", "z")
+FIELD_UNITS = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One coefficient of one sensor in both calibrations: K, bias (both in signal units) or a direction cosine."""
+
+    kind: str
+    sensor: int
+    name: str
+    unit: str
+    values: tuple[float, float]
+    u: tuple[float, float]
+
+    @property
+    def difference(self) -> float:
+        """The second less the first."""
+        return self.values[1] - self.values[0]
+
+    @property
+    def u_difference(self) -> float:
+        """Of two independent calibrations."""
+        return float(np.hypot(*self.u))
+
+    @property
+    def sigmas(self) -> float:
+        """The difference in its standard uncertainty; NaN where neither calibration states one."""
+        return self.difference / self.u_difference if self.u_difference > 0.0 else np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class TwoCalibrations:
+    """Two calibrations of one tool.
+
+    names : what they are called in tables.
+    calibrations : the two.
+    inclination : (n,) rad.
+    uncertainty : two arrays (n, 4), from the calibration alone at the worst attitude, rad, as `expected.ANGLES`.
+    difference : (n, 3) rms over azimuth and toolface of inclination, azimuth, toolface that the second gives for
+        signals of the first less those it stands for, rad; NaN where one of them has no such angle.
+    error : two arrays (n, 3), rms errors against a known truth, rad; none without.
+    """
+
+    names: tuple[str, str]
+    calibrations: tuple[Calibration, Calibration]
+    coefficients: Sequence[Coefficient]
+    inclination: Array
+    uncertainty: tuple[Array, Array]
+    difference: Array
+    error: tuple[Array, Array] | None
+
+
+def compare_calibrations(
+    first: Calibration, second: Calibration, names: tuple[str, str] = ("first", "second"), truth: Tool | None = None
+) -> TwoCalibrations:
+    """Two calibrations of one tool, coefficient by coefficient and angle by angle.
+
+    Parameters
+    ----------
+    first, second : Calibration
+        Of one tool; taken to be independent: the uncertainty of a difference is the root of the sum of squares.
+    names : two str
+        What they are called in tables.
+    truth : Tool, optional
+        The tool behind simulated readings: adds the actual errors.
+
+    Raises
+    ------
+    InputError
+        Calibrations that cannot be of one tool.
+
+    Examples
+    --------
+    >>> from inclinometry.calibration.result import Residuals, Rig
+    >>> from inclinometry.sensors.triad import Triad
+    >>> def calibrated(scale):
+    ...     triads = {"accelerometer": Triad("accelerometer", scale * np.eye(3), np.zeros(3))}
+    ...     tool = Tool("1", triads, 1e-4 * np.eye(12))
+    ...     return Calibration(tool, "joint", {}, {}, (), np.zeros((0, 0)), Rig(np.zeros(3)), Residuals((), {}, {}, ()))
+    >>> found = compare_calibrations(calibrated(1.0), calibrated(1.1))
+    >>> found.coefficients[0].name, round(found.coefficients[0].sigmas, 2)
+    ('K', 7.07)
+    """
+    _refuse_unlike(first.tool, second.tool)
+    inclination = np.array(INCLINATIONS)
+    return TwoCalibrations(
+        names,
+        (first, second),
+        [row for kind in first.tool.triads for row in _coefficients(kind, first.tool, second.tool)],
+        inclination,
+        (
+            expected_uncertainty(first, inclination).from_calibration,
+            expected_uncertainty(second, inclination).from_calibration,
+        ),
+        angle_differences(second.tool, first, inclination),
+        None
+        if truth is None
+        else (
+            angle_differences(first.tool, replace(first, tool=truth), inclination),
+            angle_differences(second.tool, replace(second, tool=truth), inclination),
+        ),
+    )
+
+
+def _refuse_unlike(first: Tool, second: Tool) -> None:
+    """Two calibrations that cannot be of one tool."""
+    if set(first.triads) != set(second.triads):
+        raise InputError(f"one calibration has {', '.join(first.triads)}, the other {', '.join(second.triads)}")
+    for kind, triad in first.triads.items():
+        other = second.triads[kind]
+        if triad.count != other.count:
+            raise InputError(
+                f"{triad.count} {kind} channels in one calibration, {other.count} in the other: not one tool"
+            )
+        if triad.unit != other.unit:
+            raise InputError(
+                f"the {kind} is in {triad.unit} in one calibration, in {other.unit} in the other: convert one"
+            )
+
+
+def _coefficients(kind: str, first: Tool, second: Tool) -> list[Coefficient]:
+    """K, bias and cosines of every sensor at each calibration's reference temperature."""
+    strengths = [tool.triads[kind].field_strength for tool in (first, second)]
+    # the field of the two stands may differ in strength; where both know it K is that of the sensor alone
+    per = [1.0 if None in strengths else strength or 1.0 for strength in strengths]
+    found, spread = zip(*(_classical(tool, kind, s) for tool, s in zip((first, second), per, strict=True)), strict=True)
+    unit = first.triads[kind].unit
+    of_k = f"{unit} per field of the stand" if None in strengths else f"{unit} per {FIELD_UNITS[kind]}"
+    columns = [("K", of_k), *((f"cos {axis}", "") for axis in AXES), ("bias", unit)]
+    return [
+        Coefficient(
+            kind,
+            sensor + 1,
+            name,
+            of,
+            (float(found[0][sensor, c]), float(found[1][sensor, c])),
+            (float(spread[0][sensor, c]), float(spread[1][sensor, c])),
+        )
+        for sensor in range(first.triads[kind].count)
+        for c, (name, of) in enumerate(columns)
+    ]
+
+
+def _classical(tool: Tool, kind: str, strength: float) -> tuple[Array, Array]:
+    """(m, 5) K = |n| / strength, the cosines n / |n|, the offset; and their standard uncertainties."""
+    triad = tool.triads[kind]
+    n, offset = triad.tensor[0], triad.offset[0]
+    k = np.linalg.norm(n, axis=1)
+    cosines = n / k[:, None]
+    values = np.column_stack([k / strength, cosines, offset])
+    block, m = tool.covariance[tool.slices[kind], tool.slices[kind]], triad.count
+    spread = np.zeros_like(values)
+    for s in range(m):
+        jacobian = np.zeros((5, 4))
+        jacobian[0, :3] = cosines[s] / strength
+        jacobian[1:4, :3] = (np.eye(3) - np.outer(cosines[s], cosines[s])) / k[s]
+        jacobian[4, 3] = 1.0
+        own = block[4 * s : 4 * s + 4, 4 * s : 4 * s + 4]
+        spread[s] = np.sqrt(np.diagonal(jacobian @ own @ jacobian.T))
+    return values, spread
+
+
+def angle_differences(tool: Tool, other: Calibration, inclination: Array) -> Array:
+    """Rms (n, 3) over azimuth and toolface of what `tool` reads from the signals of `other` less what they stand for.
+
+    NaN for angles that they do not both give.
+    """
+    second = azimuth_triad(tool) if azimuth_triad(tool) == azimuth_triad(other.tool) else None
+    dip = field_dip(other.field_directions, second) if second else 0.0
+    if dip is None:
+        dip = DIP if second == "magnetometer" else -LATITUDE
+    turn = 2.0 * np.pi * np.arange(STEPS) / STEPS
+    grid = np.meshgrid(inclination, turn, turn, indexing="ij")
+    g, b = fields(grid[1], grid[0], grid[2], dip)
+    found = np.full((len(inclination), 3), np.nan)
+    kinds = ["accelerometer"] + ([second] if second else [])
+    if any(kind not in t.triads or t.triads[kind].rank < 2 for kind in kinds for t in (tool, other.tool)):
+        return found
+    seen = []
+    for kind, field in zip(kinds, (g, b), strict=False):
+        own, theirs = tool.triads[kind], other.tool.triads[kind]
+        signals = theirs.signals(field, np.full(grid[0].shape, theirs.reference_temperature))
+        at = np.full(grid[0].shape, own.reference_temperature)
+        seen.append(own.field(signals, at) if own.full else own.field_of_length(signals, field, at)[0])
+    if len(seen) == 2:
+        read = angles(*seen)
+        pairs = [(read.inclination, grid[0]), (read.azimuth, grid[1]), (read.toolface, grid[2])]
+    else:
+        leaning, toolface = inclination_toolface(seen[0])
+        pairs = [(leaning, grid[0]), (np.full(grid[1].shape, np.nan), grid[1]), (toolface, grid[2])]
+    for column, (one, two) in enumerate(pairs):
+        found[:, column] = np.sqrt(np.mean(wrap_signed(one - two) ** 2, axis=(1, 2)))
+    return found

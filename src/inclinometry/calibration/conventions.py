@@ -1,0 +1,424 @@
+"""How the dials of a stand count, and what readings tell of a dial that counts otherwise than was said.
+
+With C(A, I, T) = R_z(T) R_y(I) R_z(A) and M = diag(1, -1, 1)
+
+    C(-A, I, -T)     = M C(A, I, T) M                          C(A, -I, T) = C(A + 180, I, T + 180)
+    C(A, 180 - I, T) = R_x(180) C(A + 180, I, -T)
+
+so two reversed dials fit perfectly, with tensors seen in a mirror or turned by 180 deg, and one or three do not fit:
+the sixteen ways in which three dials may count, inclination from the horizontal among them, are four classes by fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from inclinometry.attitude.rotations import dcm
+from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.signs import handedness, nearest_axes
+from inclinometry.calibration.start import linear_start
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
+
+InclinationFrom: TypeAlias = Literal["vertical", "other-end", "horizontal", "horizontal-up"]
+Counts: TypeAlias = Literal["clockwise", "counterclockwise"]
+
+MOST_NOISE = 0.15
+"""Share of the field beyond which what a fit leaves is no noise: 5 % of noise and a rig good to 3 deg leave 0.07."""
+
+_SUSPICIOUS = 0.05  # share of the field from which inclination from the horizontal, which leaves 0.3, is tried
+_BETTER = 25.0  # log-likelihood ratio beyond which another convention fits better
+_TIMES = 2.0  # and how many times smaller what it leaves must be for a refusal
+_LEAST = 1e-6  # share of the field below which a residual is rounding
+
+
+@dataclass(frozen=True)
+class Dials:
+    """How the dials of a stand count.
+
+    inclination_from : "vertical" (0 with the tool's end down: the convention of the house), "other-end" (180 there),
+        "horizontal" (90 with the end down, positive below the horizon), "horizontal-up" (-90 there).
+    azimuth_counts, toolface_counts : "clockwise" seen from above and looking down hole, or "counterclockwise".
+
+    Examples
+    --------
+    >>> [round(np.degrees(x)) for x in Dials("horizontal", toolface_counts="counterclockwise").settings(1.0, 0.0, -1.0)]
+    [57, 90, 57]
+    """
+
+    inclination_from: InclinationFrom = "vertical"
+    azimuth_counts: Counts = "clockwise"
+    toolface_counts: Counts = "clockwise"
+
+    def __post_init__(self) -> None:
+        for name, allowed in (("inclination_from", InclinationFrom), ("azimuth_counts", Counts),
+                              ("toolface_counts", Counts)):  # fmt: skip
+            if getattr(self, name) not in get_args(allowed):
+                raise InputError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(get_args(allowed))}")
+
+    def settings(self, azimuth: Array, inclination: Array, toolface: Array) -> tuple[Array, Array, Array]:
+        """Azimuth, inclination and toolface of the conventions for what the dials say, rad."""
+        from_vertical = {
+            "vertical": inclination,
+            "other-end": np.pi - inclination,
+            "horizontal": np.pi / 2.0 - inclination,
+            "horizontal-up": np.pi / 2.0 + inclination,
+        }[self.inclination_from]
+        azimuth, toolface = (
+            -dial if counts == "counterclockwise" else dial
+            for dial, counts in ((azimuth, self.azimuth_counts), (toolface, self.toolface_counts))
+        )
+        return azimuth, from_vertical, toolface
+
+    def read(self, readings: BenchReadings) -> BenchReadings:
+        """The readings with their dials converted, and a note that says so."""
+        if self == USUAL:
+            return readings
+        azimuth, inclination, toolface = self.settings(*readings.dials)
+        note = f"the dials were read as stated, {self.words()}, and converted"
+        return replace(
+            readings, azimuth=azimuth, inclination=inclination, toolface=toolface, notes=(*readings.notes, note)
+        )
+
+    def words(self) -> str:
+        """The options that state it."""
+        names = ("inclination_from", "azimuth_counts", "toolface_counts")
+        options = [
+            f"--{n.replace('_', '-')} {getattr(self, n)}" for n in names if getattr(self, n) != getattr(USUAL, n)
+        ]
+        return " ".join(options) or "dials as usual"
+
+
+USUAL = Dials()
+"""As the house counts: from the vertical, clockwise, clockwise."""
+
+
+def _classes() -> dict[tuple[bool, bool], list[Dials]]:
+    """(from the horizontal, odd number of reversals) -> conventions that fit equally, fewest changes first."""
+    found: dict[tuple[bool, bool], list[Dials]] = {}
+    ways = [Dials(*way) for way in product(get_args(InclinationFrom), get_args(Counts), get_args(Counts))]
+    for way in sorted(ways, key=lambda w: w.words().count("--")):
+        reversed_ = [
+            way.inclination_from in ("other-end", "horizontal-up"),
+            way.azimuth_counts == "counterclockwise",
+            way.toolface_counts == "counterclockwise",
+        ]
+        found.setdefault((way.inclination_from.startswith("horizontal"), sum(reversed_) % 2 == 1), []).append(way)
+    return found
+
+
+_CLASSES = _classes()
+
+
+def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[str]:
+    """Refuse dials that count in another convention than was said, as far as a fit tells.
+
+    Parameters
+    ----------
+    readings : BenchReadings
+        With dials, and enough stations for a fit.
+    left_handed : bool
+        The tool's channels are left-handed, so that this says nothing of the dials.
+
+    Returns
+    -------
+    list of warnings
+        What fits better, but not so much that it is certain.
+
+    Raises
+    ------
+    InputError
+        Another convention fits more than twice as well beyond all chance; the message names the option that states it.
+
+    Notes
+    -----
+    For each class of conventions every triad is fitted as the joint fit is started, with trusted dials; the likelihood
+    ratio is that of normal noise of unknown size in each triad. For readings that are right it costs two linear fits,
+    about a millisecond.
+
+    Examples
+    --------
+    >>> from inclinometry.calibration import plans
+    >>> p = plans.twelve()
+    >>> a, b = [0.0, 0.0, 1.0], [0.5, 0.0, 0.866]
+    >>> turns = dcm(p.azimuth, p.inclination, p.toolface)
+    >>> signals = {"accelerometer": turns @ a, "magnetometer": turns @ b}
+    >>> check_dials(BenchReadings(signals, p.azimuth, p.inclination, p.toolface))
+    []
+    >>> check_dials(BenchReadings(signals, p.azimuth, p.inclination, -p.toolface)) # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    inclinometry.core.errors.InputError: the dials seem to count in another way: with --toolface-counts ...
+    """
+    # each channel in units of the field as far as its readings show it: a triad's channels may differ a thousandfold
+    signals = {}
+    for kind, values in readings.channels.items():
+        spread = np.sqrt(3.0) * values.std(axis=0)
+        signals[kind] = (values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    own = _left(signals, readings.dials)
+    shares = {kind: float(np.sqrt(left / signals[kind].size)) for kind, left in own.items()}
+    keys = [(False, True)] if _spans(readings.dials) else []  # else a reversed dial is a mirror image and no more
+    if max(shares.values()) > _SUSPICIOUS:
+        keys += [(True, False), (True, True)]
+    best: tuple[float, float, str, tuple[bool, bool]] | None = None
+    for key in keys:
+        better, times, worst = _compare(signals, own, _left(signals, _CLASSES[key][0].settings(*readings.dials)))
+        if best is None or better > best[0]:
+            best = better, times, worst, key
+    if best is None or best[0] < _BETTER:
+        return []
+    _, times, kind, key = best
+    ways = _CLASSES[key]
+    if not _spans(ways[0].settings(*readings.dials)):
+        ways = _CLASSES[key[0], False] + _CLASSES[key[0], True]
+    if np.ptp(readings.dials[0]) == 0.0:
+        ways = [way for way in ways if way.azimuth_counts == "clockwise"]
+    likely, others = _single_out(readings, ways, left_handed=left_handed)
+    alike = f" The readings alone cannot tell it from {'; or '.join(w.words() for w in others)}." if others else ""
+    left = f"as given they leave {100.0 * shares[kind]:.2g} % of the field unexplained in the {kind}"
+    if times < _TIMES:
+        return [f"the readings fit {times:.1f} times better with {likely.words()} ({left}): do the dials count so?"]
+    raise InputError(
+        f"the dials seem to count in another way: with {likely.words()} the readings fit {_figure(times)} times better "
+        f"({left}). State it, or put the column right.{alike}"
+    )
+
+
+def _spans(settings: Sequence[Array] | Array) -> bool:
+    """Whether settings determine all nine products of a sensor's vector and a field's direction, and the offset."""
+    matrix = dcm(*settings)
+    return bool(np.linalg.matrix_rank(np.column_stack([matrix.reshape(-1, 9), np.ones(len(matrix))]), 1e-6) == 10)
+
+
+def _figure(times: float) -> str:
+    return f"{times:.2g}" if times < 100.0 else f"{float(f'{times:.1g}'):.0f}"
+
+
+def _left(signals: Mapping[str, Array], settings: Sequence[Array]) -> dict[str, float]:
+    """Sum of squares that each triad's linear fit leaves, kind -> float, in squares of the field."""
+    matrix = dcm(*settings)
+    ones = np.ones((len(matrix), 1))
+    return {kind: linear_start(kind, matrix, ones, values)[2] for kind, values in signals.items()}
+
+
+def _compare(
+    signals: Mapping[str, Array], own: Mapping[str, float], other: Mapping[str, float]
+) -> tuple[float, float, str]:
+    """Log-likelihood ratio of other settings to the given ones, and how many times better the worst triad fits."""
+    better, times, worst = 0.0, 0.0, ""
+    for kind, values in signals.items():
+        freedom = max(values.size - 4 * values.shape[1] - 2, 1)
+        least = values.size * _LEAST**2
+        ratio = (own[kind] + least) / (other[kind] + least)
+        better += 0.5 * freedom * float(np.log(ratio))
+        if np.sqrt(ratio) > times:
+            times, worst = float(np.sqrt(ratio)), kind
+    return better, times, worst
+
+
+def _single_out(readings: BenchReadings, ways: list[Dials], *, left_handed: bool) -> tuple[Dials, list[Dials]]:
+    """Of conventions that fit alike the one that makes a usual tool, and the others as usual as that.
+
+    A usual tool is right-handed, its channels along its own axes; accelerometers may read specific force.
+    """
+    scores = []
+    for way in ways:
+        matrix = dcm(*way.settings(*readings.dials))
+        score = 0.0
+        down = np.array([0.0, 0.0, 1.0])
+        for kind, values in readings.channels.items():
+            direction, coefficients, _ = linear_start(kind, matrix, np.ones((len(matrix), 1)), values)
+            rows = coefficients[0, :, :3]
+            lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+            unit = rows / np.where(lengths > 0.0, lengths, 1.0)
+            along = float(np.trace(unit[:3])) / len(unit[:3])
+            stated = readings.reference.get({"magnetometer": "dip", "gyro": "latitude"}.get(kind, ""))
+            if kind == "accelerometer":
+                down = direction * (1.0 if direction[2] >= 0.0 else -1.0)
+                score += abs(along)
+                continue
+            if stated is None or abs(stated) < np.radians(5.0):
+                score += abs(along)
+                continue
+            below = stated if kind == "magnetometer" else -stated
+            sign = 1.0 if float(direction @ down) * below > 0.0 else -1.0
+            turn = handedness(unit) * sign
+            score += sign * along + (0.0 if left_handed else 4.0 * float(np.sign(turn)) if abs(turn) > 0.2 else 0.0)
+        scores.append(score)
+    best = int(np.argmax(scores))
+    others = [w for n, w in enumerate(ways) if n != best and scores[n] > scores[best] - 0.8 * len(readings.channels)]
+    return ways[best], others
+
+
+def check_noise(model: Model, state: State, residual: Array, freedom: int) -> None:
+    """Refuse a fit whose residuals are a large share of the field.
+
+    Parameters
+    ----------
+    model, state : Model, State
+        As fitted, outliers left out.
+    residual : (K, M)
+        Model minus reading at the settings as dialled.
+    freedom : int
+        Readings minus parameters.
+
+    Raises
+    ------
+    InputError
+        More than 15 % of the field is left in a triad, the median over its channels.
+    """
+    first, counted = 0, min(residual.size / max(freedom, 1), 4.0)
+    for kind, values in model.signals.items():
+        block = residual[:, first : first + values.shape[1]]
+        first += values.shape[1]
+        strength = np.linalg.norm(state.coefficients[kind][0, :, :3], axis=1)
+        live = (np.ptp(values, axis=0) > 0.0) & (strength > 0.0)
+        if not live.any():
+            continue
+        share = float(np.median(np.sqrt(np.mean(block[:, live] ** 2, axis=0) * counted) / strength[live]))
+        if share > MOST_NOISE:
+            raise InputError(
+                f"the fit leaves {100.0 * share:.0f} % of the field unexplained in the {kind} (allowed "
+                f"{100.0 * MOST_NOISE:.0f} %): the dials and the readings do not belong together in any convention "
+                "tried; check the order of the stations, the zero of the inclination dial, the names of the columns, "
+                "and that the tool was still and no iron near"
+            )
+
+
+def check_axes(
+    state: State, stated: Set[str] = frozenset(), *, left_handed: bool = False, assumed: bool = False
+) -> list[str]:
+    """Refuse a tool whose channels along its own axes are left-handed, as two reversed dials would make it.
+
+    Parameters
+    ----------
+    state : State
+        As fitted, signs decided.
+    stated : set of str
+        What is stated of the stand: "north", "dip", "latitude".
+    left_handed : bool
+        It is stated that the channels are so.
+    assumed : bool
+        The sign of a field was, so that no handedness tells anything.
+
+    Returns
+    -------
+    list of warnings
+        What two reversed dials may have caused and nothing that is stated excludes: skewed triads, left-handed ones
+        among them, more than three channels, and channels that run against the tool's axes.
+
+    Raises
+    ------
+    InputError
+        Three channels within 25 deg of the tool's axes each, left-handed, and that is not stated.
+
+    Notes
+    -----
+    A left-handed accelerometer is a right-handed one that reads specific force. It is taken for one where a
+    magnetometer or gyro beside it is right-handed, or where all three channels are reversed; else it is not known.
+    """
+    axes = {kind: nearest_axes(c[0, :, :3]) for kind, c in state.coefficients.items()}
+    volume = {kind: handedness(c[0, :, :3]) for kind, c in state.coefficients.items()}
+    others = [volume[kind] for kind in volume if kind != "accelerometer"]
+    settled = any(v > 0.2 for v in others) and not any(v < -0.2 for v in others)
+    wrong = [
+        kind
+        for kind, near in axes.items()
+        if volume[kind] < -0.2
+        and not left_handed
+        and not (kind == "accelerometer" and (settled or (near is not None and near.sum() < -2.5)))
+    ]
+    if any(axes[kind] is not None for kind in wrong):
+        # reversed dials turn all triads; an accelerometer that stands right beside them is not turned
+        gravity = axes.get("accelerometer")
+        every = set(volume) - set(wrong) <= {"accelerometer"} and (
+            "accelerometer" in wrong or gravity is None or float(np.trace(gravity)) < 2.5
+        )
+        raise InputError(
+            f"left-handed: the channels of the {' and the '.join(wrong)}. "
+            + (f"Either two dials count the other way ({_mirror(axes).words()}), or a" if every else "A")
+            + " channel is reversed or two are exchanged: put the columns right. The readings fit as well either way, "
+            "but azimuths would be mirrored; --left-handed states that the channels are so"
+        )
+    warnings = [
+        f"left-handed: the channels of the {kind}, which do not lie along the tool's axes. One is reversed, or two are "
+        f"exchanged, or azimuth and toolface both count the other way ({_MIRROR.words()})"
+        for kind in wrong
+    ]
+    # the handedness of a field whose sign was assumed shows nothing: an accelerometer of its own hand may be mirrored
+    gravity = axes.get("accelerometer")
+    mirrored = assumed and gravity is not None and volume["accelerometer"] < -0.2 and float(gravity.sum()) > -2.5
+    look = _MIRROR if mirrored and not left_handed else _TURNED
+    field = "dip" if "magnetometer" in axes else "latitude" if "gyro" in axes else "north"
+    missing = [name for name in ("north", field) if name not in stated]
+    plain = False
+    for kind, coefficients in state.coefficients.items():
+        along = _along(coefficients[0, :, :3])
+        against = [] if along is None else [i for i, (_, sign) in along.items() if sign < 0.0]
+        if kind == "accelerometer" and along is not None and len(against) == len(along):
+            against = []  # all of them: specific force
+        if against:
+            names = "xyz" if len(coefficients[0]) <= 3 else "123456789"
+            what = f"{kind} {' and '.join(names[i] if i < len(names) else str(i + 1) for i in against)}"
+            looks = [look] * bool(missing) + [_MIRROR] * (len(coefficients[0]) > 3 and look != _MIRROR)
+            doubt = f"; {' or '.join(way.words() for way in looks)} would look so too" if looks else ""
+            warnings.append(f"{what} {'runs' if len(against) == 1 else 'run'} against the tool's axes{doubt}")
+        in_turn = [] if along is None else [axis for axis, _ in along.values()]
+        plain |= bool(in_turn) and not against and (in_turn == sorted(in_turn))
+    if plain or warnings:
+        return warnings
+    handed = left_handed or any(v > 0.2 for v in others)
+    ways = [_TURNED] * bool(missing) + [_MIRROR] * (not handed)
+    ways += [_CROSSED] * bool("dip" in missing or (missing and not handed))
+    if ways:
+        # a mirror image of four skewed channels is as good a tool, whatever is stated of the stand
+        remedy = " and ".join(_STATE[name] for name in dict.fromkeys(missing))
+        warnings.append(
+            f"the channels of the {' and the '.join(axes)} do not lie along the tool's axes: the readings would fit as "
+            f"well if the dials counted otherwise ({'; or '.join(way.words() for way in ways)}); "
+            + (f"state {remedy} to be sure" if missing and handed else "check which way the dials of the stand count")
+        )
+    return warnings
+
+
+_STATE = {
+    "north": "where the rig's zero points (--north-deg)",
+    "dip": "the dip (--dip-deg)",
+    "latitude": "the latitude (latitude_deg in --site)",
+}
+_MIRROR = Dials(azimuth_counts="counterclockwise", toolface_counts="counterclockwise")
+_TURNED = Dials("other-end", toolface_counts="counterclockwise")
+_CROSSED = Dials("other-end", azimuth_counts="counterclockwise")
+
+
+def _mirror(axes: Mapping[str, Array | None]) -> Dials:
+    """The two dials whose reversal brings left-handed channels nearest to the tool's axes."""
+    known = {kind: near for kind, near in axes.items() if near is not None}
+    near = known[next(kind for kind in reversed(known))]
+    across, along = (float(np.trace(near @ np.diag(turn))) for turn in ([1.0, -1.0, 1.0], [1.0, 1.0, -1.0]))
+    return _MIRROR if across >= along else _CROSSED
+
+
+def _along(rows: Array) -> dict[int, tuple[int, float]] | None:
+    """Sensor -> tool axis and sign, of those that lie along one within 25 deg.
+
+    None where one of up to three sensors lies along none, or more than three leave an axis without a sensor.
+    """
+    lengths = np.linalg.norm(rows, axis=1)
+    if not lengths.all():
+        return None
+    near = rows / lengths[:, None]
+    nearest = np.abs(near).argmax(axis=1)
+    found = {
+        i: (int(axis), float(row[axis]))
+        for i, (row, axis) in enumerate(zip(near, nearest, strict=True))
+        if abs(row[axis]) >= 0.9
+    }
+    enough = len(found) == len(rows) if len(rows) <= 3 else {axis for axis, _ in found.values()} == {0, 1, 2}
+    return found if enough else None

@@ -1,0 +1,82 @@
+"""Command that writes the coefficients of a tool as a firmware or another program takes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.core.errors import InputError
+from inclinometry.io.atomic import write_text
+from inclinometry.io.coefficients import coefficients as read_coefficients
+from inclinometry.io.coefficients import coefficients_c, coefficients_csv, coefficients_json
+
+
+def coefficients(
+    tool: Path,
+    /,
+    *,
+    format_: Annotated[Literal["table", "json", "c", "csv"], Parameter(name="--format")] = "table",
+    output_: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    temperature: Annotated[float | None, Parameter(name="--temperature-degC")] = None,
+) -> None:
+    """Coefficients of a tool as a firmware takes them: a = W (U - U0), W the inverse of N, and the classical views.
+
+    Parameters
+    ----------
+    tool
+        tool.json or truth.json
+    format_
+        table: on the terminal. json: every view. c: header with single-precision constants. csv: a line a sensor.
+    output_
+        File to write; standard output when not given.
+    temperature
+        Temperature of the views; the reference temperature of the calibration when not given, and W and U0 of json and
+        c as polynomials over its range.
+    """
+    output.claim({"--output": output_}, {"the tool": tool})
+    content = read_coefficients(tool, temperature)
+    if format_ == "table":
+        if output_ is not None:
+            raise InputError("the table is for the terminal; give --format json, c or csv with --output")
+        show_coefficients(content)
+        return
+    form = {"json": coefficients_json, "c": coefficients_c, "csv": coefficients_csv}
+    text = form[format_](content)
+    if output_ is None:
+        output.say(text.rstrip("\n"))
+    else:
+        write_text(text, output_)
+        output.say(f"written to {output_}")
+
+
+def show_coefficients(content: dict[str, Any]) -> None:
+    """Views of each triad on the terminal."""
+    for kind, triad in content["triads"].items():
+        unit, field = triad["unit"], triad["field_unit"]
+        rows, views = [], []
+        for i, sensor in enumerate(triad["sensors"]):
+            rows.append([str(i + 1), *(f"{v:.7g}" for v in (*triad["inverse"][:, i], triad["offset"][i]))])
+            cosines = (f"{v:+.6f}" for v in sensor["cosines"])
+            angles = (f"{sensor[f'installation_{n}_deg']:.3f}" for n in ("angle", "phase"))
+            views.append(
+                [str(i + 1), f"{sensor['K']:.7g}", f"{sensor['bias']:.5g}", *cosines, sensor["nominal"], *angles]
+            )
+        head = ["sensor", "W x", "W y", "W z", f"U0 {unit}"]
+        output.table(f"{kind} at {triad['temperature_degC']:g} degC: a = W (U - U0), columns of W", head, rows)
+        head = [
+            "sensor",
+            f"K {unit} per {field}",
+            f"bias {field}",
+            "cos x",
+            "cos y",
+            "cos z",
+            "axis",
+            "I deg",
+            "phase deg",
+        ]
+        output.table(
+            f"{kind}: conversion factor, bias (U0 = K bias), cosines, installation angle and phase", head, views
+        )

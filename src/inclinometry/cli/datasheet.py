@@ -1,0 +1,45 @@
+"""Command that makes a tool out of the nameplate values of its sensors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from inclinometry.cli import output
+from inclinometry.cli.bench import show_parameters
+from inclinometry.cli.options import Flag, Json, Output
+from inclinometry.core.digest import digest_file
+from inclinometry.core.errors import InputError
+from inclinometry.io.atomic import write_text
+from inclinometry.io.datasheet_toml import TEMPLATE, read_datasheet
+from inclinometry.io.tool_json import write_calibration
+
+
+def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag = False, json: Json = False) -> None:
+    """Make a tool out of the nameplate values of its sensors: scale K, axes C, offset U0.
+
+    Parameters
+    ----------
+    sheet
+        Data sheet, TOML: for each triad unit, per, scale, offset or bias, axes or misalignment_deg, uncertainties.
+    output_
+        tool.json, as survey, verify and simulate read it; or the template.
+    template
+        Write a data sheet to fill in instead.
+    json
+        Print a JSON summary.
+    """
+    output.claim({"--output": output_}, {"the data sheet": sheet})
+    if (sheet is None) != template:
+        raise InputError("give a data sheet, or --template to have one to fill in")
+    if sheet is None:
+        write_text(TEMPLATE, output_)
+        output.say(f"template written to {output_}")
+        return
+    found = read_datasheet(sheet)
+    write_calibration(found, output_)
+    output.warnings(found.warnings)
+    if json:
+        output.print_json({"tool": found.tool.name, "output": output_, "digest": digest_file(output_)})
+        return
+    show_parameters(found)
+    output.say(f"written to {output_}")

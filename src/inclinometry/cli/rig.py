@@ -1,0 +1,111 @@
+"""Commands on a rig: orient."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from inclinometry.calibration.orient import RigOrientation, orient_rig
+from inclinometry.cli import options, output
+from inclinometry.cli.options import Json
+from inclinometry.core.angles import wrap_positive
+from inclinometry.core.constants import COVERAGE_FACTOR
+from inclinometry.earth.site import Site
+from inclinometry.io.bench_csv import read_bench
+from inclinometry.io.site_toml import read_site
+from inclinometry.io.tool_json import read_calibration
+from inclinometry.workflow.field import completed
+
+
+def orient(
+    readings: Path,
+    /,
+    *,
+    calibration: Path,
+    site: Path | None = None,
+    rig_sd_deg: float | None = None,
+    azimuth_from: Literal["magnetometer", "gyro"] | None = None,
+    json: Json = False,
+) -> None:
+    """Find how a rig stands from the readings of a calibrated tool on it: tilt, north, zeros of its dials.
+
+    Parameters
+    ----------
+    readings
+        Bench readings CSV of the tool on this rig at several azimuths and inclinations.
+    calibration
+        tool.json of that tool, made on any other rig.
+    site
+        site.toml with declination_deg (or a place and date), for the azimuth from true north.
+    rig_sd_deg
+        Random error of a setting of this rig; found from the scatter when not given.
+    azimuth_from
+        Triad that tells north: the magnetometer where there is one, else the gyro.
+    json
+        Print JSON.
+    """
+    with output.reading(readings) as progress:
+        data = read_bench(readings, progress=progress)
+    found = orient_rig(
+        data,
+        read_calibration(calibration),
+        setting_sd=options.sd(rig_sd_deg, "--rig-sd-deg"),
+        second=azimuth_from,
+    )
+    place, notes = (Site(), []) if site is None else completed(read_site(site))
+    rows = _rows(found, place)
+    warnings = list(found.warnings)
+    if site is not None and found.north_of == "magnetic" and place.declination_sigma is None:
+        warnings.append("the uncertainty of the declination is not stated and not in the azimuth from true north")
+    if found.tilt < COVERAGE_FACTOR * found.u["tilt"]:
+        warnings.append("the tilt is within its own uncertainty: where it leans to means nothing")
+    output.warnings(warnings)
+    if json:
+        output.print_json(
+            {
+                "tool": found.tool,
+                "north_of": found.north_of,
+                "found": {key: {"deg": value, "u_deg": u} for key, _, value, u in rows},
+                "setting_sd_deg": np.degrees(found.setting_sd),
+                "residual_deg": np.degrees(found.residual),
+                "matrix": found.matrix,
+                "inputs": dict(found.inputs),
+                "notes": notes,
+                "warnings": warnings,
+            }
+        )
+        return
+    for sentence in notes:
+        output.say(sentence)
+    cells = [[words, f"{v:.3f}", f"{u:.3f}", f"{min(COVERAGE_FACTOR * u, 180.0):.3f}"] for _, words, v, u in rows]
+    output.table(f"how the rig stands, by tool {found.tool}", ["", "deg", "u deg", "U (k = 2) deg"], cells)
+    output.say("the true angle of a dial is what it shows plus its zero")
+    output.say(
+        f"{output.counted(len(data), 'setting')}, each good to {np.degrees(found.setting_sd):.3f} deg, largest turn "
+        f"left {np.degrees(found.residual.max()):.3f} deg"
+    )
+
+
+def _rows(found: RigOrientation, site: Site) -> list[tuple[str, str, Any, Any]]:
+    """Key, words, value and standard uncertainty in deg of everything that was found."""
+    rows = [("tilt", "tilt of the azimuth axis from the vertical", found.tilt, found.u["tilt"])]
+    rows.append(("tilt_dial", "its upper end leans toward dial azimuth", found.tilt_dial, found.u["tilt_dial"]))
+    if found.north_of is not None:
+        north, u = found.north, found.u["north"]
+        toward = found.tilt_azimuth
+        rows.append(("tilt_azimuth", f"toward azimuth, {found.north_of} north", toward, found.u["tilt_azimuth"]))
+        rows.append((f"zero_from_{found.north_of}_north", f"levelled zero from {found.north_of} north", north, u))
+        if found.north_of == "magnetic" and site.declination is not None:
+            true = float(wrap_positive(north + site.declination))
+            rows.append(
+                (
+                    "zero_from_true_north",
+                    f"levelled zero from true north (declination {np.degrees(site.declination):+.3f} deg)",
+                    true,
+                    float(np.hypot(u, site.declination_sigma or 0.0)),
+                )
+            )
+    rows += [(name, f"{name.replace('_', ' ')} of the dial", zero, found.u[name]) for name, zero in found.zeros.items()]
+    return [(key, words, float(np.degrees(value)), float(np.degrees(u))) for key, words, value, u in rows]

@@ -1,0 +1,96 @@
+"""Signs and conventions at the command line: refused with status 2 and nothing written, stated by an option."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from inclinometry.io.tool_json import read_calibration
+
+
+def change(**columns):
+    """readings.csv with columns replaced by functions of themselves, or dropped (None)."""
+    rows = list(csv.DictReader(Path("readings.csv").read_text(encoding="utf-8").splitlines()))
+    for row in rows:
+        for name, make in columns.items():
+            if make is None:
+                del row[name]
+            else:
+                row[name] = f"{make(float(row[name])):.10g}"
+    with Path("changed.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+MISREAD = [
+    ({"toolface_deg": lambda t: -t % 360.0}, "--toolface-counts counterclockwise"),
+    ({"azimuth_deg": lambda a: -a % 360.0}, "--azimuth-counts counterclockwise"),
+    ({"inclination_deg": lambda i: 180.0 - i}, "--inclination-from other-end"),
+    ({"inclination_deg": lambda i: 90.0 - i}, "--inclination-from horizontal"),
+    ({"inclination_deg": lambda i: i - 90.0}, "--inclination-from horizontal-up"),
+]
+
+
+@pytest.mark.parametrize(("columns", "option"), MISREAD, ids=[option for _, option in MISREAD])
+def test_a_misread_dial_writes_nothing_and_names_the_option_that_states_it(run, bench, columns, option):
+    bench("twelve", "--base-tilt-deg", 2)
+    change(**columns)
+    for command in (["calibrate", "changed.csv", "-o", "tool.json"], ["compare", "changed.csv"]):
+        done = run(*command)
+        assert done.status == 2, done.out
+        assert f"with {option} the readings fit" in done.err
+        assert "times better" in done.err
+    assert not Path("tool.json").exists()
+    stated = run("calibrate", "changed.csv", "-o", "tool.json", *option.split())
+    assert stated.status == 0, stated.err
+    assert f"the dials were read as stated, {option}, and converted" in stated.err
+    assert run("calibrate", "readings.csv", "-o", "right.json").status == 0
+    one, other = (read_calibration(name).tool.triads["magnetometer"].tensor for name in ("tool.json", "right.json"))
+    # a file holds degrees to ten digits
+    np.testing.assert_allclose(one, other, atol=1e-4)
+    assert run("verify", "changed.csv", "--calibration", "right.json").status == 1
+    assert run("verify", "changed.csv", "--calibration", "right.json", *option.split()).status == 0
+
+
+def test_both_dials_reversed_are_told_by_the_hand_of_the_channels(run, bench):
+    bench("twelve")
+    change(toolface_deg=lambda t: -t % 360.0, azimuth_deg=lambda a: -a % 360.0)
+    done = run("calibrate", "changed.csv", "-o", "tool.json")
+    assert done.status == 2
+    assert "--azimuth-counts counterclockwise --toolface-counts counterclockwise" in done.err
+    assert "--left-handed states" in done.err
+    assert run("calibrate", "changed.csv", "-o", "tool.json", "--left-handed").status == 0
+    refused = run("calibrate", "changed.csv", "-o", "tool.json", "--left-handed", "--method", "norm")
+    assert "method norm has no use for --left-handed" in refused.err
+    assert run("calibrate", "changed.csv", "-o", "t.json", "--azimuth-counts", "leftwards").status == 2
+
+
+def test_a_flat_field_far_from_the_rigs_zero(run, bench):
+    """Level rig, dip 15, the zero 120 deg from north: the stated dip decides, with or without a tensor that tells."""
+    bench("orthogonal", "--dip-deg", 15, "--north-offset-deg", 120, "--layout", "random")
+    assert run("calibrate", "readings.csv", "-o", "tool.json").status == 0
+    assert np.degrees(read_calibration("tool.json").dip) == pytest.approx(15.0, abs=0.5)
+    change(reference_dip_deg=None)
+    silent = run("calibrate", "changed.csv", "-o", "tool.json")
+    assert silent.status == 0
+    assert "the sign of the magnetic field is assumed" in silent.err
+    Path("site.toml").write_text("dip_deg = 70.0\n", encoding="utf-8")
+    wrong = run("calibrate", "readings.csv", "-o", "wrong.json", "--site", "site.toml")
+    assert wrong.status == 2
+    assert "finds dip +1" in wrong.err
+    assert "stated is +70.00 deg" in wrong.err
+    assert not Path("wrong.json").exists()
+
+
+def test_a_column_named_dip_is_no_trap(run, bench):
+    bench("twelve")
+    text = Path("readings.csv").read_text(encoding="utf-8").replace("inclination_deg", "dip", 1)
+    Path("readings.csv").write_text(text, encoding="utf-8")
+    done = run("calibrate", "readings.csv", "-o", "tool.json")
+    assert done.status == 2
+    assert "name it inclination_deg and state --inclination-from horizontal" in done.err
+    assert "reference_dip_deg" in done.err

@@ -1,0 +1,17 @@
+"""One outcome for every run: generated examples are the same ones each time, and none is hurried by a clock.
+
+To look for new ones: pytest --hypothesis-profile=search. A failure prints the line (@reproduce_failure) that
+repeats it. Linear algebra runs on one thread: the matrices are small, and threads that wait for each other on a busy
+machine make a test of a second take minutes.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from hypothesis import HealthCheck, settings
+
+UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True, "database": None}
+settings.register_profile("same", derandomize=True, **UNHURRIED)
+settings.register_profile("search", derandomize=False, **UNHURRIED)
+settings.load_profile("same")
