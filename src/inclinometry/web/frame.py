@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeVar, cast
 
 from fastapi import HTTPException, Request
-from nicegui import ui
+from nicegui import context, core, run, ui
 
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.users import User
 from inclinometry.web.bench import Bench, RefusedError, current
 from inclinometry.web.logins import Login
 from inclinometry.web.words import LANGUAGES, preferred, say
+
+T = TypeVar("T")
 
 LANGUAGE_COOKIE: Final = "inclinometry_language"
 THEME_COOKIE: Final = "inclinometry_theme"
@@ -27,6 +30,15 @@ NAVIGATION: Final = (
     ("/ledger", "nav.ledger", "read"),
     ("/users", "nav.users", "administer"),
 )
+
+
+async def aside(do: Callable[[], T]) -> T:
+    """Do in a thread what takes its time. When page or server has gone meanwhile, what was to be shown ends here."""
+    client = context.client
+    found = await run.io_bound(do)
+    if client.is_deleted or core.app.is_stopping:
+        raise asyncio.CancelledError
+    return cast("T", found)
 
 
 @dataclass(frozen=True)

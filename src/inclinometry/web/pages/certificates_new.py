@@ -7,13 +7,13 @@ from datetime import date
 from typing import Any, Final
 
 from fastapi import Request
-from nicegui import run, ui
+from nicegui import ui
 
 from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.io.laboratory_toml import LONGEST, Laboratory, laboratory_from
 from inclinometry.store.ledger import Ledger, LedgerError, Record
 from inclinometry.store.users import User
-from inclinometry.web.frame import Visitor, frame
+from inclinometry.web.frame import Visitor, aside, frame
 from inclinometry.web.pages.lists import day, to
 from inclinometry.web.pages.verify import verdict_of
 from inclinometry.web.words import LANGUAGES
@@ -90,14 +90,13 @@ class IssueForm:
         try:
             user = self._visitor.require("issue")
             wish = self._wish(user)
-            made = await run.io_bound(lambda: self._issued(user, wish))
+            made = await aside(lambda: self._issued(user, wish))
         except InclinometryError as error:
             sentence = self._visitor.bench.told(str(error))
             ui.notify(sentence, type="negative", multi_line=True, timeout=0, close_button="OK")
             self.button.enable()
             return
-        if made is not None:  # None when the server is being stopped
-            ui.navigate.to(to("/certificates", made.keys["number"]))
+        ui.navigate.to(to("/certificates", made.keys["number"]))
 
     def _wish(self, user: User) -> dict[str, Any]:
         about: dict[str, Any] = {name: str(field.value or "").strip() for name, field in self.order.items()}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from fastapi import Request
-from nicegui import events, run, ui
+from nicegui import events, ui
 
 from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.store.ledger import Record
-from inclinometry.web.frame import Visitor, frame
+from inclinometry.web.frame import Visitor, aside, frame
 from inclinometry.workflow.laboratory.import_file import LARGEST, import_file
 from inclinometry.workflow.laboratory.registry import rigs, sites, tools
 from inclinometry.workflow.laboratory.session import PURPOSES
@@ -49,16 +49,15 @@ class ImportForm:
             if event.file.size() > LARGEST:
                 raise InputError(self._visitor.say("import.too_large"))
             content = await event.file.read()
-            made = await run.io_bound(lambda: self._recorded(content, user.name))
+            made = await aside(lambda: self._recorded(content, user.name))
         except InclinometryError as error:
             self.upload.reset()
             ui.notify(
                 self._visitor.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK"
             )
             return
-        if made is not None:  # None when the server is being stopped
-            place = "/results" if made.kind == "calibration" else "/calibrate"
-            ui.navigate.to(f"{place}/{made.id}")
+        place = "/results" if made.kind == "calibration" else "/calibrate"
+        ui.navigate.to(f"{place}/{made.id}")
 
     def _recorded(self, content: bytes, author: str) -> Record:
         return import_file(

@@ -7,7 +7,7 @@ import re
 from typing import Final
 
 from fastapi import Request
-from nicegui import run, ui
+from nicegui import ui
 
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.chain import parse_head
@@ -15,7 +15,7 @@ from inclinometry.store.kinds import KINDS
 from inclinometry.store.ledger import LedgerError
 from inclinometry.store.verify import Verdict, verify
 from inclinometry.web.api.ledger import HIDDEN
-from inclinometry.web.frame import Visitor, frame
+from inclinometry.web.frame import Visitor, aside, frame
 from inclinometry.web.pages.lists import to, visible
 from inclinometry.workflow.laboratory.listing import Listed, listed
 
@@ -81,18 +81,17 @@ def _check(visitor: Visitor) -> None:
                 done = [0.0]
                 bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback").classes("wide")
                 timer = ui.timer(0.2, lambda: bar.set_value(done[0]))
-            found: Verdict | str | None
+            found: Verdict | str
             try:
                 wanted = parse_head(noted.value.strip()) if noted.value.strip() else None
-                found = await run.io_bound(lambda: verify(ledger, head=wanted, progress=lambda x: _set(done, x)))
+                found = await aside(lambda: verify(ledger, head=wanted, progress=lambda x: _set(done, x)))
             except InclinometryError as error:
                 found = visitor.bench.told(str(error))
             timer.cancel()
             box.clear()
             button.enable()
-            if found is not None:  # None when the server is being stopped
-                with box:
-                    _verdict(visitor, found)
+            with box:
+                _verdict(visitor, found)
 
         with ui.row().classes("items-center"):
             button = ui.button(say("ledger.verify"), on_click=check).props("outline no-caps")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from fastapi import HTTPException, Request
-from nicegui import run, ui
+from nicegui import ui
 
 from inclinometry.calibration.expected import ANGLES, FROM_CALIBRATION, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
@@ -14,7 +14,7 @@ from inclinometry.core.constants import COVERAGE_FACTOR, INCLINATION_RANGE, INCL
 from inclinometry.core.errors import InclinometryError
 from inclinometry.report.words import calibration_tests
 from inclinometry.store.ledger import LedgerError, Record
-from inclinometry.web.frame import Visitor, frame
+from inclinometry.web.frame import Visitor, aside, frame
 from inclinometry.web.pages.charts import BLUE, axis, chart, legend
 from inclinometry.web.pages.lists import day, paged, to
 from inclinometry.workflow.calibrate import compare
@@ -213,12 +213,12 @@ def _methods(visitor: Visitor, record: Record) -> None:
             with box:
                 ui.spinner()
             try:
-                lines = await run.io_bound(lambda: _compared(visitor, record))
+                lines = await aside(lambda: _compared(visitor, record))
             except InclinometryError as error:
                 lines = [visitor.bench.told(str(error))]
             box.clear()
             with box:
-                for line in lines or []:
+                for line in lines:
                     ui.label(line).classes("number")
 
         ui.button(say("results.compare"), on_click=work).props("outline no-caps").style(f"color:{BLUE}")

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from fastapi import HTTPException, Request
-from nicegui import run, ui
+from nicegui import ui
 
 from inclinometry.calibration.acceptance import JUDGED
 from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import Ledger, LedgerError, Record
-from inclinometry.web.frame import Visitor, frame
+from inclinometry.web.frame import Visitor, aside, frame
 from inclinometry.web.pages.charts import GREY, RED, axis, bars, chart, legend
 from inclinometry.web.pages.lists import day, paged, to, visible
 from inclinometry.workflow.laboratory.agreed_limits import limits_of
@@ -67,15 +67,14 @@ def _record_button(visitor: Visitor, ledger: Ledger, session: str, calibration: 
         try:
             user = visitor.require("capture")
             limits = limits_of(load_session(ledger, session))
-            made = await run.io_bound(
+            made = await aside(
                 lambda: finish_verification(ledger, session, calibration, author=user.name, limits=limits)
             )
         except InclinometryError as error:
             ui.notify(visitor.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK")
             button.enable()
             return
-        if made is not None:  # None when the server is being stopped
-            ui.navigate.to(f"/verifications/{made.id}")
+        ui.navigate.to(f"/verifications/{made.id}")
 
     button = ui.button(visitor.say("verify.record"), on_click=record).props("unelevated no-caps")
 

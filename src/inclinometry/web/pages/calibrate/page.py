@@ -23,12 +23,12 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from fastapi import HTTPException, Request
-from nicegui import run, ui
+from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import ConflictError, LedgerError
-from inclinometry.web.frame import frame
+from inclinometry.web.frame import aside, frame
 from inclinometry.web.pages.calibrate.ask import ask_reason, ask_sure, say_problem
 from inclinometry.web.pages.calibrate.guided import Guided
 from inclinometry.web.pages.calibrate.show_events import Events
@@ -127,7 +127,7 @@ class BenchView:
 
     async def refresh(self) -> None:
         """Judge what has been taken, then show everything."""
-        await run.io_bound(self.guided.judge)
+        await aside(self.guided.judge)
         self._show()
 
     def _show(self) -> None:
@@ -221,7 +221,7 @@ class BenchView:
             if await self._tried(lambda: guided.take(how), by_itself=how == "automatic"):
                 ui.notify(say("bench.taken", number=number), type="positive", timeout=1500, position="bottom")
                 self._progress.show()
-                await run.io_bound(guided.judge)
+                await aside(guided.judge)
                 if guided.choose_next() and guided.turner is not None:
                     await self._tried(guided.turn)
         finally:
@@ -236,13 +236,13 @@ class BenchView:
     async def _watch(self) -> None:
         self._events.show()
         self._target.show_heat()
-        if not self._busy and await run.io_bound(self.guided.news) and not self._busy:
+        if not self._busy and await aside(self.guided.news) and not self._busy:
             await self.refresh()
 
     async def _ask_rig(self) -> None:
         guided = self.guided
         if guided.turner is not None:
-            await run.io_bound(guided.turner.poll)
+            await aside(guided.turner.poll)
             # another page may have asked before this one: what counts is what is shown here
             if guided.rig_state != self._rig_shown:
                 self._show_rig()
@@ -263,12 +263,11 @@ class BenchView:
             ui.navigate.to(f"/verify/{self.guided.session.id}/finish")
             return
         try:
-            record = await run.io_bound(self.guided.finish)
+            record = await aside(self.guided.finish)
         except InclinometryError as error:
             self._complain(str(error))
             return
-        if record is not None:  # None when the server is being stopped
-            ui.navigate.to(f"/results/{record.id}")
+        ui.navigate.to(f"/results/{record.id}")
 
     def _ask_abandon(self) -> None:
         async def go(reason: str) -> None:
@@ -300,7 +299,7 @@ class BenchView:
     async def _tried(self, do: Callable[[], Any], *, by_itself: bool = False) -> bool:
         """Do something that may take its time; what goes wrong is said, and ends automatic work."""
         try:
-            await run.io_bound(do)
+            await aside(do)
         except CaptureError as error:
             if not by_itself:  # the tool has just begun to move: it will be still again
                 self._complain(str(error))
