@@ -383,6 +383,9 @@ def test_coefficients_in_every_form(run, bench):
         assert mark in Path(f"out.{form}").read_text(encoding="utf-8")
         printed = run("coefficients", "tool.json", "--format", form).out
         assert printed.strip() == Path(f"out.{form}").read_text(encoding="utf-8").strip()
+    assert run("coefficients", "tool.json", "-o", "tool.h").status == 0  # the name says the form
+    assert Path("tool.h").read_bytes() == Path("out.c").read_bytes()
+    assert run("coefficients", "tool.json", "-o", "tool.txt").status == 2
     assert run("coefficients", "readings.csv").status == 2
 
 

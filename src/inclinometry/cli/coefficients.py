@@ -18,7 +18,7 @@ def coefficients(
     tool: Path,
     /,
     *,
-    format_: Annotated[Literal["table", "json", "c", "csv"], Parameter(name="--format")] = "table",
+    format_: Annotated[Literal["table", "json", "c", "csv"] | None, Parameter(name="--format")] = None,
     output_: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     temperature: Annotated[float | None, Parameter(name="--temperature-degC")] = None,
 ) -> None:
@@ -29,7 +29,8 @@ def coefficients(
     tool
         tool.json or truth.json
     format_
-        table: on the terminal. json: every view. c: header with single-precision constants. csv: a line a sensor.
+        table: on the terminal. json: every view. c: header with single-precision constants. csv: a line a sensor. When
+        not given: what the name of the output ends in (.json, .h, .csv), without an output the table.
     output_
         File to write; standard output when not given.
     temperature
@@ -37,14 +38,18 @@ def coefficients(
         c as polynomials over its range.
     """
     output.claim({"--output": output_}, {"the tool": tool})
+    endings = {".json": "json", ".h": "c", ".csv": "csv"}
+    chosen = format_ or (endings.get(output_.suffix.lower(), "table") if output_ else "table")
+    if chosen == "table" and output_ is not None:
+        raise InputError(
+            f"--output {output_}: the table is for the terminal; end the name in .json, .h or .csv, or give --format"
+        )
     content = read_coefficients(tool, temperature)
-    if format_ == "table":
-        if output_ is not None:
-            raise InputError("the table is for the terminal; give --format json, c or csv with --output")
+    if chosen == "table":
         show_coefficients(content)
         return
     form = {"json": coefficients_json, "c": coefficients_c, "csv": coefficients_csv}
-    text = form[format_](content)
+    text = form[chosen](content)
     if output_ is None:
         output.say(text.rstrip("\n"))
     else:
