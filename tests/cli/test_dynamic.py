@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -128,6 +129,42 @@ def test_a_run_without_a_field_is_refused_window_by_window(simulated, run):
         rows = list(csv.DictReader(stream))
     assert all(row["inclination_deg"] == row["azimuth_deg"] == "" and "no-field" in row["flags"] for row in rows)
     assert "no-field" in Path("d.html").read_text(encoding="utf-8")
+
+
+def restated(dip: float) -> None:
+    """site.toml with another dip than the field's 65 deg."""
+    text = Path("site.toml").read_text()
+    assert "dip_deg = 65\n" in text
+    Path("site.toml").write_text(text.replace("dip_deg = 65\n", f"dip_deg = {dip:g}\n"))
+
+
+@pytest.mark.parametrize("method", ["auto", "magnetic", "filter"])
+def test_a_site_with_another_dip_is_refused_where_it_leaves_nothing(run, method):
+    """Whole turns: every window shows 65 deg of dip beside 75 deg stated; blank angles at exit 0 would be no answer."""
+    done = run(
+        "simulate", "drilling", "--scenario", "smooth", "--seed", 1, "--duration-s", 40, "-o", "run.csv",
+        "--site", "site.toml",
+    )  # fmt: skip
+    assert done.status == 0, done.err
+    restated(75.0)
+    done = run("dynamic", "run.csv", "--site", "site.toml", "--method", method, "-o", "a.csv", "--report", "d.html")
+    assert done.status == 2
+    assert "run.csv: no window has an attitude: the dip comes out as 65.0 deg, the site's is 75.0 deg" in done.err
+    assert not Path("a.csv").exists()
+    assert not Path("d.html").exists()
+
+
+@pytest.mark.parametrize("method", ["auto", "complementary"])
+def test_a_site_with_another_dip_is_named_where_angles_are_left(simulated, run, method):
+    """Stick-slip: toolface by the gyro, or a filter that does not need the dip, go on; both dips are named."""
+    restated(55.0)
+    done = run("dynamic", "run.parquet", "--site", "site.toml", "--method", method, "-o", "a.csv", "--json")
+    assert done.status == 0, done.err
+    # 30 s of shaking leave some tenths of a degree on the mean
+    words = r"the dip comes out as ([\d.]+) deg, the site's is 55\.0 deg"
+    named = [re.search(words, note) for note in done.json["notes"]]
+    (dip,) = [float(each[1]) for each in named if each]
+    assert dip == pytest.approx(65.0, abs=0.6)
 
 
 REFUSED = {

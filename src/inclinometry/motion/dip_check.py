@@ -95,6 +95,43 @@ def _turned_back(window: Samples) -> tuple[Array | None, Array | None, float]:
     return turned.mean(axis=0)[None], field, float(np.sqrt(spread.sum() / 3.0))
 
 
+class RunDip:
+    """Dip of a whole run, however the tool moves: in g.b = |g| |b| sin(dip) shaking averages out.
+
+    Parameters
+    ----------
+    site : Site, optional
+        Its gravity stands for the mean of an accelerometer that shakes.
+
+    Examples
+    --------
+    >>> run = RunDip(Site(dip=1.0))
+    >>> run.add(Samples([0.0], 0.1, accel=[[0.0, 0.0, 9.80665]], mag=[[20e3, 0.0, 40e3]]))
+    >>> round(run.dip, 3)
+    1.107
+    """
+
+    def __init__(self, site: Site | None) -> None:
+        self._gravity = (site.gravity if site is not None else None) or STANDARD_GRAVITY
+        self._dots, self._squares, self._count = 0.0, 0.0, 0
+
+    def add(self, samples: Samples) -> None:
+        """Samples of the run; those that are missing or clipped are passed over."""
+        if samples.accel is None or samples.mag is None:
+            return
+        used = slice(None) if samples.clipped is None else ~samples.clipped
+        accel, mag = samples.accel[used], samples.mag[used]
+        self._dots += float(np.sum(accel * mag))
+        self._squares += float(np.sum(mag**2))
+        self._count += len(mag)
+
+    @property
+    def dip(self) -> float:
+        """rad; NaN before a sample with gravity and field."""
+        strength = np.sqrt(self._squares * self._count) * self._gravity
+        return float(np.arcsin(np.clip(self._dots / strength, -1.0, 1.0))) if strength > 0.0 else float("nan")
+
+
 def azimuth_doubt(off: FieldOff, site: Site | None) -> float:
     """rad, standard uncertainty of azimuth in a field that is off by so much: its share over the cosine of the dip.
 

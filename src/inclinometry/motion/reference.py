@@ -78,7 +78,8 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
         shares[0], excess[0] = abs(off) / allowed, size * max(abs(off) - allowed, 0.0)
         if abs(off) > FAR_DIP + SURE * own:
             far = True
-            said.append(f"the dip is {np.degrees(off):.1f} deg off the site's")
+            seen, stated = np.degrees((off + site.dip, site.dip))
+            said.append(f"the dip comes out as {seen:.1f} deg, the site's is {stated:.1f} deg")
     if site.b is not None and size > 0.0:
         along = field / size
         own = float(np.sqrt(along @ covariance[3:, 3:] @ along))

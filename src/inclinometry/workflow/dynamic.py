@@ -19,6 +19,7 @@ from inclinometry.io.attitude_file import write_attitude
 from inclinometry.io.columns import KIND_PREFIX
 from inclinometry.io.run_file import BLOCK, RunFile
 from inclinometry.motion.grid import unit_doubt
+from inclinometry.motion.result import BITS
 from inclinometry.motion.run_result import DynamicRun, RunCounts
 from inclinometry.motion.timing import Piece, StretchCutter
 from inclinometry.workflow.dynamic_methods import (
@@ -166,6 +167,7 @@ def dynamic_run(
     if not len(work.rows):
         length = f"the run lasts {work.stop - work.start:.6g} s, and no stretch of it fills a window"
         raise FileError(f"{length} of {chosen.window:g} s; give a longer run or a shorter window", path=run.path)
+    _check_left(work.rows, run)
     vibration, envelopes, excerpts, spectrogram = work.monitor.finish()
     heat = temperature_doubts(work.monitor.heat, calibration)
     notes = (
@@ -341,6 +343,20 @@ def _check_north(site: Site, run: RunFile) -> None:
         convert_azimuth(0.0, "magnetic", site.north_reference, site)
     elif site.north_reference == "grid":
         convert_azimuth(0.0, "true", "grid", site)
+
+
+def _check_left(rows: Rows, run: RunFile) -> None:
+    """FileError where every window is refused for a dip that is not the site's: the site or the axes, not the windows.
+
+    Single windows are refused in the rows, with their flags; so is a run that has no field at all.
+    """
+    found = rows.done()
+    contradicted = found.flags & np.uint32(BITS["axes"] | BITS["misfit"]) > 0
+    if not (found.refused & contradicted).all():
+        return
+    said = next((note for note in rows.notes if "the dip comes out as" in note), None)
+    if said is not None:
+        raise FileError(f"no window has an attitude: {said}", path=run.path)
 
 
 def write_dynamic(found: DynamicRun, path: str | Path) -> None:

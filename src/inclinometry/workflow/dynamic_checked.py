@@ -10,8 +10,9 @@ import numpy as np
 
 from inclinometry.earth.site import Site
 from inclinometry.motion._window_buffer import WindowBuffer
+from inclinometry.motion.axes import FAR_DIP, expected_dip
 from inclinometry.motion.choose import TURNING
-from inclinometry.motion.dip_check import azimuth_doubt, widened
+from inclinometry.motion.dip_check import RunDip, azimuth_doubt, widened
 from inclinometry.motion.finding import Finding
 from inclinometry.motion.health import HealthCheck, WindowHealth, named
 from inclinometry.motion.result import BITS, Attitude, joined
@@ -78,6 +79,7 @@ class Checked:
         self._held: list[Attitude] = []
         self._best = np.inf
         self._misfits = 0
+        self._seen = RunDip(site)
 
     def push(self, samples: Samples) -> Attitude:
         """Rows that became complete and were judged.
@@ -87,6 +89,7 @@ class Checked:
         InputError
             As the method, and units, signs or axes that contradict each other (`HealthCheck`).
         """
+        self._seen.add(samples)
         self._judge(self._buffer.push(samples))
         self._held.append(self._stream.push(samples))
         return self._released(self._verdicts[-1].stop if self._verdicts else -np.inf)
@@ -99,7 +102,7 @@ class Checked:
         rows = self._released(np.inf)
         said = self._check.notes(besides=() if "mag" in self._needs else ("no-field", "disturbed"))
         if self._misfits and not said:
-            said = (f"{self._misfits} rows were refused for misfit: {_MISFIT}",)
+            said = (f"{self._misfits} rows were refused for misfit: {self._dip()}{_MISFIT}",)
         if self._moved:
             said = (
                 f"the tool was not at rest in {self._moved} of {self._judged_rows} windows, which are refused: means "
@@ -107,6 +110,12 @@ class Checked:
                 *said,
             )
         return replace(rows, notes=tuple(dict.fromkeys((*last.notes, *rows.notes, *said))))
+
+    def _dip(self) -> str:
+        """The dip of the run beside the site's where they differ, to begin a sentence; else nothing."""
+        dip, words = expected_dip(self._site)
+        off = dip is not None and abs(self._seen.dip - dip) > FAR_DIP
+        return f"the dip comes out as {np.degrees(self._seen.dip):.1f} deg, {words}; " if off else ""
 
     def _judge(self, windows: list[Samples]) -> None:
         for window in windows:

@@ -14,10 +14,11 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.motion.axes import expected_dip
+from inclinometry.motion.axes import FAR_DIP, expected_dip
 from inclinometry.motion.choose import AttitudeChooser, ChooserSettings
 from inclinometry.motion.complementary.filter import ComplementaryStream
 from inclinometry.motion.complementary.settings import ComplementarySettings
+from inclinometry.motion.dip_check import RunDip
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.inertial.smoother import smoothed_attitude
@@ -215,15 +216,12 @@ class _Complementary:
     """
 
     def __init__(self, setup: Setup, first: Samples) -> None:
-        self._site, self._dots, self._strengths, self._count = setup.site, 0.0, 0.0, 0
+        self._site, self._seen = setup.site, RunDip(setup.site)
         settings = setup.complementary(first.interval)
         self._stream = ComplementaryStream(first.interval, settings, magnetometer=first.has("mag"))
 
     def push(self, samples: Samples) -> Attitude:
-        if samples.mag is not None and samples.accel is not None:
-            self._dots += float(np.sum(samples.accel * samples.mag))
-            self._strengths += float(np.sum(samples.mag**2))
-            self._count += len(samples)
+        self._seen.add(samples)
         rows = self._stream.push(samples)
         # what the first second makes of a tool that spins is no attitude, and its covariance does not say so
         young = (rows.flags & np.uint32(BITS["start"]) > 0)[:, None]
@@ -232,16 +230,18 @@ class _Complementary:
 
     def finish(self) -> Attitude:
         dip, words = expected_dip(self._site)
-        if self._count and dip is not None:
-            strength = np.sqrt(self._strengths * self._count) * (self._site.gravity or STANDARD_GRAVITY)
-            found = float(np.arcsin(np.clip(self._dots / strength, -1.0, 1.0)))
+        said: tuple[str, ...] = ()
+        if dip is not None:
+            found = self._seen.dip
+            text = f"the dip comes out as {np.degrees(found):.1f} deg, {words}"
             if abs(found + dip) < 0.5 * abs(dip):
                 raise InputError(
-                    f"the dip comes out as {np.degrees(found):.1f} deg, {words}: the accelerometers or the "
-                    "magnetometer have the wrong sign; state --convention specific-force where accelerometers at "
-                    "rest read upwards"
+                    f"{text}: the accelerometers or the magnetometer have the wrong sign; state --convention "
+                    "specific-force where accelerometers at rest read upwards"
                 )
-        return replace(self._stream.finish(), notes=self._stream.notes())
+            if self._site.dip is not None and abs(found - dip) > FAR_DIP:
+                said = (f"{text}: is this the right site file, or does steel go with the tool?",)
+        return replace(self._stream.finish(), notes=(*self._stream.notes(), *said))
 
 
 @dataclass(frozen=True)
