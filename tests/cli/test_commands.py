@@ -297,6 +297,18 @@ class TestDatasheet:
         assert "nothing was measured" in done.err
         assert not Path("certificate.pdf").exists()
 
+    def test_its_bench_needs_no_converter(self, run):
+        """Signals in V: nothing says how large a step is, so that none is simulated unless it is asked for."""
+        run("datasheet", "--template", "-o", "datasheet.toml")
+        bench = ("simulate", "bench", "--plan", "twelve", "--tool", "datasheet.toml", "-o")
+        assert run(*bench, "readings.csv").status == 0
+        assert run(*bench, "same.csv", "--bits", 0).status == 0
+        assert Path("readings.csv").read_bytes() == Path("same.csv").read_bytes()
+        refused = run(*bench, "other.csv", "--bits", 16)
+        assert refused.status == 2
+        assert "bits is 16, but accelerometer signals are in 'V'" in refused.err
+        assert not Path("other.csv").exists()
+
     def test_classical_takes_it_and_says_when_it_has_none(self, run):
         run("datasheet", "--template", "-o", "datasheet.toml")
         bench = ("simulate", "bench", "--plan", "orthogonal", "--bits", 0, "-o", "readings.csv", "--truth", "true.json")

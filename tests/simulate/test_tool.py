@@ -151,5 +151,5 @@ def test_bad_requests_are_refused():
         random_tool(1, bits=1)
     with pytest.raises(InputError, match="seed"):
         random_tool(-1)
-    with pytest.raises(InputError, match="leave out bits"):
+    with pytest.raises(InputError, match="leave bits out"):
         signal_step("accelerometer", "V", 12)

@@ -36,7 +36,7 @@ def bench(
     north_offset_deg: float = 0.0,
     inclination_zero_deg: float = 0.0,
     dip_deg: float = float(np.degrees(DIP)),
-    bits: int = 12,
+    bits: int | None = None,
     noise: float = 1.0,
     magnetometer: Literal["magnetoresistive", "fluxgate"] | None = None,
     accel_noise: AccelNoise = None,
@@ -80,7 +80,8 @@ def bench(
     dip_deg
         Magnetic dip at the bench.
     bits
-        Of the converter; 0 for signals in m/s2 and nT without steps.
+        Of the converter; 0 for signals without steps. 12 when not given, but none for a --tool whose signals are in
+        another unit than counts, m/s2 and nT (a data sheet in V), of which nothing says how large a step is.
     noise
         Factor on 0.3 mg and 20 nT, both triads.
     magnetometer
@@ -126,7 +127,7 @@ def bench(
         seed,
         rig=rig,
         layout=layout,
-        bits=bits or None,
+        bits=(use.usual_bits(None if again is None else again[0]) if bits is None else bits) or None,
         noise=noise,
         repeats=repeats,
         temperature=heat,

@@ -41,6 +41,17 @@ def converter_step(kind: str, bits: int) -> float:
     return 2.0 * FULL_SCALE[kind] / 2.0**bits
 
 
+def has_step(kind: str, unit: str) -> bool:
+    """Whether the size of a count is known for signals in this unit.
+
+    Examples
+    --------
+    >>> has_step("magnetometer", "nT"), has_step("magnetometer", "V")
+    (True, False)
+    """
+    return unit in ("counts", PHYSICAL_UNITS[kind])
+
+
 def signal_step(kind: str, unit: str, bits: int) -> float:
     """Size of one count in the unit the signals have.
 
@@ -55,7 +66,8 @@ def signal_step(kind: str, unit: str, bits: int) -> float:
     if unit == PHYSICAL_UNITS[kind]:
         return converter_step(kind, bits)
     raise InputError(
-        f"{kind} signals are in {unit!r}; a converter needs 'counts' or {PHYSICAL_UNITS[kind]!r}; leave out bits"
+        f"bits is {bits}, but {kind} signals are in {unit!r}, whose step is not known; allowed: 'counts' or "
+        f"{PHYSICAL_UNITS[kind]!r}; else leave bits out, or state 0 at the command line"
     )
 
 

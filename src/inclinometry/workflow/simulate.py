@@ -23,6 +23,7 @@ from inclinometry.io.tool_json import read_extras, read_tool
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.bench import BenchSimulation, simulate_bench
 from inclinometry.simulate.characteristic import MAGNETOMETERS, Characteristic, signal_of
+from inclinometry.simulate.converter import has_step
 from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
 from inclinometry.simulate.log import LogSimulation, simulate_log
 from inclinometry.simulate.rig import Misread, Rig
@@ -51,6 +52,22 @@ class SimulatedBench:
     extras: Mapping[str, Any]
 
 
+BITS = 12
+"""Of the usual converter."""
+
+
+def usual_bits(tool: Tool | None = None) -> int | None:
+    """Bits of the converter where none are stated: none for a tool in a unit of which nothing says the step.
+
+    Examples
+    --------
+    >>> usual_bits(), usual_bits(realistic_tool(1, bits=None))
+    (12, 12)
+    """
+    known = tool is None or all(has_step(kind, triad.unit) for kind, triad in tool.triads.items())
+    return BITS if known else None
+
+
 def plan_named(name: str) -> Plan:
     """A plan by name, or from a CSV file."""
     if name in PLANS:
@@ -66,7 +83,7 @@ def bench(
     *,
     rig: Rig,
     layout: str = "realistic",
-    bits: int | None = 12,
+    bits: int | None = BITS,
     noise: float = 1.0,
     repeats: int = 1,
     temperature: Array | float | None = None,
