@@ -1,5 +1,6 @@
 """A data sheet becomes the tool it describes, with its uncertainties; what it cannot mean is refused."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -94,12 +95,27 @@ def test_the_template_is_a_data_sheet_and_survives_tool_json(tmp_path):
         (SHEET.replace("offset = [0.1, 0.2, 0.3]\n", ""), "offset is missing"),
         (SHEET + "bias = 0.0\n", "both offset and bias"),
         (SHEET.replace("2.0,", "-2.0,"), "scale is -2.0"),
-        (SHEET.replace("2.0,", "0.0,"), "must be positive"),
+        (SHEET.replace("2.0,", "0.0,"), "scale is 0.0; a number from 1e-12"),
         (SHEET.replace("2.0,", "nan,"), "scale is nan"),
         (SHEET.replace("2.0, ", ""), "2 numbers; 3 sensors"),
         (SHEET + "axes = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]]\n", "sensor 2 have length 2"),
         (SHEET + "axes = [[1.0, 0.0], [0.0, 2.0], [0.0, 0.0]]\n", "3 rows of 3"),
-        (SHEET + "misalignment_deg = [[80.0, 0.0], [0.0, 0.0], [0.0, 0.0]]\n", "reaches 80"),
+        (SHEET + "misalignment_deg = [[80.0, 0.0], [0.0, 0.0], [0.0, 0.0]]\n", "is 80.0; a number from -45"),
+        *(
+            (SHEET.replace("2.0,", f"{value},"), rf"sheet.toml: \[accelerometer\] scale is {re.escape(value)[:20]}")
+            for value in ("1e+200", "1e+308", "1e-300", "9" * 400)
+        ),
+        (SHEET.replace("0.1,", "1e+308,"), r"offset is 1e\+308; a number from -1e\+12 to 1e\+12"),
+        (SHEET.replace("offset = [0.1,", "bias = [1e+7,"), "bias is 10000000.0; a number from"),
+        (SHEET + "u_scale_percent = 101\n", "u_scale_percent is 101; a number from 0 to 100"),
+        (SHEET + "u_offset = 1e+200\n", "u_offset is 1e[+]200; a number from 0"),
+        (SHEET + "u_bias = -1\n", "u_bias is -1; a number from 0"),
+        (SHEET + "u_axes_deg = 400\n", "u_axes_deg is 400; a number from 0 to 45"),
+        (SHEET + "noise = 1e300\n", "noise is 1e[+]300; a number from 0"),
+        (SHEET.replace('unit = "V"', 'unit = ""'), r"\[accelerometer\] unit is ''"),
+        (SHEET + "axes = [[1, 0, 0], [-1, 0, 0], [0, 0, 1]]\n", "sensors 1 and 2 lie along one line within 0.0 deg"),
+        (SHEET + "misalignment_deg = [[45, 0], [45, 0], [0, 0]]\n", "misalignment_deg: the axes of sensors 1 and 2"),
+        (SHEET + "axes = [[1, 0, 0], [0.6, 0.8, 0], [-0.6, 0.8, 0]]\n", "lie in one plane"),
         (SHEET + "sensitivity = 1.0\n", "'sensitivity' is not known"),
         (SHEET.replace("[2.0, 2.1, 2.2]", "[2.0, 2.1, 2.2, 2.3]").replace("0.3]", "0.3, 0.4]"), "give axes"),
         ('tool = "1"\naccelerometer = 3\n', "a section with"),
@@ -108,3 +124,10 @@ def test_the_template_is_a_data_sheet_and_survives_tool_json(tmp_path):
 def test_what_it_cannot_mean(tmp_path, text, words):
     with pytest.raises(FileError, match=words):
         read(tmp_path, text)
+
+
+def test_redundant_sensors_may_be_parallel(tmp_path):
+    """Four sensors, two of them along one line: the others see the rest."""
+    text = SHEET.replace("[2.0, 2.1, 2.2]", "2.0").replace("[0.1, 0.2, 0.3]", "0.1")
+    found = read(tmp_path, text + "axes = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, 1]]\n")
+    assert found.tool.triads["accelerometer"].full

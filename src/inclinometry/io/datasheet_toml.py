@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,21 @@ _KEYS = (
     "unit", "per", "scale", "offset", "bias", "axes", "misalignment_deg", "u_scale_percent", "u_offset", "u_bias",
     "u_axes_deg", "noise",
 )  # fmt: skip
+RANGES: Mapping[str, tuple[float, float]] = {
+    # signals in counts of 32 bits or in nV, fields in nT or in G: what lies outside is a slip of the pen
+    "scale": (1e-12, 1e12),
+    "offset": (-1e12, 1e12),
+    "bias": (-1e6, 1e6),
+    "u_scale_percent": (0.0, 100.0),
+    "u_offset": (0.0, 1e12),
+    "u_bias": (0.0, 1e6),
+    "u_axes_deg": (0.0, 45.0),  # beyond, they are no small angles
+    "noise": (0.0, 1e12),
+    "misalignment_deg": (-45.0, 45.0),
+}
+"""Key -> least and largest value allowed, in the unit of the key."""
+FLAT = 0.05
+"""Least singular value of the axes: two sensors 4 degrees apart, or three so near to one plane."""
 TEMPLATE = """\
 # datasheet.toml
 # a tool from the nameplates of its sensors: U = scale (field along the axis) + offset
@@ -107,10 +123,9 @@ def read_datasheet(path: str | Path) -> Calibration:
     for kind in kinds:
         try:
             triads[kind], block, noise[kind] = _triad(kind, settings.content[kind], path)
-        except FileError:
-            raise
         except InputError as error:
-            raise FileError(f"[{kind}] {error}", path=path) from None
+            problem = error.problem if isinstance(error, FileError) else error
+            raise FileError(f"[{kind}] {problem}", path=path) from None
         blocks += list(block)
         if not block.any():
             warnings.append(f"no uncertainty is stated for the {kind}: angles are given as if its values were exact")
@@ -146,17 +161,13 @@ def _triad(kind: str, content: Any, path: str | Path) -> tuple[Triad, Array, Arr
     field = strength / units[str(per)]  # the field, in the data sheet's unit
     count = max((len(v) for v in content.values() if isinstance(v, list)), default=3)
     axes = _axes(content, count)
-    scale = _numbers(content, "scale", count, low=0.0)
-    if not (scale > 0.0).all():
-        raise InputError(
-            f"scale is {content['scale']}; it must be positive: turn the axis of a sensor that counts back"
-        )
+    scale = _numbers(content, "scale", count)
     offset = _either(content, "offset", "bias", scale)
     if offset is None:
         raise InputError('offset is missing; give it in the unit of the signals, or bias in that of "per"')
-    u_offset = _either(content, "u_offset", "u_bias", scale, low=0.0)
-    u_scale = _numbers(content, "u_scale_percent", count, low=0.0) / 100.0
-    u_axis = np.radians(_numbers(content, "u_axes_deg", count, low=0.0))
+    u_offset = _either(content, "u_offset", "u_bias", scale)
+    u_scale = _numbers(content, "u_scale_percent", count) / 100.0
+    u_axis = np.radians(_numbers(content, "u_axes_deg", count))
     size = scale * field
     along = axes[:, :, None] * axes[:, None, :]
     block = np.zeros((count, 4, 4))
@@ -164,29 +175,40 @@ def _triad(kind: str, content: Any, path: str | Path) -> tuple[Triad, Array, Arr
     block[:, :3, :3] = (size**2)[:, None, None] * spread
     block[:, 3, 3] = 0.0 if u_offset is None else u_offset**2
     triad = Triad(kind, size[:, None] * axes, offset, str(unit), strength)
-    return triad, block, _numbers(content, "noise", count, low=0.0)
+    return triad, block, _numbers(content, "noise", count)
 
 
-def _either(content: dict[str, Any], signal: str, field: str, scale: Array, low: float | None = None) -> Array | None:
+def _either(content: dict[str, Any], signal: str, field: str, scale: Array) -> Array | None:
     """A value stated as a signal, or as a field; (m,) as a signal, None where it is not stated."""
     if signal in content and field in content:
         raise InputError(f"both {signal} and {field} are given; leave one of them out")
     if field in content:
-        return scale * _numbers(content, field, len(scale), low)
-    return _numbers(content, signal, len(scale), low) if signal in content else None
+        return scale * _numbers(content, field, len(scale))
+    return _numbers(content, signal, len(scale)) if signal in content else None
 
 
-def _numbers(content: dict[str, Any], key: str, count: int, low: float | None = None) -> Array:
-    """One number for all, or one for each sensor; zero where nothing is stated."""
+def _numbers(content: dict[str, Any], key: str, count: int) -> Array:
+    """One number for all, or one for each sensor, within the key's range; zero where nothing is stated."""
     value = content.get(key, 0.0)
     items = value if isinstance(value, list) else [value] * count
     if len(items) != count:
         raise InputError(f"{key} has {len(items)} numbers; {count} sensors are described, give one number or {count}")
     for item in items:
-        bad = isinstance(item, bool) or not isinstance(item, int | float) or not math.isfinite(item)
-        if bad or (low is not None and item < low):
-            raise InputError(f"{key} is {item!r}; a number{'' if low is None else f' of {low:g} or more'} is needed")
+        _check(key, item)
     return np.array(items, dtype=np.float64)
+
+
+def _check(key: str, item: Any) -> None:
+    """InputError where a value is no number of the key's range."""
+    low, high = RANGES.get(key, (-math.inf, math.inf))
+    # a whole number of any length is compared as it is: it need not fit into a float
+    number = isinstance(item, int | float) and not isinstance(item, bool)
+    if number and low <= item <= high and abs(item) < sys.float_info.max:
+        return
+    needed = f"a number from {low:g} to {high:g} is needed" if key in RANGES else "a number is needed"
+    hint = ": turn the axis of a sensor that counts back" if key == "scale" and number and item < 0 else ""
+    hint = ": give axes instead" if key == "misalignment_deg" and number else hint
+    raise InputError(f"{key} is {item!r:.40}; {needed}{hint}")
 
 
 def _axes(content: dict[str, Any], count: int) -> Array:
@@ -202,19 +224,31 @@ def _axes(content: dict[str, Any], count: int) -> Array:
                 f"axes: the cosines of sensor {worst + 1} have length {length[worst]:.4g}; 1 is needed, the conversion "
                 "factor belongs to scale"
             )
-        return np.asarray(rows / length[:, None])
+        return _spread(rows / length[:, None], "axes")
     if count not in (2, 3):
         raise InputError(f"{count} sensors are described; give axes, their direction cosines")
     axes = np.eye(3)[:count]
     if "misalignment_deg" in content:
         angles = _rows(content, "misalignment_deg", count, 2)
-        if np.abs(angles).max() > 45.0:
-            raise InputError(
-                f"misalignment_deg reaches {np.abs(angles).max():g}; up to 45 is allowed: give axes instead"
-            )
         for sensor in range(count):
             axes[sensor, [axis for axis in range(3) if axis != sensor]] = np.tan(np.radians(angles[sensor]))
-    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
+    return _spread(axes / np.linalg.norm(axes, axis=1, keepdims=True), "misalignment_deg")
+
+
+def _spread(axes: Array, key: str) -> Array:
+    """The axes (m, 3), when they see all three components, or two where there are two sensors; else InputError."""
+    seen = min(len(axes), 3)
+    if np.linalg.svd(axes, compute_uv=False)[seen - 1] >= FLAT:
+        return axes
+    lines = np.abs(axes @ axes.T) - 2.0 * np.eye(len(axes))
+    one, other = sorted(int(place) for place in np.unravel_index(lines.argmax(), lines.shape))
+    apart = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axes[one], axes[other])), lines[one, other])))
+    if len(axes) > 3 or apart > 10.0:
+        raise InputError(f"{key}: the axes of the {len(axes)} sensors lie in one plane; one must point out of it")
+    raise InputError(
+        f"{key}: the axes of sensors {one + 1} and {other + 1} lie along one line within {apart:.1f} deg; 4 deg or "
+        "more between them are needed: see that each row is that of its own sensor"
+    )
 
 
 def _rows(content: dict[str, Any], key: str, count: int, width: int) -> Array:
