@@ -52,7 +52,11 @@ def test_a_misread_dial_writes_nothing_and_names_the_option_that_states_it(run, 
     one, other = (read_calibration(name).tool.triads["magnetometer"].tensor for name in ("tool.json", "right.json"))
     # a file holds degrees to ten digits
     np.testing.assert_allclose(one, other, atol=1e-4)
-    assert run("verify", "changed.csv", "--calibration", "right.json").status == 1
+    judged = run("verify", "changed.csv", "--calibration", "right.json", "-o", "verify.json", "--report", "v.html")
+    assert judged.status == 2
+    assert f"with {option} the readings fit" in judged.err
+    assert not Path("verify.json").exists()
+    assert not Path("v.html").exists()
     assert run("verify", "changed.csv", "--calibration", "right.json", *option.split()).status == 0
 
 

@@ -12,6 +12,7 @@ from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle
 from inclinometry.attitude.rotations import cross_matrix
 from inclinometry.calibration.expected import ANGLES, expected_uncertainty
 from inclinometry.calibration.likelihood import tangent_basis
+from inclinometry.calibration.misread import MisreadError, StandField, check_misread
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, leading_kinds
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
@@ -158,7 +159,9 @@ def verify(
     Raises
     ------
     InputError
-        Without rig angles, readings of another tool, those the tool was calibrated with, a stand that is not known.
+        Without rig angles, readings of another tool, those the tool was calibrated with, a stand that is not known;
+        errors far beyond any tool's that go away when the dials count in another convention, which is named
+        (`inclinometry.calibration.misread.check_misread`): they are no errors of the tool.
 
     Notes
     -----
@@ -193,6 +196,7 @@ def verify(
             f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a {kinds[0]} alone gives none "
             "of them: leave the limits out, and the direction of the field in tool axes is held against its uncertainty"
         )
+    misread = check_misread(readings, calibration, _stand_fields(readings, calibration, kinds, stand))
     where = _expected(readings, calibration, kinds, stand)
     seen = fields_seen(readings, calibration, kinds, where.fields[kinds[0]])
     measured, wanted = _angles(seen, kinds), _angles(where.fields, kinds)
@@ -228,7 +232,7 @@ def verify(
     if len(kinds) == 1:
         errors[:, 1], u[:, 1] = np.nan, np.pi / np.sqrt(3.0)
     found = _decided(readings, calibration, limits, names, dials, inclination, errors, u, bounds, k)
-    notes = [*where.notes, *_unjudged(readings, calibration, kinds)]
+    notes = [*where.notes, *misread, *_unjudged(readings, calibration, kinds)]
     if len(kinds) == 1:
         notes += _strength(readings, calibration, kinds[0], seen)
     if stand is None and found.verdict == "fail":
@@ -304,6 +308,23 @@ def _expected(
             f"({good} deg)"
         )
     return _Where(matrix, by_setting, by_nuisance, directions, fields, own, base, turn, notes)
+
+
+def _stand_fields(
+    readings: BenchReadings, calibration: Calibration, kinds: Sequence[str], stand: OtherStand | None
+) -> dict[str, StandField]:
+    """What is known of the fields that the readings' triads see, before anything is fitted."""
+    seen = [kind for kind in readings.channels if kind in calibration.tool.triads]
+    here, down = calibration.field_directions, np.array([[0.0], [0.0], [1.0]])
+    if stand is None:
+        return {kind: StandField(here[kind], np.zeros((3, 0))) for kind in seen if kind in here}
+    found = {kind: StandField(np.zeros(3), np.eye(3)) for kind in seen}
+    if stand.level_sd is not None and "accelerometer" in found:
+        found["accelerometer"] = StandField(np.zeros(3), down)
+        if stand.north is not None and len(kinds) == 2:
+            toward = np.array([[np.cos(stand.north)], [-np.sin(stand.north)], [0.0]])
+            found[kinds[1]] = StandField(np.zeros(3), np.hstack([toward, down]))
+    return found
 
 
 def _placed(
@@ -423,6 +444,8 @@ def _elsewhere(
     """Whether another orientation of the stand explains a failure on what was taken for the calibration's own."""
     try:
         other = verify(readings, calibration, limits, stand=OtherStand(), second=second)
+    except MisreadError as error:
+        return [f"taken as another stand than that of the calibration, {error}"]
     except InclinometryError:
         return []
     # a mere scatter of the errors is no shift, though a fit takes a little off it
@@ -455,6 +478,7 @@ def _verify_single(
             "a single sensor does not tell where another stand stands: verify it on that of its calibration"
         )
     kinds, tool = _single(readings, calibration), calibration.tool
+    misread = check_misread(readings, calibration, _stand_fields(readings, calibration, kinds, None))
     where = _expected(readings, calibration, kinds, None)
     size = len(readings)
     errors, u, idle = (
@@ -462,7 +486,7 @@ def _verify_single(
         np.full((size, 3), np.pi / np.sqrt(3.0)),
         np.ones((size, 3), dtype=bool),
     )
-    notes, names = [], ["-", "-", "-"]
+    notes, names = misread, ["-", "-", "-"]
     for column, kind in enumerate(kinds):
         triad, field_here = tool.triads[kind], where.fields[kind]
         names[column] = f"angle of the {kind} to its field"

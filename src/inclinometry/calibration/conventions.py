@@ -76,6 +76,18 @@ class Dials:
         )
         return azimuth, from_vertical, toolface
 
+    def shown(self, azimuth: Array, inclination: Array, toolface: Array) -> tuple[Array, Array, Array]:
+        """What the dials say at settings of the conventions, rad; the inverse of `settings`.
+
+        Examples
+        --------
+        >>> [round(np.degrees(x)) for x in Dials("horizontal-up", "counterclockwise").shown(1.0, 0.0, -1.0)]
+        [-57, -90, -57]
+        """
+        azimuth, dialled, toolface = self.settings(azimuth, inclination, toolface)
+        # the one conversion that is not its own inverse
+        return azimuth, inclination - np.pi / 2.0 if self.inclination_from == "horizontal-up" else dialled, toolface
+
     def read(self, readings: BenchReadings) -> BenchReadings:
         """The readings with their dials converted, and a note that says so."""
         if self == USUAL:
@@ -83,7 +95,12 @@ class Dials:
         azimuth, inclination, toolface = self.settings(*readings.dials)
         note = f"the dials were read as stated, {self.words()}, and converted"
         return replace(
-            readings, azimuth=azimuth, inclination=inclination, toolface=toolface, notes=(*readings.notes, note)
+            readings,
+            azimuth=azimuth,
+            inclination=inclination,
+            toolface=toolface,
+            notes=(*readings.notes, note),
+            counted=(self.inclination_from, self.azimuth_counts, self.toolface_counts),
         )
 
     def words(self) -> str:
@@ -98,22 +115,30 @@ class Dials:
 USUAL = Dials()
 """As the house counts: from the vertical, clockwise, clockwise."""
 
-
-def _classes() -> dict[tuple[bool, bool], list[Dials]]:
-    """(from the horizontal, odd number of reversals) -> conventions that fit equally, fewest changes first."""
-    found: dict[tuple[bool, bool], list[Dials]] = {}
-    ways = [Dials(*way) for way in product(get_args(InclinationFrom), get_args(Counts), get_args(Counts))]
-    for way in sorted(ways, key=lambda w: w.words().count("--")):
-        reversed_ = [
-            way.inclination_from in ("other-end", "horizontal-up"),
-            way.azimuth_counts == "counterclockwise",
-            way.toolface_counts == "counterclockwise",
-        ]
-        found.setdefault((way.inclination_from.startswith("horizontal"), sum(reversed_) % 2 == 1), []).append(way)
-    return found
+WAYS = sorted(
+    (Dials(*way) for way in product(get_args(InclinationFrom), get_args(Counts), get_args(Counts))),
+    key=lambda way: way.words().count("--"),
+)
+"""All sixteen, fewest changes first."""
 
 
-_CLASSES = _classes()
+def _class(way: Dials) -> tuple[bool, bool]:
+    """Whether inclination is from the horizontal, whether an odd number of dials is reversed: what a fit can tell."""
+    reversed_ = [
+        way.inclination_from in ("other-end", "horizontal-up"),
+        way.azimuth_counts == "counterclockwise",
+        way.toolface_counts == "counterclockwise",
+    ]
+    return way.inclination_from.startswith("horizontal"), sum(reversed_) % 2 == 1
+
+
+_CLASSES = {key: [way for way in WAYS if _class(way) == key] for key in product((False, True), repeat=2)}
+
+
+def stated_dials(readings: BenchReadings) -> tuple[Dials, tuple[Array, Array, Array]]:
+    """How the dials were stated to count, and what they themselves said, rad."""
+    stated = Dials(*readings.counted) if readings.counted else USUAL  # type: ignore[arg-type]
+    return stated, stated.shown(*readings.dials)
 
 
 def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[str]:
@@ -161,31 +186,33 @@ def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[s
     for kind, values in readings.channels.items():
         spread = np.sqrt(3.0) * values.std(axis=0)
         signals[kind] = (values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    stated, dials = stated_dials(readings)
+    level, odd = _class(stated)
     own = _left(signals, readings.dials)
     shares = {kind: float(np.sqrt(left / signals[kind].size)) for kind, left in own.items()}
-    keys = [(False, True)] if _spans(readings.dials) else []  # else a reversed dial is a mirror image and no more
+    keys = [(level, not odd)] if _spans(readings.dials) else []  # else a reversed dial is a mirror image and no more
     if max(shares.values()) > _SUSPICIOUS:
-        keys += [(True, False), (True, True)]
+        keys += [(not level, False), (not level, True)]
     best: tuple[float, float, str, tuple[bool, bool]] | None = None
     for key in keys:
-        better, times, worst = _compare(signals, own, _left(signals, _CLASSES[key][0].settings(*readings.dials)))
+        better, times, worst = _compare(signals, own, _left(signals, _CLASSES[key][0].settings(*dials)))
         if best is None or better > best[0]:
             best = better, times, worst, key
     if best is None or best[0] < _BETTER:
         return []
     _, times, kind, key = best
     ways = _CLASSES[key]
-    if not _spans(ways[0].settings(*readings.dials)):
+    if not _spans(ways[0].settings(*dials)):
         ways = _CLASSES[key[0], False] + _CLASSES[key[0], True]
-    if np.ptp(readings.dials[0]) == 0.0:
-        ways = [way for way in ways if way.azimuth_counts == "clockwise"]
-    likely, others = _single_out(readings, ways, left_handed=left_handed)
+    if np.ptp(dials[0]) == 0.0:
+        ways = [way for way in ways if way.azimuth_counts == stated.azimuth_counts]
+    likely, others = _single_out(readings, dials, ways, left_handed=left_handed)
     alike = f" The readings alone cannot tell it from {'; or '.join(w.words() for w in others)}." if others else ""
     left = f"as given they leave {100.0 * shares[kind]:.2g} % of the field unexplained in the {kind}"
     if times < _TIMES:
         return [f"the readings fit {times:.1f} times better with {likely.words()} ({left}): do the dials count so?"]
     raise InputError(
-        f"the dials seem to count in another way: with {likely.words()} the readings fit {_figure(times)} times better "
+        f"the dials seem to count in another way: with {likely.words()} the readings fit {figure(times)} times better "
         f"({left}). State it, or put the column right.{alike}"
     )
 
@@ -196,7 +223,8 @@ def _spans(settings: Sequence[Array] | Array) -> bool:
     return bool(np.linalg.matrix_rank(np.column_stack([matrix.reshape(-1, 9), np.ones(len(matrix))]), 1e-6) == 10)
 
 
-def _figure(times: float) -> str:
+def figure(times: float) -> str:
+    """How many times, in as many digits as mean something."""
     return f"{times:.2g}" if times < 100.0 else f"{float(f'{times:.1g}'):.0f}"
 
 
@@ -222,14 +250,16 @@ def _compare(
     return better, times, worst
 
 
-def _single_out(readings: BenchReadings, ways: list[Dials], *, left_handed: bool) -> tuple[Dials, list[Dials]]:
+def _single_out(
+    readings: BenchReadings, dials: Sequence[Array], ways: list[Dials], *, left_handed: bool
+) -> tuple[Dials, list[Dials]]:
     """Of conventions that fit alike the one that makes a usual tool, and the others as usual as that.
 
     A usual tool is right-handed, its channels along its own axes; accelerometers may read specific force.
     """
     scores = []
     for way in ways:
-        matrix = dcm(*way.settings(*readings.dials))
+        matrix = dcm(*way.settings(*dials))
         score = 0.0
         down = np.array([0.0, 0.0, 1.0])
         for kind, values in readings.channels.items():

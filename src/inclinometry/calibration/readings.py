@@ -53,6 +53,9 @@ class BenchReadings:
         SHA-256 of the source file, or of the arrays when built in memory.
     warnings : sequence of str
         What may be wrong with the readings (saturated channel, column not used).
+    counted : sequence of str
+        How the dials themselves count, where azimuth, inclination and toolface were converted from them: the fields of
+        `inclinometry.calibration.conventions.Dials`, which sets it.
 
     Raises
     ------
@@ -76,6 +79,7 @@ class BenchReadings:
     digest: str = ""
     step: Mapping[str, ArrayLike] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+    counted: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if not self.channels or set(self.channels) - set(KINDS):
@@ -157,6 +161,7 @@ class BenchReadings:
             self.digest,
             self.step,
             self.warnings,
+            self.counted,
         )
 
     def rounding(self, kind: str) -> Array:
