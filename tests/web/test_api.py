@@ -217,3 +217,28 @@ def test_everything_in_one_file(api, open_server):
     assert answer.headers["content-type"] == "application/zip"
     assert answer.content[:2] == b"PK"
     assert len(answer.content) == int(answer.headers["content-length"])
+
+
+def test_a_rig_and_a_session_say_how_the_dials_count(api):
+    body = {"sd_deg": [0.1, 0.1, 0.1], "inclination_from": "horizontal", "azimuth_counts": "counterclockwise"}
+    stated = {"inclination_from": "horizontal", "azimuth_counts": "counterclockwise", "toolface_counts": "clockwise"}
+    assert api.put("/api/v1/rigs/odd", json=body).json()["body"]["dials"] == stated
+    refused = api.put("/api/v1/rigs/odd", json={**body, "toolface_counts": "left"})
+    assert refused.status_code == 422
+    assert "toolface_counts" in refused.json()["detail"]
+    asked = {"serial": "T", "rig": "odd", "plan": "twelve"}
+    opened = api.post("/api/v1/sessions", json=asked).json()
+    usual = api.post("/api/v1/sessions", json={**asked, "rig": "stand"}).json()
+    assert opened["dials"] == stated
+    for one, other in zip(opened["positions"], usual["positions"], strict=True):
+        azimuth, inclination, toolface = other["dial_deg"]
+        assert one["dial_deg"] == pytest.approx([-azimuth % 360.0, 90.0 - inclination, toolface], abs=1e-6)
+    schema = api.get("/api/openapi.json").json()["components"]["schemas"]
+    assert schema["RigBody"]["properties"]["inclination_from"]["enum"][0] == "vertical"
+    assert "latitude_deg" in schema["SiteBody"]["properties"]
+
+
+def test_a_site_has_a_latitude(api):
+    made = api.put("/api/v1/sites/equator", json={"latitude_deg": 0.0, "dip_deg": -20.0}).json()
+    assert made["body"]["latitude_deg"] == 0.0
+    assert api.put("/api/v1/sites/nowhere", json={"latitude_deg": 91.0}).status_code == 422

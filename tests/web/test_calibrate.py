@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.conventions import Dials
 from inclinometry.store.admin import create
 from inclinometry.store.ledger import ConflictError
 from inclinometry.web.pages.calibrate.guided import ElsewhereError, Guided, NoInstrumentError
@@ -18,7 +19,7 @@ from inclinometry.web.words import say
 from inclinometry.workflow.laboratory.guided import GuidedPlan, plan_for
 from inclinometry.workflow.laboratory.live import CaptureError, LiveFeed
 from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredTool, find_rig, put_rig, put_tool
-from inclinometry.workflow.laboratory.session import load_session, open_session
+from inclinometry.workflow.laboratory.session import load_session, open_session, setting_of
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument
 
 SD = float(np.radians(0.05))
@@ -293,3 +294,19 @@ def test_a_verification_makes_no_fit_of_its_own(laboratory):
     assert page.verifies
     assert page.now is None
     assert page.proposed is None
+
+
+def test_the_card_the_motor_and_the_record_have_what_the_dials_of_the_rig_say(motorised):
+    dials = Dials("horizontal", azimuth_counts="counterclockwise")
+    put_rig(motorised.ledger, RegisteredRig("stand", (SD, SD, SD), dials=dials), author="anna")
+    page = motorised.page(motorised.open(plans.Plan("one", *np.radians([[90.0], [30.0], [10.0]]))))
+    said = (270.0, 60.0, 10.0)
+    assert np.degrees(page.chosen.dial) == pytest.approx(said)
+    page.turn()
+    assert np.degrees(motorised.bench.rig.at) == pytest.approx(said)
+    motorised.bench.rig.moving = False
+    motorised.rest((np.pi / 2, np.radians(30.0), np.radians(10.0)))
+    page.turner.poll()
+    taken = page.take()
+    assert np.degrees(taken.capture.dial) == pytest.approx(said)
+    assert np.degrees(setting_of(page.session.dials, taken.capture.dial)) == pytest.approx((-270.0, 30.0, 10.0))

@@ -61,6 +61,10 @@ def test_the_form_offers_what_is_registered(open_server, session):
     assert "stand" in text
     assert "Dip of the magnetic field" in text
     assert SERIAL not in text
+    for name in ("inclination_from", "azimuth_counts", "toolface_counts", "save-dials"):
+        assert re.search(rf"data-testid\W+{name}\b", text), name
+    assert "Dials of a rig" in text
+    assert "Latitude of the stand" in text
 
 
 def test_events_in_a_row_are_folded():

@@ -9,6 +9,7 @@ from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import Ledger
 from inclinometry.store.users import User
 from inclinometry.web.logins import Login, Logins
+from inclinometry.workflow.laboratory.remedies import at_the_bench
 
 if TYPE_CHECKING:
     from inclinometry.io.instrument.rig import RigDriver
@@ -36,7 +37,10 @@ class Bench:
     instrument: str = ""
 
     def told(self, text: str) -> str:
-        """What an error says, for a user; on a network nobody is told where on this computer the ledger lies."""
+        """What an error or a warning says, for a user of the bench, who has no options of the command line; on a
+        network nobody is told where on this computer the ledger lies.
+        """
+        text = at_the_bench(text)
         return text if self.open_house else text.replace(self.ledger.shown, "the ledger")
 
     def user(self, login: Login | None) -> User:

@@ -8,6 +8,7 @@ import numpy as np
 from fastapi import APIRouter, HTTPException, Query
 from pydantic import BaseModel, ConfigDict, Field
 
+from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
 from inclinometry.store.ledger import Record
 from inclinometry.web.api.access import REFUSALS, Key, Limit, Operator, Reader, TheLedger
 from inclinometry.workflow.laboratory import registry
@@ -33,7 +34,12 @@ class ToolBody(BaseModel):
 
 
 class RigBody(BaseModel):
-    """A rig: standard deviations of azimuth, inclination and toolface settings, and the limits of its dials."""
+    """A rig: standard deviations of azimuth, inclination and toolface settings, and how its dials count.
+
+    What it can be set to, `azimuth_deg` and so on, is in the conventions of the program however the dials count:
+    azimuth and toolface clockwise, inclination from the vertical. Positions and readings of a session are what the
+    dials say.
+    """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     sd_deg: tuple[float, float, float]
@@ -43,15 +49,21 @@ class RigBody(BaseModel):
     description: Text = ""
     traceability: Text = ""
     place: Text = ""
+    inclination_from: InclinationFrom = "vertical"
+    azimuth_counts: Counts = "clockwise"
+    toolface_counts: Counts = "clockwise"
 
 
 class SiteBody(BaseModel):
-    """A site: fields where they are known, and the laboratory's name and address."""
+    """A site: fields and latitude (north positive, for gyros) where they are known, and the laboratory's name and
+    address.
+    """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     g_mps2: float | None = None
     b_nT: float | None = None  # noqa: N815 - the unit is spelt as everywhere
-    dip_deg: float | None = None
+    dip_deg: float | None = Field(default=None, ge=-90.0, le=90.0)
+    latitude_deg: float | None = Field(default=None, ge=-90.0, le=90.0)
     laboratory: dict[str, Text] = Field(default_factory=dict, max_length=20)
     description: Text = ""
 
@@ -100,6 +112,7 @@ def change_rig(ledger: TheLedger, user: Operator, name: Key, body: RigBody) -> d
         description=body.description,
         traceability=body.traceability,
         place=body.place,
+        dials=Dials(body.inclination_from, body.azimuth_counts, body.toolface_counts),
     )
     return shown(registry.put_rig(ledger, rig, author=user.name))
 
@@ -113,8 +126,8 @@ def list_sites(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
 @router.put("/sites/{name:path}")
 def change_site(ledger: TheLedger, user: Operator, name: Key, body: SiteBody) -> dict[str, Any]:
     """Register a site, or record what changed."""
-    dip = None if body.dip_deg is None else float(np.radians(body.dip_deg))
-    site = registry.RegisteredSite(name, body.g_mps2, body.b_nT, dip, body.laboratory, body.description)
+    dip, latitude = (None if x is None else float(np.radians(x)) for x in (body.dip_deg, body.latitude_deg))
+    site = registry.RegisteredSite(name, body.g_mps2, body.b_nT, dip, body.laboratory, body.description, latitude)
     return shown(registry.put_site(ledger, site, author=user.name))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -22,6 +23,7 @@ from inclinometry.workflow.laboratory.session import (
     Taken,
     capture,
     close_session,
+    dial_at,
     load_session,
     open_session,
     reject,
@@ -56,7 +58,9 @@ class SessionBody(BaseModel):
 
 
 class ReadingBody(BaseModel):
-    """What the sensors said; `attempt`, 1 for the first reading of a position, makes a repeated request fail."""
+    """What the sensors said; `dial_deg` is what the rig's dials say, however they count. `attempt`, 1 for the first
+    reading of a position, makes a repeated request fail.
+    """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     attempt: int = Field(ge=1, le=1000)
@@ -180,7 +184,9 @@ def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, 
     now = standing(seen, goal, rig, find_site(ledger, str(seen.settings.get("site", ""))))
     place = proposal(seen, goal, rig, now)
     return _standing(now) | {
-        "next_deg": None if place is None else _degrees((place.azimuth, place.inclination, place.toolface))
+        "next_deg": None
+        if place is None
+        else _degrees(dial_at(seen.dials, place.azimuth, place.inclination, place.toolface))
     }
 
 
@@ -231,6 +237,7 @@ def _session(session: Session) -> dict[str, Any]:
         "purpose": session.purpose,
         "plan": session.plan,
         "rig": session.rig,
+        "dials": asdict(session.dials),
         "created": session.created,
         "author": session.author,
         "closed": session.closed,
@@ -261,12 +268,12 @@ def _standing(now: Standing) -> dict[str, Any]:
     return {
         "captured": now.captured,
         "fitted": now.calibration is not None,
-        "waiting_for": now.waiting,
+        "waiting_for": current().told(now.waiting),
         "U_azimuth_deg": _finite(now.u_azimuth),
         "U_inclination_deg": _finite(now.u_inclination),
         "odd": {str(number): sentence for number, sentence in now.odd.items()},
         "reached": now.reached,
-        "warnings": [] if now.calibration is None else list(now.calibration.warnings),
+        "warnings": [] if now.calibration is None else [current().told(w) for w in now.calibration.warnings],
     }
 
 

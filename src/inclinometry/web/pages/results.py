@@ -17,7 +17,7 @@ from inclinometry.store.ledger import LedgerError, Record
 from inclinometry.web.frame import Visitor, aside, frame
 from inclinometry.web.pages.charts import BLUE, axis, chart, legend
 from inclinometry.web.pages.lists import day, paged, to
-from inclinometry.workflow.calibrate import compare
+from inclinometry.workflow.calibrate import Options, compare
 from inclinometry.workflow.laboratory.listing import extract, listed
 from inclinometry.workflow.laboratory.results import calibration_of, parameters, recorded_parameters
 from inclinometry.workflow.laboratory.session import bench_readings, load_session
@@ -56,13 +56,13 @@ def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
         tests = calibration_tests(found)
         failed = [test for test in tests if test.passed is False]
         for sentence in found.warnings:
-            ui.label(sentence).classes("warn")
+            ui.label(visitor.bench.told(sentence)).classes("warn")
         for test in failed if not found.warnings else ():
             ui.label(say("results.test_failed", what=test.what, found=test.found, limit=test.limit)).classes("warn")
         if not failed:
             ui.label(say("results.no_warnings")).classes("good")
         for sentence in found.notes:
-            ui.label(sentence).classes("dim")
+            ui.label(visitor.bench.told(sentence)).classes("dim")
         with ui.row():
             ui.link(say("tools.one"), to("/tools", record.keys["serial"]))
             if visitor.user.may("capture"):
@@ -226,12 +226,13 @@ def _methods(visitor: Visitor, record: Record) -> None:
 
 def _compared(visitor: Visitor, record: Record) -> list[str]:
     session = load_session(visitor.bench.ledger, record.keys["session"])
-    found = compare(bench_readings(session))
+    left = bool(dict(session.settings.get("settings", {})).get("left_handed", False))
+    found = compare(bench_readings(session), options=Options(left_handed=left))
     lines = []
     for attempt in found.attempts:
         expected = found.uncertainty.get(attempt.method)
         if attempt.calibration is None:
-            lines.append(f"{attempt.method}: {attempt.reason}")
+            lines.append(f"{attempt.method}: {visitor.bench.told(attempt.reason)}")
         elif expected is not None:
             worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected.from_calibration[:, ANGLES.index("azimuth")]))
             at = ", ".join(f"{x:g}" for x in np.degrees(found.inclination).round(9))

@@ -114,9 +114,9 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
         if protocol := content.get("protocol"):
             ui.label(say("verify.of_protocol", **protocol))
         for sentence in content.get("reasons", ()):
-            ui.label(str(sentence))
+            ui.label(visitor.bench.told(str(sentence)))
         for sentence in content.get("warnings", ()):
-            ui.label(str(sentence)).classes("warn")
+            ui.label(visitor.bench.told(str(sentence))).classes("warn")
         ui.label(say("verify.against", name=str(limits.get("name", "")), source=visible(str(limits.get("source", "")))))
         guard = str(limits.get("guard", "none"))
         k = float(content.get("coverage_factor", 2.0))

@@ -44,7 +44,7 @@ def import_file(
     ----------
     content : bytes
     serial, rig, site : str
-        Tool, rig and site as registered; no site when empty.
+        Tool, rig and site as registered; no site when empty. The file holds what the rig's dials say.
     purpose : {"calibrate", "verify", "temperature"}
         Of the session of readings.
 
@@ -101,7 +101,9 @@ def _session(
         raise FileError(f"{len(readings.station)} stations; allowed {MOST_POSITIONS}", path=SHOWN)
     plan = Plan("imported", readings.azimuth, readings.inclination, readings.toolface, readings.roll_set)
     captures = [_capture(readings, row) for row in range(len(plan))]
-    session = open_session(ledger, serial, plan, rig=rig, author=author, purpose=purpose, settings=settings)
+    session = open_session(
+        ledger, serial, plan, rig=rig, author=author, purpose=purpose, settings=settings, dialled=True
+    )
     drafts = [reading_draft(session.id, number, taken) for number, taken in enumerate(captures, 1)]
     try:
         ledger.append_all(drafts, author=author)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import calendar
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import date
 from typing import Any
 
 import numpy as np
 
+from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.stand import Stand, stand_within
 from inclinometry.core.arrays import within
 from inclinometry.core.errors import InputError
@@ -42,7 +43,10 @@ class RegisteredTool:
 
 @dataclass(frozen=True)
 class RegisteredRig:
-    """A stand: standard deviations of its three settings, rad; limits of its dials, rad; where its angles come from."""
+    """A stand: standard deviations of its three settings, rad; limits of its settings, rad; where its angles come from.
+
+    dials : how its dials count; the limits are those of azimuth, inclination and toolface in the conventions.
+    """
 
     name: str
     sd: tuple[float, float, float]
@@ -53,6 +57,7 @@ class RegisteredRig:
     traceability: str = ""
     place: str = ""
     driver: Mapping[str, Any] = field(default_factory=dict)
+    dials: Dials = USUAL
 
     @property
     def stand(self) -> Stand:
@@ -62,7 +67,10 @@ class RegisteredRig:
 
 @dataclass(frozen=True)
 class RegisteredSite:
-    """Fields at the stand where they are known: m/s^2, nT, rad; the laboratory's name and address for certificates."""
+    """Fields at the stand where they are known: m/s^2, nT, rad; the laboratory's name and address for certificates.
+
+    latitude : geodetic, north positive, rad; decides the sign of the Earth rate that gyros are calibrated on.
+    """
 
     name: str
     g: float | None = None
@@ -70,6 +78,12 @@ class RegisteredSite:
     dip: float | None = None
     laboratory: Mapping[str, str] = field(default_factory=dict)
     description: str = ""
+    latitude: float | None = None
+
+    @property
+    def fields(self) -> dict[str, float | None]:
+        """What is known of the fields, as `session.bench_readings` takes it."""
+        return {"g": self.g, "b": self.b, "dip": self.dip, "latitude": self.latitude}
 
 
 def put_tool(ledger: Ledger, tool: RegisteredTool, *, author: str) -> Record:
@@ -115,7 +129,7 @@ def put_rig(ledger: Ledger, rig: RegisteredRig, *, author: str) -> Record:
     within(rig.sd, "sd of the rig", 0.0, np.radians(10.0), "rad")
     limits = {name: _degrees(getattr(rig, name)) for name in ("azimuth", "inclination", "toolface")}
     stand_within(rig.azimuth, rig.inclination, rig.toolface, candidates=1)  # refuses limits that are none
-    body = {
+    body: dict[str, Any] = {
         "sd_deg": _degrees(rig.sd),
         "stand": limits,
         "description": rig.description,
@@ -123,6 +137,8 @@ def put_rig(ledger: Ledger, rig: RegisteredRig, *, author: str) -> Record:
         "place": rig.place,
         "driver": dict(rig.driver),
     }
+    if rig.dials != USUAL:
+        body["dials"] = asdict(rig.dials)
     return ledger.append("rig", {"name": rig.name}, body, author=author)
 
 
@@ -139,6 +155,12 @@ def rig_of(ledger: Ledger, session: str) -> RegisteredRig | None:
     return _rig(found[0]) if found else None
 
 
+def dials_of(ledger: Ledger, rig: str, before: int = 0) -> Dials:
+    """How a rig's dials are known to count, by the records before a place in the chain, by all of them when 0."""
+    found = ledger.find("rig", name=rig, newest=True, after=before, limit=1)
+    return _rig(found[0]).dials if found else USUAL
+
+
 def rigs(ledger: Ledger) -> list[RegisteredRig]:
     """Rigs by name."""
     return [_rig(record) for record in ledger.current("rig")]
@@ -153,6 +175,9 @@ def put_site(ledger: Ledger, site: RegisteredSite, *, author: str) -> Record:
         body["b_nT"] = float(within(site.b, "b", 5e3, 2e5, "nT"))
     if site.dip is not None:
         body["dip_deg"] = float(np.degrees(within(site.dip, "dip", -np.pi / 2, np.pi / 2, "rad")).round(9))
+    if site.latitude is not None:
+        latitude = within(site.latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
+        body["latitude_deg"] = float(np.degrees(latitude).round(9))
     return ledger.append("site", {"name": site.name}, body, author=author)
 
 
@@ -236,17 +261,22 @@ def _rig(record: Record) -> RegisteredRig:
         traceability=body.get("traceability", ""),
         place=body.get("place", ""),
         driver=body.get("driver", {}),
+        dials=Dials(**body.get("dials", {})),
     )
 
 
 def _site(record: Record) -> RegisteredSite:
     body = record.body
-    dip = body.get("dip_deg")
+    dip, latitude = (
+        None if degrees is None else float(np.radians(degrees))
+        for degrees in (body.get("dip_deg"), body.get("latitude_deg"))
+    )
     return RegisteredSite(
         record.keys["name"],
         body.get("g_mps2"),
         body.get("b_nT"),
-        None if dip is None else float(np.radians(dip)),
+        dip,
         body.get("laboratory", {}),
         body.get("description", ""),
+        latitude,
     )

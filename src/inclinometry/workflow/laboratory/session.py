@@ -8,12 +8,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
+from inclinometry.core.angles import wrap_positive
 from inclinometry.core.arrays import Array, finite, within
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
 from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError, Record, Unless
+from inclinometry.workflow.laboratory.registry import dials_of
 
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
@@ -28,7 +31,9 @@ LEAST_SAMPLES: Final = 8
 
 @dataclass(frozen=True)
 class Position:
-    """One position of the plan: number from 1, dials (azimuth, inclination, toolface) in rad, name of its roll set."""
+    """One position of the plan: number from 1, what the rig's dials (azimuth, inclination, toolface) are to say, rad,
+    name of its roll set.
+    """
 
     number: int
     dial: tuple[float, float, float]
@@ -42,7 +47,7 @@ class Capture:
     channels, sd : kind -> (m,) mean over the window and standard deviation of one sample, in `units`.
     drift : kind -> (m,) change over the window by a straight line, in `units`.
     count, duration : samples, s.
-    dial : (3,) azimuth, inclination, toolface the rig was set to, rad.
+    dial : (3,) azimuth, inclination, toolface as the rig's dials say them, rad.
     how : "key", "automatic", "api" or "import".
     """
 
@@ -80,6 +85,8 @@ class Session:
     attempts : position number -> how many readings were taken of it.
     closed : "" while it is open, else what closed it ("finished", "abandoned").
     settings : what was agreed when it was opened (wanted uncertainty, rig sd, attitude range, limits, environment ...).
+    dials : how the rig's dials count, as it is known now, or was when the session was closed: dials found to have been
+        stated wrongly are put right on the rig, and the readings stay.
     """
 
     id: str
@@ -94,6 +101,7 @@ class Session:
     attempts: Mapping[int, int]
     closed: str
     settings: Mapping[str, Any]
+    dials: Dials = USUAL
 
     @property
     def next(self) -> Position | None:
@@ -119,13 +127,18 @@ def open_session(
     author: str,
     purpose: str = "calibrate",
     settings: Mapping[str, Any] | None = None,
+    dialled: bool = False,
 ) -> Session:
     """Begin a run of positions with a registered tool on a registered rig.
 
     Parameters
     ----------
+    plan : Plan
+        Settings in the conventions; the session keeps what the rig's dials say at them.
     settings : mapping, optional
         Further fields of the session record (JSON values; see the schema "session-1").
+    dialled : bool
+        The plan holds what the dials say already: readings that were taken.
 
     Raises
     ------
@@ -141,13 +154,45 @@ def open_session(
     for kind, keys in (("tool", {"serial": serial}), ("rig", {"name": rig})):
         if ledger.latest(kind, **keys) is None:
             raise LedgerError(f"{kind} {next(iter(keys.values()))!r} is not registered; register it first")
-    degrees = np.degrees(np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)).round(9)
+    rows = plan.azimuth, plan.inclination, plan.toolface
+    if not dialled:
+        rows = on_dials(dials_of(ledger, rig), rows)
+    degrees = np.degrees(np.stack(rows, axis=1)).round(9)
     stated: dict[str, Any] = {"name": plan.name, "positions_deg": degrees.tolist()}
     if plan.roll_set:
         stated["roll_set"] = list(plan.roll_set)
     body = {**(settings or {}), "plan": stated, "rig": rig}
     record = ledger.append("session", {"serial": serial, "purpose": purpose}, body, author=author)
     return load_session(ledger, record.id)
+
+
+def on_dials(dials: Dials, setting: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    """What dials say at azimuth, inclination, toolface of the conventions, rad: a reversed one from 0 to a full turn.
+
+    Examples
+    --------
+    >>> dials = Dials("horizontal", azimuth_counts="counterclockwise")
+    >>> [float(x) for x in np.degrees(on_dials(dials, tuple(np.radians([90.0, 30.0, 0.0])))).round(9)]
+    [270.0, 60.0, 0.0]
+    """
+    azimuth, inclination, toolface = dials.shown(*setting)
+    return (
+        wrap_positive(azimuth) if dials.azimuth_counts != USUAL.azimuth_counts else azimuth,
+        inclination,
+        wrap_positive(toolface) if dials.toolface_counts != USUAL.toolface_counts else toolface,
+    )
+
+
+def dial_at(dials: Dials, azimuth: float, inclination: float, toolface: float) -> tuple[float, float, float]:
+    """`on_dials` of one setting, rad."""
+    one, two, three = on_dials(dials, (np.array(azimuth), np.array(inclination), np.array(toolface)))
+    return float(one), float(two), float(three)
+
+
+def setting_of(dials: Dials, dial: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Azimuth, inclination, toolface of the conventions for what the dials say, rad."""
+    azimuth, inclination, toolface = (float(x) for x in dials.settings(*np.array(dial)))
+    return azimuth, inclination, toolface
 
 
 def load_session(ledger: Ledger, session: str) -> Session:
@@ -163,10 +208,13 @@ def sessions(ledger: Ledger, *, serial: str | None = None, limit: int = 100, bef
 
 def closing(ledger: Ledger, session: str) -> str:
     """What closed a session: "finished", "abandoned", or "" while it is open."""
-    for record in ledger.find("event", subject_kind="session", subject=session):
-        if record.keys["action"] in CLOSING:
-            return str(record.keys["action"])
-    return ""
+    found = _closing(ledger, session)
+    return "" if found is None else str(found.keys["action"])
+
+
+def _closing(ledger: Ledger, session: str) -> Record | None:
+    events = ledger.find("event", subject_kind="session", subject=session)
+    return next((record for record in events if record.keys["action"] in CLOSING), None)
 
 
 def capture(
@@ -241,9 +289,14 @@ def unless_closed(session: str, message: str = "this session is closed already")
 
 
 def bench_readings(
-    session: Session, *, g: float | None = None, b: float | None = None, dip: float | None = None
+    session: Session,
+    *,
+    g: float | None = None,
+    b: float | None = None,
+    dip: float | None = None,
+    latitude: float | None = None,
 ) -> BenchReadings:
-    """The valid readings as a calibration takes them; fields at the stand in m/s^2, nT, rad where known.
+    """The valid readings as a calibration takes them, dials converted; fields at the stand in m/s^2, nT, rad.
 
     The scatter of the samples, where each position has enough of them, is the readings' standard deviation.
 
@@ -265,14 +318,14 @@ def bench_readings(
     heat = [row.capture.temperature for row in rows]
     names = {p.number: p.roll_set for p in session.positions}
     roll_set = [names.get(row.number, "") for row in rows]
-    known = {"g": g, "b": b, "dip": dip}
+    known = {"g": g, "b": b, "dip": dip, "latitude": latitude}
     sd = {}
     if all(row.capture.count >= LEAST_SAMPLES and set(row.capture.sd) >= set(kinds) for row in rows):
         sd = {kind: np.stack([row.capture.sd[kind] / np.sqrt(row.capture.count) for row in rows]) for kind in kinds}
         # one sensor has one noise: what few samples say of it at one position is pooled over all
         sd = {kind: np.broadcast_to(np.sqrt(np.mean(v**2, axis=0)), v.shape) for kind, v in sd.items()}
         sd = {} if any((v <= 0.0).any() for v in sd.values()) else sd
-    return BenchReadings(
+    readings = BenchReadings(
         {kind: np.stack([row.capture.channels[kind] for row in rows]) for kind in kinds},
         azimuth,
         inclination,
@@ -285,10 +338,12 @@ def bench_readings(
         units=dict(rows[0].capture.units),
         reference={name: value for name, value in known.items() if value is not None},
     )
+    return session.dials.read(readings)
 
 
 def _assembled(ledger: Ledger, record: Record) -> Session:
     body, plan = record.body, record.body["plan"]
+    ended = _closing(ledger, record.id)
     sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
     positions = tuple(
         Position(i, _radians(row), name)
@@ -315,8 +370,9 @@ def _assembled(ledger: Ledger, record: Record) -> Session:
         record.author,
         taken,
         attempts,
-        closing(ledger, record.id),
+        "" if ended is None else str(ended.keys["action"]),
         {name: value for name, value in body.items() if name not in ("plan", "rig")},
+        dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
     )
 
 

@@ -112,7 +112,7 @@ def standing(
         Fields at the stand.
     """
     captured = len(session.valid)
-    fields = {} if site is None else {"g": site.g, "b": site.b, "dip": site.dip}
+    fields = {} if site is None else site.fields
     try:
         readings = bench_readings(session, **fields)
         sd = None if estimate_rig else np.array(rig.sd)
@@ -173,7 +173,7 @@ def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_ha
 
 
 def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing) -> NextPosition | None:
-    """The position to take next; None when the stand has no more.
+    """The position to take next, in the conventions; None when the stand has no more.
 
     With a wanted uncertainty the rest of the run is planned ahead: the fewest positions that reach it together with
     those taken, of which the first is proposed. Without one, or where none so few are enough, it is the one position
@@ -181,7 +181,8 @@ def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing)
 
     With a running fit the tool's own axes, noise and dip are used; before, those of an ordinary tool.
     """
-    settings = np.array([row.capture.dial for row in session.valid]).reshape(-1, 3)
+    rows = np.array([row.capture.dial for row in session.valid]).reshape(-1, 3)
+    settings = np.stack(session.dials.settings(*rows.T), axis=1)
     calibration = so_far.calibration
     own = calibration is not None and set(calibration.tool.triads) >= BOTH
     rows = np.array(INCLINATIONS)[covering(goal.inclination_range)]

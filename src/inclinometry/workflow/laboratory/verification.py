@@ -135,7 +135,7 @@ def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None
     """The verdict on the positions captured so far; nothing is recorded."""
     seen = load_session(ledger, session)
     site = find_site(ledger, str(seen.settings.get("site", "")))
-    fields = {} if site is None else {"g": site.g, "b": site.b, "dip": site.dip}
+    fields = {} if site is None else site.fields
     try:
         return verify(bench_readings(seen, **fields), calibration_of(ledger.get("calibration", calibration)), limits)
     except LedgerError:

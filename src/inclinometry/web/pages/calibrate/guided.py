@@ -23,6 +23,7 @@ from inclinometry.workflow.laboratory.session import (
     Taken,
     capture,
     close_session,
+    dial_at,
     load_session,
     reject,
 )
@@ -83,7 +84,7 @@ class Guided:
         added = {n: Position(n, t.capture.dial) for n, t in self.session.taken.items() if n not in planned}
         every = {**planned, **added}
         if self.place is not None and self.session.next is None and not self.session.closed:
-            dial = (self.place.azimuth, self.place.inclination, self.place.toolface)
+            dial = dial_at(self.session.dials, self.place.azimuth, self.place.inclination, self.place.toolface)
             every[max(every) + 1] = Position(max(every) + 1, dial)
         return tuple(every[n] for n in sorted(every))
 

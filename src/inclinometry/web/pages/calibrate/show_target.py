@@ -9,6 +9,7 @@ from nicegui import ui
 
 from inclinometry.web.pages.calibrate.guided import Guided
 from inclinometry.web.pages.calibrate.picture import drawing
+from inclinometry.workflow.laboratory.session import setting_of
 
 DIALS = ("azimuth", "inclination", "toolface")
 
@@ -102,7 +103,8 @@ class Picture:
 
     def show(self) -> None:
         """Drawn again when the position has changed."""
-        say, dial = self._guided.visitor.say, self._guided.chosen.dial
+        say, session = self._guided.visitor.say, self._guided.session
+        dial = setting_of(session.dials, self._guided.chosen.dial)
         words = (escape(say("bench.north")), escape(say("bench.down")))
         text = drawing(dial, escape(say("bench.picture"), quote=True), words)
         if text != self._shown:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import get_args
+
 import numpy as np
 from fastapi import Request
 from nicegui import ui
 
+from inclinometry.calibration.conventions import USUAL, Counts, Dials, InclinationFrom
 from inclinometry.core.errors import InputError
 from inclinometry.store.ledger import Ledger
 from inclinometry.store.users import User
@@ -30,8 +34,66 @@ from inclinometry.workflow.laboratory.session import open_session
 @ui.page("/calibrate")
 def start_page(request: Request, serial: str = "") -> None:
     """A form, and the session it opens."""
-    with frame(request, "start.title", needs="capture") as visitor, ui.card().classes("panel start"):
-        StartForm(visitor, serial)
+    with frame(request, "start.title", needs="capture") as visitor:
+        with ui.card().classes("panel start"):
+            StartForm(visitor, serial)
+        names = [rig.name for rig in rigs(visitor.bench.ledger)]
+        if names:
+            with ui.card().classes("panel start"):
+                ui.label(visitor.say("start.dials")).classes("subtitle")
+                ui.label(visitor.say("start.dials_about")).classes("dim")
+                DialsForm(visitor, names)
+
+
+class DialsChoice:
+    """How the three dials of a rig count; call within a form."""
+
+    def __init__(self, visitor: Visitor, known: Dials = USUAL) -> None:
+        say = visitor.say
+        ends = {name: say(f"dials.{name}") for name in get_args(InclinationFrom)}
+        ways = {name: say(f"dials.{name}") for name in get_args(Counts)}
+        self.parts = (
+            ui.select(ends, value=known.inclination_from, label=say("start.inclination_from")),
+            ui.select(ways, value=known.azimuth_counts, label=say("start.azimuth_counts")),
+            ui.select(ways, value=known.toolface_counts, label=say("start.toolface_counts")),
+        )
+        for name, part in zip(("inclination_from", "azimuth_counts", "toolface_counts"), self.parts, strict=True):
+            part.props(f'data-testid="{name}"')
+
+    def show(self, known: Dials) -> None:
+        """Those of a rig."""
+        values = (known.inclination_from, known.azimuth_counts, known.toolface_counts)
+        for part, value in zip(self.parts, values, strict=True):
+            part.set_value(value)
+
+    @property
+    def dials(self) -> Dials:
+        """What is chosen."""
+        return Dials(*(part.value for part in self.parts))
+
+
+class DialsForm:
+    """Puts right how the dials of a registered rig count."""
+
+    def __init__(self, visitor: Visitor, names: list[str]) -> None:
+        self._visitor, say = visitor, visitor.say
+        ledger = visitor.bench.ledger
+        self.rig = ui.select(names, value=names[0], label=say("start.rig"), on_change=self._fill)
+        found = find_rig(ledger, names[0])
+        self.choice = DialsChoice(visitor, USUAL if found is None else found.dials)
+        save = ui.button(say("tools.save"), on_click=visitor.action("capture", self._save))
+        save.props('outline no-caps data-testid="save-dials"')
+
+    def _fill(self) -> None:
+        found = find_rig(self._visitor.bench.ledger, str(self.rig.value))
+        self.choice.show(USUAL if found is None else found.dials)
+
+    def _save(self, user: User) -> None:
+        ledger = self._visitor.bench.ledger
+        found = find_rig(ledger, str(self.rig.value))
+        if found is not None and found.dials != self.choice.dials:
+            put_rig(ledger, replace(found, dials=self.choice.dials), author=user.name)
+        ui.notify(self._visitor.say("start.dials_saved", rig=self.rig.value), type="positive")
 
 
 class StartForm:
@@ -45,10 +107,15 @@ class StartForm:
         self.serial = _known(say("start.tool"), "serials", serials, serial or (serials[0] if serials else ""))
         self.rig = _known(say("start.rig"), "rigs", names, names[0] if names else "")
         self.rig_sd = ui.number(say("start.rig_sd"), value=0.1, min=0.0, max=10.0, step=0.01)
-        self.rig_sd.bind_visibility_from(self.rig, "value", lambda name: bool(name) and str(name).strip() not in names)
+        self.dials = DialsChoice(visitor)
+        for part in (self.rig_sd, *self.dials.parts):
+            part.bind_visibility_from(self.rig, "value", lambda name: bool(name) and str(name).strip() not in names)
         self.site = ui.select(places, label=say("start.site"), value=places[-1])
         self.dip = ui.number(say("start.dip"), value=None, min=-90.0, max=90.0, step=0.1)
-        self.dip.bind_visibility_from(self.site, "value", lambda name: not name)
+        self.latitude = ui.number(say("start.latitude"), value=None, min=-90.0, max=90.0, step=0.1)
+        for field in (self.dip, self.latitude):
+            field.bind_visibility_from(self.site, "value", lambda name: not name)
+        self.left_handed = ui.switch(say("start.left_handed"))
         plans = {name: say(f"plan.{name}") for name in CALIBRATING}
         self.plan = ui.select(plans, label=say("start.plan"), value="orthogonal").props('data-testid="plan"')
         self.number = ui.number(say("start.number"), value=16, min=6, max=200, step=1)
@@ -76,15 +143,17 @@ class StartForm:
         rig = find_rig(ledger, name)
         if rig is None:
             sd = float(np.radians(float(self.rig_sd.value or 0.0)))
-            put_rig(ledger, RegisteredRig(name, (sd, sd, sd)), author=author)
-            rig = RegisteredRig(name, (sd, sd, sd))
+            rig = RegisteredRig(name, (sd, sd, sd), dials=self.dials.dials)
+            put_rig(ledger, rig, author=author)
         number = int(self.number.value) if self.plan.value == "optimal" and self.number.value else None
         chosen = GuidedPlan(str(self.plan.value), number, _temperatures(str(self.heat.value or "")))
         plan, settings = plan_for(chosen, ledger, serial, rig)
         if self.site.value:
             settings["site"] = str(self.site.value)
-        elif self.dip.value is not None:
-            settings["site"] = _site_of_dip(ledger, name, float(self.dip.value), author)
+        elif self.dip.value is not None or self.latitude.value is not None:
+            settings["site"] = _site_of(ledger, name, self.dip.value, self.latitude.value, author)
+        if self.left_handed.value:
+            settings["settings"] = {**settings.get("settings", {}), "left_handed": True}
         if wanted:
             only = "inclination" if set(wanted) == {"u_inclination_deg"} else "azimuth"
             settings["wanted"] = {**wanted, "criterion": only}
@@ -93,11 +162,14 @@ class StartForm:
         ui.navigate.to(f"/calibrate/{session.id}")
 
 
-def _site_of_dip(ledger: Ledger, rig: str, dip_deg: float, author: str) -> str:
-    """Name of the site of a rig whose field has this dip; another dip is another site, so that none is changed."""
-    name = f"{rig}, dip {dip_deg:g}°"
+def _site_of(ledger: Ledger, rig: str, dip_deg: float | None, latitude_deg: float | None, author: str) -> str:
+    """Name of the site of a rig with this dip and latitude; others are another site, so that none is changed."""
+    stated = {"dip": dip_deg, "latitude": latitude_deg}
+    known = {angle: float(degrees) for angle, degrees in stated.items() if degrees is not None}
+    name = ", ".join([rig, *(f"{angle} {degrees:g}°" for angle, degrees in known.items())])
     if find_site(ledger, name) is None:
-        put_site(ledger, RegisteredSite(name, dip=float(np.radians(dip_deg))), author=author)
+        radians = {angle: float(np.radians(degrees)) for angle, degrees in known.items()}
+        put_site(ledger, RegisteredSite(name, **radians), author=author)  # type: ignore[arg-type]
     return name
 
 
