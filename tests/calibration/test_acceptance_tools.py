@@ -84,9 +84,9 @@ def test_errors_are_as_large_as_stated_and_honest_tools_pass(bench, sensors):
 @pytest.mark.parametrize(
     "stand",
     [
-        OtherStand(setting_sd=np.radians(0.05)),
-        OtherStand(level_sd=np.radians(0.02), setting_sd=np.radians(0.05)),
-        OtherStand(np.radians(0.02), np.radians(140.0), np.radians(0.05), np.radians(0.05)),
+        OtherStand(setting_sd=np.radians(0.05), gravity_sd=0.0),
+        OtherStand(level_sd=np.radians(0.02), setting_sd=np.radians(0.05), gravity_sd=0.0),
+        OtherStand(np.radians(0.02), np.radians(140.0), np.radians(0.05), np.radians(0.05), gravity_sd=0.0),
     ],
     ids=["fitted", "level", "level and north"],
 )

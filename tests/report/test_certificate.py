@@ -144,7 +144,10 @@ def test_every_kind_of_tool_can_be_certified(sensors: dict[str, int]) -> None:
     if sensors["accelerometer"] == 2:
         # given, with the condition it holds under; lost toward the horizontal, where it was "no uncertainty" before
         at = dict(zip(table["inclination_deg"], table["U_inclination_deg"], strict=True))
-        assert at[30.0] < 0.1 < at[90.0]
+        # a textbook's g at the calibration: 0.3 % of it is 2 * 0.17 deg times the tangent
+        assert at[30.0] == pytest.approx(2.0 * np.degrees(3e-3 * np.tan(np.radians(30.0))), rel=0.15)
+        assert at[90.0] > 30.0
+        assert any("known to 0.3 %" in sentence and "cancels" in sentence for sentence in content["warnings"])
         assert any("two accelerometers" in sentence for sentence in content["warnings"])
     assert certificate_pdf(content).startswith(b"%PDF")
     schema = dcc_schema()

@@ -71,7 +71,8 @@ def test_uncertainties_are_honest(simulated, scheme, axes, gyros):
     off = []
     for seed in range(5):
         data, run = simulated(seed, scheme=scheme, axes=axes, gyros=gyros)
-        options = GyroOptions(scheme=scheme, **(stated(run) if scheme == "two" else {}))
+        # |g| as simulated is exactly that of the site
+        options = GyroOptions(scheme=scheme, gravity_sd=0.0, **(stated(run) if scheme == "two" else {}))
         off.append(errors(north_run(data, HERE, options=options), run))
     azimuth, inclination, scale = (rms(values) for values in np.transpose(off, (1, 0, 2)))
     # 100 deviates: rms 1 +- 0.071; four of these and 5 % for the noise, itself estimated from 40 or more residuals
@@ -79,6 +80,16 @@ def test_uncertainties_are_honest(simulated, scheme, axes, gyros):
     assert 0.68 < inclination < 1.33
     # the scale follows one curve over a run: of 100 deviates some 4 a run are independent, 20 in all: 1 +- 0.16
     assert 0.45 < scale < 1.6
+
+
+def test_gravity_that_differs_is_in_the_uncertainty(simulated):
+    """Two accelerometers: 0.1 % of |g| is 0.057 deg times the tangent of the inclination."""
+    data, run = simulated(scheme="four", axes=2, gyros=2, stations=20)
+    exact, unsure = (
+        north_run(data, HERE, options=GyroOptions(gravity_sd=sd)).north.u("inclination") for sd in (0.0, 1e-3)
+    )
+    added = np.sqrt(unsure**2 - exact**2)
+    np.testing.assert_allclose(added, 1e-3 * np.tan(run.inclination), rtol=0.02)
 
 
 def test_the_hot_run_is_better_than_with_a_fixed_scale(simulated):

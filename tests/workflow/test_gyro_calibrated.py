@@ -131,7 +131,7 @@ def test_a_well_known_tool_finds_the_true_azimuth_within_its_noise(measured, axe
     gone = []
     for seed in range(4):
         tool, truth = make_tool(axes, degree, seed), path(seed)
-        options = GyroOptions(hole="down", scale_sd=1e-6, slope_sd=1e-6, bend_sd=1e-6, jitter=1e-7)
+        options = GyroOptions(hole="down", scale_sd=1e-6, slope_sd=1e-6, bend_sd=1e-6, jitter=1e-7, gravity_sd=0.0)
         found = north_run(measured(tool, truth, seed), HERE, calibration(tool), options)
         gone.append(off(found, truth))
         assert not any(found.north.flags)

@@ -13,7 +13,7 @@ from inclinometry.attitude.rotations import cross_matrix
 from inclinometry.calibration.expected import ANGLES, expected_uncertainty
 from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.misread import MisreadError, StandField, check_misread
-from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, leading_kinds
+from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rigmodel import NUISANCE, orientation
@@ -75,12 +75,15 @@ class OtherStand:
         is found from the readings.
     north_sd : its standard uncertainty.
     setting_sd : (3,) or float, of a setting of each dial; those of the calibration's rig when not given.
+    gravity_sd : of two accelerometers, standard uncertainty of |g| there in units of that at the calibration, 0 at the
+        same place; that of what both state when not given.
     """
 
     level_sd: float | None = None
     north: float | None = None
     north_sd: float = 0.0
     setting_sd: float | None = None
+    gravity_sd: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("level_sd", "north_sd", "setting_sd"):
@@ -198,7 +201,7 @@ def verify(
         )
     misread = check_misread(readings, calibration, _stand_fields(readings, calibration, kinds, stand))
     where = _expected(readings, calibration, kinds, stand)
-    seen = fields_seen(readings, calibration, kinds, where.fields[kinds[0]])
+    seen = fields_seen(readings, calibration, kinds, where.fields[kinds[0]], where.gravity[0])
     measured, wanted = _angles(seen, kinds), _angles(where.fields, kinds)
     errors = wrap_signed(measured - wanted)
     k = COVERAGE_FACTOR
@@ -260,6 +263,8 @@ class _Where(NamedTuple):
     base : (3, 3) from north, east, down to rig axes, of another stand; None on that of the calibration.
     turn : (3, 3) covariance of small turns of that base about north, east, down that is added to the errors'; negative
         where the turns were fitted to the same errors.
+    gravity : in units of that at the calibration, and the sd of that: an error of |g| at the calibration cancels on its
+        own stand.
     """
 
     matrix: Array
@@ -271,6 +276,7 @@ class _Where(NamedTuple):
     base: Array | None
     turn: Array
     notes: Sequence[str]
+    gravity: tuple[float, float] = (1.0, 0.0)
 
 
 def _expected(
@@ -288,11 +294,14 @@ def _expected(
         matrix, by_setting, by_nuisance = orientation(dials, np.array(zeros))
         directions = {k: calibration.field_directions[k] for k in kinds}
         fields = {k: matrix @ a for k, a in directions.items()}
+        # two accelerometers: |g| is the one of the calibration, and what was wrong of it cancels
         return _Where(matrix, by_setting, by_nuisance, directions, fields, own, None, none, ())
     own = own if stand.setting_sd is None else np.full(3, stand.setting_sd)
     matrix, by_setting, by_nuisance = orientation(dials, np.zeros(len(NUISANCE)))
-    base, turn, notes = _placed(readings, calibration, kinds, stand, own)
-    seen = fields_seen(readings, calibration, kinds, matrix @ base[:, 2])
+    ratio, ratio_sd, said = gravity_elsewhere(readings, calibration, stand.gravity_sd)
+    base, turn, notes = _placed(readings, calibration, kinds, stand, own, (ratio, ratio_sd))
+    notes += said
+    seen = fields_seen(readings, calibration, kinds, matrix @ base[:, 2], ratio)
     directions = {kinds[0]: base[:, 2] * np.median(np.linalg.norm(seen[kinds[0]], axis=1))}
     if len(kinds) == 2:
         # dip and strength as found here: the angles do not hang on them
@@ -307,7 +316,7 @@ def _expected(
             "settings of azimuth, inclination, toolface taken to be as good as those of the calibration's rig "
             f"({good} deg)"
         )
-    return _Where(matrix, by_setting, by_nuisance, directions, fields, own, base, turn, notes)
+    return _Where(matrix, by_setting, by_nuisance, directions, fields, own, base, turn, notes, (ratio, ratio_sd))
 
 
 def _stand_fields(
@@ -328,7 +337,12 @@ def _stand_fields(
 
 
 def _placed(
-    readings: BenchReadings, calibration: Calibration, kinds: Sequence[str], stand: OtherStand, own: Array
+    readings: BenchReadings,
+    calibration: Calibration,
+    kinds: Sequence[str],
+    stand: OtherStand,
+    own: Array,
+    gravity: tuple[float, float],
 ) -> tuple[Array, Array, list[str]]:
     """Base of another stand, the covariance of its turns that is added, and in words what was taken from where."""
     both = len(kinds) == 2
@@ -349,7 +363,7 @@ def _placed(
             note += ": errors are absolute"
         c, s = np.cos(stand.north or 0.0), np.sin(stand.north or 0.0)
         return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), turn, [note]
-    fit = fit_base(readings, calibration, kinds, setting_sd=own, level=level)
+    fit = fit_base(readings, calibration, kinds, setting_sd=own, level=level, gravity=gravity)
     free = [2] if level is not None else [0, 1, 2] if both else [0, 1]
     turn[np.ix_(free, free)] -= fit.covariance
     tilt, toward, north = described(fit.matrix)
@@ -413,7 +427,7 @@ def _unjudged(readings: BenchReadings, calibration: Calibration, kinds: Sequence
         )
     if not calibration.tool.triads[kinds[0]].full:
         said.append(
-            "two components of gravity are seen; the third is from |g| as at the calibration, its sign from the rig, "
+            "two components of gravity are seen; the third is from |g|, its sign from the rig, "
             "so positions near the plane across the unseen axis are not judged"
         )
     for kind in readings.channels:
@@ -640,7 +654,7 @@ def _variance(readings: BenchReadings, calibration: Calibration, where: _Where, 
         total += np.sum((design @ calibration.covariance) * design, axis=2)
     else:
         parts = sensitivity.components(tool)["calibration"]
-        total += np.diagonal(parts, axis1=1, axis2=2)
+        total += np.diagonal(parts, axis1=1, axis2=2) + (where.gravity[1] * sensitivity.by_gravity) ** 2
         turned = where.matrix @ where.base
         moved = np.concatenate([turned @ -cross_matrix(where.base.T @ directions[k]) for k in kinds], axis=1)
         by_turn = jacobian @ moved

@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 from inclinometry.attitude.orientation import fields
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array, within
-from inclinometry.core.constants import COVERAGE_FACTOR, DIP, LATITUDE, SHORT_INCLINATIONS, STEPS
+from inclinometry.core.constants import COVERAGE_FACTOR, DIP, GRAVITY_SPREAD, LATITUDE, SHORT_INCLINATIONS, STEPS
 from inclinometry.core.errors import InputError
+from inclinometry.earth.gravity import stated_gravity_sd
 from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.sensors.tool import Tool
 from inclinometry.uncertainty.propagation import UNKNOWN
@@ -33,11 +34,14 @@ class ExpectedUncertainty:
 
     inclination : (n,) rad.
     components : cause -> (n, azimuths, toolfaces, 4) variances, rad^2, last axis as `ANGLES`; NaN for an angle the tool
-        cannot give. The causes are "calibration" and "sensor noise".
+        cannot give. The causes are "calibration", "sensor noise" and, of two accelerometers, "strength of
+        gravity".
     azimuth_from : kind of the triad the azimuth comes from; None without.
     dip : of that triad's field below the horizontal, rad; minus the latitude for a gyro.
     dip_from : "given", "calibration" (as found at the stand), "stated" (with the readings) or "assumed".
     temperature : degC.
+    gravity_sd : of two accelerometers, standard uncertainty of |g| where the tool works in units of that at the
+        calibration; else 0.
     """
 
     inclination: Array
@@ -46,6 +50,7 @@ class ExpectedUncertainty:
     dip: float
     dip_from: str
     temperature: float
+    gravity_sd: float = 0.0
 
     @property
     def angles(self) -> tuple[str, ...]:
@@ -94,6 +99,7 @@ def expected_uncertainty(
     azimuths: int = STEPS,
     toolfaces: int = STEPS,
     temperature: float | None = None,
+    gravity_sd: float | None = None,
 ) -> ExpectedUncertainty:
     """Uncertainty of the angles of a tool over attitudes, from its own calibration and noise.
 
@@ -113,6 +119,10 @@ def expected_uncertainty(
         Equal steps of each over which the worst and the mean are taken.
     temperature : float, optional
         degC; the middle of the calibrated range when not given.
+    gravity_sd : float, optional
+        Of two accelerometers: standard uncertainty of |g| where the tool works in units of that at the calibration, 0
+        at the same place. When not given, what two stated values leave where the calibration's is stated, else
+        `core.constants.GRAVITY_SPREAD`.
 
     Raises
     ------
@@ -152,12 +162,21 @@ def expected_uncertainty(
     g, other = fields(grid[1], grid[0], grid[2], within(found, "dip", -np.pi / 2, np.pi / 2, "rad"))
     seen = {"accelerometer": g} | ({} if second is None else {second: other})
     sensitivity = angle_sensitivity(tool, seen, np.full(grid[0].shape, heat), second or "magnetometer")
-    parts = {n: np.diagonal(c, axis1=-2, axis2=-1) for n, c in sensitivity.components(tool).items()}
+    strength = 0.0
+    if tool.triads["accelerometer"].rank == 2:
+        strength = float(within(expected_gravity_sd(tool) if gravity_sd is None else gravity_sd, "gravity_sd", 0, 0.1))
+    parts = {n: np.diagonal(c, axis1=-2, axis2=-1) for n, c in sensitivity.components(tool, strength).items()}
     if tool.triads["accelerometer"].rank == 2:
         # where gravity lies in the plane that two accelerometers see the angles are as good as unknown
         given = np.array([True, second is not None, True, second is not None])
         parts = {n: np.where(given, np.fmin(part, UNKNOWN**2), part) for n, part in parts.items()}
-    return ExpectedUncertainty(values, parts, second, found, source, heat)
+    return ExpectedUncertainty(values, parts, second, found, source, heat, strength)
+
+
+def expected_gravity_sd(tool: Tool) -> float:
+    """Uncertainty of |g| elsewhere in units of the calibration's: both stated where that one is, else neither known."""
+    stated = stated_gravity_sd(tool.triads["accelerometer"].field_strength)
+    return min(float(np.sqrt(2.0)) * stated, GRAVITY_SPREAD)
 
 
 def azimuth_triad(tool: Tool) -> str | None:

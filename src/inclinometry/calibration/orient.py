@@ -20,8 +20,10 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.calibration.rigmodel import NUISANCE, orientation
 from inclinometry.core.angles import wrap_positive, wrap_signed
-from inclinometry.core.arrays import Array
+from inclinometry.core.arrays import Array, within
+from inclinometry.core.constants import GRAVITY_SPREAD
 from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.earth.gravity import relative_gravity
 from inclinometry.sensors.sensitivity import field_sensitivity
 
 DOWN: Final = np.array([0.0, 0.0, 1.0])
@@ -81,6 +83,7 @@ def orient_rig(
     *,
     setting_sd: float | None = None,
     second: str | None = None,
+    gravity_sd: float | None = None,
 ) -> RigOrientation:
     """Tilt, north and dial zeros of a rig from the readings of a calibrated tool at several of its settings.
 
@@ -94,6 +97,9 @@ def orient_rig(
         Standard deviation of a setting of each dial, rad; from the scatter of the readings when not given.
     second : {"magnetometer", "gyro"}, optional
         The triad that tells north; the magnetometer where there is one, else the gyro.
+    gravity_sd : float, optional
+        Of two accelerometers: standard uncertainty of |g| here in units of that at the calibration, 0 at the same
+        place. When not given, that of what both state, 0.3 % where one states nothing.
 
     Returns
     -------
@@ -129,10 +135,11 @@ def orient_rig(
     kinds = leading_kinds(readings, calibration, second)
     zeros = list(ZEROS)
     fit = None
-    warnings = list(readings.warnings)
+    ratio, ratio_sd, said = gravity_elsewhere(readings, calibration, gravity_sd)
+    warnings = [*readings.warnings, *said]
     while fit is None:
         try:
-            fit = fit_base(readings, calibration, kinds, zeros=zeros, setting_sd=setting_sd)
+            fit = fit_base(readings, calibration, kinds, zeros=zeros, setting_sd=setting_sd, gravity=(ratio, ratio_sd))
         except IdentifiabilityError:
             if not zeros:
                 raise
@@ -244,10 +251,44 @@ def leading_kinds(readings: BenchReadings, calibration: Calibration, second: str
     )
 
 
+def gravity_elsewhere(
+    readings: BenchReadings, calibration: Calibration, stated_sd: float | None = None
+) -> tuple[float, float, list[str]]:
+    """Gravity on another stand in units of that at the calibration, its standard uncertainty, and that in words.
+
+    Only two accelerometers hang on it; for all others it is 1, exactly.
+    """
+    triad = calibration.tool.triads.get("accelerometer")
+    if triad is None or triad.rank != 2 or "accelerometer" not in readings.channels:
+        return 1.0, 0.0, []
+    if stated_sd is not None:
+        within(stated_sd, "gravity_sd", 0.0, 0.1)
+    here, there = readings.reference.get("g"), triad.field_strength
+    ratio, sd = relative_gravity(here, there)
+    sd = sd if stated_sd is None else stated_sd
+    known = "taken to be" if here is None or there is None else f"here {here:.5f} m/s^2, {ratio:.5f} of"
+    said = (
+        f"two accelerometers: the third component is from |g|, {known} that at the calibration, to {100.0 * sd:.2g} %"
+    )
+    if stated_sd is not None:
+        return ratio, sd, [f"{said} as stated"]
+    if sd < GRAVITY_SPREAD:
+        return ratio, sd, [f"{said}, two places assumed"]
+    remedy = (
+        "give g of both stands (reference_g_m_s2), better than a textbook's value, or --gravity-sd-percent 0 if both "
+        "stand at one place, where an error of |g| cancels"
+    )
+    return ratio, sd, [f"{said} as between two places of which nothing is known: {remedy}"]
+
+
 def fields_seen(
-    readings: BenchReadings, calibration: Calibration, kinds: Sequence[str], down: Array
+    readings: BenchReadings, calibration: Calibration, kinds: Sequence[str], down: Array, length: float = 1.0
 ) -> dict[str, Array]:
-    """Fields (K, 3) in tool axes; `down` (K, 3) is where gravity points, for the sign of a third component unseen."""
+    """Fields (K, 3) in tool axes.
+
+    Of a third component unseen `down` (K, 3), where gravity points, tells the sign, and `length`, gravity in units of
+    that at the calibration, the size.
+    """
     tool, heat = calibration.tool, readings.temperature
     seen: dict[str, Array] = {}
     for kind in kinds:
@@ -255,7 +296,7 @@ def fields_seen(
         if triad.g_sensitivity is not None and "accelerometer" in seen:
             g = seen["accelerometer"]
             signals = triad.without_gravity(signals, g / np.linalg.norm(g, axis=1, keepdims=True))
-        seen[kind] = triad.field(signals, heat) if triad.full else triad.field_of_length(signals, down, heat)[0]
+        seen[kind] = triad.field(signals, heat) if triad.full else triad.field_of_length(signals, down, heat, length)[0]
     return seen
 
 
@@ -286,6 +327,7 @@ def fit_base(
     zeros: Sequence[str] = (),
     setting_sd: float | Array | None = None,
     level: tuple[Array, float] | None = None,
+    gravity: tuple[float, float] = (1.0, 0.0),
 ) -> BaseFit:
     """Generalised least squares of the attitude of a base.
 
@@ -296,6 +338,8 @@ def fit_base(
     setting_sd : of each dial, rad; found when None.
     level : (base (3, 3), sd), optional
         The base is level, its azimuth axis vertical to this standard deviation, rad: only north is fitted.
+    gravity : (ratio, sd)
+        For two accelerometers, as of `gravity_elsewhere`.
 
     Raises
     ------
@@ -309,7 +353,7 @@ def fit_base(
     matrix, by_setting, by_nuisance = orientation(dials, nuisance)
     base = np.eye(3) if level is None else level[0]
     for _ in range(2):  # where the third component of gravity is not seen its sign hangs on the base
-        seen = fields_seen(readings, calibration, kinds, matrix @ base[:, 2])
+        seen = fields_seen(readings, calibration, kinds, matrix @ base[:, 2], gravity[0])
         if level is None:
             base = _start(matrix, _attitudes(seen, kinds), both=both)
     measured = _attitudes(seen, kinds)
@@ -328,6 +372,8 @@ def fit_base(
     noise[blind] += np.pi**2 * np.eye(3)
     values, vectors = np.linalg.eigh(tool.covariance)
     common = np.nan_to_num(sensitivity.by_parameter) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    if gravity[1] > 0.0:
+        common = np.concatenate([common, gravity[1] * np.nan_to_num(sensitivity.by_gravity)[..., None]], axis=2)
     for _ in range(50):
         matrix, by_setting, by_nuisance = orientation(dials, nuisance)
         wanted = matrix @ base

@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.calibration.summary import rounded
 from inclinometry.cli import output
-from inclinometry.cli.options import Flag, Json, Output, angle
+from inclinometry.cli.options import Flag, Json, Output, angle, gravity_sd
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
@@ -44,6 +44,7 @@ def north(
     z_bias_sd_deg_h: float | None = None,
     sweep_deg: float = 0.0,
     hole: Literal["down", "up"] | None = None,
+    gravity_sd_percent: float | None = None,
     report: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -83,6 +84,9 @@ def north(
         Angle turned while one reading is averaged (carousel).
     hole
         Whether the tool points down or up, for tools that cannot tell.
+    gravity_sd_percent
+        Of tools without an accelerometer along the hole: standard uncertainty of |g| here against that in whose units
+        the others read; that of what site and calibration state when not given.
     report
         Write an HTML report.
     json
@@ -103,6 +107,7 @@ def north(
         z_bias_sd=_rate(z_bias_sd_deg_h, "--z-bias-sd-deg-h"),
         sweep=angle(sweep_deg, "--sweep-deg", 0.0, 180.0),
         hole=hole,
+        gravity_sd=gravity_sd(gravity_sd_percent),
     )
     place = read_site(site)
     found = _run(raw, site, place, calibration, options)

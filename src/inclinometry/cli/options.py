@@ -41,6 +41,13 @@ def sd(degrees: float | None, option: str) -> float | None:
     return angle_or_none(degrees, option, 0.0, LARGEST_SD)
 
 
+def gravity_sd(percent: float | None) -> float | None:
+    """Standard uncertainty of |g| given in percent of that at the calibration, as a share of it."""
+    if percent is not None and not 0.0 <= percent <= 10.0:
+        raise InputError(f"--gravity-sd-percent is {percent:g}; allowed 0 to 10")
+    return None if percent is None else percent / 100.0
+
+
 def inclination_range(degrees: tuple[float, float] | None, option: str) -> tuple[float, float] | None:
     """Two inclinations given in degrees, the lower first, in rad."""
     if degrees is None:

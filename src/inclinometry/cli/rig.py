@@ -27,6 +27,7 @@ def orient(
     site: Path | None = None,
     rig_sd_deg: float | None = None,
     azimuth_from: Literal["magnetometer", "gyro"] | None = None,
+    gravity_sd_percent: float | None = None,
     json: Json = False,
 ) -> None:
     """Find how a rig stands from the readings of a calibrated tool on it: tilt, north, zeros of its dials.
@@ -43,6 +44,9 @@ def orient(
         Random error of a setting of this rig; found from the scatter when not given.
     azimuth_from
         Triad that tells north: the magnetometer where there is one, else the gyro.
+    gravity_sd_percent
+        Of a tool with two accelerometers: standard uncertainty of |g| here against that at the calibration, 0 at the
+        same place. When not given, that of what both state, 0.3 where one states nothing.
     json
         Print JSON.
     """
@@ -53,6 +57,7 @@ def orient(
         read_calibration(calibration),
         setting_sd=options.sd(rig_sd_deg, "--rig-sd-deg"),
         second=azimuth_from,
+        gravity_sd=options.gravity_sd(gravity_sd_percent),
     )
     place, notes = (Site(), []) if site is None else completed(read_site(site))
     rows = _rows(found, place)

@@ -37,6 +37,7 @@ def verify(
     level_sd_deg: float = 0.0,
     rig_sd_deg: float | None = None,
     azimuth_from: Literal["magnetometer", "gyro"] | None = None,
+    gravity_sd_percent: float | None = None,
     output_: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     report: Path | None = None,
     inclination_from: InclinationFrom = "vertical",
@@ -66,6 +67,9 @@ def verify(
         Random error of a setting of another stand; that of the calibration's rig when not given.
     azimuth_from
         Triad that gives the azimuth: the magnetometer where there is one, else the gyro.
+    gravity_sd_percent
+        Of two accelerometers on another stand: standard uncertainty of |g| there against that at the calibration, 0 at
+        the same place. When not given, that of what both state, 0.3 where one states nothing.
     output_
         Write verify.json, for a certificate.
     report
@@ -88,7 +92,7 @@ def verify(
     with output.reading(readings) as progress:
         data = Dials(inclination_from, azimuth_counts, toolface_counts).read(read_bench(readings, progress=progress))
     tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
-    where = _stand(stand, north_deg, north_sd_deg, level_sd_deg, rig_sd_deg)
+    where = _stand(stand, north_deg, north_sd_deg, level_sd_deg, rig_sd_deg, gravity_sd_percent)
     found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
     if output_ is not None:
         if tuple(found.names) != JUDGED:
@@ -138,13 +142,19 @@ def verify(
 
 
 def _stand(
-    stand: str, north_deg: float | None, north_sd_deg: float, level_sd_deg: float, rig_sd_deg: float | None
+    stand: str,
+    north_deg: float | None,
+    north_sd_deg: float,
+    level_sd_deg: float,
+    rig_sd_deg: float | None,
+    gravity_sd_percent: float | None,
 ) -> OtherStand | None:
     """What the options say of another stand; an option that says nothing there is refused."""
     given = {"--north-deg": north_deg is not None, "--north-sd-deg": north_sd_deg != 0.0}
     useless = given | {
         "--level-sd-deg": level_sd_deg != 0.0,
         "--rig-sd-deg": stand == "same" and rig_sd_deg is not None,
+        "--gravity-sd-percent": stand == "same" and gravity_sd_percent is not None,
     }
     if stand != "level" and any(useless.values()):
         name = next(option for option, there in useless.items() if there)
@@ -154,14 +164,15 @@ def _stand(
         return None
     if given["--north-sd-deg"] and north_deg is None:
         raise InputError("--north-sd-deg without --north-deg: give the north it is the uncertainty of")
-    setting = options.sd(rig_sd_deg, "--rig-sd-deg")
+    setting, gravity_sd = options.sd(rig_sd_deg, "--rig-sd-deg"), options.gravity_sd(gravity_sd_percent)
     if stand == "fit":
-        return OtherStand(setting_sd=setting)
+        return OtherStand(setting_sd=setting, gravity_sd=gravity_sd)
     return OtherStand(
         options.sd(level_sd_deg, "--level-sd-deg"),
         options.angle_or_none(north_deg, "--north-deg"),
         options.sd(north_sd_deg, "--north-sd-deg") or 0.0,
         setting,
+        gravity_sd,
     )
 
 
@@ -202,6 +213,7 @@ def survey(
     bha: Path | None = None,
     azimuth_from: Literal["magnetometer", "gyro"] | None = None,
     hole: Literal["down", "up"] = "down",
+    gravity_sd_percent: float | None = None,
     from_: SixAxisForm = None,
     convention: Convention = None,
     switch_deg: float = float(np.degrees(SWITCH)),
@@ -229,6 +241,9 @@ def survey(
         Triad that gives the azimuth: the magnetometer where there is one, else the gyro (true north).
     hole
         Of a tool with two accelerometers: down takes inclinations of 0 to 90 deg, up those of 90 to 180.
+    gravity_sd_percent
+        Of a tool with two accelerometers: standard uncertainty of |g| here against that at the calibration, 0 at the
+        same place. When not given, that of what the site and the calibration state, 0.3 where one states nothing.
     from_
         Format of the readings; by the file's ending when not given.
     convention
@@ -251,6 +266,7 @@ def survey(
             bha=bha,
             second=azimuth_from,
             hole=hole,
+            gravity_sd=options.gravity_sd(gravity_sd_percent),
             form=from_,
             convention=convention,
             charts=report is not None,

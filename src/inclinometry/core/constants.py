@@ -8,6 +8,14 @@ from typing import Final
 STANDARD_GRAVITY: Final = 9.80665
 """Standard acceleration of gravity, m/s^2 (CGPM 1901, exact)."""
 
+GRAVITY_SPREAD: Final = 3e-3
+"""Relative standard uncertainty of gravity at a place where nothing or a textbook's value is stated: at sea level it is
+9.780 m/s^2 at the equator and 9.832 at the poles (NIMA TR8350.2), 0.27 per cent either way."""
+
+STATED_GRAVITY_SD: Final = 1e-4
+"""Relative standard uncertainty of a gravity that is stated with none: normal gravity of a place and height errs by
+some tens of mGal (1 mGal is 1e-6 of it), and by 100 in mountains."""
+
 EARTH_RATE: Final = 7.292115e-5
 """Rotation rate of the Earth, rad/s (WGS84, NIMA TR8350.2)."""
 

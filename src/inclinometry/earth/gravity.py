@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.core.arrays import Array, within
+from inclinometry.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY, STATED_GRAVITY_SD
 
 SEMI_MAJOR_AXIS: Final = 6378137.0
 """m (WGS84)."""
@@ -104,3 +105,53 @@ def gravity_at_depth(latitude: ArrayLike, depth: ArrayLike, surface_height: Arra
     z = within(depth, "depth", 0.0, 12e3, "m")
     top = within(surface_height, "surface_height", -500.0, 8000.0, "m")
     return np.asarray(normal_gravity(latitude, top - z) - 4.0 * np.pi * GRAVITATION * CRUST_DENSITY * z)
+
+
+def relative_gravity(
+    here: float | None, calibration: float | None, here_sd: float | None = None
+) -> tuple[float, float]:
+    """Gravity in units of that at a calibration, and its standard uncertainty in the same units.
+
+    Two accelerometers are calibrated in units of the gravity of their stand and take their third component from |g|: a
+    wrong value stated at both ends cancels at the same place, elsewhere it does not. Two places are assumed.
+
+    Parameters
+    ----------
+    here : float or None
+        Gravity where the tool is used, m/s^2, as stated or by the latitude.
+    calibration : float or None
+        Gravity stated at the calibration, m/s^2.
+    here_sd : float, optional
+        Standard uncertainty of `here`, m/s^2.
+
+    Returns
+    -------
+    ratio : float
+        1 where one of the two is not known.
+    sd : float
+        `GRAVITY_SPREAD` at most where one of them is not known or a textbook's value (9.8, 9.81, 9.80665).
+
+    Examples
+    --------
+    >>> relative_gravity(None, 9.8121)
+    (1.0, 0.003)
+    >>> ratio, sd = relative_gravity(9.8192, 9.7950, 1e-4)
+    >>> round(ratio, 6), round(sd, 6)
+    (1.002471, 0.000101)
+    """
+    if here is None or calibration is None:
+        return 1.0, GRAVITY_SPREAD
+    own = stated_gravity_sd(here) if here_sd is None else here_sd / here
+    return here / calibration, min(float(np.hypot(own, stated_gravity_sd(calibration))), GRAVITY_SPREAD)
+
+
+def stated_gravity_sd(gravity: float | None) -> float:
+    """Relative standard uncertainty of a stated gravity, m/s^2; a textbook's value says nothing of the place.
+
+    Examples
+    --------
+    >>> stated_gravity_sd(9.8121), stated_gravity_sd(9.81), stated_gravity_sd(None)
+    (0.0001, 0.003, 0.003)
+    """
+    textbook = gravity is None or any(abs(gravity - round(STANDARD_GRAVITY, n)) < 1e-9 for n in range(1, 6))
+    return GRAVITY_SPREAD if textbook else STATED_GRAVITY_SD

@@ -10,6 +10,7 @@ from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, station_axis, styled
 from inclinometry.report.tables import sensor_names
+from inclinometry.sensors.sensitivity import GRAVITY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +23,7 @@ FAR = 6.0
 """Standardised residual beyond which the scale turns logarithmic, so that one outlier does not flatten the rest."""
 
 
-_CAUSES = {"calibration": "calibration alone", "sensor noise": "noise of a reading"}
+_CAUSES = {"calibration": "calibration alone", "sensor noise": "noise of a reading", GRAVITY: "strength of gravity"}
 
 
 @styled

@@ -12,10 +12,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.expected import ANGLES, expanded, expected_uncertainty
+from inclinometry.calibration.expected import ANGLES, expanded, expected_gravity_sd, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import COVERAGE_FACTOR, INCLINATIONS
+from inclinometry.core.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, INCLINATIONS
 from inclinometry.core.errors import InputError
 from inclinometry.io._json import canonical
 from inclinometry.io.certificate_json import SCHEMA, VERSION, checked
@@ -158,9 +158,13 @@ def _two_accelerometers(tool: Tool) -> list[str]:
     triad = tool.triads.get("accelerometer")
     if triad is None or triad.rank != 2:
         return []
+    sd = expected_gravity_sd(tool)
+    why = "two places of which nothing is known" if sd == GRAVITY_SPREAD else "stated at both places"
     return [
-        "two accelerometers: the uncertainties hold where the strength of gravity is known and the way the hole goes "
-        "tells the sign of the component across both; they grow without bound toward gravity in the plane of the two"
+        "two accelerometers: the uncertainties of one reading hold where the strength of gravity is known to "
+        f"{100.0 * sd:.2g} % of that at the calibration ({why}) and the way the hole goes tells the sign of the "
+        "component across both; at the place of the calibration an error of that strength cancels. They grow without "
+        "bound toward gravity in the plane of the two"
     ]
 
 

@@ -59,7 +59,9 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
         f"at {at_deg:g}° inclination, at the worst azimuth and toolface" if found.azimuth_from else f"at {at_deg:g}°"
     )
     if seen == 2:
-        where += ", |g| known and the way of the hole stated"
+        where += (
+            f", |g| known to {100.0 * found.gravity_sd:.2g} % of that at the calibration and the way of the hole stated"
+        )
     count = len(calibration.warnings)
     condition = f"; settle the warning{'s' * (count > 1)} below before relying on it" if count else ""
     return f"One reading of {tool} gives {parts} ({_coverage()}) {where}{condition}."

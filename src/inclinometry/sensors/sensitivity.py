@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,27 +13,40 @@ from inclinometry.core.arrays import Array
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
 
+GRAVITY: Final = "strength of gravity"
+"""What the third component of two accelerometers hangs on, among the causes of an uncertainty."""
+
 
 class Sensitivity(NamedTuple):
     """Derivatives of (inclination, azimuth, toolface, magnetic toolface).
 
     by_parameter : (..., 4, p) by the tool's parameters, in the order of `Tool.covariance`
     by_signal : (..., 4, M) by each sensor's reading, in the order of `kinds`
+    by_gravity : (..., 4) by the logarithm of |g|, from which two accelerometers have the third component; else nought
     """
 
     by_parameter: Array
     by_signal: Array
     kinds: tuple[str, ...]
+    by_gravity: Array
 
-    def components(self, tool: Tool) -> dict[str, Array]:
-        """Covariances (..., 4, 4) of the angles, rad^2, by what causes them: the calibration, one reading's noise."""
+    def components(self, tool: Tool, gravity_sd: float = 0.0) -> dict[str, Array]:
+        """Covariances (..., 4, 4) of the angles, rad^2, by what causes them.
+
+        The calibration, the noise of one reading and, of two accelerometers, the strength of gravity, whose standard
+        uncertainty in units of that at the calibration is `gravity_sd`.
+        """
         noise = np.concatenate([tool.noise[kind] for kind in self.kinds])
         spread = self.by_signal * noise
         moved = self.by_parameter @ tool.covariance
-        return {
+        found = {
             "calibration": moved @ np.swapaxes(self.by_parameter, -1, -2),
             "sensor noise": spread @ np.swapaxes(spread, -1, -2),
         }
+        gravity = tool.triads.get("accelerometer")
+        if gravity_sd > 0.0 and gravity is not None and gravity.rank == 2 and "accelerometer" in self.kinds:
+            found[GRAVITY] = gravity_sd**2 * self.by_gravity[..., :, None] * self.by_gravity[..., None, :]
+        return found
 
 
 def angle_sensitivity(
@@ -95,13 +108,16 @@ def field_sensitivity(
         degC.
     """
     parameters = np.zeros((*jacobian.shape[:-1], len(tool.parameter_names)))
-    signals = []
+    signals, by_gravity = [], np.zeros(jacobian.shape[:-1])
     for place, kind in enumerate(kinds):
         triad, field = tool.triads[kind], fields[kind]
-        by_signal = jacobian[..., 3 * place : 3 * place + 3] @ triad.inverse_at(field, temperature)
+        by_field = jacobian[..., 3 * place : 3 * place + 3]
+        by_signal = by_field @ triad.inverse_at(field, temperature)
         signals.append(by_signal)
         parameters[..., tool.slices[kind]] = by_parameter(triad, field, by_signal, temperature)
-    return Sensitivity(parameters, np.concatenate(signals, axis=-1), kinds)
+        if kind == "accelerometer" and triad.rank == 2:
+            by_gravity = (by_field @ triad.by_length(field, temperature)[..., None])[..., 0]
+    return Sensitivity(parameters, np.concatenate(signals, axis=-1), kinds, by_gravity)
 
 
 def by_parameter(triad: Triad, field: Array, by_signal: Array, temperature: ArrayLike | None = None) -> Array:

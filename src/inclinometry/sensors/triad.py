@@ -209,6 +209,20 @@ class Triad:
         along = np.where(np.abs(along) < _IN_PLANE, np.nan, along)[..., None, None]
         return np.asarray(inverse - n[..., :, None] * (a[..., None, :] @ inverse) / along)
 
+    def by_length(self, field: ArrayLike, temperature: ArrayLike | None = None) -> Array:
+        """Derivative (..., 3) of a field of known length by the logarithm of that length: |a|^2 n / (a.n).
+
+        Nought for a triad that sees three components; NaN where the field lies in the plane that two sensors see.
+        """
+        a = finite(field, "field", (3,))
+        if self.rank != 2:
+            return np.zeros_like(a)
+        n = np.linalg.svd(np.tensordot(self.basis(temperature), self.tensor, axes=1))[2][..., 2, :]
+        along = np.sum(a * n, axis=-1, keepdims=True)
+        return np.asarray(
+            np.sum(a * a, axis=-1, keepdims=True) * n / np.where(np.abs(along) < _IN_PLANE, np.nan, along)
+        )
+
     def inverse(self, temperature: ArrayLike | None = None) -> Array:
         """N^-1 (or pseudo-inverse), shape (..., 3, m), at a temperature."""
         if self.degree == 0:

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from inclinometry.attitude.orientation import Angles, angles, inclination_toolface
 from inclinometry.core.angles import wrap_positive
 from inclinometry.core.arrays import Array, Mask, finite, within
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.constants import EARTH_RATE, GRAVITY_SPREAD
 from inclinometry.core.errors import InputError
+from inclinometry.earth.gravity import relative_gravity
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.sensors.tool import Tool
@@ -121,6 +122,7 @@ def reduce_survey(
     inputs: Mapping[str, str] | None = None,
     second: str | None = None,
     hole: str = "down",
+    gravity_sd: float | None = None,
 ) -> Survey:
     """Inclination, azimuth, toolface and their uncertainties from raw channels.
 
@@ -143,6 +145,9 @@ def reduce_survey(
     hole : {"down", "up"}
         Which way the hole goes, for tools with two accelerometers: the third component of gravity is the root of what
         |g| leaves, and the hole tells its sign (inclination 0 to 90 deg, or 90 to 180).
+    gravity_sd : float, optional
+        For the same: standard uncertainty of |g| here in units of that at the calibration, 0 at the same place. When
+        not given, what the site and the calibration state leave, as `earth.gravity.relative_gravity`.
 
     Returns
     -------
@@ -158,7 +163,8 @@ def reduce_survey(
 
     Notes
     -----
-    Uncertainties: J C J' with the joint covariance of the calibration and the noise of one reading, kept apart by name.
+    Uncertainties: J C J' with the joint covariance of the calibration and the noise of one reading, kept apart by name;
+    with two accelerometers that of |g| besides, "strength of gravity", common to all stations.
     A gyro's g-sensitivity is taken off with the direction of gravity just measured; its own uncertainty is not in the
     tool's covariance and not included.
 
@@ -183,10 +189,10 @@ def reduce_survey(
     second = _second(channels, second)
     if hole not in HOLES:
         raise InputError(f"hole is {hole!r}; allowed: {', '.join(HOLES)}")
-    length, assumed = _gravity(tool, site, hole)
+    length, length_sd, assumed = _gravity(tool, site, hole, gravity_sd)
     seen, left_out = tool_fields(channels, tool, heat, len(depth), second, (hole, length))
     left_out += assumed
-    found, parts = _attitude(seen, tool, heat, second)
+    found, parts = _attitude(seen, tool, heat, second, length_sd)
     azimuth, parts, reference, warnings = turned_to_north(
         found.azimuth, parts, site, "true" if second == "gyro" else "magnetic"
     )
@@ -217,21 +223,33 @@ def reduce_survey(
     )
 
 
-def _gravity(tool: Tool, site: Site | None, hole: str) -> tuple[float, list[str]]:
-    """Strength of gravity in units of the calibration's, for two accelerometers, and what was taken for granted."""
+def _gravity(tool: Tool, site: Site | None, hole: str, stated: float | None) -> tuple[float, float, list[str]]:
+    """Strength of gravity in units of the calibration's, for two accelerometers, its sd, what was taken for granted."""
     triad = tool.triads.get("accelerometer")
+    if stated is not None:
+        within(stated, "gravity_sd", 0.0, 0.1)
     if triad is None or triad.rank != 2:
-        return 1.0, []
+        return 1.0, 0.0, []
     way = "0 to 90" if hole == "down" else "90 to 180"
     said = f"two accelerometers: the third component of gravity is from |g| and a hole that goes {hole}, {way} deg"
     here = None if site is None else site.gravity
+    ratio, sd = relative_gravity(here, triad.field_strength, None if site is None else site.gravity_sigma)
+    sd = sd if stated is None else stated
     if here is not None and triad.field_strength is not None:
-        return here / triad.field_strength, [f"{said}; |g| is {here:.5f} m/s^2 here"]
-    return 1.0, [
-        f"{said}; |g| is taken to be that of the calibration stand, and one per mille of it is "
-        f"{np.degrees(1e-3):.3f} deg "
-        "times the tangent of the inclination: give g here (--site) and at the stand (reference_g_m_s2)"
-    ]
+        said += f"; |g| is {here:.5f} m/s^2 here, {triad.field_strength:.5f} at the calibration stand"
+    else:
+        said += "; |g| is taken to be that of the calibration stand"
+    grows = f"{np.degrees(sd):.2g} deg times the tangent of the inclination"
+    if stated is not None:
+        return ratio, sd, [f"{said}, to {100.0 * sd:.2g} % as stated: {grows}"]
+    if sd < GRAVITY_SPREAD:
+        return ratio, sd, [f"{said}, to {100.0 * sd:.2g} %, two places assumed: {grows}"]
+    remedy = (
+        "Give g here (--site) and at the stand (reference_g_m_s2), each better than a textbook's value, or "
+        "--gravity-sd-percent 0 at the stand's own place, where an error of |g| cancels"
+    )
+    nothing = "as between two places of which nothing is known"
+    return ratio, sd, [f"{said}, to {100.0 * sd:.2g} % {nothing}: {grows}. {remedy}"]
 
 
 def _in_plane(g: Array, tool: Tool, inclination_sd: Array) -> Mask:
@@ -318,7 +336,7 @@ def _gravity_of_two(triad: Triad, signals: Array, heat: Array | None, gravity: t
 
 
 def _attitude(
-    seen: Mapping[str, Array], tool: Tool, heat: Array | None, second: str | None
+    seen: Mapping[str, Array], tool: Tool, heat: Array | None, second: str | None, gravity_sd: float
 ) -> tuple[Angles, dict[str, Array]]:
     """Angles and the variances (n, 4) of each by cause; NaN azimuth where there is no second field."""
     pieces: list[dict[str, Array]] = []
@@ -326,7 +344,7 @@ def _attitude(
         here = slice(start, start + BLOCK)
         block = {kind: field[here] for kind, field in seen.items()}
         warmth = None if heat is None else heat[here]
-        parts = angle_sensitivity(tool, block, warmth, second or "magnetometer").components(tool)
+        parts = angle_sensitivity(tool, block, warmth, second or "magnetometer").components(tool, gravity_sd)
         pieces.append({name: np.diagonal(part, axis1=1, axis2=2) for name, part in parts.items()})
     variances = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
     if second is not None:

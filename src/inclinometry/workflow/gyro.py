@@ -12,8 +12,9 @@ import numpy as np
 
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.core.errors import FileError, InputError
+from inclinometry.earth.gravity import relative_gravity, stated_gravity_sd
 from inclinometry.earth.site import Site
 from inclinometry.gyro.north import to_high_side
 from inclinometry.gyro.result import North
@@ -65,6 +66,8 @@ class GyroOptions:
     history : what an earlier run has taught.
     gyro_sd, accelerometer_sd, z_bias_sd, sweep : as `average_run`.
     hole : "down" or "up" for tools that cannot tell.
+    gravity_sd : of tools without an accelerometer along the hole, whose third component is from |g|: its standard
+        uncertainty in units of that in which the others were calibrated; what site and calibration state when None.
     """
 
     scheme: str = "four"
@@ -80,6 +83,7 @@ class GyroOptions:
     z_bias_sd: float | None = None
     sweep: float = 0.0
     hole: str | None = None
+    gravity_sd: float | None = None
 
     def __post_init__(self) -> None:
         for name, value, allowed in (("scale", self.method, METHODS), ("prior", self.prior, (None, *PRIORS))):
@@ -176,7 +180,7 @@ def north_run(
     )
     if suspect := rate_unit_suspect(averages.rate.field) or gravity_suspect(averages.gravity.field, site.gravity):
         raise FileError(suspect, path=readings.path)
-    stations = stations_of(averages, site, chosen.hole)
+    stations = stations_of(averages, site, chosen.hole, _gravity_sd(chosen, site, calibration))
     if suspect := gravity_in_g(stations):
         raise FileError(suspect, path=readings.path)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
@@ -257,6 +261,19 @@ def _check_history(history: ScaleRecord | None, readings: GyroReadings, calibrat
         )
     if readings.digest in _earlier(history).values():
         raise InputError("the history was learnt from these very readings; they would count twice: leave it out")
+
+
+def _gravity_sd(chosen: GyroOptions, site: Site, calibration: Calibration | None) -> float:
+    """Relative standard uncertainty of |g| here against that in whose units the accelerometers read."""
+    if chosen.gravity_sd is not None:
+        return chosen.gravity_sd
+    if calibration is not None:
+        there = calibration.tool.triads["accelerometer"].field_strength
+        return relative_gravity(site.gravity, there, site.gravity_sigma)[1]
+    here = site.gravity or STANDARD_GRAVITY
+    own = stated_gravity_sd(here) if site.gravity_sigma is None else site.gravity_sigma / here
+    # readings in m/s^2 were calibrated somewhere, by a gravity that was stated
+    return float(np.hypot(own, STATED_GRAVITY_SD))
 
 
 def _expected(stations: Stations, averages: Averages, heat: Array | None, options: GyroOptions) -> Known:

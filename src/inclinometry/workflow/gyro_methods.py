@@ -33,13 +33,20 @@ class Stations:
     latitude_sd: float
 
 
-def stations_of(averages: Averages, site: Site, hole: str | None) -> Stations:
-    """What the average and the site say; the site must have a latitude."""
+def stations_of(averages: Averages, site: Site, hole: str | None, gravity_sd: float = 0.0) -> Stations:
+    """What the average and the site say; the site must have a latitude; `gravity_sd` as of `GyroOptions`."""
     latitude, g = site.latitude or 0.0, site.gravity or 0.0
     floor = ROUNDING**2 * np.eye(3)
+    field = averages.gravity.field
+    covariance = averages.gravity.covariance + averages.gravity_calibration + g**2 * floor
+    blind = np.isnan(field[:, 2])
+    if blind.any():
+        # the third component is from |g|: to a share of it, what is seen is too long or too short by as much
+        across = gravity_sd * np.nan_to_num(field[blind])
+        covariance[blind] += across[:, :, None] * across[:, None, :]
     return Stations(
-        averages.gravity.field,
-        averages.gravity.covariance + averages.gravity_calibration + g**2 * floor,
+        field,
+        covariance,
         averages.rate.field,
         averages.rate.covariance + averages.rate_calibration + EARTH_RATE**2 * floor,
         latitude,

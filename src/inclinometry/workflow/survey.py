@@ -38,6 +38,7 @@ def survey_raw(
     *,
     second: str | None = None,
     hole: str = "down",
+    gravity_sd: float | None = None,
 ) -> Survey:
     """Reduce raw stations with a calibrated tool.
 
@@ -52,6 +53,8 @@ def survey_raw(
         The triad that gives the azimuth; the magnetometer where there is one, else the gyro.
     hole : {"down", "up"}
         For two accelerometers, as `reduce_survey`.
+    gravity_sd : float, optional
+        As `reduce_survey`.
     """
     same_units(raw.units, calibration)
     found = reduce_survey(
@@ -64,6 +67,7 @@ def survey_raw(
         inputs={"raw": raw.digest, **{f"calibration {name}": digest for name, digest in calibration.inputs.items()}},
         second=second,
         hole=hole,
+        gravity_sd=gravity_sd,
     )
     inherited = [f"calibration: {sentence}" for sentence in calibration.warnings]
     return replace(found, warnings=(*raw.notes, *inherited, *found.warnings))
@@ -78,6 +82,7 @@ def survey_file(
     bha: str | Path | None = None,
     second: str | None = None,
     hole: str = "down",
+    gravity_sd: float | None = None,
     form: str | None = None,
     convention: str | None = None,
     charts: bool = False,
@@ -92,6 +97,8 @@ def survey_file(
     correct, bha
         As `survey_six_axis`.
     hole : {"down", "up"}
+        As `survey_raw`.
+    gravity_sd : float, optional
         As `survey_raw`.
     second : {"magnetometer", "gyro"}, optional
         As `survey_raw`; corrections are of the magnetometer's survey only.
@@ -109,6 +116,8 @@ def survey_file(
             raise InputError(f"{option} is for raw channels of a calibrated tool without corrections; leave it out")
         if hole != "down":
             raise InputError("--hole is for raw channels of two calibrated accelerometers; leave it out")
+        if gravity_sd is not None:
+            raise InputError("--gravity-sd-percent is for raw channels of two calibrated accelerometers; leave it out")
         run = read_six_axis(raw, site, calibration, form=form, convention=convention, progress=progress)
         return survey_six_axis(run, correct, bha)
     if convention is not None or form not in (None, "csv"):
@@ -116,7 +125,7 @@ def survey_file(
     place, notes = (None, []) if site is None else completed(read_site(site))
     data = read_raw_survey(raw, progress=progress)
     record = read_calibration(calibration)
-    found = survey_raw(data, record, place, second=second, hole=hole)
+    found = survey_raw(data, record, place, second=second, hole=hole, gravity_sd=gravity_sd)
     doubts = [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
     found = replace(found, inputs=inputs, warnings=(*doubts, *found.warnings))
