@@ -2,12 +2,16 @@
 
 To look for new ones: pytest --hypothesis-profile=search. A failure prints the line (@reproduce_failure) that
 repeats it. Linear algebra runs on one thread: the matrices are small, and threads that wait for each other on a busy
-machine make a test of a second take minutes.
+machine make a test of a second take minutes. A shell's background job ignores Ctrl-C, and so would the programs that
+the tests start and interrupt.
 """
 
 import os
+import signal
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 from hypothesis import HealthCheck, settings
 
