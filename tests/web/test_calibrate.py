@@ -305,8 +305,8 @@ def test_the_card_the_motor_and_the_record_have_what_the_dials_of_the_rig_say(mo
     page.turn()
     assert np.degrees(motorised.bench.rig.at) == pytest.approx(said)
     motorised.bench.rig.moving = False
-    motorised.rest((np.pi / 2, np.radians(30.0), np.radians(10.0)))
     page.turner.poll()
+    motorised.rest((np.pi / 2, np.radians(30.0), np.radians(10.0)))
     taken = page.take()
     assert np.degrees(taken.capture.dial) == pytest.approx(said)
     assert np.degrees(setting_of(page.session.dials, taken.capture.dial)) == pytest.approx((-270.0, 30.0, 10.0))

@@ -8,14 +8,13 @@ the others say is it called an outlier, so that a bad station cannot hide behind
 from __future__ import annotations
 
 from collections.abc import Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from inclinometry.calibration.fitting import Fitted, fit_with_caution, fit_with_variances
 from inclinometry.calibration.likelihood import Linear, Model, State
-from inclinometry.calibration.rigmodel import orientation
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InclinometryError
 
@@ -184,16 +183,11 @@ def _scan_dial(fitted: Fitted, full: Model, row: int, dial: int) -> tuple[float,
 
 
 def _dial_costs(fitted: Fitted, full: Model, row: int, dial: int, errors: Array) -> Array:
+    """Misfit, chi-square, of one station for each error of a dial; what the fit itself is unsure of is no misfit."""
     settings = np.repeat(full.settings[row][None], len(errors), axis=0)
     settings[:, dial] += errors
-    matrix, by_setting, _ = orientation(settings, fitted.state.nuisance)
-    misfit, spread = [], []
-    for kind, readings in full.signals.items():
-        values = np.tensordot(full.powers[row], fitted.state.coefficients[kind], axes=1)
-        seen = matrix @ fitted.state.directions[kind]
-        misfit.append(seen @ values[:, :3].T + values[:, 3] - readings[row])
-        spread.append((by_setting @ fitted.state.directions[kind]) @ values[:, :3].T)
-    residual = np.concatenate(misfit, axis=1)
-    rig = np.concatenate(spread, axis=2) * fitted.model.rig_sd[None, :, None]
-    covariance = np.diag(fitted.model.noise_sd[0] ** 2) + rig.swapaxes(1, 2) @ rig
-    return np.asarray((residual[:, None, :] @ np.linalg.solve(covariance, residual[..., None]))[:, 0, 0])
+    here = full.take(np.full(len(errors), row)).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
+    state = State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
+    at = replace(here, settings=settings).linearise(state)
+    covariance = here.station_covariance(at) + at.jacobian @ fitted.covariance @ at.jacobian.swapaxes(1, 2)
+    return np.asarray((at.residual[:, None, :] @ np.linalg.solve(covariance, at.residual[..., None]))[:, 0, 0])
