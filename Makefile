@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo bench-demo test bench docs figures metrics freeze lint clean
+.PHONY: demo bench-demo test test-long bench docs figures metrics freeze lint clean
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -19,7 +19,12 @@ bench-demo: $(STAMP)
 	mkdir -p demo-output
 	$(BIN)/inclinometry bench --demo --ledger demo-output/bench.sqlite
 
+# what a change is held against while it is made: minutes
 test: $(STAMP)
+	$(BIN)/python -m pytest -n 2 -m "not long"
+
+# everything, the long statistics and whole runs included, with coverage of the mathematics: half an hour on two cores
+test-long: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --cov --cov-report=
 	$(BIN)/python -m coverage report --include="src/inclinometry/core/*,src/inclinometry/attitude/*,src/inclinometry/earth/*,src/inclinometry/uncertainty/*,src/inclinometry/sensors/*,src/inclinometry/simulate/*,src/inclinometry/calibration/*,src/inclinometry/gyro/*,src/inclinometry/survey/*" --fail-under=95
 

@@ -61,6 +61,7 @@ def turned(angle, axis=2):
 
 
 class TestAgainstTheCertificate:
+    @pytest.mark.long
     @pytest.mark.parametrize(
         ("plan", "rig_deg", "prior"),
         [
@@ -266,6 +267,7 @@ class TestRefusals:
             dataclasses.replace(WIDE, **change)
 
 
+@pytest.mark.long
 def test_good_tools_pass_at_the_vertical_as_often_as_stated(bench):
     """There the error of inclination is the length of a tilt in two directions, whichever the rig errs in."""
     tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))
@@ -282,6 +284,7 @@ def test_good_tools_pass_at_the_vertical_as_often_as_stated(bench):
     assert np.all(expanded < 5.0 * 0.05)
 
 
+@pytest.mark.long
 def test_judged_at_two_sigma_the_tilt_has_the_probability_of_two_sigma(bench):
     """At least 95.4 % of the errors lie within U."""
     tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))

@@ -66,6 +66,7 @@ TOOLS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sensors", TOOLS.values(), ids=TOOLS.keys())
 def test_errors_are_as_large_as_stated_and_honest_tools_pass(bench, sensors):
     draws, scores, passed = 15, [], 0
@@ -81,6 +82,7 @@ def test_errors_are_as_large_as_stated_and_honest_tools_pass(bench, sensors):
     assert passed >= draws - 2  # 99 % each: three or more fail with 0.05 %
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "stand",
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
@@ -23,6 +24,7 @@ def draw(seed):
     return BenchReadings(run.signals, run.azimuth, run.inclination, run.toolface, reference=run.reference), tool
 
 
+@pytest.mark.long
 def test_normalised_error_of_a_short_run_with_estimated_variances():
     squares = []
     for seed in range(DRAWS):

@@ -52,6 +52,7 @@ def test_the_causes_add_up_to_the_covariance(bench):
     assert (ratio < 0.2).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dial", [0, 1, 2])
 def test_one_dial_alone_moves_the_angles_as_budgeted(bench, dial):
     """Random settings through the linear estimator; 20 draws give an rms to a fifth."""

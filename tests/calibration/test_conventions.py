@@ -72,6 +72,7 @@ def test_converted_dials_are_the_settings_again(way):
     assert all(way.words() in note for note in read.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS[1:], ids=lambda w: w.words())
 def test_a_misread_dial_is_refused_or_named_with_the_options_that_state_it(way):
     readings = run_of(realistic_tool(3), PLANS["twelve"], way)
@@ -210,6 +211,7 @@ def judged(readings):
     return said + check_dials(readings) + check_axes(start)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plan", PLANS)
 def test_random_files_right_ones_pass_and_no_misread_one_passes_in_silence(plan):
     draw = np.random.default_rng(list(PLANS).index(plan))

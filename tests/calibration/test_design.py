@@ -131,6 +131,7 @@ def test_promised_azimuth_against_differences(tool):
 # --- what an aimed plan does -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("n", "rig", "required"), [(12, 0.0, 0.075), (16, 0.1, 0.078), (24, 0.1, 0.062)])
 def test_aimed_plans_reach_the_specified_figures(n, rig, required):
     plan = optimal_plan(n, rig_sd=rig * DEG, restarts=3)
@@ -138,6 +139,7 @@ def test_aimed_plans_reach_the_specified_figures(n, rig, required):
     assert evaluate_plan(plan, fine, rig_sd=rig * DEG).from_calibration[:, 1].max() <= required * DEG
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("low", [1.0, 5.0])
 def test_sixteen_aimed_at_near_vertical_do_what_the_cube_does_with_24(low):
     where = (low * DEG, 15.0 * DEG)
@@ -145,6 +147,7 @@ def test_sixteen_aimed_at_near_vertical_do_what_the_cube_does_with_24(low):
     assert plan_value(plan, inclination_range=where) <= plan_value(plans.orthogonal(), inclination_range=where)
 
 
+@pytest.mark.long
 def test_no_plan_beats_the_cube_everywhere():
     """With trusted dials the cube's information on each triad is isotropic, the best there is on average."""
     everywhere = np.array([5.0, 20.0, 45.0, 90.0, 135.0, 160.0, 175.0]) * DEG
@@ -160,6 +163,7 @@ def test_no_plan_beats_the_cube_everywhere():
         assert ratio.max() > 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("criterion", [AZIMUTH, INCLINATION, TRACE])
 def test_each_criterion_is_best_served_by_its_own_plan(criterion):
     where = (20.0 * DEG, 70.0 * DEG)

@@ -51,6 +51,7 @@ class TestOwnPlan:
             np.testing.assert_allclose(found.tool.triads[kind].offset, tool.triads[kind].offset, atol=1e-9 * size)
         assert np.isfinite(found.tool.covariance).all()
 
+    @pytest.mark.long
     @pytest.mark.parametrize("rig_deg", [0.0, 0.1])
     def test_the_stated_uncertainty_is_honest(self, bench, sensor_noise, method, plan, rig_deg):
         scores = []

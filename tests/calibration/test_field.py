@@ -133,6 +133,7 @@ def test_the_badly_pointed_shot_of_instrument_fg_is_named():
     assert any("shot 13" in w and "not pointed" in w for w in calibrate_field(readings).warnings)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "options", [{"free": 8, "sets": 2}, {"free": 16, "sets": 1}, {"noise": 3e-4, "pointing": 5e-4, "rolls": 4}]
 )

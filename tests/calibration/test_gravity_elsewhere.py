@@ -91,6 +91,7 @@ def test_gravity_stated_at_both_places_leaves_little_and_the_same_place_none():
         reduce_survey([0.0], channels, tool, gravity_sd=0.3)
 
 
+@pytest.mark.long
 def test_a_verification_elsewhere_counts_gravity_and_one_on_the_own_stand_does_not():
     tool, draws = pair(), 300
     calibration = known(tool)

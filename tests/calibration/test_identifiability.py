@@ -164,6 +164,7 @@ class TestConstantErrorsOfTheRig:
         rig = Rig(setting_sd=np.radians(0.02), **{RIG[name]: ERROR})
         return tool, bench(settings, tool, rig, seed=seed)[0]
 
+    @pytest.mark.long
     @pytest.mark.parametrize("settings", [plans.orthogonal(), plans.two_face(), plans.twelve()], ids=lambda p: p.name)
     @pytest.mark.parametrize("name", list(RIG))
     def test_is_seen_by_the_joint_model_and_found(self, bench, settings, name):
@@ -177,6 +178,7 @@ class TestConstantErrorsOfTheRig:
         assert found.uncertainty[f"rig.{name}"] == pytest.approx(u)
         assert worst(found, tool) < 6.0
 
+    @pytest.mark.long
     @pytest.mark.parametrize("name", list(RIG))
     def test_is_warned_of_when_it_is_not_fitted(self, bench, name):
         _, readings = self.run(bench, plans.orthogonal(), name)
@@ -210,6 +212,7 @@ class TestConstantErrorsOfTheRig:
         assert u == pytest.approx(prior, rel=1e-3)  # nothing was learnt
         assert not [w for w in found.warnings if "toolface zero" in w]
 
+    @pytest.mark.long
     def test_clean_rigs_are_not_warned_of(self, bench):
         for seed in range(10):
             readings, _ = bench(plans.orthogonal(), random_tool(seed), Rig(setting_sd=1e-3), seed=seed, bits=12)

@@ -198,6 +198,7 @@ def test_repeated_readings_count_with_their_scatter(bench):
 
 
 class TestRigOfUnknownOrientation:
+    @pytest.mark.long
     @pytest.mark.parametrize("offset", [0.0, 90.0, 180.0, -135.0])
     @pytest.mark.parametrize("dip", [70.0, 30.0, -60.0])
     def test_tilted_and_turned_with_the_dip_known(self, bench, sensor_noise, offset, dip):

@@ -87,6 +87,7 @@ def scenario(plan, rig_deg, tilt_deg):
 @pytest.mark.parametrize("plan", PLANS, ids=lambda p: p.name)
 @pytest.mark.parametrize(("rig_deg", "tilt_deg"), [(0.0, 0.0), (0.1, 0.0), (0.0, 5.0)])
 class TestMonteCarlo:
+    @pytest.mark.long
     def test_every_group_of_parameters_reaches_the_bound(self, plan, rig_deg, tilt_deg):
         scores = []
         for tool, found, bound in scenario(plan, rig_deg, tilt_deg):

@@ -228,6 +228,7 @@ def test_covariance_of_the_fit_is_the_block_of_the_dense_inverse():
     np.testing.assert_allclose(found.covariance, dense, rtol=1e-6, atol=1e-9 * dense.max())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("sensors", "rig", "nuisance", "priors"),
     [

@@ -111,6 +111,7 @@ class TestToolsAtFault:
         calibration, readings = pair
         self.judged(readings, turned(calibration, kind, np.diag([1.01, 1.0, 1.0])))
 
+    @pytest.mark.long
     @pytest.mark.parametrize("channel", range(3))
     @pytest.mark.parametrize("kinds", [["accelerometer"], ["magnetometer"], ["accelerometer", "magnetometer"]])
     def test_reversed_channels(self, pair, kinds, channel):
@@ -118,6 +119,7 @@ class TestToolsAtFault:
         sign = np.where(np.arange(3) == channel, -1.0, 1.0)
         self.judged(rewired(readings, **dict.fromkeys(kinds, lambda x: x * sign)), calibration)
 
+    @pytest.mark.long
     @pytest.mark.parametrize("order", [[1, 0, 2], [0, 2, 1], [1, 2, 0]])
     @pytest.mark.parametrize("kinds", [["accelerometer"], ["magnetometer"], ["accelerometer", "magnetometer"]])
     def test_exchanged_channels(self, pair, kinds, order):

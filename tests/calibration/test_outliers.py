@@ -32,6 +32,7 @@ def mistaken(bench, plan, seed, *faults):
     return tool, bench(plan, tool, Rig(setting_sd=RIG_SD, faults=faults), seed=seed, bits=12)[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plan", PLANS, ids=lambda p: p.name)
 @pytest.mark.parametrize("dial", ["azimuth", "inclination", "toolface"])
 def test_a_dial_off_by_thirty_degrees(bench, plan, dial):
@@ -61,6 +62,7 @@ def test_the_sign_says_where_the_tool_stood(bench):
     assert "the tool stood -" in sentence
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("degrees", [1.0, 5.0, 90.0, 180.0])
 def test_a_dial_off_by_little_or_much(bench, degrees):
     _, readings = mistaken(bench, plans.orthogonal(), 3, Misread(5, "toolface", np.radians(degrees)))
@@ -69,6 +71,7 @@ def test_a_dial_off_by_little_or_much(bench, degrees):
     assert "toolface" in sentence
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plan", PLANS, ids=lambda p: p.name)
 def test_a_bumped_station(bench, plan):
     for seed in DRAWS:
@@ -80,6 +83,7 @@ def test_a_bumped_station(bench, plan):
         assert worst(calibration, tool) < 8.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plan", PLANS[:3], ids=lambda p: p.name)
 @pytest.mark.parametrize(("kind", "column"), [("accelerometer", 2), ("magnetometer", 1)])
 def test_one_channel_that_jumped(bench, plan, kind, column):
@@ -123,6 +127,7 @@ def test_names_of_stations_are_used(bench):
     assert found_in(calibrate_joint(named))[0].startswith("station S03 disagrees")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plan", PLANS[:3], ids=lambda p: p.name)
 @pytest.mark.parametrize("rig_deg", [0.0, 0.1, 0.5])
 def test_clean_runs_are_not_accused(bench, plan, rig_deg):

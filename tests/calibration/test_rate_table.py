@@ -97,6 +97,7 @@ class TestExact:
 
 
 class TestHonest:
+    @pytest.mark.long
     @pytest.mark.parametrize("stated", [True, False])
     @pytest.mark.parametrize("g_sensitive", [True, False])
     def test_errors_are_what_the_covariance_says(self, stated, g_sensitive):

@@ -124,6 +124,7 @@ def test_a_contradiction_is_refused_with_both_numbers():
     assert decided("magnetometer", (g, b), {"dip": 0.7 + np.radians(5.9)}) == (1.0, [])
 
 
+@pytest.mark.long
 def test_no_wrong_sign_in_ten_thousand_rigs_that_is_not_named():
     draw = np.random.default_rng(11)
     count = 5000  # of either kind

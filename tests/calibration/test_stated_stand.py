@@ -123,6 +123,7 @@ class TestStated:
 
 
 class TestPlanThatCannotTell:
+    @pytest.mark.long
     def test_default_no_worse_than_the_closed_form(self):
         """Turns at 45 and 135, nothing stated; a stand assumed level within 5 degrees cost 2 to 7 degrees."""
         ours, closed = [], []
@@ -229,6 +230,7 @@ EXACT = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", EXACT)
 @pytest.mark.parametrize("count", [1, 2, 4])
 def test_exact_readings_of_any_number_of_sensors(name, count):

@@ -42,6 +42,7 @@ def at_reference(tool, triad):
     return moved
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("degree", "temperatures"),
     [(0, [20, 80]), (1, [20, 80]), (1, [0, 40, 80, 120]), (2, [20, 70, 120]), (2, [0, 40, 80, 120, 160])],

@@ -67,6 +67,7 @@ def test_factors_maximise_the_dense_restricted_likelihood(bench, plan):
         assert found.relative_sd[place] == pytest.approx(1.0 / np.sqrt(observed), rel=0.4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plan", [plans.twelve(), plans.orthogonal()], ids=lambda p: p.name)
 def test_right_on_average(bench, sensor_noise, plan):
     draws, rig_sd = 60, np.radians(0.1)

@@ -133,6 +133,7 @@ def test_unknown_method_and_useless_option(run, bench):
     refused(run, "not an orthogonal plan", path="readings.csv", more=("--method", "orthogonal"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("change", ["bom", "semicolon", "utf16"])
 def test_dialects_are_read(run, bench, change):
     bench()

@@ -41,6 +41,7 @@ def bench(folder, *options):
         process.stderr.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 0)])
 def test_it_ends_and_leaves_a_closed_ledger(tmp_path, name, status):
     with bench(tmp_path) as (process, url), httpx.Client(base_url=url, trust_env=False, timeout=60) as browser:

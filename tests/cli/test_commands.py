@@ -37,6 +37,7 @@ def test_plan_writes_settings_that_can_be_simulated(run, plan):
     assert len(rows("readings.csv")) == len(rows("plan.csv"))
 
 
+@pytest.mark.long
 def test_plan_optimal_keeps_to_its_number_and_is_reproducible(run):
     for name in ("a.csv", "b.csv"):
         done = run("plan", "optimal", "-n", 12, "--inclination-range-deg", 0, 20, "-o", name, "--json")
@@ -76,6 +77,7 @@ def test_calibrate_finds_the_truth(run, bench, plan, method):
     assert Path("report.html").read_text(encoding="utf-8").lstrip().startswith("<!doctype html>")
 
 
+@pytest.mark.long
 def test_same_input_gives_the_same_bytes(run, bench):
     bench()
     for name in ("a.json", "b.json"):
@@ -218,6 +220,7 @@ def test_temperature_campaign_is_seen_and_extrapolation_flagged(run, bench):
     assert "temperature" in rows("survey.csv")[0]["flags"]
 
 
+@pytest.mark.long
 def test_demo_runs_and_leaves_its_pages(run):
     done = run("demo", "--output", "out", "--json")
     assert done.status == 0, done.err
@@ -309,6 +312,7 @@ class TestDatasheet:
         assert "bits is 16, but accelerometer signals are in 'V'" in refused.err
         assert not Path("other.csv").exists()
 
+    @pytest.mark.long
     def test_classical_takes_it_and_says_when_it_has_none(self, run):
         run("datasheet", "--template", "-o", "datasheet.toml")
         bench = ("simulate", "bench", "--plan", "orthogonal", "--bits", 0, "-o", "readings.csv", "--truth", "true.json")
@@ -338,6 +342,7 @@ class TestDatasheet:
         assert not Path("tool.json").exists()
 
 
+@pytest.mark.long
 def test_a_bent_characteristic_is_named_everywhere(run):
     """A square law of 0.5 % of full scale, eight rolls, a perfect rig. At 0134526 nothing was said."""
     assert run("plan", "twelve", "--rolls", 8, "-o", "plan.csv").status == 0

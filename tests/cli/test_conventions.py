@@ -35,6 +35,7 @@ MISREAD = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("columns", "option"), MISREAD, ids=[option for _, option in MISREAD])
 def test_a_misread_dial_writes_nothing_and_names_the_option_that_states_it(run, bench, columns, option):
     bench("twelve", "--base-tilt-deg", 2)

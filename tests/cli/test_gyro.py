@@ -92,6 +92,7 @@ def test_stations_have_the_columns_and_the_angles(run, simulated):
     assert Path("out.html").read_text(encoding="utf-8").lstrip().startswith("<!doctype html>")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", ["two", "four", "mirrored", "n", "carousel"])
 @pytest.mark.parametrize("scale", ["joint", "patent", "fixed"])
 def test_schemes_and_methods(run, simulated, scheme, scale):
@@ -137,6 +138,7 @@ def test_json_is_json_and_warnings_stay_out_of_it(run, simulated):
     assert done.json["readings"] == 12
 
 
+@pytest.mark.long
 def test_the_same_input_gives_the_same_bytes(run, simulated):
     simulated()
     for name in "ab":
@@ -354,6 +356,7 @@ def test_inputs_are_never_overwritten(run, simulated, command):
     refused(run, *command)
 
 
+@pytest.mark.long
 def test_a_long_run(run, simulated):
     simulated(stations=2000)
     done = run(*NORTH, "-o", "out.csv", "--json")

@@ -88,6 +88,7 @@ def test_links_lead_to_the_same_file(run, folder):
         one_line(run("calibrate", "readings.csv", "-o", name), 2, name, "same file")
 
 
+@pytest.mark.long
 def test_null_device_may_be_named_twice(run, folder):
     if not Path("/dev/null").exists():
         pytest.skip("no such device here")

@@ -101,6 +101,7 @@ def test_analysis_makes_azimuths_better(run, geometry, part):
     assert worst < 4.0
 
 
+@pytest.mark.long
 def test_survey_says_what_was_done(run):
     given(more='north_reference = "true"\ndeclination_deg = 5.0\nsigma_declination_deg = 0.3')
     done = run(*SURVEY, "--correct", "axial", "--report", "page.html", "--json")
@@ -158,6 +159,7 @@ def test_quality_of_a_survey_is_that_of_its_axes(run):
             assert one[name] == pytest.approx(other[name], rel=1e-5, abs=1e-5)
 
 
+@pytest.mark.long
 def test_a_calibrated_tool_by_its_certificate(run, bench):
     bench("orthogonal")
     assert run("calibrate", "readings.csv", "-o", "tool.json").status == 0

@@ -22,6 +22,7 @@ def run(line, capsys):
     assert stopped.value.code == 0, f"{line}\n{capsys.readouterr()}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
 def test_a_page_does_what_it_says(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -49,6 +49,7 @@ def plain(h: Any, cov: Any, inclination: float, latitude: float, k0: float, sd: 
     return min((t for t in tries if t.x[1] > 0.0), key=lambda t: t.cost)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("axes", [2, 3])
 def test_agrees_with_a_general_solver_from_many_starts(axes: int) -> None:
     rates, cov, inclination, latitude, *_ = stations(3, 25, axes)

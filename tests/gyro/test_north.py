@@ -177,6 +177,7 @@ def no_nan(found: Any) -> None:
 LATITUDES = (-85.0, -60.0, -45.0, -20.0, 0.0, 30.0, 45.0, 70.0, 85.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale_sd", [0.0, 0.003, np.inf])
 @pytest.mark.parametrize("axes", [2, 3])
 @pytest.mark.parametrize("accelerometers", [2, 3])

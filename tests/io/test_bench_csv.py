@@ -345,6 +345,7 @@ def said(plan, kind, values):
     return saturation_notes(kind, values, ["x", "y", "z"], angles, np.arange(len(values)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
 def test_no_false_alarm_in_simulated_runs(plan):
     for seed in range(100):
@@ -446,6 +447,7 @@ def test_units_that_are_not_known(tmp_path, name, wanted):
         read_log(tmp_path / "log.csv")
 
 
+@pytest.mark.long
 def test_a_million_lines(tmp_path):
     rng = np.random.default_rng(0)
     path = tmp_path / "big.csv"

@@ -61,6 +61,7 @@ def test_what_is_written_comes_back_to_the_bit(tmp_path, ending):
     assert run.digest() == digest_file(path)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=20)
 @given(rows=st.integers(1, 40_000))
 def test_the_size_of_blocks_does_not_matter(rows):
@@ -116,6 +117,7 @@ SPOILT = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", SPOILT)
 def test_a_bad_line_is_named(tmp_path, case):
     spoil, message = SPOILT[case]

@@ -161,6 +161,7 @@ def test_decimal_comma_in_later_blocks(tmp_path):
     assert "'1.5' in line 30001 has a decimal point" in error(tmp_path, "\n".join(rows))
 
 
+@pytest.mark.long
 def test_progress_reaches_the_size(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("mag_x\n" + "1\n" * 700_000)

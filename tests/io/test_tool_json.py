@@ -66,6 +66,7 @@ def same(a, b, rtol=None):
     return a == b
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("degree", [0, 2])
 @pytest.mark.parametrize("sensors", [2, 3, 5])
 @pytest.mark.parametrize("inside", [True, False])
@@ -291,6 +292,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(["triads", "covariance", "rig", "residuals", "field_directions", "version", "tool"]), JSON)
 @example("version", 10**400)

@@ -250,6 +250,7 @@ def chosen_in_blocks(whole: Samples, edges: list[int]) -> Attitude:
     return joined(parts)
 
 
+@pytest.mark.long
 @settings(max_examples=12, deadline=None)
 @given(cuts=st.lists(st.integers(0, 8000), max_size=8))
 @example(cuts=[0, 0, 1, 400, 401, 4149, 4150, 4151, 4200, 4201, 8000])

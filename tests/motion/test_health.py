@@ -60,6 +60,7 @@ def share(found: list[WindowHealth], flag: str) -> float:
     return sum(one.has(flag) for one in found) / len(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(SCENARIOS))
 @pytest.mark.parametrize("drop", ["", "gyro"])
 @pytest.mark.parametrize("window", [2.0, 10.0])

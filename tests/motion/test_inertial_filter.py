@@ -134,6 +134,7 @@ REFERENCE = {  # spec of the room: inclination, azimuth RMS in deg of demodulate
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(REFERENCE))
 @pytest.mark.parametrize("method", [inertial_attitude, smoothed_attitude])
 def test_settled_rows_are_below_the_figures_of_magnetic_demodulation(
@@ -161,6 +162,7 @@ def test_what_does_not_turn_is_limited_by_what_turning_would_show(name: str) -> 
     assert 0.2 < np.degrees(rows.u.azimuth[-1]) < 0.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(SCENARIOS))
 def test_covariance_is_honest(name: str) -> None:
     """Last rows of 16 runs, all errors drawn from the priors: e' P^-1 e / 3 averages 1, its own sd is 0.2.

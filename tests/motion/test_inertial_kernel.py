@@ -164,6 +164,7 @@ def test_a_first_order_transition_diverges_where_the_exact_one_does_not() -> Non
     assert np.abs(q - np.eye(3)).max() < 1e-9
 
 
+@pytest.mark.long
 def test_ten_million_steps_at_600_rpm_stay_finite() -> None:
     """The kernel alone, windows of 2000 samples, errors taken out after each as the filter does."""
     rate = 20.0 * np.pi

@@ -51,6 +51,7 @@ def drawn(seed: int, shaking: float) -> tuple[Samples, Array]:
     ), matrix
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shaking", [0.03, 2.0])
 @pytest.mark.parametrize("method", [inertial_attitude, smoothed_attitude])
 def test_covariance_is_honest_after_a_standstill(method: Callable[..., Attitude], shaking: float) -> None:

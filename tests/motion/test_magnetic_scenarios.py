@@ -27,6 +27,7 @@ FIGURES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gyro", [True, False])
 @pytest.mark.parametrize(("name", "window"), FIGURES)
 def test_errors_and_covariance(name: str, window: float, gyro: bool) -> None:

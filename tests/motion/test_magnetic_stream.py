@@ -37,6 +37,7 @@ def same(one: Attitude, other: Attitude) -> None:
     assert one.notes == other.notes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gyro", [True, False])
 @settings(max_examples=15, deadline=None)
 @given(cuts=st.lists(st.integers(0, COUNT), max_size=8))

@@ -67,6 +67,7 @@ def same(first: Attitude, second: Attitude) -> bool:
     return all(np.array_equal(getattr(first, n), getattr(second, n), equal_nan=True) for n in names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reduce", [static_attitude, static_davenport, static_svd])
 @pytest.mark.parametrize(("share", "site"), [(0.0, None), (0.8, None), (0.0, SITE), (0.8, SITE)])
 def test_covariance_is_honest_for_white_and_correlated_noise(reduce, share, site) -> None:
@@ -81,6 +82,7 @@ def test_covariance_is_honest_for_white_and_correlated_noise(reduce, share, site
     assert 0.8 < np.mean(found) < 1.3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [0.01, 0.1, 0.3])
 def test_rounded_readings_have_an_honest_uncertainty(step) -> None:
     """Steps of a third of the noise to ten times it, the step stated; rounding errors are uniform, not Gaussian."""

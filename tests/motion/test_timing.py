@@ -228,6 +228,7 @@ def test_settings_are_checked() -> None:
         TimingSettings(fill=-1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("dropped", [0, 40])
 def test_strong_jitter_leaves_the_interval(seed: int, dropped: int) -> None:

@@ -131,6 +131,7 @@ def test_the_update_is_that_of_a_filter_of_three_angles() -> None:
     np.testing.assert_allclose(joint, spread, atol=1e-3 * spread[2, 2])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tuned", [PLAIN, DEFAULT])
 @pytest.mark.parametrize("call", [robust_filter, smooth_windows])
 @pytest.mark.parametrize("inclination", [0.003, 0.5, 1.6])
@@ -344,6 +345,7 @@ def test_rows_that_claim_to_be_exact_and_rows_upside_down_do_no_harm() -> None:
         assert "misfit" in found.names(50)
 
 
+@pytest.mark.long
 def test_long_runs_stay_positive() -> None:
     """Twenty thousand seconds of windows: eigenvalues of every covariance stay above zero."""
     rows, truth = run(16, size=2000, scale=np.where(np.arange(2000) % 17 == 3, 30.0, 1.0))

@@ -131,6 +131,7 @@ def test_covariance_of_drawn_tools(kind):
     np.testing.assert_allclose(np.sqrt(found), np.sqrt(values), rtol=0.01)
 
 
+@pytest.mark.long
 def test_noise_of_readings_is_random():
     tool, path = replace(calibrated(noise=2e-4), covariance=np.zeros((24, 24))), well("built")
     rng, nothing = np.random.default_rng(12), np.zeros(24)

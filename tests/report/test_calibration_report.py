@@ -27,11 +27,13 @@ def test_verdict_comes_first_and_nothing_is_loaded(usual):
     assert page.tags.count("svg") == 11
 
 
+@pytest.mark.long
 def test_same_input_same_bytes(usual):
     readings, found = usual
     assert calibration_report(found, readings=readings) == calibration_report(found, readings=readings)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("sensors", "given", "drawings"),
     [
@@ -73,6 +75,7 @@ def test_names_from_files_are_only_text():
     text.encode("utf-8")
 
 
+@pytest.mark.long
 def test_warnings_turn_the_verdict(usual):
     _, found = usual
     warned = replace(found, warnings=["station 3 disagrees with the others"])
@@ -93,6 +96,7 @@ def test_method_without_covariance_states_no_uncertainty(usual):
     assert "Expected uncertainty" not in words
 
 
+@pytest.mark.long
 def test_dip_is_said_with_its_source(usual):
     readings, found = usual
     assert "For a dip of 70.0° (that of the calibration stand)" in check(calibration_report(found)).text

@@ -162,6 +162,7 @@ def test_before_and_after() -> None:
     assert [row["name"] for row in seen["parameters"]] == list(calibration().tool.parameter_names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("seen", "statement", "rule"),
     [

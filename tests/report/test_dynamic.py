@@ -97,6 +97,7 @@ def page(run):
     return check(dynamic_report(run))
 
 
+@pytest.mark.long
 def test_the_page_says_what_was_found_and_what_it_rests_on(run, page):
     assert "60 windows in 600 s, 5 refused" in page.text
     assert "Azimuth counts from magnetic north" in page.text

@@ -36,6 +36,7 @@ def page_of(stations, **more):
     return check(text)
 
 
+@pytest.mark.long
 def test_page():
     page = page_of(run(), tool="A7 <b>", notes=["taken for granted"], inputs={"raw": "sha256:7"})
     for words in (
@@ -59,6 +60,7 @@ def test_nothing_found_and_little_told():
     assert "less than 20 % of the prior variance" in page.text
 
 
+@pytest.mark.long
 def test_warnings_are_shown():
     page = page_of(run(shift=(900.0, 0.0, 0.0)), warnings=["the declination is doubtful"])
     assert "the declination is doubtful" in page.text

@@ -31,6 +31,7 @@ def survey(size, site=None, kinds=KINDS, turns=1):
     return reduce_survey(md, {k: signals[k] for k in kinds}, tool, site=site, inputs={"raw": "sha256:2"})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [1, 60, 4000])
 def test_page(size):
     found = survey(size, SITE, turns=size)

@@ -53,6 +53,7 @@ def tool():
     return Tool("A7", triads, root @ root.T, {"accelerometer": 1e-3, "magnetometer": 2e-3})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("make", [classical_rows, orthogonality_rows])
 def test_derived_uncertainties_agree_with_monte_carlo(tool, make):
     kind = "magnetometer"

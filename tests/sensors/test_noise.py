@@ -97,6 +97,7 @@ def test_covariance_of_a_long_record_is_sampled_well_enough():
     assert tensor[1, 1, 0, 0] == pytest.approx(exact, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("truth", [(1.0, 0.0, 0.0), (1.0, 0.5, 0.0), (1.0, 0.0, 0.15), (1.0, 0.7, 0.2)])
 def test_uncertainties_are_honest(truth):
     """Squared errors over stated variance: chi-square over 100 records for N, roughly for B and K where seen."""
@@ -118,6 +119,7 @@ def test_uncertainties_are_honest(truth):
     assert (covered.mean(axis=0) > 0.86).all()
 
 
+@pytest.mark.long
 def test_what_is_not_there_is_a_limit():
     rng = np.random.default_rng(5)
     seen = [fit_noise(allan_deviation(record(4000, rng), DT)).rate_random_walk.seen for _ in range(40)]

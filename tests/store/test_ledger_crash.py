@@ -39,6 +39,7 @@ def crash(what: str, where: str, number: int, more: int) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.long
 @needs_fork
 def test_what_was_acknowledged_survives_being_killed(place: Callable[[], str]) -> None:
     """SIGKILL at random moments of captures; benchmarks/ledger.py does it 200 times."""
@@ -48,6 +49,7 @@ def test_what_was_acknowledged_survives_being_killed(place: Callable[[], str]) -
     assert found["acknowledged"] <= found["recorded"] <= found["acknowledged"] + found["kills"]
 
 
+@pytest.mark.long
 @needs_fork
 def test_many_writers_at_once_lose_nothing(place: Callable[[], str]) -> None:
     """Each position is taken once, every other writer hears of it, the chain has no gap."""

@@ -174,6 +174,7 @@ def _manifest(**fields: Any) -> Change:
     return change
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -115,6 +115,7 @@ def test_derivatives_by_the_channels_are_those_of_differences():
     assert (by_field[~given.singular, 5] == 0.0).all()  # the measured axial field no longer matters
 
 
+@pytest.mark.long
 def test_the_stated_covariance_is_what_draws_give():
     count, random = 1000, np.random.default_rng(5)
     noise = np.diag([0.002] * 3 + [50.0] * 3) ** 2

@@ -52,6 +52,7 @@ def shapes(gravity, rate):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("latitude", [-75.0, -30.0, 20.0, 60.0])
 def test_the_right_latitude_passes_with_two_and_three_axes(latitude):
     for gravity, rate in shapes(*stations(latitude)):
@@ -70,6 +71,7 @@ def test_a_wrong_latitude_fails_and_the_one_found_is_right():
         assert found["latitude sign"].verdict == "pass"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("three_axis", [True, False])
 def test_the_uncertainty_of_latitude_is_honest(three_axis):
     pulls = []
@@ -81,6 +83,7 @@ def test_the_uncertainty_of_latitude_is_honest(three_axis):
     assert 0.4 < np.mean(np.square(pulls)) < 1.64
 
 
+@pytest.mark.long
 def test_a_common_scale_error_is_covered_by_its_uncertainty():
     pulls = []
     for seed in range(40):
@@ -95,6 +98,7 @@ def test_a_common_scale_error_is_covered_by_its_uncertainty():
 LATITUDE, GRAVITY, GYRO = (-1, 1, 1), (1, -1, 1), (1, 1, -1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("z_gravity", "z_rate"), [(True, True), (True, False), (False, False)])
 def test_changes_of_sign_cannot_be_told_apart_and_are_all_named(z_gravity, z_rate):
     gravity, rate = stations(40.0)

@@ -82,6 +82,7 @@ def drawn(rng, priors, **geometry):
     return azimuth, stations(readings[:, :3], readings[:, 3:]), given, np.concatenate([x, shift])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "geometry",
     [

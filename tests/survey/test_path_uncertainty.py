@@ -105,6 +105,7 @@ def path_direction(path, k):
     return np.array([np.sin(i) * np.cos(a), np.sin(i) * np.sin(a), np.cos(i)])
 
 
+@pytest.mark.long
 def test_the_covariance_is_that_of_draws():
     random, count = np.random.default_rng(3), 4000
     path = minimum_curvature([1000.0, 1030.0], [0.6, 0.8], [1.0, 1.3])

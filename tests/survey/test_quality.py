@@ -63,6 +63,7 @@ def test_public_case_of_a_dynamic_check(toolface_deg):
     assert found.verdicts == ("pass",)
 
 
+@pytest.mark.long
 def test_residuals_of_drawn_tools_have_the_stated_covariance():
     random, count = np.random.default_rng(7), 20_000
     true = stations(60.0, 50.0)
@@ -209,6 +210,7 @@ def test_undetected_azimuth_is_that_of_the_interference_on_the_limit():
     assert np.sqrt(residual @ np.linalg.inv(spread) @ residual) == pytest.approx(3.0, rel=1e-9)
 
 
+@pytest.mark.long
 def test_after_an_axial_correction_the_reference_is_not_counted_twice():
     random, count = np.random.default_rng(11), 800
     noise = np.diag([0.002] * 3 + [40.0] * 3) ** 2

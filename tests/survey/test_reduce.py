@@ -307,6 +307,7 @@ class TestTriads:
         np.testing.assert_allclose(wrap_signed(found.azimuth - true.azimuth), 0.0, atol=1e-10)
 
 
+@pytest.mark.long
 def test_two_hundred_thousand_stations_in_little_memory():
     count = 200_000
     tool = uncertain(random_tool(2))

@@ -29,6 +29,7 @@ MISREAD = 5
 """Position at which the dial of the toolface is misread by two degrees."""
 
 
+@pytest.mark.long
 def test_from_an_empty_ledger_to_a_certificate(tmp_path):
     downloads = tmp_path / "downloads"
     downloads.mkdir()

@@ -45,6 +45,7 @@ def test_the_first_page_comes_soon(stand, browser):
     assert painted < 10_000.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("look", LOOKS, ids=lambda look: look[0])
 def test_pages_keep_to_the_window_and_to_this_machine(stand, browser, look):
     """In every size, theme and language: no sideways scrolling, no complaint in the console, no foreign address."""
@@ -62,6 +63,7 @@ def test_pages_keep_to_the_window_and_to_this_machine(stand, browser, look):
     assert not browser.said
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (400, 800)])
 def test_live_data_move_nothing(stand, browser, width, height):
     dressed(browser, width, height, "light", "en")

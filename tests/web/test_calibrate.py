@@ -147,6 +147,7 @@ def test_a_misread_dial_is_named_while_the_tool_is_on_the_stand_and_gone_after_a
     assert not page.now.odd
 
 
+@pytest.mark.long
 def test_an_adaptive_plan_goes_on_to_the_wanted_uncertainty_and_stops(laboratory):
     rig = find_rig(laboratory.ledger, "stand")
     plan, settings = plan_for(GuidedPlan("adaptive"), laboratory.ledger, "IN-7", rig)

@@ -123,6 +123,7 @@ def test_after_logging_out_a_page_does_nothing_more(users_server):
         assert ended.value.rcvd.code == 4401
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("message", [
     '42["event",{}]', '42["event",null]', '42["event"]', "42[]", "42{", "4", "",
     "9", '42["handshake",{"client_id":[]}]',

@@ -80,6 +80,7 @@ def test_what_is_too_large_or_no_run_is_refused(users_server, ledger: Ledger) ->
     assert ledger.head() == before
 
 
+@pytest.mark.long
 def test_a_role_that_was_taken_away_counts_at_once(users_server, ledger: Ledger) -> None:
     """The page was opened by an operator; when the file comes he only reads."""
     put_user(ledger, "former", role="operator", author="test", password=PASSWORD)

@@ -41,6 +41,7 @@ def interface(open_server):
     return schemathesis.openapi.from_dict(content), known
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["get", "put", "post"])
 def test_made_up_requests(interface, open_server, method):
     with open_server.local() as browser:

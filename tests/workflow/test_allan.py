@@ -35,6 +35,7 @@ def test_a_still_log(tmp_path):
     assert found.inputs["log"].startswith("sha256:")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(8))
 def test_rest_is_believed(tmp_path, seed):
     """A strong random walk of rate is noise, not movement."""

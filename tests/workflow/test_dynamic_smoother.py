@@ -36,6 +36,7 @@ def fed(stream, samples, cuts=()):
     return joined([*(stream.push(samples.part(a, b)) for a, b in pairwise(edges)), stream.finish()])
 
 
+@pytest.mark.long
 def test_pieces_agree_with_the_whole(samples):
     """Pieces learn the sensors' constant errors from less, and differ from the whole by no more than that allows."""
     whole = smooth(samples)
@@ -48,6 +49,7 @@ def test_pieces_agree_with_the_whole(samples):
     assert "the run was smoothed in 4 pieces" in found.notes[-1]
 
 
+@pytest.mark.long
 def test_blocks_do_not_matter(samples):
     one = fed(SampleSmoother(smooth, WINDOW, most=20_000), samples)
     other = fed(SampleSmoother(smooth, WINDOW, most=20_000), samples, cuts=(1, 777, 33_333, 33_333, 70_001))

@@ -42,6 +42,7 @@ def stated(run):
     return {"gyro_sd": float(run.noise["gyro"]), "accelerometer_sd": run.noise["accelerometer"]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("scheme", ["two", "four", "mirrored", "n", "carousel"])
 def test_without_noise_or_scale_error_every_scheme_and_method_is_right(simulated, scheme, method):
@@ -55,6 +56,7 @@ def test_without_noise_or_scale_error_every_scheme_and_method_is_right(simulated
     np.testing.assert_allclose(found.scale, 1.0, atol=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scheme", "axes", "gyros"),
     [
@@ -92,6 +94,7 @@ def test_gravity_that_differs_is_in_the_uncertainty(simulated):
     np.testing.assert_allclose(added, 1e-3 * np.tan(run.inclination), rtol=0.02)
 
 
+@pytest.mark.long
 def test_the_hot_run_is_better_than_with_a_fixed_scale(simulated):
     """Scenario of a hole of 20 to 140 degC: what is learnt of the scale is what the azimuth lacked."""
     sizes = {name: [] for name in ("joint", "fixed")}
@@ -104,6 +107,7 @@ def test_the_hot_run_is_better_than_with_a_fixed_scale(simulated):
     assert rms(sizes["joint"]) < 0.6 * rms(sizes["fixed"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("prior", PRIORS)
 def test_every_prior_is_honest_and_more_knowledge_is_not_worse(simulated, prior):
     off, u = [], []
@@ -135,6 +139,7 @@ def test_the_default_prior_is_the_run_with_temperatures_or_without(simulated):
         north_run(cold, HERE, options=GyroOptions(history=replace(record, inputs={})))
 
 
+@pytest.mark.long
 def test_the_patent_names_its_root_and_its_blanks(simulated):
     """Far from the equator and steep, half of the azimuths are beyond the closed form's single root."""
     blank = 0
@@ -174,6 +179,7 @@ def test_a_constant_bias_leaves_no_trace(simulated):
     np.testing.assert_allclose(one.u("azimuth"), other.u("azimuth"), rtol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turn", [-720.0, -360.0, 17.0, 200.0])
 def test_another_zero_of_the_index_is_another_toolface(simulated, turn):
     still, _ = simulated(change=lambda c: {})
@@ -185,6 +191,7 @@ def test_another_zero_of_the_index_is_another_toolface(simulated, turn):
     np.testing.assert_allclose(wrap_signed(one.toolface - np.radians(turn) - other.toolface), 0.0, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "unit", "factor"),
     [

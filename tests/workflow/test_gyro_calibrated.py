@@ -125,6 +125,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("degree", [0, 1])
 @pytest.mark.parametrize("axes", [2, 3])
 def test_a_well_known_tool_finds_the_true_azimuth_within_its_noise(measured, axes, degree):
@@ -143,6 +144,7 @@ def test_a_well_known_tool_finds_the_true_azimuth_within_its_noise(measured, axe
     assert 0.65 < inclination < 1.3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("axes", "share"), [(2, 3e-4), (3, 1e-4), (3, 3e-4)])
 def test_the_doubt_of_the_calibration_is_in_the_uncertainty(measured, axes, share):
     gone, flagged = [], 0
@@ -161,6 +163,7 @@ def test_the_doubt_of_the_calibration_is_in_the_uncertainty(measured, axes, shar
     assert flagged <= 3
 
 
+@pytest.mark.long
 def test_the_doubt_of_the_calibration_is_in_the_scale(measured):
     gone = []
     for seed in range(10):

@@ -99,6 +99,7 @@ def test_positions_that_do_not_make_the_scheme(simulated, scheme, rows, wanted):
         north_run(data, HERE, options=GyroOptions(scheme=scheme))
 
 
+@pytest.mark.long
 def test_a_station_of_a_very_good_gyro_is_not_refused(simulated):
     """Noise of 1e-5 of the Earth rate makes the valleys of the misfit narrow; the right one must still be found."""
 

@@ -83,6 +83,7 @@ def rms(errors):
     return float(np.degrees(np.sqrt(np.nanmean(np.square(errors)))))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [0.8, 1.05, 1.2])
 def test_the_patent_follows_the_tools_own_history_and_the_default_is_as_good(measured, scale):
     off = {name: [] for name in ("patent", "from no history", "joint", "joint, no thermometer")}
@@ -115,6 +116,7 @@ def test_the_patent_follows_the_tools_own_history_and_the_default_is_as_good(mea
         assert rms(np.array(off[name])[known]) <= rms(np.array(off["patent"])[known])
 
 
+@pytest.mark.long
 def test_no_thermometer_is_needed(measured):
     """A constant scale error of 2 %: 2.1 deg as long as nothing was learnt without temperatures."""
     size = {}
@@ -174,6 +176,7 @@ def test_online_a_first_station_where_the_scale_is_not_seen_is_honest_too(measur
     assert np.abs(off / u).max() < 4.0
 
 
+@pytest.mark.long
 def test_readings_without_noise_are_accepted_and_exact(measured):
     rng = np.random.default_rng(4)
     for seed in range(12):

@@ -264,6 +264,7 @@ def test_stopping_is_quick_whatever_is_connected():
         assert time.monotonic() - begun < 30.0  # for ever if it waited for the reader
 
 
+@pytest.mark.long
 def test_twenty_four_minutes_with_faults_loses_nothing(monkeypatch):
     """The benchmark of a whole day, shortened to as many minutes."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))

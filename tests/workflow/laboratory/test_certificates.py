@@ -100,6 +100,7 @@ def test_from_issue_to_the_auditor(laboratory: Ledger, made: Callable[..., tuple
     assert status(laboratory, record.keys["number"]).state == "issued"
 
 
+@pytest.mark.long
 def test_numbers_are_consecutive_and_begin_anew_each_year(
     laboratory: Ledger, made: Callable[..., tuple[str, str]]
 ) -> None:
@@ -117,6 +118,7 @@ def test_numbers_are_consecutive_and_begin_anew_each_year(
     assert previous.startswith("X 1 (")
 
 
+@pytest.mark.long
 def test_what_does_not_belong_is_refused(
     laboratory: Ledger, bench: SimpleNamespace, made: Callable[..., tuple[str, str]]
 ) -> None:
@@ -174,6 +176,7 @@ def test_void_and_supersede_never_edit(laboratory: Ledger, made: Callable[..., t
         status(laboratory, "none")
 
 
+@pytest.mark.long
 def test_a_superseded_calibration_is_not_certified_beside_its_successor(
     laboratory: Ledger, made: Callable[..., tuple[str, str]]
 ) -> None:
@@ -185,6 +188,7 @@ def test_a_superseded_calibration_is_not_certified_beside_its_successor(
         issue(laboratory, one, good, LABORATORY, author="a")
 
 
+@pytest.mark.long
 def test_two_who_issue_at_once(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
     """Different calibrations get different numbers in sequence; the same one is certified once."""
     one, two = made(1)[0], made(2)[0]
@@ -232,6 +236,7 @@ def test_the_laboratory_of_the_site(laboratory: Ledger, bench: SimpleNamespace) 
     assert content["environment"] == {"text": "", "temperature_degC": [20.0, 22.0], "humidity_percent": [40.0, 40.0]}
 
 
+@pytest.mark.long
 def test_the_rig_is_traced_and_somebody_answers(
     laboratory: Ledger, bench: SimpleNamespace, made: Callable[..., tuple[str, str]]
 ) -> None:
@@ -281,6 +286,7 @@ def test_a_record_that_contradicts_is_named(laboratory: Ledger, made: Callable[.
         assert any(said in problem for problem in problems), (said, problems)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("span", [(10.0, 90.0), (12.0, 88.0)])
 def test_what_would_be_certified_is_what_is_certified(
     laboratory: Ledger, bench: SimpleNamespace, span: tuple[float, float]

@@ -62,6 +62,7 @@ def share_still(bench, make, trials):
     return good / trials
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [0.0, 0.01, 2.0])
 def test_a_tool_at_rest_is_called_still(step):
     """One false alarm in a thousand is stated; 600 windows give more than 5 in less than 4 of 10 000 runs."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.core.angles import wrap_signed
@@ -60,6 +61,7 @@ def test_a_misread_dial_is_named_by_its_position(laboratory: Ledger, bench: Simp
     assert not seen.reached
 
 
+@pytest.mark.long
 def test_an_adaptive_run_reaches_what_24_positions_give_with_16(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """Wells up to 15 degrees: the position proposed each time, until the uncertainty of the cube is certified."""
     target = standing(bench.calibrated(laboratory, plans.orthogonal()), LOW, rig(laboratory)).u_azimuth

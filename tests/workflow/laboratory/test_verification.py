@@ -126,6 +126,7 @@ def test_the_readings_of_the_calibration_do_not_verify_it(laboratory: Ledger, be
         protocol("roll-9")
 
 
+@pytest.mark.long
 def test_a_campaign_over_temperature_finds_the_coefficients(laboratory: Ledger) -> None:
     """Offsets that grow with temperature: a degree is chosen, the range stated."""
     tool = realistic_tool(7)
