@@ -26,7 +26,8 @@ from scipy.optimize import least_squares  # noqa: E402
 from inclinometry.attitude.conventions import named, to_house  # noqa: E402
 from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, dip_jacobian  # noqa: E402
 from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.survey.multistation import FieldReference, multistation, published_priors  # noqa: E402
+from inclinometry.survey.multistation import multistation  # noqa: E402
+from inclinometry.survey.multistation_priors import FieldReference, published_priors  # noqa: E402
 from inclinometry.survey.stations import Stations  # noqa: E402
 from inclinometry.uncertainty.propagation import propagate  # noqa: E402
 

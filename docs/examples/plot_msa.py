@@ -12,7 +12,8 @@ import numpy as np
 
 from inclinometry.attitude.orientation import angles, angles_jacobian, fields
 from inclinometry.core.angles import wrap_signed
-from inclinometry.survey.multistation import FieldReference, multistation, published_priors
+from inclinometry.survey.multistation import multistation
+from inclinometry.survey.multistation_priors import FieldReference, published_priors
 from inclinometry.survey.stations import Stations
 
 rng = np.random.default_rng(5)

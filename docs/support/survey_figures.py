@@ -21,10 +21,11 @@ from benchmarks import msa
 from inclinometry.attitude.orientation import angles, angles_jacobian, fields
 from inclinometry.core.angles import wrap_signed
 from inclinometry.earth.magnetic import igrf14, wmm2025
-from inclinometry.io.quality_toml import quality_limit_names, read_quality_limits
+from inclinometry.io.limits import limit_names, read_quality_limits
 from inclinometry.survey.axial import axial_correction
 from inclinometry.survey.bha import MATERIALS, Bha, Element, Stabiliser
-from inclinometry.survey.multistation import FieldReference, multistation, published_priors
+from inclinometry.survey.multistation import multistation
+from inclinometry.survey.multistation_priors import FieldReference, published_priors
 from inclinometry.survey.quality import judge_fields
 from inclinometry.survey.quality_sensors import with_sensors
 from inclinometry.survey.sag import sag_angles
@@ -140,7 +141,7 @@ def limits() -> dict[str, str]:
         hidden = float(np.degrees(found.undetected_azimuth[0]))
         cells.append([f"{inclination:g}", f"{azimuth:g}", f"{1e3 * g:.1f}", f"{b:.0f}", f"{np.degrees(dip):.2f}"])
         cells[-1].append(f"{hidden:.1f}" if hidden < 90.0 else "any")
-    presets = [read_quality_limits(name) for name in quality_limit_names()]
+    presets = [read_quality_limits(name) for name in limit_names("quality_limits")]
     rows = [[f"`{p.name}`", _or(p.g, 1e3), _or(p.b), _or(p.dip, 180.0 / np.pi), p.source] for p in presets]
     head = ["inclination", "azimuth", "gravity, mm/s²", "field, nT", "dip, deg", "azimuth error that passes, deg"]
     return {

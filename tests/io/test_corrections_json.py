@@ -8,7 +8,8 @@ import pytest
 
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io.corrections_json import read_corrections, write_corrections
-from inclinometry.survey.multistation import FieldReference, Parameter
+from inclinometry.survey.multistation import Parameter
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.sensor_correction import SensorCorrection, apply_correction
 from inclinometry.survey.stations import Stations
 
@@ -140,8 +141,8 @@ def _channel(content):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (_other_schema, "'inclinometry/corrections' is needed"),
-        (_later, "this program reads 1"),
+        (_other_schema, '"inclinometry/corrections" is needed'),
+        (_later, "reads version 1"),
         (_text, r"parameters\[0\].value"),
         (_names, "not the names"),
         (_negative, "variance must be 0 or more"),

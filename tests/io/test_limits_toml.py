@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.limits_toml import limit_names, read_limits
+from inclinometry.io.limits import limit_names, read_limits
 
 GOOD = 'source = "works standard 7"\ninclination_deg = 0.1\nazimuth_deg = 1\n'
 

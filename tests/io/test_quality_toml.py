@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.quality_toml import quality_limit_names, read_quality_limits
+from inclinometry.io.limits import limit_names, read_quality_limits
 
 # milli-g and g of the sources in standard gravity; nT; deg
 PUBLISHED = {
@@ -19,7 +19,7 @@ PUBLISHED = {
 
 
 def test_every_preset_is_listed_and_published():
-    assert quality_limit_names() == tuple(sorted(PUBLISHED))
+    assert limit_names("quality_limits") == tuple(sorted(PUBLISHED))
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

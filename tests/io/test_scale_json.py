@@ -71,9 +71,9 @@ def changed(*path, value):
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        (changed("schema", value="inclinometry/tool"), "'inclinometry/scale' is needed"),
-        (lambda c: c.pop("schema"), "'inclinometry/scale' is needed"),
-        (changed("version", value=2), "version is 2; this program reads 1"),
+        (changed("schema", value="inclinometry/tool"), '"inclinometry/scale" is needed'),
+        (lambda c: c.pop("schema"), '"inclinometry/scale" is needed'),
+        (changed("version", value=2), "reads version 1"),
         (changed("belief", "coefficients", value=[]), "$.belief.coefficients"),
         (changed("belief", "coefficients", value=[1.0, 2.0, 3.0, 4.0]), "$.belief.coefficients"),
         (changed("belief", "coefficients", value=["1"]), "$.belief.coefficients[0]"),

@@ -10,7 +10,7 @@ import numpy as np
 from inclinometry.attitude.conventions import named, to_house
 from inclinometry.attitude.orientation import angles, angles_jacobian, fields
 from inclinometry.core.angles import wrap_signed
-from inclinometry.survey.multistation import FieldReference
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Stations
 from inclinometry.uncertainty.propagation import propagate
 

@@ -6,7 +6,7 @@ import pytest
 from inclinometry.attitude.orientation import angles, angles_jacobian, fields
 from inclinometry.core.errors import InputError
 from inclinometry.survey.axial import LEFT, SINGULAR, SOURCE, axial_correction
-from inclinometry.survey.multistation import FieldReference
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
 
 G, B, DIP = 9.81, 50_000.0, np.radians(70.0)

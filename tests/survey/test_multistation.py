@@ -8,9 +8,8 @@ import pytest
 from inclinometry.attitude.orientation import angles
 from inclinometry.core.errors import IdentifiabilityError, InputError
 from inclinometry.earth.site import Site
-from inclinometry.survey._multistation_geometry import toolface_gap
-from inclinometry.survey._multistation_model import Model, root_of
-from inclinometry.survey.multistation import multistation, published_priors, reference_of_site
+from inclinometry.survey.multistation import Model, multistation, root_of, toolface_gap
+from inclinometry.survey.multistation_priors import published_priors, reference_of_site
 from inclinometry.survey.stations import Source
 from inclinometry.uncertainty.propagation import numerical_jacobian
 

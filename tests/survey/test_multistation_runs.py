@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.survey.multistation import multistation, published_priors
+from inclinometry.survey.multistation import multistation
+from inclinometry.survey.multistation_priors import published_priors
 from inclinometry.uncertainty.coverage import chi_square_limit
 
 from .multistation_runs import (

@@ -8,8 +8,8 @@ import pytest
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
 from inclinometry.sensors.triad import Triad
-from inclinometry.survey._multistation_model import Model
-from inclinometry.survey.multistation import multistation, priors_from_tool, published_priors
+from inclinometry.survey.multistation import Model, multistation
+from inclinometry.survey.multistation_priors import priors_from_tool, published_priors
 from inclinometry.uncertainty.coverage import chi_square_limit
 
 from .multistation_runs import REFERENCE, B, G, azimuth_error, azimuth_u, hole, stations

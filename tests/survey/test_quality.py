@@ -6,9 +6,9 @@ import pytest
 from inclinometry.attitude.orientation import angles_jacobian, fields
 from inclinometry.core.errors import InputError
 from inclinometry.earth.magnetic import reference_errors
-from inclinometry.survey._multistation_model import invariants_jacobian
 from inclinometry.survey.axial import axial_correction
-from inclinometry.survey.multistation import FieldReference
+from inclinometry.survey.multistation import invariants_jacobian
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality import FieldLimits, distance_limit, judge_fields, residual_covariance
 from inclinometry.survey.quality_sensors import sensor_sigmas, with_sensors
 from inclinometry.survey.stations import Stations

@@ -6,7 +6,8 @@ import pytest
 from inclinometry.attitude.orientation import fields
 from inclinometry.io.corrections_json import read_corrections, write_corrections
 from inclinometry.survey.from_stations import survey_from_stations
-from inclinometry.survey.multistation import FieldReference, multistation, published_priors
+from inclinometry.survey.multistation import multistation
+from inclinometry.survey.multistation_priors import FieldReference, published_priors
 from inclinometry.survey.sensor_correction import apply_correction, correction_of
 from inclinometry.survey.stations import Stations
 

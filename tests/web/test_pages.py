@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from inclinometry.io.instrument.protocol_toml import read_protocol
-from inclinometry.io.limits_toml import read_limits
+from inclinometry.io.limits import read_limits
 from inclinometry.store.ledger import Ledger
 from inclinometry.store.verify import verify
 from inclinometry.web.words import LANGUAGES, say

@@ -8,7 +8,7 @@ import pytest
 
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.repeat_toml import read_repeat_limits
+from inclinometry.io.limits import read_repeat_limits
 from inclinometry.io.survey_csv import write_survey_csv
 from inclinometry.workflow.gyro_quality import check_json, compare_run_files, comparison_json, read_run, run_checks
 
@@ -122,5 +122,5 @@ def test_limits_of_one_s_own(tmp_path):
         path.write_text(TEXT.replace(line, {"missing": "", "whole": "stations = 3.5", "not known": "dip_deg"}[message]))
         with pytest.raises(FileError, match=message):
             read_repeat_limits(path)
-    with pytest.raises(FileError, match="no such file"):
+    with pytest.raises(InputError, match="presets: gyro-repeat"):
         read_repeat_limits("gyro-repaet")

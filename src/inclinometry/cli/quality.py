@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json
-from inclinometry.io.repeat_toml import GYRO_REPEAT
+from inclinometry.io.limits import GYRO_REPEAT
 from inclinometry.io.site_toml import read_site
 from inclinometry.survey.checks import Check, worst
 from inclinometry.survey.gyro_runs import Comparison

@@ -14,7 +14,7 @@ from inclinometry.cli.quality import show_checks
 from inclinometry.core.errors import InputError
 from inclinometry.io.atomic import write_text
 from inclinometry.io.corrections_json import write_corrections
-from inclinometry.io.quality_toml import read_quality_limits
+from inclinometry.io.limits import read_quality_limits
 from inclinometry.survey.quality import FieldQuality
 from inclinometry.survey.quality_words import QUANTITIES
 from inclinometry.workflow.gyro_quality import check_json

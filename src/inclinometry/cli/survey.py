@@ -18,7 +18,7 @@ from inclinometry.cli.six_axis import Convention, SixAxisForm
 from inclinometry.core.errors import InputError
 from inclinometry.io.atomic import write_text
 from inclinometry.io.bench_csv import read_bench
-from inclinometry.io.limits_toml import read_limits
+from inclinometry.io.limits import read_limits
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.survey.reduce import Survey
 from inclinometry.workflow.six_axis import SixAxisSurvey

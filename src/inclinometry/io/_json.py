@@ -163,6 +163,19 @@ def validate(content: Json, name: str, path: str | Path) -> None:
     raise FileError(f"{where} is {shown(error.instance)}; it must be {wanted}", path=path)
 
 
+def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> Json:
+    """The content of a stored record, when it is one of these kinds and fits the schema of its version."""
+    kind, found = content.get("schema"), content.get("version")
+    if kind not in kinds:
+        wanted = " or ".join(f'"{k}"' for k in kinds)
+        raise FileError(f"$.schema is {str(kind)[:60]!r}; a file with schema {wanted} is needed", path=where)
+    if isinstance(found, int) and found > version:
+        problem = f"$.version is {found}, written by a newer release; this one reads version {version}"
+        raise FileError(f"{problem}: update inclinometry", path=where)
+    validate(content, f"{kind.rpartition('/')[2]}-{version}", where)
+    return content
+
+
 def shown(value: Any) -> str:
     """A JSON value on one short line; long lists and objects by their size.
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from inclinometry.core.errors import FileError
 from inclinometry.io import _json
 from inclinometry.io.atomic import write_bytes
 from inclinometry.sensors.noise import Coefficient
@@ -126,13 +125,4 @@ def read_allan(path: str | Path) -> Mapping[str, Any]:
     FileError
         Not JSON, another kind of file, a newer version, or content the schema refuses.
     """
-    content = _json.load(path)
-    if content.get("schema") != SCHEMA:
-        found = str(content.get("schema"))[:60]
-        raise FileError(f'$.schema is {found!r}; a file with schema "{SCHEMA}" is needed', path=path)
-    version = content.get("version")
-    if isinstance(version, int) and version > VERSION:
-        problem = f"$.version is {version}, written by a newer release; this one reads version {VERSION}"
-        raise FileError(f"{problem}: update inclinometry", path=path)
-    _json.validate(content, f"allan-{VERSION}", path)
-    return content
+    return _json.of_kind(_json.load(path), path, SCHEMA, version=VERSION)

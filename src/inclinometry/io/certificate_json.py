@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from inclinometry.core.digest import digest_bytes
-from inclinometry.core.errors import FileError
 from inclinometry.io import _json
 from inclinometry.io.atomic import write_bytes
 
@@ -49,12 +48,4 @@ def read_certificate(path: str | Path) -> dict[str, Any]:
 
 def checked(content: dict[str, Any], where: str | Path) -> dict[str, Any]:
     """The record, when it fits the schema of its version; FileError otherwise."""
-    if content.get("schema") != SCHEMA:
-        found = str(content.get("schema"))[:60]
-        raise FileError(f'$.schema is {found!r}; a file with schema "{SCHEMA}" is needed', path=where)
-    version = content.get("version")
-    if isinstance(version, int) and version > VERSION:
-        problem = f"$.version is {version}, written by a newer release; this one reads version {VERSION}"
-        raise FileError(f"{problem}: update inclinometry", path=where)
-    _json.validate(content, f"certificate-{VERSION}", where)
-    return content
+    return _json.of_kind(content, where, SCHEMA, version=VERSION)

@@ -13,7 +13,8 @@ from inclinometry.core.errors import FileError, InputError
 from inclinometry.io import _json
 from inclinometry.io._record import covariance
 from inclinometry.io.atomic import write_bytes
-from inclinometry.survey.multistation import FieldReference, Parameter
+from inclinometry.survey.multistation import Parameter
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.sensor_correction import SensorCorrection
 
 SCHEMA = "inclinometry/corrections"
@@ -84,12 +85,7 @@ def read_corrections(path: str | Path) -> SensorCorrection:
     FileError
         Not such a file, a later version, a value out of place, with its JSON path.
     """
-    content = _json.load(path)
-    if content.get("schema") != SCHEMA:
-        raise FileError(f"schema is {_json.shown(content.get('schema'))}; {SCHEMA!r} is needed", path=path)
-    if content.get("version") != VERSION:
-        raise FileError(f"version is {_json.shown(content.get('version'))}; this program reads {VERSION}", path=path)
-    _json.validate(content, "corrections-1", path)
+    content = _json.of_kind(_json.load(path), path, SCHEMA, version=VERSION)
     entries, run = content["parameters"], content["run"]
     names = [entry["name"] for entry in entries]
     if content["covariance"]["parameters"] != names or len(set(names)) < len(names):

@@ -78,12 +78,7 @@ def read_scale(path: str | Path) -> ScaleRecord:
     FileError
         Not such a file, a later version, a value out of place, with its JSON path.
     """
-    content = _json.load(path)
-    if content.get("schema") != "inclinometry/scale":
-        raise FileError(f"schema is {_json.shown(content.get('schema'))}; 'inclinometry/scale' is needed", path=path)
-    if content.get("version") != 1:
-        raise FileError(f"version is {_json.shown(content.get('version'))}; this program reads 1", path=path)
-    _json.validate(content, "scale-1", path)
+    content = _json.of_kind(_json.load(path), path, "inclinometry/scale")
     belief: dict[str, Any] = content["belief"]
     stations: dict[str, Any] = content["stations"]
     sizes = {name: len(values) for name, values in stations.items()}

@@ -20,7 +20,6 @@ from inclinometry.sensors.triad import Triad
 VERSION = 1
 CONVENTION = "house"
 FIELD_UNITS = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
-_SCHEMAS = {"inclinometry/tool": "tool", "inclinometry/truth": "truth"}
 
 
 def write_calibration(calibration: Calibration, path: str | Path, *, created: str | None = None) -> None:
@@ -182,7 +181,7 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
 
 def read_tool(path: str | Path) -> Tool:
     """Read the instrument out of tool.json or truth.json (whose covariance is zero); errors as `read_calibration`."""
-    content = _load(path, tuple(_SCHEMAS))
+    content = _load(path, ("inclinometry/tool", "inclinometry/truth"))
     try:
         return _tool(content, path)
     except (ValueError, OverflowError) as error:
@@ -191,7 +190,7 @@ def read_tool(path: str | Path) -> Tool:
 
 def read_extras(path: str | Path) -> dict[str, Any]:
     """What a truth.json knows besides its triads, nothing of a tool.json; errors as `read_calibration`."""
-    extras: dict[str, Any] = _load(path, tuple(_SCHEMAS)).get("extras", {})
+    extras: dict[str, Any] = _load(path, ("inclinometry/tool", "inclinometry/truth")).get("extras", {})
     return extras
 
 
@@ -201,16 +200,9 @@ def _load(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
 
 def _checked(content: dict[str, Any], kinds: tuple[str, ...], path: str | Path) -> dict[str, Any]:
     """The content, when it is of one of these kinds and fits its schema."""
-    kind, version = content.get("schema"), content.get("version")
-    if kind not in kinds:
-        wanted = " or ".join(f'"{k}"' for k in kinds)
-        raise FileError(f"$.schema is {str(kind)[:60]!r}; a file with schema {wanted} is needed", path=path)
-    if isinstance(version, int) and version > VERSION:
-        problem = f"$.version is {version}, written by a newer release; this one reads version {VERSION}"
-        raise FileError(f"{problem}: update inclinometry", path=path)
-    _json.validate(content, f"{_SCHEMAS[kind]}-{VERSION}", path)
-    check_arrays(content, path)
-    return content
+    found = _json.of_kind(content, path, *kinds, version=VERSION)
+    check_arrays(found, path)
+    return found
 
 
 def _tool(content: dict[str, Any], path: str | Path) -> Tool:

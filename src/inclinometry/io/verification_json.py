@@ -73,16 +73,7 @@ def read_verification(path: str | Path, calibration: Calibration) -> dict[str, A
         Another kind of file, a newer version, content the schema refuses, a verification of another tool or of another
         calibration.
     """
-    content = _json.load(path)
-    if content.get("schema") != SCHEMA:
-        raise FileError(
-            f"$.schema is {str(content.get('schema'))[:60]!r}; the file that `verify -o` writes is needed", path=path
-        )
-    version = content.get("version")
-    if isinstance(version, int) and version > VERSION:
-        problem = f"$.version is {version}, written by a newer release; this one reads version {VERSION}"
-        raise FileError(f"{problem}: update inclinometry", path=path)
-    _json.validate(content, f"verification-{VERSION}", path)
+    content = _json.of_kind(_json.load(path), path, SCHEMA, version=VERSION)
     if content["tool"] != calibration.tool.name:
         raise FileError(
             f"this verification is of tool {content['tool']!r:.60}, the calibration of {calibration.tool.name!r:.60}",

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Annotated
 
 import numpy as np
 
-from inclinometry.core.arrays import within
 from inclinometry.core.errors import InputError
+from inclinometry.core.settings import Range, Settings
 from inclinometry.earth.site import Site
 from inclinometry.motion._static_window import (
     Limits,
@@ -24,78 +24,30 @@ from inclinometry.motion._window_buffer import WindowBuffer
 from inclinometry.motion.result import Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
 
-_RANGES: Final = {
-    "window": (1e-3, 86400.0, "s"),
-    "batches": (8, 1000, ""),
-    "shake": (1e-6, 1e3, "m/s^2"),
-    "turn": (1e-6, np.pi, "rad"),
-    "most_turn": (1e-6, np.pi, "rad"),
-    "spin": (1e-9, 100.0, "rad/s"),
-    "most_clipped": (0.0, 0.5, ""),
-    "accel_sigma": (0.0, 1.0, "m/s^2"),
-    "mag_sigma": (0.0, 1e5, "nT"),
-    "mag_axial_sigma": (0.0, 1e5, "nT"),
-    "gyro_sigma": (0.0, 1e-2, "rad/s"),
-    "accel_resolution": (0.0, 1.0, "m/s^2"),
-    "mag_resolution": (0.0, 1e4, "nT"),
-    "gyro_resolution": (0.0, 1e-2, "rad/s"),
-}
-
 
 @dataclass(frozen=True, kw_only=True)
-class StaticSettings:
-    """What a window of a tool at rest is, and when it is not believed.
+class StaticSettings(Settings):
+    """What a window of a tool at rest is, and when it is not believed."""
 
-    Parameters
-    ----------
-    window : float
-        s, length of a window.
-    batches : int
-        Parts of a window whose means tell the uncertainty of its mean.
-    shake : float
-        m/s^2, root mean square of the acceleration about its mean beyond which a window is flagged "vibration".
-    turn : float
-        rad, largest departure of the attitude of a quarter of the window from the whole, flagged "not-still" beyond it.
-    most_turn : float
-        rad, the same, beyond which the window is refused.
-    spin : float
-        rad/s, mean speed of rotation, flagged "not-still" beyond it.
-    most_clipped : float
-        Share of samples marked as clipped beyond which the window is refused.
-    accel_sigma, mag_sigma, gyro_sigma : float
-        Standard deviation of what calibration left on each axis: m/s^2, nT, rad/s. No window can show it. The
-        default of the gyro is 0.1 deg/h, of the others 0: their noise alone is then stated.
-    mag_axial_sigma : float, optional
-        nT, of the magnetometer along the tool where it is another than across.
-    accel_resolution, mag_resolution, gyro_resolution : float
-        Step of the readings, taken for a triad of which no channel changes during a window (flag "stuck": its
-        uncertainty rests on this alone).
-
-    Raises
-    ------
-    InputError
-        A value out of its range.
-    """
-
-    window: float = 10.0
-    batches: int = 16
-    shake: float = 0.5
-    turn: float = float(np.radians(0.2))
-    most_turn: float = float(np.radians(2.0))
-    spin: float = float(np.radians(1.0))
-    most_clipped: float = 0.02
-    accel_sigma: float = 0.0
-    mag_sigma: float = 0.0
-    mag_axial_sigma: float | None = None
-    gyro_sigma: float = float(np.radians(0.1 / 3600.0))
-    accel_resolution: float = 0.01
-    mag_resolution: float = 10.0
-    gyro_resolution: float = 1e-5
+    window: Annotated[float, Range(1e-3, 86400.0, "s"), "Length of a window."] = 10.0
+    batches: Annotated[int, Range(8, 1000), "Parts of a window whose means tell the uncertainty of its mean."] = 16
+    shake: Annotated[float, Range(1e-6, 1e3, "m/s^2"), 'Rms of the acceleration; beyond it "vibration".'] = 0.5
+    turn: Annotated[float, Range(1e-6, np.pi, "rad"), 'A quarter window from the whole; beyond it "not-still".'] = (
+        float(np.radians(0.2))
+    )
+    most_turn: Annotated[float, Range(1e-6, np.pi, "rad"), "The same; beyond it refused."] = float(np.radians(2.0))
+    spin: Annotated[float, Range(1e-9, 100.0, "rad/s"), 'Mean speed; beyond it "not-still".'] = float(np.radians(1.0))
+    most_clipped: Annotated[float, Range(0.0, 0.5), "Share of clipped samples beyond which it is refused."] = 0.02
+    accel_sigma: Annotated[float, Range(0.0, 1.0, "m/s^2"), "What calibration left on each axis."] = 0.0
+    mag_sigma: Annotated[float, Range(0.0, 1e5, "nT"), "The same of the magnetometer."] = 0.0
+    mag_axial_sigma: Annotated[float | None, Range(0.0, 1e5, "nT"), "Along the tool, where another than across."] = None
+    gyro_sigma: Annotated[float, Range(0.0, 1e-2, "rad/s"), "The same of the gyro."] = float(np.radians(0.1 / 3600.0))
+    accel_resolution: Annotated[float, Range(0.0, 1.0, "m/s^2"), 'Step of "stuck" readings.'] = 0.01
+    mag_resolution: Annotated[float, Range(0.0, 1e4, "nT"), "The same of the magnetometer."] = 10.0
+    gyro_resolution: Annotated[float, Range(0.0, 1e-2, "rad/s"), "The same of the gyro."] = 1e-5
 
     def __post_init__(self) -> None:
-        for name, (low, high, unit) in _RANGES.items():
-            if getattr(self, name) is not None:
-                within(getattr(self, name), name, low, high, unit)
+        super().__post_init__()
         if self.turn > self.most_turn:
             raise InputError(f"turn is {self.turn:g} rad, above most_turn {self.most_turn:g}; flag before refusing")
 

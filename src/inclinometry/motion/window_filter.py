@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from inclinometry.attitude.rotations import dcm_from_quaternion
-from inclinometry.core.arrays import within
 from inclinometry.core.errors import InputError
+from inclinometry.core.settings import Range, Settings
 from inclinometry.motion._window_model import Common, Row, Step, attitude_of
 from inclinometry.motion._window_recursion import Recursion
 from inclinometry.motion.adaptive import sage_husa_share, yang_factor_three
@@ -18,94 +18,39 @@ from inclinometry.motion.robust import igg3_weight
 
 LEAST_VARIANCE: Final = 1e-16
 """Of a row about any axis, rad^2: rows that claim to be exact stay invertible."""
-_RANGES: Final = {
-    "huber": (0.1, 100.0, ""),
-    "adaptive_two": (0.1, 100.0, ""),
-    "least_noise": (1e-6, 1.0, ""),
-    "fading": (1.0, 1e3, ""),
-    "doubt": (1.0, 1e3, ""),
-    "direction_walk": (0.0, 1.0, "rad/s^0.5"),
-    "rate_walk": (0.0, 1.0, "rad/s^1.5"),
-    "rate_sigma": (1e-12, 1.0, "rad/s"),
-    "roll_share": (0.0, 1.0, ""),
-    "common_tilt": (0.0, 1.0, "rad"),
-    "common_turn": (0.0, 3.0, "rad"),
-    "common_delay": (0.0, 0.1, "s"),
-    "longest_bridge": (0.0, 1e7, "s"),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
-class WindowFilterSettings:
+class WindowFilterSettings(Settings):
     """Which parts of the robust adaptive filter are on, and how fast a hole may bend; None switches a part off.
 
-    Parameters
-    ----------
-    huber : float, optional
-        k of `huber_weight` on normalised innovations.
-    igg3 : (k0, k1), optional
-        Of `igg3_weight`; huber and igg3 exclude each other.
-    adaptive_two : float, optional
-        c of `yang_factor_two`, on the mean of a row and the neighbour that agrees with it.
-    adaptive_three : (c0, c1), optional
-        Of `yang_factor_three`. The published c0 is 1 to 1.5; 2.5 loses less on a straight hole (two rows out of many
-        agree by chance) and follows a bend as fast.
-    forgetting : float, optional
-        b of `sage_husa_share`: a common scale of the rows' covariances is learnt.
-    least_noise : float
-        Floor of that scale.
-    fading : float, optional
-        Softening of strong tracking, `fading_factor`.
-    doubt : float
-        Factor on the standard deviation of rows that their own method flagged as doubtful. Those flagged for what may
-        put neighbours off together ("disturbed", "step", ...) are no evidence for a bend until twelve were rejected.
-    direction_walk : float
-        rad/s^0.5, random walk of the direction.
-    rate_walk : float
-        rad/s^1.5, random walk of its rate; the default lets it change by 1e-5 rad/s (a dogleg of 3 deg/30 m drilled at
-        20 m/h) in ten minutes.
-    rate_sigma : float
-        rad/s, of the rate at the start.
-    roll_share : float
-        Share of the mean speed by which it may be off where the toolface is carried through a row without an attitude.
-    common_tilt, common_turn : float
-        rad, standard deviation of errors that all rows share (calibration, reference), about each horizontal axis and
-        about the vertical. They are added to the result; the rows' own covariance should not hold them. The
-        defaults, 0.006 and 0.011 deg, are of a perfectly calibrated tool in simulated drilling; state your own.
-    common_delay : float
-        s, standard deviation of the delay between magnetometer and accelerometer, which turns the azimuth of all rows
-        of one speed alike (twice the angle turned meanwhile at most dips). About the vertical no more than a row's own
-        variance is taken for common: a delay that was found no longer counts.
-    longest_bridge : float
-        s, without an attitude, after which the filter starts anew.
-
-    Raises
-    ------
-    InputError
-        A value out of its range, both weights at once.
+    Rows flagged for what may put neighbours off together ("disturbed", "step", ...) are no evidence for a bend until
+    twelve were rejected. The common standard deviations are of errors that all rows share; they are added to the
+    result, the rows' own covariance should not hold them.
     """
 
-    huber: float | None = None
-    igg3: tuple[float, float] | None = (1.5, 4.0)
-    adaptive_two: float | None = None
-    adaptive_three: tuple[float, float] | None = (2.5, 5.0)
-    forgetting: float | None = 0.97
-    least_noise: float = 0.25
-    fading: float | None = None
-    doubt: float = 3.0
-    direction_walk: float = 0.0
-    rate_walk: float = 4e-7
-    rate_sigma: float = 3e-5
-    roll_share: float = 0.01
-    common_tilt: float = 1e-4
-    common_turn: float = 2e-4
-    common_delay: float = 1e-4
-    longest_bridge: float = 1800.0
+    huber: Annotated[float | None, Range(0.1, 100.0), "k of `huber_weight`; excludes igg3."] = None
+    igg3: Annotated[tuple[float, float] | None, "(k0, k1) of `igg3_weight`."] = (1.5, 4.0)
+    adaptive_two: Annotated[float | None, Range(0.1, 100.0), "c of `yang_factor_two`, on two rows that agree."] = None
+    adaptive_three: Annotated[
+        tuple[float, float] | None,
+        "(c0, c1) of `yang_factor_three`.",
+    ] = (2.5, 5.0)
+    forgetting: Annotated[float | None, "b of `sage_husa_share`: a common scale of covariances is learnt."] = 0.97
+    least_noise: Annotated[float, Range(1e-6, 1.0), "Floor of that scale."] = 0.25
+    fading: Annotated[float | None, Range(1.0, 1e3), "Softening of strong tracking, `fading_factor`."] = None
+    doubt: Annotated[float, Range(1.0, 1e3), "On the standard deviation of rows flagged as doubtful."] = 3.0
+    direction_walk: Annotated[float, Range(0.0, 1.0, "rad/s^0.5"), "Random walk of the direction."] = 0.0
+    rate_walk: Annotated[float, Range(0.0, 1.0, "rad/s^1.5"), "Of its rate: 1e-5 rad/s in ten minutes."] = 4e-7
+    rate_sigma: Annotated[float, Range(1e-12, 1.0, "rad/s"), "Of the rate at the start."] = 3e-5
+    roll_share: Annotated[float, Range(0.0, 1.0), "Of the mean speed, where the toolface is carried over a gap."] = 0.01
+    common_tilt: Annotated[float, Range(0.0, 1.0, "rad"), "Common to all rows, about horizontal axes."] = 1e-4
+    common_turn: Annotated[float, Range(0.0, 3.0, "rad"), "Common to all rows, about the vertical."] = 2e-4
+    common_delay: Annotated[float, Range(0.0, 0.1, "s"), "Between magnetometer and accelerometer."] = 1e-4
+    longest_bridge: Annotated[float, Range(0.0, 1e7, "s"), "Without an attitude; then the filter starts anew."] = 1800.0
 
     def __post_init__(self) -> None:
-        for name, (low, high, unit) in _RANGES.items():
-            if getattr(self, name) is not None:
-                within(getattr(self, name), name, low, high, unit)
+        super().__post_init__()
         if self.huber is not None and self.igg3 is not None:
             raise InputError(
                 f"huber is {self.huber:g} and igg3 {self.igg3}; choose one weight and give None for the other"

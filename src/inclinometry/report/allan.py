@@ -5,7 +5,7 @@ from __future__ import annotations
 from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.io.allan_json import Shown, coefficients_of, units_of
 from inclinometry.report.allan_figures import allan_figure
-from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, picture
+from inclinometry.report.content import CONVENTIONS, Picture, Section, Table, TableRow, picture
 from inclinometry.report.digits import significant, with_uncertainty
 from inclinometry.report.page import render
 from inclinometry.report.words import listed
@@ -38,7 +38,8 @@ def allan_report(record: NoiseRecord) -> str:
     """
     troubles = len(record.warnings)
     return render(
-        "allan.html",
+        "report.html",
+        about="What was analysed",
         title="Noise at rest",
         kind="Noise report",
         heading="Noise at rest",
@@ -51,8 +52,10 @@ def allan_report(record: NoiseRecord) -> str:
             "Where a record is too short to see one, its upper limit (95 %) stands instead."
         ],
         warnings=list(record.warnings),
-        tables=[_table(record.of(kind)) for kind in record.kinds],
-        figures=[_picture(channel, place) for place, channel in enumerate(record.channels)],
+        sections=[
+            Section("Noise of each channel", tables=[_table(record.of(kind)) for kind in record.kinds]),
+            Section("Allan deviation", pictures=[_picture(channel, at) for at, channel in enumerate(record.channels)]),
+        ],
         facts=_facts(record),
     )
 

@@ -48,6 +48,22 @@ class Picture:
     svg: Markup
 
 
+@dataclass(frozen=True)
+class Section:
+    """What stands under one heading of a page; an empty one is left out."""
+
+    heading: str
+    sentences: Sequence[str] = ()
+    tables: Sequence[Table | None] = ()
+    pictures: Sequence[Picture] = ()
+    steps: Sequence[str] = ()
+
+    @property
+    def filled(self) -> bool:
+        """Whether anything stands there."""
+        return bool(self.sentences or any(self.tables) or self.pictures or self.steps)
+
+
 def picture(figure: Figure, name: str, caption: str) -> Picture:
     """A figure as it goes into a page; `name` is unique there."""
     return Picture(caption, inline_svg(figure, name, caption))

@@ -12,10 +12,9 @@ from inclinometry.motion.result import BITS, FLAGS, METHODS
 from inclinometry.motion.run_result import AttitudeRows, DynamicRun, Vibration
 from inclinometry.motion.samples import CHANNELS
 from inclinometry.report import dynamic_figures as draw
-from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, picture
+from inclinometry.report.content import CONVENTIONS, Picture, Section, Table, TableRow, picture
 from inclinometry.report.digits import plain, rounded, significant
 from inclinometry.report.dynamic_words import CHANNEL_WORDS, METHOD_WORDS, REMEDIES
-from inclinometry.report.gyro_scale import Section
 from inclinometry.report.page import MOST_ROWS, render
 from inclinometry.report.words import listed
 
@@ -57,7 +56,8 @@ def dynamic_report(run: DynamicRun) -> str:
         _table(run),
     ]
     return render(
-        "gyro.html",
+        "report.html",
+        about="What was reduced",
         title=f"Attitude of {run.tool or 'a moving tool'}",
         kind="Dynamic attitude report",
         heading=f"Attitude of {run.tool} in motion" if run.tool else "Attitude in motion",

@@ -17,9 +17,9 @@ from inclinometry.earth.site import Site
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import ScaleTrack
 from inclinometry.report import gyro_figures as draw
-from inclinometry.report.content import Table, TableRow, cut, picture
+from inclinometry.report.content import Section, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, rounded, significant
-from inclinometry.report.gyro_scale import GYRO_CONVENTIONS, Section, learnt_sentences, scale_picture, scale_report
+from inclinometry.report.gyro_scale import GYRO_CONVENTIONS, learnt_sentences, scale_picture, scale_report
 from inclinometry.report.page import render
 from inclinometry.report.survey_figures import angle_figure
 from inclinometry.report.words import listed
@@ -115,7 +115,8 @@ def gyro_report(
         Section("Stations", tables=[cut(_stations(run))]),
     ]
     return render(
-        "gyro.html",
+        "report.html",
+        about="What was reduced",
         title=f"Gyro survey with {survey.tool or 'a tool'}",
         kind="Gyro survey report",
         heading=f"Gyro survey with {survey.tool}" if survey.tool else "Gyro survey",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +12,7 @@ from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.core.errors import InputError
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.report import gyro_figures as draw
-from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
+from inclinometry.report.content import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture
 from inclinometry.report.digits import rounded, significant, with_uncertainty
 from inclinometry.report.page import render
 
@@ -21,16 +20,6 @@ GYRO_CONVENTIONS = (
     f"{CONVENTIONS} Scale factor: true rate = scale factor × reading. K = cos(latitude) cos(inclination) + "
     "sin(latitude) sin(inclination) cos(azimuth from true north): what the scale factor is seen through."
 )
-
-
-@dataclass(frozen=True)
-class Section:
-    """What stands under one heading of a page."""
-
-    heading: str
-    sentences: Sequence[str] = ()
-    tables: Sequence[Table] = ()
-    pictures: Sequence[Picture] = ()
 
 
 def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = "", notes: Sequence[str] = ()) -> str:
@@ -68,7 +57,8 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     left = int((~track.learnt).sum())
     learnt = learnt_sentences(track)
     return render(
-        "gyro.html",
+        "report.html",
+        about="What was reduced",
         title=f"Scale factor of {tool or 'a gyro'}",
         kind="Scale factor report",
         heading=f"Scale factor of {tool} over temperature" if tool else "Scale factor over temperature",

@@ -11,7 +11,7 @@ from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report import msa_figures as draw
-from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
+from inclinometry.report.content import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, significant, with_uncertainty
 from inclinometry.report.msa_words import VAGUE, blind_spots, described, labels, unit_of
 from inclinometry.report.page import render
@@ -60,7 +60,8 @@ def msa_report(
     names = labels(found)
     said = [*warnings, *found.warnings]
     return render(
-        "msa.html",
+        "report.html",
+        about="What was analysed",
         title="Multi-station analysis",
         kind="Multi-station analysis",
         heading=f"Sensor errors of {tool} in one run" if tool else "Sensor errors of one run",
@@ -70,21 +71,19 @@ def msa_report(
         verdict=_verdict(found, before, u_after),
         notes=list(notes),
         warnings=said,
-        fields=_fields(quality, after, found),
-        field_figures=quality_pictures(after, quality, quality.reference.values + _reference_shift(found)),
-        azimuth_figures=_azimuths(found, before, u_before, u_after),
-        parameters=_parameters(found),
-        parameter_figures=[
-            picture(draw.estimate_figure(found, names), "estimates", "Estimates; squares: more than 2 u from zero"),
-            picture(
-                draw.correlation_figure(found, names),
-                "correlation",
-                "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05",
+        sections=[
+            Section(
+                "Fields against the reference, before and after",
+                tables=[_fields(quality, after, found)],
+                pictures=quality_pictures(after, quality, quality.reference.values + _reference_shift(found)),
             ),
+            Section("What it does to the azimuth", pictures=_azimuths(found, before, u_before, u_after)),
+            Section(
+                "What was found", tables=[_parameters(found), _pairs(found, names)], pictures=_estimates(found, names)
+            ),
+            Section("What the geometry cannot tell", blind_spots(found, after, u_after)),
+            Section("Stations", tables=[cut(_stations(found, before, quality, after))]),
         ],
-        pairs=_pairs(found, names),
-        blind=blind_spots(found, after, u_after),
-        stations=cut(_stations(found, before, quality, after)),
         facts=_facts(found, quality, tool, inputs or {}),
     )
 
@@ -96,6 +95,14 @@ def _badge(verdict: str, said: Sequence[str], stations: int) -> str:
     if said:
         return "Read the warnings"
     return f"{stations} stations, every test passed" if verdict == "pass" else "The tests of the field are not decided"
+
+
+def _estimates(found: MultiStation, names: dict[str, str]) -> list[Picture]:
+    signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
+    return [
+        picture(draw.estimate_figure(found, names), "estimates", "Estimates; squares: more than 2 u from zero"),
+        picture(draw.correlation_figure(found, names), "correlation", signs),
+    ]
 
 
 def azimuth_u(stations: Stations) -> Array:

@@ -10,7 +10,7 @@ from inclinometry.core.arrays import Array
 from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.earth.site import Site
 from inclinometry.report import survey_figures as draw
-from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
+from inclinometry.report.content import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, rounded, significant
 from inclinometry.report.norths import chain_of_norths, compass
 from inclinometry.report.page import render
@@ -70,7 +70,8 @@ def survey_report(
     failed = 0 if quality is None else sum(check.verdict == "fail" for check in quality.checks)
     troubles = bool(flagged or survey.warnings or failed)
     return render(
-        "survey.html",
+        "report.html",
+        about="What was reduced",
         title=f"Survey with {survey.tool or 'a tool'}",
         kind="Survey report",
         heading=f"Survey with {survey.tool}" if survey.tool else "Survey",
@@ -86,15 +87,18 @@ def survey_report(
         verdict=_sentence(survey),
         notes=[_covers(survey), *notes],
         warnings=list(survey.warnings),
-        summary=_summary(survey),
-        angle_figures=_angle_figures(survey),
-        history=list(survey.history),
-        magnitude_figures=_magnitude_figures(survey, site) if quality is None else quality_pictures(quality, before),
-        checks=None if quality is None else check_table(quality.checks),
-        chain=chain_of_norths(survey, site),
-        compass=compass(survey, site),
-        flags=_flags(survey),
-        table=cut(_table(survey)),
+        sections=[
+            Section("What was done to the stations", steps=list(survey.history)),
+            Section("Angles and their uncertainty", tables=[_summary(survey)], pictures=_angle_figures(survey)),
+            Section(
+                "Fields that should not change",
+                tables=[None if quality is None else check_table(quality.checks)],
+                pictures=_magnitude_figures(survey, site) if quality is None else quality_pictures(quality, before),
+            ),
+            Section("From which north", tables=[chain_of_norths(survey, site)], pictures=compass(survey, site)),
+            Section("Flags", tables=[_flags(survey)]),
+            Section("Stations", tables=[cut(_table(survey))]),
+        ],
         facts=_facts(survey, site),
     )
 

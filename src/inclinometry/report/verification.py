@@ -7,7 +7,7 @@ import numpy as np
 from inclinometry.calibration.acceptance import DERIVED, Verification
 from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.report import verification_figures as draw
-from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
+from inclinometry.report.content import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture
 from inclinometry.report.digits import plain, rounded, significant
 from inclinometry.report.page import render
 
@@ -44,7 +44,8 @@ def verification_report(verification: Verification) -> str:
     drawn = [c for c in range(3) if np.isfinite(verification.errors[:, c]).any()]
     name = verification.tool or "Tool without a name"
     return render(
-        "verification.html",
+        "report.html",
+        about="What was judged",
         title=f"Verification of {verification.tool or 'a tool'}",
         kind="Verification report",
         heading=name,
@@ -55,11 +56,19 @@ def verification_report(verification: Verification) -> str:
         verdict=_sentence(verification),
         notes=[f"{said[:1].upper()}{said[1:]}." for said in (*verification.reasons, *verification.notes)],
         warnings=list(verification.warnings),
-        summary=_summary(verification),
-        station_figures=[_station(verification, c) for c in drawn],
-        curve_figures=[_curve(verification, c) for c in drawn if draw.settings(verification, c) >= FEWEST_SETTINGS],
-        rule=_rule(verification),
-        table=cut(_table(verification)),
+        sections=[
+            Section(
+                "Errors against limits",
+                [_rule(verification)],
+                tables=[_summary(verification)],
+                pictures=[_station(verification, c) for c in drawn],
+            ),
+            Section(
+                "Error curves",
+                pictures=[_curve(verification, c) for c in drawn if draw.settings(verification, c) >= FEWEST_SETTINGS],
+            ),
+            Section("Every position", tables=[cut(_table(verification))]),
+        ],
         facts=_facts(verification),
     )
 

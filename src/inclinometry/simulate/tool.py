@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Final, TypedDict, Unpack
 
 import numpy as np
 
@@ -26,6 +26,22 @@ NOISE: Final[Mapping[str, float]] = MappingProxyType(
 """White noise of one reading, m/s^2, nT, rad/s."""
 
 _Draw = Callable[[Streams, str, int, int, float], tuple[Array, Array, Array]]
+
+
+class Design(TypedDict, total=False):
+    """How tools are drawn; all optional.
+
+    sensors : number of sensors of each triad.
+    bits : signals in counts of a converter over +-1.25 g, +-65 uT, +-62 deg/h; None: in m/s^2, nT, rad/s.
+    g, b : field strengths at the calibration, m/s^2 and nT.
+    noise : white noise of one reading, m/s^2, nT, rad/s; a kind not named has none. It never changes the tools drawn.
+    """
+
+    sensors: Mapping[str, int]
+    bits: int | None
+    g: float
+    b: float
+    noise: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +94,7 @@ def nominal_axes(count: int) -> Array:
     return np.stack([plane * np.cos(turn), plane * np.sin(turn), np.full(count, np.sqrt(1.0 / 3.0))], axis=-1)
 
 
-def random_tools(
-    seed: Seed,
-    draws: int,
-    *,
-    sensors: Mapping[str, int] = TRIADS,
-    bits: int | None = 12,
-    g: float = STANDARD_GRAVITY,
-    b: float = 50000.0,
-    noise: Mapping[str, float] = NOISE,
-) -> ToolBatch:
+def random_tools(seed: Seed, draws: int, **design: Unpack[Design]) -> ToolBatch:
     """Tools about which nothing may be assumed, for Monte-Carlo.
 
     Conversion factors U(0.95, 1.05), offsets U(-0.05, 0.05) of the full field, sensor axes a random rotation of the
@@ -97,14 +104,8 @@ def random_tools(
     ----------
     seed : int, SeedSequence or Generator
     draws : int
-    sensors : mapping of kind to int
-        Number of sensors of each triad.
-    bits : int or None
-        Signals in counts of a converter over +-1.25 g, +-65 uT, +-62 deg/h; None: signals in m/s^2, nT, rad/s.
-    g, b : float
-        Field strengths at the calibration, m/s^2 and nT.
-    noise : mapping of kind to float
-        White noise of one reading, m/s^2, nT, rad/s; a kind not named has none. It never changes the tools drawn.
+    **design
+        As `Design`.
 
     Raises
     ------
@@ -117,19 +118,10 @@ def random_tools(
     >>> tools.tensor["magnetometer"].shape, tools.units["magnetometer"]
     ((1000, 3, 3), 'counts')
     """
-    return _tools(_wild, seed, draws, sensors, bits, g, b, noise)
+    return _tools(_wild, seed, draws, **design)
 
 
-def realistic_tools(
-    seed: Seed,
-    draws: int,
-    *,
-    sensors: Mapping[str, int] = TRIADS,
-    bits: int | None = 12,
-    g: float = STANDARD_GRAVITY,
-    b: float = 50000.0,
-    noise: Mapping[str, float] = NOISE,
-) -> ToolBatch:
+def realistic_tools(seed: Seed, draws: int, **design: Unpack[Design]) -> ToolBatch:
     """Tools as a workshop builds them; arguments as `random_tools`.
 
     Conversion factors U(0.95, 1.05), each axis 1 to 2 degrees from its nominal direction, offsets N(0, 20 mg),
@@ -141,19 +133,10 @@ def realistic_tools(
     >>> bool((np.abs(tools.tensor["accelerometer"]).argmax(axis=-1) == [0, 1, 2]).all())
     True
     """
-    return _tools(_workshop, seed, draws, sensors, bits, g, b, noise)
+    return _tools(_workshop, seed, draws, **design)
 
 
-def random_tool(
-    seed: Seed,
-    *,
-    sensors: Mapping[str, int] = TRIADS,
-    bits: int | None = 12,
-    g: float = STANDARD_GRAVITY,
-    b: float = 50000.0,
-    noise: Mapping[str, float] = NOISE,
-    temperature_degree: int = 0,
-) -> Tool:
+def random_tool(seed: Seed, *, temperature_degree: int = 0, **design: Unpack[Design]) -> Tool:
     """One tool of `random_tools`, with a temperature polynomial of the given degree.
 
     Examples
@@ -161,20 +144,10 @@ def random_tool(
     >>> random_tool(3, temperature_degree=2).triads["accelerometer"].degree
     2
     """
-    tool = random_tools(seed, 1, sensors=sensors, bits=bits, g=g, b=b, noise=noise).tool(0)
-    return with_temperature(tool, seed, temperature_degree)
+    return with_temperature(random_tools(seed, 1, **design).tool(0), seed, temperature_degree)
 
 
-def realistic_tool(
-    seed: Seed,
-    *,
-    sensors: Mapping[str, int] = TRIADS,
-    bits: int | None = 12,
-    g: float = STANDARD_GRAVITY,
-    b: float = 50000.0,
-    noise: Mapping[str, float] = NOISE,
-    temperature_degree: int = 0,
-) -> Tool:
+def realistic_tool(seed: Seed, *, temperature_degree: int = 0, **design: Unpack[Design]) -> Tool:
     """One tool of `realistic_tools`, with a temperature polynomial of the given degree.
 
     Examples
@@ -182,8 +155,7 @@ def realistic_tool(
     >>> realistic_tool(3, sensors={"accelerometer": 4, "gyro": 2}).triads["gyro"].count
     2
     """
-    tool = realistic_tools(seed, 1, sensors=sensors, bits=bits, g=g, b=b, noise=noise).tool(0)
-    return with_temperature(tool, seed, temperature_degree)
+    return with_temperature(realistic_tools(seed, 1, **design).tool(0), seed, temperature_degree)
 
 
 def with_temperature(tool: Tool, seed: Seed, degree: int) -> Tool:
@@ -227,11 +199,11 @@ def _tools(
     draw: _Draw,
     seed: Seed,
     draws: int,
-    sensors: Mapping[str, int],
-    bits: int | None,
-    g: float,
-    b: float,
-    noise: Mapping[str, float],
+    sensors: Mapping[str, int] = TRIADS,
+    bits: int | None = 12,
+    g: float = STANDARD_GRAVITY,
+    b: float = 50000.0,
+    noise: Mapping[str, float] = NOISE,
 ) -> ToolBatch:
     """Draw axes, factors and offsets of each kind, and put them into signal units."""
     unknown = (set(sensors) | set(noise)) - set(KINDS)

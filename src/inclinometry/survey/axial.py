@@ -12,7 +12,7 @@ from inclinometry.attitude.orientation import angles_jacobian
 from inclinometry.core.arrays import Array, Mask, within
 from inclinometry.core.errors import InputError
 from inclinometry.survey.checks import Check
-from inclinometry.survey.multistation import FieldReference
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
 
 SOURCE: Final = "axial correction"

@@ -117,7 +117,7 @@ def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> C
         From the same north. The out-run is interpolated linearly to the in-run's depths, azimuth along the shorter
         arc, only inside its range and not over more than `limits.interval`.
     limits : RepeatLimits
-        Shipped ones: `inclinometry.io.repeat_toml.read_repeat_limits("gyro-repeat")`.
+        Shipped ones: `inclinometry.io.limits.read_repeat_limits("gyro-repeat")`.
 
     Returns
     -------

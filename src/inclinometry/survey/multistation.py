@@ -2,39 +2,289 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
+from inclinometry.core.angles import TAU
 from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
-from inclinometry.core.lsq import Fit, levenberg_marquardt
+from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.core.lsq import Fit, Normal, levenberg_marquardt
 from inclinometry.sensors.tool import Tool
-from inclinometry.survey._multistation_geometry import (
-    heading_jacobian,
-    refuse_axial,
-    refuse_few,
-    refuse_gross,
-    refuse_one_toolface,
-    toolface_gap,
+from inclinometry.survey.multistation_priors import (
+    FieldReference,
+    Priors,
+    priors_from_tool,
+    published_priors,
 )
-from inclinometry.survey._multistation_model import Model, invariants, invariants_jacobian, left_out, root_of
-from inclinometry.survey._multistation_priors import Priors, priors_from_tool, published_priors
-from inclinometry.survey._multistation_reference import FieldReference, reference_of_site
-from inclinometry.survey._multistation_result import MultiStation, Parameter, history_line, warnings_of
 from inclinometry.survey.stations import Source, Stations
-from inclinometry.uncertainty.propagation import standard_deviations
+from inclinometry.uncertainty.coverage import chi_square_limit
+from inclinometry.uncertainty.propagation import correlation, standard_deviations
 
-__all__ = [
-    "FieldReference",
-    "MultiStation",
-    "Parameter",
-    "Priors",
-    "multistation",
-    "priors_from_tool",
-    "published_priors",
-    "reference_of_site",
-]
+
+class Linear(NamedTuple):
+    """Whitened residuals (3n,) and their derivatives (3n, q) by the standardised parameters."""
+
+    residual: Array
+    jacobian: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """The problem in z, of unit prior covariance: parameters x = root z, the last three those of the reference.
+
+    readings (n, 6), weights (n, p), gain (p, 6, 6), offset (p, 6) : as in `Priors`
+    reference (3,) : g, b, dip
+    root (p + 3, q) : root root' is the prior covariance
+    whitener (n, 3, 3) : inverse Cholesky factors of the covariance of |g|, |b|, dip
+    """
+
+    readings: Array
+    weights: Array
+    gain: Array
+    offset: Array
+    reference: Array
+    root: Array
+    whitener: Array
+
+    def fields(self, x: Array) -> tuple[Array, Array]:
+        """Corrected fields (n, 6) and the inverse gains (n, 6, 6)."""
+        size, active = len(self.offset), self.weights * x[: len(self.offset)]
+        gain = (active @ self.gain.reshape(size, 36)).reshape(-1, 6, 6) + np.eye(6)
+        inverse = np.asarray(np.linalg.inv(gain), dtype=np.float64)
+        return (inverse @ (self.readings - active @ self.offset)[:, :, None])[:, :, 0], inverse
+
+    def by_parameter(self, fields: Array, inverse: Array) -> Array:
+        """Derivatives (n, 6, p) of the corrected fields by the sensors' parameters."""
+        size = len(self.offset)
+        moved = (fields @ self.gain.transpose(2, 0, 1).reshape(6, size * 6)).reshape(-1, size, 6)
+        moved = (moved + self.offset) * self.weights[:, :, None]
+        return np.asarray(-inverse @ moved.transpose(0, 2, 1))
+
+    def linear(self, z: Array) -> Linear:
+        """Whitened residuals and Jacobian at z."""
+        x = self.root @ z
+        fields, inverse = self.fields(x)
+        residual = invariants(fields) - self.reference - x[-3:]
+        jacobian = invariants_jacobian(fields) @ self.by_parameter(fields, inverse) @ self.root[:-3] - self.root[-3:]
+        whitened = np.einsum("nab,nb->na", self.whitener, residual)
+        return Linear(whitened.ravel(), (self.whitener @ jacobian).reshape(-1, len(z)))
+
+    def normal(self, z: Array) -> Normal:
+        """Normal equations of the maximum a posteriori estimate."""
+        r, j = self.linear(z)
+        return Normal(float(r @ r + z @ z), j.T @ r + z, j.T @ j + np.eye(len(z)))
+
+
+def invariants(fields: Array) -> Array:
+    """|g|, |b| and dip (n, 3) of fields (n, 6)."""
+    g, b = fields[:, :3], fields[:, 3:]
+    return np.stack([np.linalg.norm(g, axis=1), np.linalg.norm(b, axis=1), dip_angle(g, b)], axis=1)
+
+
+def invariants_jacobian(fields: Array) -> Array:
+    """Derivatives (n, 3, 6) of the invariants by the fields."""
+    g, b = fields[:, :3], fields[:, 3:]
+    rows = np.zeros((len(fields), 3, 6))
+    rows[:, 0, :3] = g / np.linalg.norm(g, axis=1, keepdims=True)
+    rows[:, 1, 3:] = b / np.linalg.norm(b, axis=1, keepdims=True)
+    rows[:, 2] = dip_jacobian(g, b)
+    return rows
+
+
+def root_of(covariance: Array) -> Array:
+    """Factor (p, q) with root root' = covariance; directions without variance are left out."""
+    scale = np.sqrt(np.diagonal(covariance))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
+    keep = values > 1e-13 * max(float(values[-1]), np.finfo(float).tiny)
+    return np.asarray(scale[:, None] * vectors[:, keep] * np.sqrt(values[keep]))
+
+
+def left_out(model: Model, fit: Fit[Array], azimuth: Array) -> tuple[Array, Array]:
+    """Largest change of azimuth (n,), rad, without each station, and its squared error against the others' prediction.
+
+    Linear about the estimate: dz = C J' (1 - J C J')^-1 r for the rows of one station.
+    """
+    r, j = model.linear(fit.estimate)
+    residual, jacobian = r.reshape(-1, 3), j.reshape(len(azimuth), 3, -1)
+    gain = fit.covariance @ np.swapaxes(jacobian, 1, 2)
+    predicted = np.linalg.solve(np.eye(3) - jacobian @ gain, residual[:, :, None])
+    moved = (gain @ predicted)[:, :, 0] @ (azimuth @ model.root[:-3]).T
+    return np.abs(moved).max(axis=1), np.einsum("na,na->n", residual, predicted[:, :, 0])
+
+
+FEWEST: Final = 4
+"""Stations of three invariants each; fewer leave nothing to judge the fit by."""
+
+STEEP: Final = float(np.radians(5.0))
+"""Inclination below which toolface and azimuth give way to the magnetic toolface."""
+
+WIDE_GAP: Final = float(np.radians(100.0))
+"""Gap between toolfaces from which the transverse biases rest on their priors (public multi-station practice)."""
+
+LOST: Final = float(np.radians(3.0))
+"""Standard deviation of azimuth from the axial bias alone beyond which a run is refused.
+
+It is what 600 nT, a strong interference, do to a hole level east or west where the horizontal field is weak (12 uT).
+"""
+
+_GROSS: Final = ((0.9, 1.1), (0.7, 1.4))  # |g|, |b| over their references: other units or no such place
+_GROSS_DIP: Final = float(np.radians(15.0))
+
+
+def _refuse(measured: Array, reference: Array, gap: float, allowed_gap: float) -> None:
+    """Refuse a run of too few stations or toolfaces, or of invariants (n, 3) that no sensor error explains."""
+    if len(measured) < FEWEST:
+        raise IdentifiabilityError(
+            f"{len(measured)} stations; a multi-station analysis needs at least {FEWEST}, at different toolfaces: "
+            "add stations of the same run"
+        )
+    middle = np.median(measured, axis=0)
+    for k, (name, unit) in enumerate((("|g|", "m/s^2"), ("|b|", "nT"))):
+        low, high = _GROSS[k]
+        if not low < middle[k] / reference[k] < high:
+            raise InputError(
+                f"the stations' median {name} is {middle[k]:.6g} {unit}, the reference {reference[k]:.6g}: "
+                "no sensor error is that large; check the unit and the reference"
+            )
+    off = np.abs(measured[:, 2] - reference[2])
+    if np.median(off) > _GROSS_DIP:
+        raise InputError(
+            f"dips differ from the reference by up to {np.degrees(off.max()):.1f} deg: axes swapped or a sign reversed "
+            "between accelerometers and magnetometers, not sensor errors; check the convention of the file"
+        )
+    if gap > allowed_gap:
+        raise IdentifiabilityError(
+            f"all toolfaces lie within {np.degrees(TAU - gap):.0f} deg (largest gap {np.degrees(gap):.0f}, allowed "
+            f"{np.degrees(allowed_gap):.0f} deg): transverse biases cannot be told from scale and reference errors; "
+            "add stations with the tool turned, e.g. rotation shots"
+        )
+
+
+def toolface_gap(fields: Array) -> float:
+    """Largest gap between the toolfaces of stations (n, 6), rad; of magnetic toolfaces where no station is inclined."""
+    found = angles(fields[:, :3], fields[:, 3:])
+    inclined = np.sin(found.inclination) > np.sin(STEEP)
+    turned = np.sort(found.toolface[inclined] if inclined.any() else found.magnetic_toolface)
+    return float(np.diff(turned, append=turned[0] + TAU).max())
+
+
+def heading_jacobian(fields: Array) -> Array:
+    """Derivatives (n, 6) of azimuth by the fields; of magnetic toolface at stations too steep for an azimuth."""
+    rows = angles_jacobian(fields[:, :3], fields[:, 3:])
+    inclination = angles(fields[:, :3], fields[:, 3:]).inclination
+    steep = np.sin(inclination) < np.sin(STEEP)
+    return np.where(steep[:, None], rows[:, 3], rows[:, 1])
+
+
+def refuse_axial(spread: float, prior_nt: float, left_nt: float) -> None:
+    """Refuse a run that leaves the axial bias, and with it the azimuth, open; `spread` is its part of azimuth, rad."""
+    if spread > LOST:
+        raise IdentifiabilityError(
+            f"near-horizontal east-west all along: the axial magnetometer bias, known to {prior_nt:.0f} nT before, is "
+            f"known to {left_nt:.0f} nT after and leaves azimuth uncertain by {np.degrees(spread):.1f} deg (allowed "
+            f"{np.degrees(LOST):.0f}); add stations of another direction or state a tighter axial_sigma"
+        )
+
+
+RARE: Final = 0.999
+"""Probability within which the fit, each station and each parameter are to stay; a run beyond it is warned of."""
+
+
+class Parameter(NamedTuple):
+    """One estimate: value and standard uncertainty after, standard deviation before, in `unit`."""
+
+    value: float
+    u: float
+    prior: float
+    unit: str
+
+    @property
+    def significance(self) -> float:
+        """How many standard uncertainties the value is away from zero."""
+        return abs(self.value) / self.u if self.u > 0.0 else 0.0
+
+    @property
+    def learned(self) -> float:
+        """Share of the prior variance that the stations removed, 0 to 1; near 0 the value is the prior's."""
+        return 1.0 - (self.u / self.prior) ** 2 if self.prior > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MultiStation:
+    """Maximum a posteriori estimate of what the sensors and the reference are off by.
+
+    parameters : name -> Parameter, in the order of `covariance`; "reference g", "reference b" and "reference dip" are
+        what has to be added to the reference.
+    covariance (p, p) : posterior covariance. It is the estimate's mean squared error when the priors and the noise are
+        true; it does not widen when they are not, `chi_square` shows that.
+    corrected : stations freed from the estimate, with what remains as the source "multi-station analysis".
+    before, after (n, 3) : |g|, m/s^2, |b|, nT, and dip, rad, of the stations less the (corrected) reference.
+    chi_square, freedom : sum of squares of the fit with its priors, expected to be near `freedom` = 3 n.
+    influence (n,) : largest change of azimuth at any station, rad, if this one were left out.
+    surprise (n,) : squared error of the station against the prediction from all others, chi-square of 3 degrees.
+    """
+
+    parameters: Mapping[str, Parameter]
+    covariance: Array
+    corrected: Stations
+    before: Array
+    after: Array
+    chi_square: float
+    freedom: int
+    influence: Array
+    surprise: Array
+    iterations: int
+    warnings: tuple[str, ...]
+    priors: str
+
+    def __repr__(self) -> str:
+        lines = [f"MultiStation: {len(self.corrected)} stations, priors {self.priors}"]
+        for name, p in self.parameters.items():
+            lines.append(f"{name:24} {p.value:+.4g} ± {p.u:.3g} {p.unit} (prior {p.prior:.3g})")
+        return "\n".join([*lines, *(f"warning: {sentence}" for sentence in self.warnings)])
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix (p, p) of the parameters; near +-1 the run sees only a sum or difference."""
+        return correlation(self.covariance)
+
+
+def history_line(parameters: Mapping[str, Parameter], priors: Priors, size: int) -> str:
+    """What was done, for the stations' history."""
+    told = [f"{n} {p.value:+.3g} ± {p.u:.2g} {p.unit}" for n, p in parameters.items() if p.significance > 2.0]
+    return (
+        f"multi-station analysis of {size} stations, priors {priors.source}: {', '.join(told) or 'nothing significant'}"
+    )
+
+
+def warnings_of(
+    parameters: Mapping[str, Parameter], gap: float, priors: Priors, cost: float, surprise: Array
+) -> list[str]:
+    """What speaks against the result, and what the run could not tell."""
+    found = []
+    if gap > WIDE_GAP:
+        found.append(f"toolfaces leave a gap of {np.degrees(gap):.0f} deg: transverse biases rest on their priors")
+    if priors.axial and parameters[priors.axial].prior > 0.0 and parameters[priors.axial].learned < 0.5:
+        found.append(f"the run tells little of {priors.axial}: it and the azimuths rest on its prior")
+    limit = float(chi_square_limit(RARE, 3 * len(surprise)))
+    if cost > limit:
+        found.append(
+            f"the fit's chi-square is {cost:.0f}, limit {limit:.0f}: noise or priors are larger than stated, or the "
+            "stations are not of one run; the uncertainties are too small"
+        )
+    worst = int(np.argmax(surprise))
+    if surprise[worst] > float(chi_square_limit(1.0 - (1.0 - RARE) / len(surprise), 3)):
+        found.append(f"station {worst + 1} does not fit the others (chi-square {surprise[worst]:.0f} of 3): check it")
+    for name, p in parameters.items():
+        if abs(p.value) > 3.3 * p.prior > 0.0:
+            found.append(f"{name} is {abs(p.value) / p.prior:.1f} times its prior: not what the priors are meant for")
+    return found
+
 
 SOURCE: Final = "multi-station analysis"
 """Name of the source of error that the analysis leaves."""
@@ -109,11 +359,9 @@ def multistation(
         raise InputError("these stations have been through a multi-station analysis; give the stations before it")
     chosen = priors_from_tool(calibration) if calibration is not None else priors or published_priors()
     readings = np.concatenate([stations.g, stations.b], axis=1)
-    refuse_few(len(stations))
-    before = invariants(readings) - reference.values
-    refuse_gross(before + reference.values, reference.values)
-    gap = toolface_gap(readings)
-    refuse_one_toolface(gap, chosen.largest_gap)
+    measured, gap = invariants(readings), toolface_gap(readings)
+    _refuse(measured, reference.values, gap, chosen.largest_gap)
+    before = measured - reference.values
     noise = stations.noise if stations.noise.any() else np.broadcast_to(chosen.noise, (len(stations), 6, 6))
     model = _model(stations, readings, reference, chosen, noise)
     fit = levenberg_marquardt(model.normal, np.zeros(model.root.shape[1]), lambda z, step: z + step, tolerance=_SETTLED)

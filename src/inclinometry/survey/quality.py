@@ -12,10 +12,10 @@ import numpy as np
 from inclinometry.attitude.orientation import angles_jacobian
 from inclinometry.core.arrays import Array, Index, Mask, finite, within
 from inclinometry.core.errors import InputError
-from inclinometry.survey._multistation_model import invariants, invariants_jacobian
 from inclinometry.survey.axial import SOURCE as AXIAL
 from inclinometry.survey.checks import Check, worst
-from inclinometry.survey.multistation import FieldReference
+from inclinometry.survey.multistation import invariants, invariants_jacobian
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality_words import QUANTITIES, field_checks, notes_of, station_words
 from inclinometry.survey.stations import Stations
 
@@ -30,7 +30,7 @@ _ROUNDING: Final = 1.0 + 1e-9  # a value on its limit passes
 class FieldLimits:
     """Fixed limits of |g|, m/s^2, |b|, nT, and dip, rad; None where the source gives none.
 
-    Shipped ones: `inclinometry.io.quality_toml.read_quality_limits`.
+    Shipped ones: `inclinometry.io.limits.read_quality_limits`.
     """
 
     name: str

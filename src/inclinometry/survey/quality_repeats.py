@@ -12,9 +12,8 @@ from inclinometry.attitude.orientation import angles, angles_jacobian
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array, Index, Mask, finite, within
 from inclinometry.core.errors import InputError
-from inclinometry.survey._multistation_geometry import STEEP, toolface_gap
-from inclinometry.survey._multistation_model import invariants, invariants_jacobian
 from inclinometry.survey.checks import ROUNDING, Check
+from inclinometry.survey.multistation import STEEP, invariants, invariants_jacobian, toolface_gap
 from inclinometry.survey.quality_words import QUANTITIES, Quantity, figure
 from inclinometry.survey.stations import Stations
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from inclinometry.core.arrays import Array, finite, frozen
 from inclinometry.core.errors import InputError
-from inclinometry.survey._multistation_model import Model
-from inclinometry.survey._multistation_result import MultiStation, Parameter
-from inclinometry.survey.multistation import REPLACED, SOURCE, FieldReference, Priors
+from inclinometry.survey.multistation import REPLACED, SOURCE, Model, MultiStation, Parameter
+from inclinometry.survey.multistation_priors import FieldReference, Priors
 from inclinometry.survey.stations import Source, Stations
 
 
@@ -128,7 +127,8 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
 
     Examples
     --------
-    >>> from inclinometry.survey.multistation import multistation, published_priors
+    >>> from inclinometry.survey.multistation import multistation
+    >>> from inclinometry.survey.multistation_priors import published_priors
     >>> from inclinometry.attitude.orientation import fields
     >>> toolface, inclination = np.radians([0.0, 80.0, 160.0, 240.0, 320.0]), np.radians([30.0, 35.0, 40.0, 45.0, 50.0])
     >>> g, b = fields(np.radians(40.0), inclination, toolface, np.radians(70.0))

@@ -11,7 +11,8 @@ import numpy as np
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io.corrections_json import read_corrections
 from inclinometry.survey.checks import Check
-from inclinometry.survey.multistation import FieldReference, Parameter
+from inclinometry.survey.multistation import Parameter
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.sensor_correction import SensorCorrection
 from inclinometry.survey.stations import Stations

@@ -10,7 +10,7 @@ from typing import Any, Final
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
 from inclinometry.survey.bha import Bha
-from inclinometry.survey.multistation import FieldReference
+from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Stations
 
 

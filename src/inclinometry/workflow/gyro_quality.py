@@ -12,7 +12,7 @@ from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.gyro.result import FLAGS as GYRO_FLAGS
-from inclinometry.io.repeat_toml import GYRO_REPEAT, read_repeat_limits
+from inclinometry.io.limits import GYRO_REPEAT, read_repeat_limits
 from inclinometry.io.survey_csv import read_survey_csv
 from inclinometry.survey.checks import Check
 from inclinometry.survey.flags import FLAGS

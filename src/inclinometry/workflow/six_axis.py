@@ -21,10 +21,9 @@ from inclinometry.io.tool_json import read_calibration
 from inclinometry.sensors.tool import Tool
 from inclinometry.survey.checks import Check, worst
 from inclinometry.survey.from_stations import survey_from_stations
-from inclinometry.survey.multistation import (
+from inclinometry.survey.multistation import MultiStation, multistation
+from inclinometry.survey.multistation_priors import (
     FieldReference,
-    MultiStation,
-    multistation,
     priors_from_tool,
     published_priors,
     reference_of_site,

@@ -11,7 +11,7 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import Limits
 from inclinometry.core.errors import InputError
-from inclinometry.io.limits_toml import limit_names, read_limits
+from inclinometry.io.limits import limit_names, read_limits
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError
 from inclinometry.workflow.laboratory.agreed_limits import limits_content, limits_from, limits_of

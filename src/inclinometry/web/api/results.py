@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from inclinometry.core.errors import InputError
-from inclinometry.io.limits_toml import limit_names, read_limits
+from inclinometry.io.limits import limit_names, read_limits
 from inclinometry.web.api.access import REFUSALS, After, Key, Limit, Operator, Reader, RecordId, TheLedger
 from inclinometry.web.api.registry import shown
 from inclinometry.workflow.laboratory.results import history

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from inclinometry.calibration.acceptance import GUARDS, JUDGED, Limits
 from inclinometry.core.errors import InputError
-from inclinometry.io.limits_toml import limit_names, read_limits
+from inclinometry.io.limits import limit_names, read_limits
 from inclinometry.store.ledger import LedgerError, Record
 from inclinometry.store.users import User
 from inclinometry.web.frame import Visitor, frame
