@@ -60,7 +60,7 @@ def test_all_three_documents(files: Any) -> None:
 WRONG = [
     (("none.json", "-o", "c.pdf"), "none.json: there is no such file"),
     (("verify.json", "-o", "c.pdf"), 'schema "inclinometry/tool" is needed'),
-    (("tool.json", "-o", "c.pdf", "--verification", "tool.json"), "the file that `verify -o` writes is needed"),
+    (("tool.json", "-o", "c.pdf", "--verification", "tool.json"), "the file that `verify -o` writes"),
     (("tool.json", "-o", "c.pdf", "--laboratory", "tool.json"), "not TOML"),
     (("tool.json", "-o", "c.pdf", "--dcc", "c.xml"), "a digital certificate states the laboratory"),
     (("tool.json", "-o", "tool.json"), "tool.json"),

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -163,12 +163,25 @@ def validate(content: Json, name: str, path: str | Path) -> None:
     raise FileError(f"{where} is {shown(error.instance)}; it must be {wanted}", path=path)
 
 
+_WRITERS: Final = {
+    "inclinometry/allan": "allan -o",
+    "inclinometry/certificate": "certificate --record",
+    "inclinometry/corrections": "msa -o",
+    "inclinometry/scale": "gyro scale -o",
+    "inclinometry/tool": "calibrate -o",
+    "inclinometry/truth": "simulate bench --truth",
+    "inclinometry/verification": "verify -o",
+}
+"""Command that writes a kind of file."""
+
+
 def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> Json:
     """The content of a stored record, when it is one of these kinds and fits the schema of its version."""
     kind, found = content.get("schema"), content.get("version")
     if kind not in kinds:
         wanted = " or ".join(f'"{k}"' for k in kinds)
-        raise FileError(f"$.schema is {str(kind)[:60]!r}; a file with schema {wanted} is needed", path=where)
+        problem = f"$.schema is {str(kind)[:60]!r}; a file with schema {wanted} is needed"
+        raise FileError(f"{problem}: the file that `{' or '.join(_WRITERS[k] for k in kinds)}` writes", path=where)
     if isinstance(found, int) and found > version:
         problem = f"$.version is {found}, written by a newer release; this one reads version {version}"
         raise FileError(f"{problem}: update inclinometry", path=where)
