@@ -193,6 +193,7 @@ def test_readings_in_another_order_are_refused():
         calibrate_joint(dataclasses.replace(readings, channels=shuffled), diagnose=False)
 
 
+@pytest.mark.long
 def test_a_cheap_tool_on_a_cheap_rig_passes():
     # 4 % of noise and settings good to 2 deg
     tool = realistic_tool(8, noise={"accelerometer": 0.4, "magnetometer": 2000.0})

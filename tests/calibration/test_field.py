@@ -311,6 +311,7 @@ def test_refusals_in_words():
         calibrate_field(BenchReadings(lone, roll_set=[readings.roll_set[i] for i in two]))
 
 
+@pytest.mark.long
 def test_noise_that_drowns_the_parameters_is_refused():
     readings, _ = simulated(np.random.default_rng(20), free=20, sets=1, noise=0.15)
     with pytest.raises(IdentifiabilityError, match="leave a parameter open"):

@@ -111,6 +111,7 @@ def test_a_verification_elsewhere_counts_gravity_and_one_on_the_own_stand_does_n
     assert np.abs(verify(here, stated, stand=stand).errors).max() < 1e-9
 
 
+@pytest.mark.long
 def test_the_tilt_of_a_rig_elsewhere_counts_gravity():
     tool, random = pair(), np.random.default_rng(5)
     calibration, base = known(tool), rotation_exp([0.03, 0.02, 0.0])

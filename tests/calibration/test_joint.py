@@ -325,6 +325,7 @@ class TestRecord:
 
 
 class TestStandardisedResiduals:
+    @pytest.mark.long
     def test_honest_runs_of_the_shortest_plan(self, bench):
         """Twelve positions leave single residuals 1e-6 of their reading's variance; they once stood at -207 sigma."""
         for seed in range(1, 16):

@@ -100,6 +100,7 @@ class TestMonteCarlo:
                 # benchmark runs the draws it takes to see 0.95 to 1.05.
                 assert 0.86 < ratio < 1.14
 
+    @pytest.mark.long
     def test_the_reported_covariance_is_honest(self, plan, rig_deg, tilt_deg):
         total = 0.0
         for tool, found, _ in scenario(plan, rig_deg, tilt_deg):

@@ -55,6 +55,7 @@ def test_a_dial_off_by_thirty_degrees(bench, plan, dial):
         assert worst(calibration, tool) < 8.0
 
 
+@pytest.mark.long
 def test_the_sign_says_where_the_tool_stood(bench):
     _, readings = mistaken(bench, plans.orthogonal(), 1, Misread(2, "toolface", np.radians(30.0)))
     (sentence,) = found_in(calibrate_joint(readings))
@@ -100,6 +101,7 @@ def test_one_channel_that_jumped(bench, plan, kind, column):
         assert worst(calibration, tool) < 8.0
 
 
+@pytest.mark.long
 def test_two_mistakes(bench):
     tool, readings = mistaken(
         bench,
@@ -121,6 +123,7 @@ def test_without_robust_the_station_is_named_and_kept(bench):
     assert len(calibration.residuals.station) == 24
 
 
+@pytest.mark.long
 def test_names_of_stations_are_used(bench):
     _, readings = mistaken(bench, plans.orthogonal(), 2, Misread(3, "toolface", np.radians(30.0)))
     named = BenchReadings(readings.channels, *readings.dials, station=[f"S{i:02d}" for i in range(24)])

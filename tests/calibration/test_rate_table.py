@@ -128,6 +128,7 @@ class TestHonest:
             np.testing.assert_allclose(mean, 1.0, atol=0.63)
             assert np.mean(mean) == pytest.approx(1.0, abs=0.15)
 
+    @pytest.mark.long
     def test_the_chance_is_uniform_where_gravity_does_nothing(self):
         rates, gravity = steps(MOUNTS[:6], SPEEDS[[0, 3]])
         tensor, offset, sensitivity = gyros(count=2)

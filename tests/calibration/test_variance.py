@@ -85,6 +85,7 @@ def test_right_on_average(bench, sensor_noise, plan):
     assert error.max() < 0.12
 
 
+@pytest.mark.long
 def test_a_perfect_rig_is_found_perfect(bench):
     small = 0
     for seed in range(12):

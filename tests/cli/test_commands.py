@@ -87,6 +87,7 @@ def test_same_input_gives_the_same_bytes(run, bench):
     assert b"\r" not in Path("a.json").read_bytes()
 
 
+@pytest.mark.long
 def test_compare_says_what_applies_and_what_does_not(run, bench):
     bench()
     done = run("compare", "readings.csv", "--truth", "truth.json", "--json")
@@ -102,6 +103,7 @@ def test_compare_says_what_applies_and_what_does_not(run, bench):
     assert run("compare", "readings.csv").out.count("joint") == 2  # a table of inclination, one of azimuth
 
 
+@pytest.mark.long
 def test_verify_passes_the_tool_and_fails_another(run, bench):
     bench("orthogonal")
     assert run("calibrate", "readings.csv", "-o", "tool.json").status == 0
@@ -118,6 +120,7 @@ def test_verify_passes_the_tool_and_fails_another(run, bench):
     assert "independent" in done.err
 
 
+@pytest.mark.long
 def test_survey_has_the_columns_and_the_angles(run, bench):
     bench("orthogonal")
     assert run("calibrate", "readings.csv", "-o", "tool.json").status == 0
@@ -406,6 +409,7 @@ def test_coefficients_in_every_form(run, bench):
     assert run("coefficients", "readings.csv").status == 2
 
 
+@pytest.mark.long
 def test_the_budget_names_its_causes(run, bench):
     bench("twelve")
     done = run("calibrate", "readings.csv", "-o", "tool.json", "--report", "report.html", "--json")

@@ -115,6 +115,7 @@ def test_priors(run, simulated, prior):
     assert {check["verdict"] for check in done.json["checks"]} == {"pass"}
 
 
+@pytest.mark.long
 def test_one_gyro_three_axes_and_one_station(run, simulated):
     truth = simulated("--gyros", 1)
     assert run(*NORTH, "-o", "out.csv").status == 0

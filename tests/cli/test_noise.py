@@ -25,6 +25,7 @@ def log(tmp_path, monkeypatch):
     return Path("log.csv")
 
 
+@pytest.mark.long
 def test_allan_writes_all_it_says(log, capsys):
     allan(log, output_=Path("allan.json"), report=Path("allan.html"))
     out = capsys.readouterr().out

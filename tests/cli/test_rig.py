@@ -35,6 +35,7 @@ def test_orient_finds_the_stand(run, other, tmp_path):
     assert "levelled zero from magnetic north" in shown.out
 
 
+@pytest.mark.long
 def test_verify_there(run, other):
     """Review, A25: a good tool on a second stand failed, and no option said that it was another one."""
     failed = run("verify", "other.csv", "--calibration", "tool.json")

@@ -226,6 +226,7 @@ def test_swapped_magnetometer_axes_are_named(run):
 PLACE = "latitude_deg = 40.0\nlongitude_deg = -80.0\nheight_m = 0.0\ndate = 2026-05-01"
 
 
+@pytest.mark.long
 def test_a_declination_of_the_wrong_sign_is_drawn_and_doubted(run):
     # WMM2025 there: 9 deg west
     given(more=f'north_reference = "true"\ndeclination_deg = 9.0\nsigma_declination_deg = 0.3\n{PLACE}')

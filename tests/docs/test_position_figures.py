@@ -45,6 +45,7 @@ def test_misses_of_the_gyro_models_are_those_of_the_tests(support):
     assert len(text["gyro_misses"].splitlines()) == 2 + len(page.MISSED)
 
 
+@pytest.mark.long
 def test_drawn_tools_end_where_the_certificate_says(support):
     low, high = map(float, support[0].certificate(2000)["certificate_ratio"].split(" to "))
     assert 0.95 < low < high < 1.05  # three standard deviations of a ratio from 2000 draws

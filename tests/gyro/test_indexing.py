@@ -246,6 +246,7 @@ def test_stations_with_different_numbers_of_rows_keep_their_own_tensor():
     assert len(back) == 6  # any order of stations
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [None, [1.0, 1.0]])
 def test_clean_files_are_hardly_ever_accused(noise):
     rng = np.random.default_rng(6)

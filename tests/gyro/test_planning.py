@@ -116,6 +116,7 @@ def test_level_error_against_the_estimator_moved():
     assert added == pytest.approx(moved, rel=2e-3)
 
 
+@pytest.mark.long
 def test_flicker_left_by_four_positions():
     """Simulated: means of flicker noise over four contiguous quarters, as x+ - x- and y+ - y-."""
     from scipy.signal import fftconvolve

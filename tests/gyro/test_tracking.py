@@ -127,6 +127,7 @@ def hot(seeds: range, noise_deg_h: float) -> Any:
         yield run, (rates, np.tile(run.noise**2 * np.eye(2), (size, 1, 1)), run.inclination, run.latitude)
 
 
+@pytest.mark.long
 def test_hot_runs_the_scale_learnt_and_its_uncertainty_are_honest() -> None:
     scores: dict[str, list[Any]] = {}
     for run, given in hot(range(40), 0.015):
@@ -162,6 +163,7 @@ def test_hot_runs_the_north_estimated_from_the_track_is_honest() -> None:
     assert 0.9 < np.sqrt(np.mean(np.square(z))) < 1.1  # 1200 stations: 2.6 sigma of the rms is 0.053, errors shared
 
 
+@pytest.mark.long
 def test_hot_runs_learning_helps_and_the_whole_run_beats_online() -> None:
     errors: dict[str, list[Any]] = {}
     for run, given in hot(range(60, 100), 0.0045):
@@ -276,6 +278,7 @@ def test_one_station_that_is_far_off_teaches_nothing_and_is_told(follow: Any) ->
     assert np.abs(spoilt.expected - clean.expected).max() < 0.001
 
 
+@pytest.mark.long
 @BOTH
 def test_the_next_run_starts_with_what_this_one_taught(follow: Any) -> None:
     belief = quadratic_belief(sd=0.003, jitter=0.0003)
@@ -293,6 +296,7 @@ def test_the_next_run_starts_with_what_this_one_taught(follow: Any) -> None:
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.2  # 20 runs of 5 stations: 2.6 sigma is 0.18
 
 
+@pytest.mark.long
 @BOTH
 def test_a_wandering_scale_is_not_believed_where_the_next_run_starts_far_away(follow: Any) -> None:
     belief, z = walking_belief(walk=0.0005), []

@@ -212,6 +212,7 @@ def test_any_bytes_give_a_table_or_a_file_error(tmp_path_factory, data):
             reader(path)
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=None)
 @given(st.data())
 def test_any_cells_give_readings_or_a_file_error(tmp_path_factory, data):

@@ -225,6 +225,7 @@ def test_exchanged_axes_at_other_inclinations(
         checked(simulation, site=SITE, mapped=(triad, matrix), drop=drop)
 
 
+@pytest.mark.long
 def test_casing_is_not_taken_for_wrong_axes() -> None:
     """Field of any direction and nearly the right strength for a minute, before the axes were seen to be right."""
     for seed in range(8):

@@ -176,6 +176,7 @@ def test_covariance_is_honest(name: str) -> None:
     assert 0.4 < np.mean(found) < 1.7
 
 
+@pytest.mark.long
 def test_smoother_betters_the_first_rows_and_ends_with_the_filter() -> None:
     """Nothing comes after the last row, so that both agree there to rounding; the first gain most."""
     early: dict[str, list[float]] = {"filter": [], "smoother": []}
@@ -190,6 +191,7 @@ def test_smoother_betters_the_first_rows_and_ends_with_the_filter() -> None:
     assert rms_deg(np.array(early["smoother"])) < 0.5 * rms_deg(np.array(early["filter"]))
 
 
+@pytest.mark.long
 @settings(max_examples=12, deadline=None)
 @given(st.lists(st.integers(0, 2600), max_size=12))
 @example([0, 0, 1, 2, 999, 1000, 1001, 2600, 2600])
@@ -346,6 +348,7 @@ def test_without_a_latitude_no_north_is_claimed() -> None:
     assert rms_deg(score(rows, run).inclination) < 0.2
 
 
+@pytest.mark.long
 def test_gyro_drift_grows_and_two_stations_close_it() -> None:
     """5 g, 120 s, 8 runs: open, honest and growing; closed, better in the middle and at the end, and honest."""
     opened, closed, grown = [], [], []

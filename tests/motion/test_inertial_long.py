@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from inclinometry.core.angles import wrap_signed
 from inclinometry.earth.site import Site
@@ -14,6 +15,7 @@ from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Hole
 
 
+@pytest.mark.long
 def test_azimuth_does_not_creep_along_the_open_direction() -> None:
     """10 minutes with the gyro noise and the 200 nT along the axis the settings allow for.
 

@@ -315,6 +315,7 @@ def test_strong_tracking_follows_what_a_plain_filter_lags() -> None:
 MIXED = refuse(run(12, size=60, scale=np.where(np.arange(60) % 13 == 5, 25.0, 1.0))[0], slice(20, 27))
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None)
 @given(cuts=st.lists(st.integers(0, 60), max_size=8))
 def test_a_stream_cut_anyhow_gives_the_same_rows(cuts: list[int]) -> None:

@@ -114,6 +114,7 @@ def test_each_tool_ends_where_the_certificate_says(kind, degree):
         np.testing.assert_allclose(vector, away, atol=3e-3 * np.linalg.norm(away))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["built", "held"])
 def test_covariance_of_drawn_tools(kind):
     count = 400

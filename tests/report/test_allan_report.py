@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from inclinometry.report.allan import allan_report
 from inclinometry.sensors.noise import allan_deviation, fit_noise
@@ -20,6 +21,7 @@ def record(warnings=()):
     return NoiseRecord(channels, 0.1, 3000, {"log": "sha256:77"}, warnings)
 
 
+@pytest.mark.long
 def test_page():
     found = record()
     page = check(allan_report(found))

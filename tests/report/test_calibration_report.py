@@ -16,6 +16,7 @@ from .pages import check
 HOSTILE = '<script>alert(1)</script>"\'&<b> $\\frac{1}$ id="x" \x00\ud800 名前 #010203'
 
 
+@pytest.mark.long
 def test_verdict_comes_first_and_nothing_is_loaded(usual):
     readings, found = usual
     page = check(calibration_report(found, readings=readings))
@@ -63,6 +64,7 @@ def test_adapts_to_the_sensors_there_are(sensors, given, drawings):
         assert f"Residuals of the {kind}" in page.text or kind == "magnetometer"
 
 
+@pytest.mark.long
 def test_names_from_files_are_only_text():
     readings, found = calibrated({"accelerometer": 3, "magnetometer": 3}, name=HOSTILE, station=[HOSTILE] * 24)
     sharp = replace(found, warnings=[HOSTILE], inputs={HOSTILE: HOSTILE}, method=HOSTILE)
@@ -108,6 +110,7 @@ def test_dip_is_said_with_its_source(usual):
     assert "nothing is known of one" in words
 
 
+@pytest.mark.long
 def test_other_methods_stand_beside(usual):
     _, found = usual
     _, other = calibrated({"accelerometer": 3})
@@ -121,6 +124,7 @@ def test_other_methods_stand_beside(usual):
     assert "not stated" in rows
 
 
+@pytest.mark.long
 def test_temperature_outliers_and_many_stations():
     random = np.random.default_rng(1)
     triad = Triad("accelerometer", np.stack([np.eye(3), 1e-4 * np.eye(3)]), np.zeros((2, 3)), "V")

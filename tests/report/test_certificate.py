@@ -37,6 +37,7 @@ def pages(pdf: bytes, tmp_path: Path) -> list[str]:
     return [" ".join(page.replace("\u200b", "").split()) for page in text.split("\f")[:-1]]
 
 
+@pytest.mark.long
 def test_the_same_record_gives_the_same_archive_pdf() -> None:
     """PDF/A-2b by its own metadata; the digest stands in it; the bytes repeat."""
     content = record()
@@ -81,6 +82,7 @@ def test_special_characters_are_printed_as_they_are(tmp_path: Path) -> None:
     assert whole.count(NASTY.replace(" ", "")) >= 12
 
 
+@pytest.mark.long
 def test_long_words_and_many_positions_stay_on_the_page() -> None:
     """Nothing but the time grows."""
     order = replace(ORDER, serial="X" * 180, customer="Y" * 400, condition="z " * 240)
@@ -234,6 +236,7 @@ def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
         record(order=replace(ORDER, issued=None))
 
 
+@pytest.mark.long
 def test_the_box_is_green_only_where_nothing_speaks_against_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Warnings of the verification and remarks stand in the box itself, and take its green away."""
     seen: list[dict[str, str]] = []

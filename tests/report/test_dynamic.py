@@ -128,6 +128,7 @@ def test_the_stop_of_a_string_is_said(page):
     assert "Vibration, lateral: 4.0 g rms at the median window" in page.text  # about 40 m/s2
 
 
+@pytest.mark.long
 def test_the_speed_of_the_sentence_is_that_of_the_table(run):
     """A gyro that reads 1 % too much gives the vibration's mean, not the speed that the windows state."""
     off = replace(run, vibration=replace(run.vibration, mean=1.01 * run.rows.rate))
@@ -169,6 +170,7 @@ def test_an_azimuth_that_nothing_is_known_of_is_said(run):
     assert page.tags.count("svg") == 7  # no drawing of the azimuth
 
 
+@pytest.mark.long
 def test_two_norths_in_one_run_are_both_named(run):
     mixed = replace(run.rows, north=np.where(np.arange(60) < 30, 0, 1).astype(np.uint8))
     assert "Azimuth counts from magnetic and true north" in check(dynamic_report(replace(run, rows=mixed))).text
@@ -184,6 +186,7 @@ def test_one_window_is_enough_and_none_is_not(run):
         dynamic_report(replace(run, rows=first(run.rows, 0)))
 
 
+@pytest.mark.long
 def test_a_long_run_keeps_its_page_small():
     long = make(20_000)
     text = dynamic_report(long)

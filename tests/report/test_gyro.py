@@ -60,6 +60,7 @@ def run():
     return Run()
 
 
+@pytest.mark.long
 def test_page_says_what_it_rests_on(run):
     text = run.report(Site(latitude=LATITUDE))
     page = check(text)
@@ -93,6 +94,7 @@ def test_checks_decide_the_badge(run):
     assert "0.021 deg/h" in words  # 1e-7 rad/s
 
 
+@pytest.mark.long
 def test_failures_of_the_closed_form_are_counted_and_named(run):
     lost = replace(run.others["patent"])
     lost.azimuth[5:8] = lost.scale[5:8] = np.nan
@@ -101,6 +103,7 @@ def test_failures_of_the_closed_form_are_counted_and_named(run):
     assert "complex (3)" in words
 
 
+@pytest.mark.long
 def test_a_run_from_the_bottom_up_gives_the_same_table(run):
     def rows(text):
         return text[text.index("<h2>Stations</h2>") : text.index("What was reduced")]

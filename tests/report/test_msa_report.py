@@ -55,6 +55,7 @@ def test_page():
     assert page.tags.count("svg") == 8
 
 
+@pytest.mark.long
 def test_nothing_found_and_little_told():
     page = page_of(run(size=5, azimuth=(0.5, 0.52), shift=(0.0, 0.0, 0.0)))
     assert "No sensor error stands out" in page.text
@@ -69,6 +70,7 @@ def test_warnings_are_shown():
     assert "Read the warnings" in page.text
 
 
+@pytest.mark.long
 def test_a_vertical_run_promises_no_azimuth():
     toolface = np.radians([0.0, 70.0, 140.0, 210.0, 280.0])
     g, b = fields(0.0, 0.0, toolface, 1.2)

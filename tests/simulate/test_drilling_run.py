@@ -53,6 +53,7 @@ def test_a_seed_gives_one_run_and_a_longer_run_begins_with_it(name):
     assert SCENARIOS[name].summary.endswith(".")
 
 
+@pytest.mark.long
 @settings(max_examples=6, deadline=None)
 @given(block=st.integers(1, 9000))
 def test_cutting_into_blocks_changes_no_bit(block):

@@ -189,6 +189,7 @@ def test_a_held_database_is_told(postgresql: Server, monkeypatch: pytest.MonkeyP
             ledger.append("tool", {"serial": "A"}, TOOL, author="a")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(programs() is None, reason="PostgreSQL's server is not installed")
 def test_a_server_that_went_away_and_came_back() -> None:
     """What was acknowledged is there; while it is away the sentence says so."""

@@ -119,6 +119,7 @@ def test_turning_the_north_turns_the_well(turn):
     assert ((two.azimuth >= 0.0) & (two.azimuth < 2.0 * np.pi)).all()
 
 
+@pytest.mark.long
 def test_a_million_stations_sum_as_exactly_as_extended_precision():
     count = 1_000_000
     u = np.linspace(0.0, 1.0, count)

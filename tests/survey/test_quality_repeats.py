@@ -62,6 +62,7 @@ def test_known_transverse_errors_widen_the_limits_to_what_they_do():
     assert limit > 500.0
 
 
+@pytest.mark.long
 def test_spread_of_draws_has_the_stated_size():
     random, count = np.random.default_rng(3), 2000
     sd = np.array([0.004] * 3 + [70.0] * 3)

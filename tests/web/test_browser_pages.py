@@ -78,6 +78,7 @@ def test_live_data_move_nothing(stand, browser, width, height):
     assert sum(value for _, value, _ in moved) < JUMPS, moved
 
 
+@pytest.mark.long
 def test_everything_on_the_bench_page_is_reached_with_the_tab_key(stand, browser):
     """From the top of the page to its last button, each with a name to be read out and a visible focus."""
     dressed(browser, 1280, 800, "light", "en")
@@ -112,6 +113,7 @@ def test_titles_are_large_enough_to_be_read_from_two_metres(stand, browser):
     assert min(sizes) * 0.72 >= 44.0  # height of a figure, px
 
 
+@pytest.mark.long
 def test_the_picture_of_the_readme_is_the_page_as_it_is(stand, browser, tmp_path):
     """Half-way through a calibration, the rig turned to the next position, the tool at rest."""
     dressed(browser, 1280, 800, "light", "en")

@@ -104,6 +104,7 @@ def motorised(tmp_path):
     made.close()
 
 
+@pytest.mark.long
 def test_a_run_of_positions_ends_in_a_recorded_calibration(laboratory):
     page = laboratory.page(laboratory.open(plans.twelve()))
     laboratory.run(page, 12)

@@ -104,6 +104,7 @@ def test_compressed_requests_are_not_read(open_server, coding):
     assert answer.status_code == 415
 
 
+@pytest.mark.long
 def test_a_connection_that_says_nothing_or_dribbles_is_hung_up_on(open_server):
     # the servers of the tests wait for one second, the bench for fifteen
     with socket.create_connection(("127.0.0.1", open_server.port)) as silent:

@@ -60,6 +60,7 @@ def test_logging_out_ends_the_token(users_server):
         assert (answer.status_code, answer.json()["detail"]) == (401, "log in first")
 
 
+@pytest.mark.long
 def test_a_password_changed_by_the_administrator_ends_the_login(own):
     import time
 

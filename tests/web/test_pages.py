@@ -162,6 +162,7 @@ def test_verdict_before_and_after_it_is_recorded(open_bench: SimpleNamespace) ->
     assert say("en", "verdict.pass") in text
 
 
+@pytest.mark.long
 def test_a_certificate_over_rest_names_who_answers(open_bench: SimpleNamespace) -> None:
     """Without a laboratory in the body that of the site is taken, and the caller answers for it."""
     browser = open_bench.browser

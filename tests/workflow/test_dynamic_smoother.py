@@ -64,6 +64,7 @@ def test_a_run_of_one_piece_is_the_batch(samples):
     assert len(SampleSmoother(smooth, WINDOW).finish()) == 0
 
 
+@pytest.mark.long
 def test_windows_are_smoothed_where_there_is_no_gyro(samples):
     bare = Samples(samples.time, samples.interval, accel=samples.accel, mag=samples.mag)
     settings = MagneticSettings(window_s=4.0, overlap=0.0)

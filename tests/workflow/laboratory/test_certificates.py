@@ -73,6 +73,7 @@ def checked(ledger: Ledger, bench: SimpleNamespace, calibration: str, seed: int,
     return finish_verification(ledger, session.id, calibration, author="anna", limits=limits).id
 
 
+@pytest.mark.long
 def test_from_issue_to_the_auditor(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
     """Number, documents, head of the chain; the check finds nothing; the ledger verifies."""
     calibration, verification = made()
@@ -263,6 +264,7 @@ def forged(change: Callable[[dict[str, Any]], object], true: Record) -> dict[str
     return body
 
 
+@pytest.mark.long
 def test_a_record_that_contradicts_is_named(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
     """Whatever was recorded beside the documents."""
     calibration, verification = made()

@@ -290,6 +290,7 @@ def wait(condition, seconds=60.0):
         time.sleep(0.01)
 
 
+@pytest.mark.long
 def test_a_simulated_instrument_is_captured_through_the_real_transport():
     quick = replace(read_protocol("query-response"), interval=0.02)
     with (
@@ -311,6 +312,7 @@ def test_a_simulated_instrument_is_captured_through_the_real_transport():
         feed.capture((0.0, 0.0, 0.0), 2.0)
 
 
+@pytest.mark.long
 def test_faults_of_an_instrument_are_survived_and_told():
     faults = parse_faults("garbage=0.02,dropout=0.02,partial=0.02,encoding=0.02,endless=0.01,repeat=0.02,outside=0.02")
     with (

@@ -92,6 +92,7 @@ def test_readings_that_make_no_calibration_leave_the_session_open(laboratory: Le
     assert load_session(laboratory, session.id).closed == ""
 
 
+@pytest.mark.long
 def test_the_history_of_a_steady_tool_stays_within_its_uncertainty(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """Two runs of one tool: changes over their uncertainty have a mean square of one; 24 values scatter by 0.3."""
     for seed in (1, 2):
