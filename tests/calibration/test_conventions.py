@@ -184,6 +184,13 @@ def test_two_reversed_dials_are_the_cause_named_where_the_sign_of_the_field_was_
     assert sum(way.words() in w for w in said) == 2
 
 
+def test_one_triad_that_looks_usual_by_chance_does_not_excuse_another():
+    """Of 10,000 random tools one, turned half about x, had a magnetometer within 25 deg of its axes and said nothing."""
+    way = Dials("other-end", toolface_counts=REVERSED)
+    readings = run_of(random_tool(8694), PLANS["twelve"], way, seed=8694, dip=np.radians(-84.9), north_offset=4.86)
+    assert any("--inclination-from other-end" in warning for warning in calibrate_joint(readings).warnings)
+
+
 def test_readings_in_another_order_are_refused():
     readings = run_of(realistic_tool(7), PLANS["orthogonal"])
     order = np.random.default_rng(0).permutation(24)

@@ -387,7 +387,7 @@ def check_axes(
     look = _MIRROR if mirrored and not left_handed else _TURNED
     field = "dip" if "magnetometer" in axes else "latitude" if "gyro" in axes else "north"
     missing = [name for name in ("north", field) if name not in stated]
-    plain = False
+    plain: list[float] = []
     for kind, coefficients in state.coefficients.items():
         along = _along(coefficients[0, :, :3])
         against = [] if along is None else [i for i, (_, sign) in along.items() if sign < 0.0]
@@ -400,8 +400,10 @@ def check_axes(
             doubt = f"; {' or '.join(way.words() for way in looks)} would look so too" if looks else ""
             warnings.append(f"{what} {'runs' if len(against) == 1 else 'run'} against the tool's axes{doubt}")
         in_turn = [] if along is None else [axis for axis, _ in along.values()]
-        plain |= bool(in_turn) and not against and (in_turn == sorted(in_turn))
-    if plain or warnings:
+        usual = along is not None and bool(in_turn) and not against and in_turn == sorted(in_turn)
+        plain.append(min(abs(cosine) for _, cosine in along.values()) if along is not None and usual else 0.0)
+    # one triad alone that stands as usual by 25 deg does so by chance where the others stand anyhow
+    if min(plain) > 0.0 or max(plain) > _CLEARLY_ALONG or warnings:
         return warnings
     handed = left_handed or any(v > 0.2 for v in others)
     ways = [_TURNED] * bool(missing) + [_MIRROR] * (not handed)
@@ -417,6 +419,7 @@ def check_axes(
     return warnings
 
 
+_CLEARLY_ALONG = float(np.cos(np.radians(10.0)))
 _STATE = {
     "north": "where the rig's zero points (--north-deg)",
     "dip": "the dip (--dip-deg)",
