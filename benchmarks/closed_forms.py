@@ -28,9 +28,9 @@ from inclinometry.calibration.orthogonal import solve_orthogonal  # noqa: E402
 from inclinometry.calibration.rotations import solve_rotations  # noqa: E402
 from inclinometry.calibration.twelve import solve_twelve  # noqa: E402
 from inclinometry.simulate.bench import simulate_bench, simulate_benches  # noqa: E402
-from inclinometry.simulate.characteristic import MAGNETOMETERS, signal_of  # noqa: E402
 from inclinometry.simulate.hole import simulate_survey  # noqa: E402
 from inclinometry.simulate.rig import Rig  # noqa: E402
+from inclinometry.simulate.sensing import MAGNETOMETERS, signal_of  # noqa: E402
 from inclinometry.simulate.tool import random_tools  # noqa: E402
 
 DOWN, DIP = (0.0, 0.0, 1.0), np.radians(70.0)

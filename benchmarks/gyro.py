@@ -24,8 +24,7 @@ from inclinometry.attitude.rotations import dcm  # noqa: E402
 from inclinometry.core.angles import wrap_signed  # noqa: E402
 from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY  # noqa: E402
 from inclinometry.earth.rate import earth_rate  # noqa: E402
-from inclinometry.gyro.closed_form import CHANGE, solve_patent  # noqa: E402
-from inclinometry.gyro.formulas import azimuth_arctan2, scale_roots  # noqa: E402
+from inclinometry.gyro.closed_form import CHANGE, azimuth_arctan2, scale_roots, solve_patent  # noqa: E402  # noqa: E402
 from inclinometry.gyro.joint import earth_in_tool, earth_slopes, solve_joint  # noqa: E402
 from inclinometry.gyro.north import estimate_north  # noqa: E402
 from inclinometry.gyro.tracking import quadratic_belief, smooth_scale, track_scale, walking_belief  # noqa: E402

@@ -41,7 +41,7 @@ from inclinometry.workflow.laboratory.registry import (  # noqa: E402
 )
 from inclinometry.workflow.laboratory.session import capture, load_session, open_session  # noqa: E402
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument  # noqa: E402
-from inclinometry.workflow.simulated_instrument_faults import parse_faults  # noqa: E402
+from inclinometry.workflow.simulated_instrument_stand import parse_faults  # noqa: E402
 
 RATE = 10.0
 FAULTS = (

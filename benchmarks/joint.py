@@ -34,9 +34,8 @@ from inclinometry.calibration.twelve import solve_twelve  # noqa: E402
 from inclinometry.core.angles import wrap_signed  # noqa: E402
 from inclinometry.sensors.tool import Tool, parameter_vector  # noqa: E402
 from inclinometry.simulate.bench import simulate_bench  # noqa: E402
-from inclinometry.simulate.converter import signal_step  # noqa: E402
 from inclinometry.simulate.rig import Rig  # noqa: E402
-from inclinometry.simulate.tool import random_tool  # noqa: E402
+from inclinometry.simulate.tool import random_tool, signal_step  # noqa: E402
 
 DIP = np.radians(70.0)
 KINDS = ("accelerometer", "magnetometer")

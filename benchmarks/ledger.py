@@ -25,9 +25,8 @@ from typing import Any
 from benchmarks.postgresql import Server, programs, server
 from inclinometry.core.digest import digest_bytes
 from inclinometry.store.admin import create
-from inclinometry.store.exchange import backup, export
+from inclinometry.store.exchange import backup, export, restore
 from inclinometry.store.ledger import Draft, Ledger
-from inclinometry.store.restore import restore
 from inclinometry.store.verify import verify
 from inclinometry.workflow.laboratory.session import closing, load_session, sessions
 

@@ -27,7 +27,7 @@ from inclinometry.attitude.rotations import dcm_from_quaternion  # noqa: E402
 from inclinometry.core.angles import wrap_signed  # noqa: E402
 from inclinometry.core.constants import STANDARD_GRAVITY  # noqa: E402
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling  # noqa: E402
-from inclinometry.workflow.demo_drilling import textbook_filter  # noqa: E402
+from inclinometry.workflow.demo import textbook_filter  # noqa: E402
 
 G = STANDARD_GRAVITY
 RPM = 2.0 * np.pi / 60.0

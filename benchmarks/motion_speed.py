@@ -25,9 +25,9 @@ import numpy as np  # noqa: E402
 from inclinometry.attitude.orientation import fields  # noqa: E402
 from inclinometry.earth.site import Site  # noqa: E402
 from inclinometry.motion.inertial.filter import InertialStream, inertial_attitude  # noqa: E402
-from inclinometry.motion.inertial.model import Model  # noqa: E402
 from inclinometry.motion.inertial.settings import InertialSettings  # noqa: E402
 from inclinometry.motion.inertial.start import blank, sought  # noqa: E402
+from inclinometry.motion.inertial.state import Model  # noqa: E402
 from inclinometry.motion.inertial.window import filter_window  # noqa: E402
 from inclinometry.motion.magnetic import _kernels  # noqa: E402
 from inclinometry.motion.magnetic.settings import MagneticSettings  # noqa: E402

@@ -23,8 +23,7 @@ import numpy as np  # noqa: E402
 import wellpathpy  # noqa: E402
 from welleng.utils import MinCurve  # noqa: E402
 
-from inclinometry.survey.path import minimum_curvature  # noqa: E402
-from inclinometry.survey.path_points import interpolate  # noqa: E402
+from inclinometry.survey.path import interpolate, minimum_curvature  # noqa: E402
 
 STATIONS = 1_000_000
 WELL = 10_000.0  # length, m, of every case: what one ends at then means something

@@ -71,11 +71,11 @@ OUTSIDE = (
     "collections.abc.Callable", "collections.abc.Mapping", "collections.abc.Sequence", "date", "dtype", "float64",
     "floating", "int64", "ndarray", "np.bool_", "numpy.dtype", "numpy.float64", "numpy.int64", "numpy.ndarray",
     "_P", "inclinometry.report.figure._R", "inclinometry.core.lsq.State", "CRS", "inclinometry.survey._beam.Shape",
-    "inclinometry.calibration._rate_outliers.Suspect", "complex128", "uint8", "uint32", "datetime", "socket.socket",
+    "inclinometry.calibration.rate_table.Suspect", "complex128", "uint8", "uint32", "datetime", "socket.socket",
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
-    "timedelta", "inclinometry.workflow.laboratory.listing.T", "inclinometry.motion._window_model.Step",
-    "inclinometry.motion._window_model.Common",
-    "inclinometry.io._run_columns.RunHeader", "MethodName",
+    "timedelta", "inclinometry.workflow.laboratory.listing.T", "inclinometry.motion.window_filter.Step",
+    "inclinometry.motion.window_filter.Common",
+    "inclinometry.io.run_file.RunHeader", "MethodName",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to

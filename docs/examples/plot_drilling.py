@@ -15,9 +15,9 @@ from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import magnetic_attitude
 from inclinometry.motion.samples import Samples
-from inclinometry.report.dynamic_truth import Found, errors_of, rms_of
+from inclinometry.report.dynamic_figures import Found, errors_of, rms_of
 from inclinometry.simulate.drilling import simulate_drilling
-from inclinometry.workflow.demo_drilling import raw_course, textbook_course, true_course
+from inclinometry.workflow.demo import raw_course, textbook_course, true_course
 
 run = simulate_drilling("stick-slip", 1)
 rows = magnetic_attitude(Samples(run.time, run.interval, run.accel, run.mag, run.gyro), MagneticSettings(window_s=10.0))

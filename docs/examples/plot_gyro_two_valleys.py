@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from inclinometry.core.constants import EARTH_RATE
-from inclinometry.gyro.formulas import expected_rates, scale_condition
+from inclinometry.gyro.closed_form import expected_rates, scale_condition
 from inclinometry.gyro.joint import solve_joint
 
 latitude, sigma = np.radians(45.0), np.radians(0.015) / 3600.0 / EARTH_RATE

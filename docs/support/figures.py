@@ -27,8 +27,8 @@ from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.characteristic import MAGNETOMETERS, signal_of
 from inclinometry.simulate.rig import Rig
+from inclinometry.simulate.sensing import MAGNETOMETERS, signal_of
 from inclinometry.simulate.tool import ToolBatch, random_tools, realistic_tools
 from inclinometry.workflow.calibrate import true_errors
 

@@ -14,8 +14,7 @@ from inclinometry.attitude.orientation import fields
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import EARTH_RATE
-from inclinometry.gyro.closed_form import solve_patent
-from inclinometry.gyro.formulas import patent_azimuth, printed_toolface, scale_roots
+from inclinometry.gyro.closed_form import patent_azimuth, printed_toolface, scale_roots, solve_patent
 from inclinometry.gyro.joint import BENT, RIVAL
 from inclinometry.gyro.planning import GyroSetup, standstill_time
 from inclinometry.gyro.result import FLAGS

@@ -26,8 +26,7 @@ from inclinometry.survey.axial import axial_correction
 from inclinometry.survey.bha import MATERIALS, Bha, Element, Stabiliser
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, published_priors
-from inclinometry.survey.quality import judge_fields
-from inclinometry.survey.quality_sensors import with_sensors
+from inclinometry.survey.quality import judge_fields, with_sensors
 from inclinometry.survey.sag import sag_angles
 from inclinometry.survey.stations import Stations
 from inclinometry.uncertainty.propagation import propagate

@@ -9,8 +9,8 @@ from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.angles import wrap_signed
-from inclinometry.simulate.characteristic import Characteristic
 from inclinometry.simulate.rig import Rig
+from inclinometry.simulate.sensing import Characteristic
 from inclinometry.simulate.tool import realistic_tool
 
 DIP = np.radians(70.0)

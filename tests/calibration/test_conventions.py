@@ -185,7 +185,7 @@ def test_two_reversed_dials_are_the_cause_named_where_the_sign_of_the_field_was_
 
 
 def test_one_triad_that_looks_usual_by_chance_does_not_excuse_another():
-    """Of 10,000 random tools one, turned half about x, had a magnetometer within 25 deg of its axes and said nothing."""
+    """Of 10,000 random tools one, turned half about x, had a magnetometer within 25 deg of its axes and passed."""
     way = Dials("other-end", toolface_counts=REVERSED)
     readings = run_of(random_tool(8694), PLANS["twelve"], way, seed=8694, dip=np.radians(-84.9), north_offset=4.86)
     assert any("--inclination-from other-end" in warning for warning in calibrate_joint(readings).warnings)

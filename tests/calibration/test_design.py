@@ -6,7 +6,6 @@ import pytest
 from inclinometry.attitude.orientation import angles
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
-from inclinometry.calibration._information import information
 from inclinometry.calibration.design import (
     AZIMUTH,
     CRITERIA,
@@ -14,6 +13,7 @@ from inclinometry.calibration.design import (
     NOISE,
     TRACE,
     evaluate_plan,
+    information,
     next_position,
     optimal_plan,
     plan_value,

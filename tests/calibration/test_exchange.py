@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from inclinometry.calibration._exchange import Problem, best_addition, exchange, fill, search
+from inclinometry.calibration.design import Problem, best_addition, exchange, fill, search
 
 
 def small_problem(seed=0):

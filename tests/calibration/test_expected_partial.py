@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.expected import expected_uncertainty
-from inclinometry.calibration.norm_record import calibrate_norms
+from inclinometry.calibration.norm import calibrate_norms
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad

@@ -5,8 +5,8 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.likelihood import NUISANCE
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.rigmodel import NUISANCE
 from inclinometry.core.errors import IdentifiabilityError
 from inclinometry.sensors.tool import parameter_vector
 from inclinometry.simulate.rig import Rig

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from inclinometry.calibration.fitting import fit
 from inclinometry.calibration.likelihood import Model, State, tangent_basis
+from inclinometry.calibration.variance import fit
 
 KINDS = ("accelerometer", "magnetometer", "gyro")
 

@@ -7,9 +7,8 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import OtherStand, verify
-from inclinometry.calibration.conventions import WAYS, Dials
+from inclinometry.calibration.conventions import WAYS, Dials, MisreadError
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.calibration.misread import MisreadError
 from inclinometry.calibration.plans import Plan
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad

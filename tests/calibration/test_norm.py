@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.calibration._ellipsoid import algebraic_ellipsoid
-from inclinometry.calibration.norm import calibrate_norm, count_directions
+from inclinometry.calibration.norm import algebraic_ellipsoid, calibrate_norm, count_directions
 from inclinometry.calibration.plans import orthogonal, twelve
 from inclinometry.core.errors import IdentifiabilityError, InputError
 

@@ -6,11 +6,10 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.fitting import fit
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.start import starting_state
-from inclinometry.calibration.variance import estimate_components
+from inclinometry.calibration.variance import estimate_components, fit
 from inclinometry.simulate.rig import Rig
 from inclinometry.simulate.tool import random_tool
 

@@ -12,16 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from inclinometry.core.errors import InputError
-from inclinometry.earth._coefficients import igrf14_coefficients, wmm2025_coefficients
-from inclinometry.earth._harmonics import Coefficients, field_ned, legendre
 from inclinometry.earth.magnetic import (
     MODELS,
     UNKNOWN_ANGLE,
+    Coefficients,
     complete_site,
     decimal_year,
+    field_ned,
     igrf14,
+    igrf14_coefficients,
+    legendre,
     reference_errors,
     wmm2025,
+    wmm2025_coefficients,
 )
 from inclinometry.earth.site import Site
 

@@ -15,7 +15,7 @@ from inclinometry.core.angles import wrap_signed
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.earth.rate import earth_rate
-from inclinometry.gyro.formulas import azimuth_arctan2, scale_roots
+from inclinometry.gyro.closed_form import azimuth_arctan2, scale_roots
 from inclinometry.gyro.joint import earth_in_tool, earth_slopes, posterior_sd, solve_joint
 
 rad = np.radians

@@ -10,8 +10,7 @@ import pytest
 from inclinometry.core.errors import FileError
 from inclinometry.io import _json
 from inclinometry.io.allan_json import allan_content, read_allan, write_allan
-from inclinometry.sensors.noise import AllanCurve, Coefficient, NoiseModel
-from inclinometry.sensors.noise_record import ChannelNoise, NoiseRecord
+from inclinometry.sensors.noise import AllanCurve, ChannelNoise, Coefficient, NoiseModel, NoiseRecord
 
 UNSEEN = Coefficient(float("nan"), float("nan"), 2e-6)
 

@@ -12,8 +12,7 @@ import pytest
 from inclinometry.attitude.rotations import dcm, quaternion_from_dcm
 from inclinometry.core.errors import FileError
 from inclinometry.io.attitude_file import COLUMNS, read_attitude, write_attitude
-from inclinometry.motion.result import BITS, METHODS
-from inclinometry.motion.run_result import AttitudeRows
+from inclinometry.motion.result import BITS, METHODS, AttitudeRows
 
 QUATERNION = quaternion_from_dcm(dcm(*np.radians([60.0, 30.0, 0.0])))
 

@@ -14,8 +14,7 @@ from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.io._clipping import saturation_notes
-from inclinometry.io.bench_csv import read_bench, write_bench
+from inclinometry.io.bench_csv import read_bench, saturation_notes, write_bench
 from inclinometry.io.log_csv import read_log
 from inclinometry.io.survey_csv import read_raw_survey
 from inclinometry.io.table import read_table

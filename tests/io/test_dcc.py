@@ -10,9 +10,8 @@ import pytest
 from lxml import etree
 
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.io._dcc_units import unit
 from inclinometry.io.certificate_json import record_digest
-from inclinometry.io.dcc import dcc_bytes, read_dcc
+from inclinometry.io.dcc import dcc_bytes, read_dcc, unit
 
 from ..report.certificates import LABORATORY, NASTY, ORDER, calibration, dcc_schema, record, verification
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import FileError
-from inclinometry.io.even_log import read_even_log
+from inclinometry.io.log_csv import read_even_log
 
 
 def write(folder, time, header="time_s,gyro_x_deg_h,gyro_y_deg_h", values="1,2"):

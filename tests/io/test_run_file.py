@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError
-from inclinometry.io.run_file import open_run
-from inclinometry.io.run_write import ROWS, OutField, writing
+from inclinometry.io.run_file import ROWS, OutField, open_run, writing
 
 COLUMNS = [OutField("time_s", "s", True), *(OutField(f"{k}_{a}", "") for k in ("accel", "mag", "gyro") for a in "xyz")]
 HEADER = ",".join(c.name for c in COLUMNS)

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from inclinometry.attitude.orientation import angles, fields
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.io._wits0_frames import read_frames
 from inclinometry.io.exchange import SurveyFile
-from inclinometry.io.wits0 import Wits0Map, read_wits0, read_wits0_map, record_7, write_wits0
+from inclinometry.io.wits0 import Wits0Map, read_frames, read_wits0, read_wits0_map, record_7, write_wits0
 
 # one vendor's spare items: 0722 to 0727 are Gx, Gy, Gz, Bx, By, Bz
 RAW = {"0722": "gx_mg", "0723": "gy_mg", "0724": "gz_mg", "0725": "bx_uT", "0726": "by_uT", "0727": "bz_uT"}

@@ -237,7 +237,7 @@ def test_several_trajectories(tmp_path):
 
 
 def test_too_large_a_file_is_not_parsed(tmp_path, monkeypatch):
-    monkeypatch.setattr("inclinometry.io._witsml_xml.LARGEST", 1000)
+    monkeypatch.setattr("inclinometry.io.witsml.LARGEST", 1000)
     with pytest.raises(FileError, match="1000"):
         read_witsml(REFERENCE / "certification.xml")
     with pytest.raises(FileError, match="no such file"):

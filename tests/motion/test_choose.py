@@ -19,7 +19,7 @@ from inclinometry.motion.choose import AttitudeChooser, ChooserSettings, choose_
 from inclinometry.motion.health import HealthSettings
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import magnetic_attitude
-from inclinometry.motion.north import to_magnetic
+from inclinometry.motion.reference import to_magnetic
 from inclinometry.motion.result import METHODS, Attitude, joined
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.timing import StretchCutter, rejoined

@@ -13,9 +13,8 @@ from inclinometry.attitude.rotations import (
     rotation_exp,
 )
 from inclinometry.core.errors import InputError
-from inclinometry.motion.complementary.filter import ComplementaryStream, complementary_attitude
+from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream, complementary_attitude
 from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
-from inclinometry.motion.complementary.settings import ComplementarySettings
 from inclinometry.motion.samples import Samples
 from inclinometry.uncertainty.propagation import UNKNOWN
 

@@ -6,9 +6,8 @@ import pytest
 from inclinometry.attitude.rotations import dcm, quaternion_conjugate, quaternion_from_dcm, quaternion_log
 from inclinometry.attitude.rotations import quaternion_multiply as multiply
 from inclinometry.core.angles import wrap_signed
-from inclinometry.motion.complementary.filter import complementary_attitude
+from inclinometry.motion.complementary.filter import ComplementarySettings, complementary_attitude
 from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
-from inclinometry.motion.complementary.settings import ComplementarySettings
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import simulate_drilling
 

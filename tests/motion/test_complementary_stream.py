@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.motion.complementary.filter import ComplementaryStream, complementary_attitude
-from inclinometry.motion.complementary.settings import ComplementarySettings
+from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream, complementary_attitude
 from inclinometry.motion.result import joined
 from inclinometry.motion.samples import Samples
 

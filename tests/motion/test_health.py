@@ -10,10 +10,10 @@ import pytest
 
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.motion._window_buffer import WindowBuffer
 from inclinometry.motion.dip_check import azimuth_doubt
 from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
 from inclinometry.motion.samples import Samples
+from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.faults import Casing, Stuck
 from inclinometry.simulate.drilling.scenario import Hole

@@ -14,7 +14,7 @@ from inclinometry.attitude.rotations import (
 )
 from inclinometry.core.arrays import Array
 from inclinometry.motion.inertial import _recursions as kernels
-from inclinometry.motion.inertial.gravity import tapers
+from inclinometry.motion.inertial.window import tapers
 
 DT, SIZE, STRENGTH, DIP = 0.005, 240, 5e4, 1.1
 AXIS = dcm(1.0, 0.5, 2.0)[2]

@@ -9,9 +9,9 @@ import pytest
 
 from inclinometry.earth.site import Site
 from inclinometry.motion.choose import ChooserSettings, choose_attitude
-from inclinometry.motion.magnetic.offset import clock_offset
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import magnetic_attitude
+from inclinometry.motion.magnetic.window import clock_offset
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
 from inclinometry.simulate.drilling.faults import MagLag

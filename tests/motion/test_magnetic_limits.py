@@ -10,7 +10,7 @@ import pytest
 from inclinometry.attitude.orientation import fields
 from inclinometry.core.constants import STANDARD_GRAVITY as G
 from inclinometry.earth.site import Site
-from inclinometry.motion.magnetic.circle import fit_circle
+from inclinometry.motion.magnetic.phase import fit_circle
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import magnetic_attitude
 from inclinometry.motion.result import Attitude

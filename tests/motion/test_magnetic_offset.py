@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import InputError
-from inclinometry.motion.magnetic.offset import clock_offset
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import magnetic_attitude
+from inclinometry.motion.magnetic.window import clock_offset
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, simulate_drilling
 from inclinometry.simulate.drilling.faults import MagLag
 

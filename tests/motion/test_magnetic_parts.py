@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.motion.magnetic.band import basis, fit, remembered, untried
-from inclinometry.motion.magnetic.circle import fit_circle
 from inclinometry.motion.magnetic.demodulate import demodulate
-from inclinometry.motion.magnetic.phase import smooth
+from inclinometry.motion.magnetic.phase import basis, fit, fit_circle, remembered, smooth, untried
 from inclinometry.motion.samples import Samples
 
 ONE = np.zeros(1, dtype=np.complex128)

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import InputError
-from inclinometry.motion.adaptive import (
+from inclinometry.motion.robust import (
     fading_factor,
+    huber_weight,
+    igg3_weight,
     sage_husa,
     sage_husa_share,
     yang_factor_three,
     yang_factor_two,
 )
-from inclinometry.motion.robust import huber_weight, igg3_weight
 
 T = np.linspace(-12.0, 12.0, 2401)
 

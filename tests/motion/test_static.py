@@ -14,7 +14,6 @@ from inclinometry.attitude.rotations import dcm, dcm_from_quaternion, rotation_l
 from inclinometry.core.errors import InputError
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
-from inclinometry.motion._long_run import rounding_variance
 from inclinometry.motion.result import Attitude, joined
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.static import (
@@ -26,6 +25,7 @@ from inclinometry.motion.static import (
     static_davenport,
     static_svd,
 )
+from inclinometry.motion.window_smoother import rounding_variance
 
 DIP = float(np.radians(65.0))
 SITE = Site(b=50e3, dip=DIP, b_sigma=20.0, dip_sigma=float(np.radians(0.02)))

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from inclinometry.core.errors import InputError
-from inclinometry.motion.grid import fit_grid, unit_doubt
+from inclinometry.motion.decimate import fit_grid, unit_doubt
 from inclinometry.motion.timing import GATHERED, StretchCutter, TimingSettings, cut_stretches, rejoined
 
 RATE = 200.0

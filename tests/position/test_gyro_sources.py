@@ -5,8 +5,8 @@ import pytest
 
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.position.gyro_sources import LARGEST, gyro_sources
 from inclinometry.position.propagation import propagate
+from inclinometry.position.sources import LARGEST, gyro_sources
 from inclinometry.position.well import well_survey
 from inclinometry.survey.reduce import Survey
 

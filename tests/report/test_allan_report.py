@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.report.allan import allan_report
-from inclinometry.sensors.noise import allan_deviation, fit_noise
-from inclinometry.sensors.noise_record import ChannelNoise, NoiseRecord
+from inclinometry.sensors.noise import ChannelNoise, NoiseRecord, allan_deviation, fit_noise
 
 from .pages import check
 

@@ -20,8 +20,7 @@ from inclinometry.core.errors import FileError, InputError
 from inclinometry.io.certificate_json import read_certificate, record_bytes, record_digest, write_certificate
 from inclinometry.io.dcc import dcc_bytes
 from inclinometry.report.certificate import certificate_pdf
-from inclinometry.report.certificate_record import certificate_record, coverage_probability
-from inclinometry.report.certificate_words import chinese_font, words
+from inclinometry.report.certificate_record import certificate_record, chinese_font, coverage_probability, words
 
 from .certificates import LABORATORY, NASTY, ORDER, calibration, dcc_schema, record, verification
 from .conftest import calibrated

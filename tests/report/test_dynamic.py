@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import InputError
-from inclinometry.motion.result import BITS, FLAGS, METHODS
-from inclinometry.motion.run_result import (
+from inclinometry.motion.result import (
+    BITS,
+    FLAGS,
+    METHODS,
     AttitudeRows,
     DynamicRun,
     Envelope,
@@ -18,10 +20,16 @@ from inclinometry.motion.run_result import (
 )
 from inclinometry.motion.samples import CHANNELS
 from inclinometry.report.digits import plain
-from inclinometry.report.dynamic import dynamic_report
-from inclinometry.report.dynamic_figures import attitude_figure, clock, stretches
-from inclinometry.report.dynamic_truth import Found, errors_of, methods_figure, rms_of
-from inclinometry.report.dynamic_words import CHANNEL_WORDS, METHOD_WORDS, REMEDIES
+from inclinometry.report.dynamic import CHANNEL_WORDS, METHOD_WORDS, REMEDIES, dynamic_report
+from inclinometry.report.dynamic_figures import (
+    Found,
+    attitude_figure,
+    clock,
+    errors_of,
+    methods_figure,
+    rms_of,
+    stretches,
+)
 
 from .pages import check
 

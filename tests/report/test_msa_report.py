@@ -10,8 +10,7 @@ from inclinometry.report.msa import azimuth_u, msa_report
 from inclinometry.report.quality import check_table, quality_pictures, station_quality_table
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, published_priors
-from inclinometry.survey.quality import FieldLimits, judge_fields
-from inclinometry.survey.quality_sensors import with_sensors
+from inclinometry.survey.quality import FieldLimits, judge_fields, with_sensors
 from inclinometry.survey.stations import Stations
 
 from .pages import check

@@ -14,8 +14,7 @@ from inclinometry.position.ellipse import horizontal_ellipse
 from inclinometry.position.propagation import propagate
 from inclinometry.position.well import well_survey
 from inclinometry.report import position_figures as draw
-from inclinometry.report.position import position_report
-from inclinometry.report.position_tables import contributions
+from inclinometry.report.position import contributions, position_report
 from inclinometry.survey.path import minimum_curvature
 
 from .pages import check

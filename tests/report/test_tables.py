@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.expected import expected_uncertainty
-from inclinometry.report.digits import rounded, significant, with_uncertainty
-from inclinometry.report.tables import (
+from inclinometry.report.calibration_tables import (
     classical_rows,
     differences,
     field_unit,
@@ -13,6 +12,7 @@ from inclinometry.report.tables import (
     orthogonality_rows,
     parameter_rows,
 )
+from inclinometry.report.digits import rounded, significant, with_uncertainty
 from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
 from inclinometry.sensors.triad import Triad
 

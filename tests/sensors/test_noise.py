@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import InputError
-from inclinometry.sensors._allan_covariance import covariance_tensor, design
-from inclinometry.sensors.noise import FLAT, allan_deviation, fit_noise
+from inclinometry.sensors.noise import FLAT, allan_deviation, covariance_tensor, design, fit_noise
 
 DT = 0.1
 

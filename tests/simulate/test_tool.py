@@ -5,15 +5,17 @@ import pytest
 
 from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
-from inclinometry.simulate.converter import converter_step, digitise, signal_step
 from inclinometry.simulate.streams import Streams
 from inclinometry.simulate.tool import (
+    converter_step,
+    digitise,
     nominal_axes,
     random_rotations,
     random_tool,
     random_tools,
     realistic_tool,
     realistic_tools,
+    signal_step,
     with_temperature,
 )
 

@@ -12,9 +12,8 @@ import pytest
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.store.admin import create
 from inclinometry.store.chain import GENESIS, compact, parse_head
-from inclinometry.store.exchange import backup, export
+from inclinometry.store.exchange import backup, export, restore
 from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError
-from inclinometry.store.restore import restore
 from inclinometry.store.users import check_password, guard_last_administrator, put_user
 from inclinometry.store.verify import verify
 

@@ -20,9 +20,8 @@ from benchmarks.postgresql import Server, programs, server
 from inclinometry.core.errors import FileError
 from inclinometry.store.admin import create
 from inclinometry.store.engine import _WRITE_LOCK
-from inclinometry.store.exchange import backup, export
+from inclinometry.store.exchange import backup, export, restore
 from inclinometry.store.ledger import Draft, Ledger, LedgerError
-from inclinometry.store.restore import restore
 from inclinometry.store.verify import verify
 
 ROOT = Path(__file__).parents[2]

@@ -16,9 +16,8 @@ from inclinometry.core.errors import FileError, InputError
 from inclinometry.store import chain
 from inclinometry.store.admin import create
 from inclinometry.store.engine import engine, shown
-from inclinometry.store.exchange import export
+from inclinometry.store.exchange import export, restore
 from inclinometry.store.ledger import Draft, Ledger, LedgerError
-from inclinometry.store.restore import restore
 from inclinometry.store.verify import verify
 
 TOOL = {"name": "steering tool", "triads": {}}

@@ -16,10 +16,10 @@ from sqlalchemy import Integer
 from inclinometry.store.admin import _migrate, create
 from inclinometry.store.chain import parse_head
 from inclinometry.store.engine import engine
+from inclinometry.store.exchange import restore
 from inclinometry.store.guards import REVISIONS, protect, unprotected
-from inclinometry.store.kinds import KINDS
 from inclinometry.store.ledger import Ledger, LedgerError
-from inclinometry.store.restore import restore
+from inclinometry.store.records import KINDS
 from inclinometry.store.verify import verify
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "ledger"

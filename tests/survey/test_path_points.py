@@ -6,9 +6,16 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from inclinometry.core.errors import InputError
-from inclinometry.survey.path import directions, minimum_curvature
+from inclinometry.survey.path import (
+    Points,
+    directions,
+    interpolate,
+    minimum_curvature,
+    project_curve,
+    project_straight,
+    tie_on,
+)
 from inclinometry.survey.path_compare import compare_paths
-from inclinometry.survey.path_points import Points, interpolate, project_curve, project_straight, tie_on
 
 
 def well():

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import InputError
-from inclinometry.survey._arc import bend
-from inclinometry.survey.path import minimum_curvature
-from inclinometry.survey.path_points import interpolate, project_curve, project_straight
+from inclinometry.survey.path import bend, interpolate, minimum_curvature, project_curve, project_straight
 from inclinometry.survey.path_uncertainty import (
     POINT,
     STATIONS,

@@ -9,8 +9,14 @@ from inclinometry.earth.magnetic import reference_errors
 from inclinometry.survey.axial import axial_correction
 from inclinometry.survey.multistation import invariants_jacobian
 from inclinometry.survey.multistation_priors import FieldReference
-from inclinometry.survey.quality import FieldLimits, distance_limit, judge_fields, residual_covariance
-from inclinometry.survey.quality_sensors import sensor_sigmas, with_sensors
+from inclinometry.survey.quality import (
+    FieldLimits,
+    distance_limit,
+    judge_fields,
+    residual_covariance,
+    sensor_sigmas,
+    with_sensors,
+)
 from inclinometry.survey.stations import Stations
 
 # sensor terms of the ISCWSA MWD model Rev 5.1

@@ -15,8 +15,7 @@ from selenium.webdriver.common.keys import Keys
 
 from inclinometry.store.ledger import Ledger
 from inclinometry.store.verify import verify
-from inclinometry.workflow.laboratory.certificate_check import verify_certificate
-from inclinometry.workflow.laboratory.certificates import documents, status
+from inclinometry.workflow.laboratory.certificates import documents, status, verify_certificate
 
 from ..report.certificates import dcc_schema
 from .browser.chromium import MISSING, Browser, chromium

@@ -12,9 +12,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.conventions import Dials
 from inclinometry.store.admin import create
 from inclinometry.store.ledger import ConflictError
-from inclinometry.web.pages.calibrate.guided import ElsewhereError, Guided, NoInstrumentError
-from inclinometry.web.pages.calibrate.heat import heat_of
-from inclinometry.web.pages.calibrate.turning import driver_of
+from inclinometry.web.pages.calibrate.guided import ElsewhereError, Guided, NoInstrumentError, driver_of, heat_of
 from inclinometry.web.words import say
 from inclinometry.workflow.laboratory.guided import GuidedPlan, plan_for
 from inclinometry.workflow.laboratory.live import CaptureError, LiveFeed

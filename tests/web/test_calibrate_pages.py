@@ -10,7 +10,7 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.io.instrument.sample import InstrumentEvent
 from inclinometry.store.admin import create
-from inclinometry.web.pages.calibrate.show_events import folded
+from inclinometry.web.pages.calibrate.show_progress import folded
 from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredTool, put_rig, put_tool
 from inclinometry.workflow.laboratory.session import open_session
 

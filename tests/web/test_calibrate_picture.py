@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from inclinometry.web.pages.calibrate.picture import drawing, project, tool_axes
-from inclinometry.web.pages.calibrate.show_target import big
+from inclinometry.web.pages.calibrate.show_progress import big
 
 
 def seen(*direction):

@@ -10,7 +10,7 @@ import time
 import httpx
 import pytest
 
-from inclinometry.web.bodies import BodyError, Metered
+from inclinometry.web.refusals import BodyError, Metered
 
 MB = 1_000_000
 

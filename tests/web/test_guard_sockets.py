@@ -11,7 +11,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from inclinometry.web.headers import cookie_name
+from inclinometry.web.refusals import cookie_name
 
 SITE = "http://127.0.0.1:{port}"
 

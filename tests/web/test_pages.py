@@ -15,11 +15,10 @@ from inclinometry.io.limits import read_limits
 from inclinometry.store.ledger import Ledger
 from inclinometry.store.verify import verify
 from inclinometry.web.words import LANGUAGES, say
-from inclinometry.workflow.laboratory.begin_verification import begin_verification
 from inclinometry.workflow.laboratory.demonstration import half_way, reading
 from inclinometry.workflow.laboratory.registry import RegisteredSite, RegisteredTool, put_site, put_tool
 from inclinometry.workflow.laboratory.session import capture
-from inclinometry.workflow.laboratory.verification import finish_verification
+from inclinometry.workflow.laboratory.verification import begin_verification, finish_verification
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument
 
 SCRIPT = "<script>alert(1)</script>"

@@ -7,7 +7,7 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from inclinometry.web.pages import verify_report
+from inclinometry.web.pages import verify as verify_report
 
 
 def test_the_table_states_the_u_of_the_bars(monkeypatch: pytest.MonkeyPatch) -> None:

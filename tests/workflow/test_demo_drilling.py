@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from inclinometry.report.dynamic_truth import errors_of, rms_of
+from inclinometry.report.dynamic_figures import errors_of, rms_of
 from inclinometry.simulate.drilling import simulate_drilling
-from inclinometry.workflow.demo_drilling import (
+from inclinometry.workflow.demo import (
     OURS,
     PICTURE,
     RAW,

@@ -8,7 +8,7 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.io.tool_json import write_calibration
 from inclinometry.simulate.rig import Rig
 from inclinometry.workflow import simulate
-from inclinometry.workflow.demo_well import AXIAL_NT, survey_demo_well, well_sentences
+from inclinometry.workflow.demo import AXIAL_NT, survey_demo_well, well_sentences
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,7 @@ from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import REFERENCES, Site
 from inclinometry.io.attitude_file import read_attitude
-from inclinometry.io.run_file import open_run
-from inclinometry.io.run_write import writing
+from inclinometry.io.run_file import open_run, writing
 from inclinometry.motion.result import BITS, METHODS
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad

@@ -9,8 +9,8 @@ import pytest
 
 from inclinometry.attitude.orientation import fields
 from inclinometry.motion.samples import Samples
-from inclinometry.workflow.dynamic_monitor import SEGMENT, Monitor
-from inclinometry.workflow.dynamic_thin import MOST_BINS, MOST_COLUMNS, Envelopes
+from inclinometry.workflow.dynamic import SEGMENT, Monitor
+from inclinometry.workflow.dynamic_signals import MOST_BINS, MOST_COLUMNS, Envelopes
 
 RATE = 200.0
 

@@ -7,8 +7,7 @@ import pytest
 
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.run_file import open_run
-from inclinometry.io.run_write import writing
+from inclinometry.io.run_file import open_run, writing
 from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run
 from inclinometry.workflow.simulate_drilling import RUN, DrillingRequest, write_drilling
 

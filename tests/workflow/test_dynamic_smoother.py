@@ -16,7 +16,7 @@ from inclinometry.motion.result import METHODS, joined
 from inclinometry.motion.samples import Samples
 from inclinometry.simulate.drilling import simulate_drilling
 from inclinometry.simulate.drilling.scenario import Hole
-from inclinometry.workflow.dynamic_smoother import SampleSmoother, WindowSmoother
+from inclinometry.workflow.dynamic_methods import SampleSmoother, WindowSmoother
 
 WINDOW = 1.0
 

@@ -19,8 +19,14 @@ from inclinometry.io.instrument.rig import RigDriver, ScpiRig
 from inclinometry.simulate.rig import Misread, Rig
 from inclinometry.simulate.tool import TRIADS, realistic_tool
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument
-from inclinometry.workflow.simulated_instrument_faults import SHARES, Fate, Faults, parse_faults
-from inclinometry.workflow.simulated_instrument_stand import SimulatedStand, StandSettings
+from inclinometry.workflow.simulated_instrument_stand import (
+    SHARES,
+    Fate,
+    Faults,
+    SimulatedStand,
+    StandSettings,
+    parse_faults,
+)
 
 AT_ONCE = StandSettings(turn=0.0)
 

@@ -9,8 +9,7 @@ from inclinometry.attitude.orientation import angles, dip_angle, fields
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.exchange import SurveyFile
-from inclinometry.workflow.six_axis import declination_doubts, judge, read_six_axis, survey_six_axis
-from inclinometry.workflow.six_axis_file import fields_of_survey
+from inclinometry.workflow.six_axis import declination_doubts, fields_of_survey, judge, read_six_axis, survey_six_axis
 
 HEADER = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
 SITE = "g = 9.81\nsigma_g = 0.01\nb_nT = 50000\nsigma_b_nT = 130\ndip_deg = 70\nsigma_dip_deg = 0.2\n"

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inclinometry.calibration._coverage import unit
 from inclinometry.calibration._field_model import Unknowns, turned
 from inclinometry.calibration._field_noise import Estimate
+from inclinometry.calibration.norm import unit
 from inclinometry.core.arrays import Array
 
 

@@ -7,9 +7,8 @@ from itertools import permutations, product
 
 import numpy as np
 
-from inclinometry.calibration._coverage import unit
-from inclinometry.calibration._ellipsoid import algebraic_ellipsoid
 from inclinometry.calibration._field_model import Shots, Unknowns, rotations
+from inclinometry.calibration.norm import algebraic_ellipsoid, unit
 from inclinometry.core.arrays import Array
 
 

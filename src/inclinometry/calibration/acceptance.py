@@ -10,13 +10,12 @@ import numpy as np
 
 from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, inclination_toolface
 from inclinometry.attitude.rotations import cross_matrix
+from inclinometry.calibration.conventions import MisreadError, StandField, check_misread
 from inclinometry.calibration.expected import ANGLES, expected_uncertainty
-from inclinometry.calibration.likelihood import tangent_basis
-from inclinometry.calibration.misread import MisreadError, StandField, check_misread
+from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.rigmodel import NUISANCE, orientation
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array, within
 from inclinometry.core.constants import COVERAGE_FACTOR
@@ -164,7 +163,7 @@ def verify(
     InputError
         Without rig angles, readings of another tool, those the tool was calibrated with, a stand that is not known;
         errors far beyond any tool's that go away when the dials count in another convention, which is named
-        (`inclinometry.calibration.misread.check_misread`): they are no errors of the tool.
+        (`inclinometry.calibration.conventions.check_misread`): they are no errors of the tool.
 
     Notes
     -----

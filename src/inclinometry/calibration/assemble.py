@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inclinometry.calibration.fitting import Fitted
 from inclinometry.calibration.identifiability import constant_errors
 from inclinometry.calibration.likelihood import State
 from inclinometry.calibration.outliers import Outlier
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import LEAST_REDUNDANCY, Calibration, Residuals, Rig
 from inclinometry.calibration.rollset import second_harmonics
+from inclinometry.calibration.variance import Fitted
 from inclinometry.core.arrays import Array
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad

@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 
 from inclinometry.attitude.orientation import fields
 from inclinometry.calibration.expected import ANGLES
-from inclinometry.calibration.fitting import Fitted
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import second_harmonics
+from inclinometry.calibration.variance import Fitted
 from inclinometry.core.arrays import Array, within
 from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.uncertainty.budget import Budget

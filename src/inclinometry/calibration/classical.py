@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.attitude.rotations import dcm
-from inclinometry.calibration.bilinear import DOWN, unit_direction
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.dials import three_dials
+from inclinometry.calibration.twelve import DOWN, unit_direction
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import IdentifiabilityError, InputError
 

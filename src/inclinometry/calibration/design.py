@@ -13,17 +13,332 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.calibration._exchange import Problem, best_addition, search
-from inclinometry.calibration._information import Information, inclination_grid, information
+from inclinometry.attitude.orientation import fields
 from inclinometry.calibration.dials import same
 from inclinometry.calibration.expected import ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.identifiability import blindness
+from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.stand import Stand, stand_within
-from inclinometry.core.arrays import Array, Mask, finite, within
+from inclinometry.core.arrays import Array, Index, Mask, finite, within
 from inclinometry.core.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS
 from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.sensors.sensitivity import angle_sensitivity
 from inclinometry.sensors.tool import Tool
+from inclinometry.sensors.triad import Triad
+
+# What a station tells about a tool before any reading is taken: information of the joint model at a nominal tool.
+#
+# Parameters are the tool's, relative to the full field of their triad, then two angles of each field direction.
+
+KINDS = ("accelerometer", "magnetometer")
+DIRECTION_SD = np.radians(5.0)
+"""How well the direction of each field at the stand is taken to be known beforehand, rad."""
+_STEP = np.radians(15.0)
+_TURNS = 12
+"""Steps over azimuth and toolface: variances are trigonometric polynomials of degree 4 in toolface."""
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """A nominal tool on a stand.
+
+    tool : Tool with the two triads, without temperature, covariance or noise
+    full : (M,) full field of each sensor's triad in its unit
+    noise : (M,) standard deviation of one reading relative to it
+    rig_sd : (3,) rad
+    dip : rad
+    """
+
+    tool: Tool
+    full: Array
+    noise: Array
+    rig_sd: Array
+    dip: float
+
+    @property
+    def scale(self) -> Array:
+        """(p,) full field for each tool parameter, one for the four angles."""
+        return np.concatenate([np.repeat(self.full, 4), np.ones(4)])
+
+    def model(self, settings: Array) -> tuple[Model, State]:
+        """The joint model of readings at these settings (K, 3), and its state."""
+        directions = {
+            "accelerometer": np.array([0.0, 0.0, 1.0]),
+            "magnetometer": np.array([np.cos(self.dip), 0.0, np.sin(self.dip)]),
+        }
+        triads = self.tool.triads
+        size = len(settings)
+        model = Model(
+            {kind: np.zeros((size, triad.count)) for kind, triad in triads.items()},
+            settings,
+            np.ones((size, 1)),
+            np.broadcast_to(self.noise * self.full, (size, len(self.full))),
+            self.rig_sd,
+            np.zeros(4),
+            {kind: (direction, np.eye(3) / DIRECTION_SD**2) for kind, direction in directions.items()},
+        )
+        coefficients = {k: np.concatenate([t.tensor, t.offset[..., None]], axis=2) for k, t in triads.items()}
+        return model, State(coefficients, directions, np.zeros((size, 3)), np.zeros(4))
+
+    def factors(self, settings: Array) -> Array:
+        """L (K, M, p) of each station: its information on the parameters, rig errors marginalised, is L'L.
+
+        L = V^-1/2 J with V = S + B s^2 B', the covariance of its readings from sensor noise and setting errors.
+        """
+        if not len(settings):
+            return np.zeros((0, len(self.full), len(self.scale)))
+        model, state = self.model(settings)
+        at = model.linearise(state)
+        # readings relative to full field too: units of counts and nT would differ by orders of magnitude in V
+        covariance = model.station_covariance(at) / np.outer(self.full, self.full)
+        jacobian = at.jacobian * self.scale / self.full[:, None]
+        return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), jacobian))
+
+    def prior(self) -> Array:
+        """Information (p, p) that is there without any station: the field directions."""
+        model, state = self.model(np.zeros((0, 3)))
+        return model.prior_information(state)
+
+    def gradients(self, rows: tuple[int, ...], inclination: Array) -> Array:
+        """Derivatives (G, R, p) of the angles `rows` by the parameters, over attitudes at these inclinations."""
+        turn = 2.0 * np.pi * np.arange(_TURNS) / _TURNS
+        grid = [x.ravel() for x in np.meshgrid(inclination, turn, turn, indexing="ij")]
+        g, b = fields(grid[1], grid[0], grid[2], self.dip)
+        found = angle_sensitivity(self.tool, {"accelerometer": g, "magnetometer": b}).by_parameter[:, rows, :]
+        return np.concatenate([found, np.zeros((*found.shape[:2], 4))], axis=2) * self.scale
+
+
+def information(rig_sd: float | Array, noise: Mapping[str, float], dip: float, tool: Tool | None) -> Information:
+    """The checked description of tool and stand; a tool of orthogonal unit axes when none is given."""
+    absent = [k for k in KINDS if tool is not None and (k not in tool.triads or not tool.triads[k].full)]
+    if absent:
+        raise InputError(f"the {absent[0]} with three seen components is needed to aim a plan")
+    missing = [k for k in KINDS if k not in noise]
+    if missing:
+        raise InputError(f"noise of the {missing[0]} is missing; give it relative to the full field, e.g. 4e-4")
+    triads, full, spread = {}, [], []
+    for kind in KINDS:
+        given = Triad(kind, np.eye(3), np.zeros(3)) if tool is None else tool.triads[kind]
+        triads[kind] = Triad(kind, given.tensor[0], given.offset[0], given.unit)
+        strength = float(np.linalg.norm(given.tensor[0], axis=1).max())
+        full.append(np.full(given.count, strength))
+        spread.append(np.full(given.count, float(within(noise[kind], f"{kind} noise", 1e-12, 1.0, "of full field"))))
+    rig = np.broadcast_to(within(rig_sd, "rig_sd", 0.0, np.radians(30.0), "rad"), (3,))
+    # 89.9 deg: nearer the magnetic pole no azimuth is left to aim at
+    limit = np.radians(89.9)
+    magnetic = float(finite(within(dip, "dip", -limit, limit, "rad"), "dip", ()))
+    return Information(Tool("nominal", triads), np.concatenate(full), np.concatenate(spread), np.array(rig), magnetic)
+
+
+def inclination_grid(low: float, high: float) -> Array:
+    """Inclinations at which a criterion is judged: both ends, at most 15 degrees apart."""
+    return np.linspace(low, high, max(int(np.ceil((high - low) / _STEP - 1e-9)) + 1, 3) if high > low else 1)
+
+
+_NEGLIGIBLE = 1e-7
+"""Share of the objective that may be left out of a comparison."""
+_FEW = 64
+_BLOCK = 200_000
+"""Multiplications in a product that OpenBLAS does in one thread: up to 2^18."""
+_PASSES, _LAST_PASSES = 12, 4
+"""Passes of an exchange at power 32, which finds its way, and at power 128, which is the worst to within a percent."""
+
+
+# Choosing stations by exchange on the information matrix: arrays in and out, no checks.
+#
+# The variance of what is asked at attitude g with information F is v_g = sum_r h_gr' F^-1 h_gr. A station with factor L
+# (information L'L) added to F lowers it by |C^-1 L F^-1 h|^2, C C' = I + L F^-1 L' (Woodbury), for all candidates at
+# once. The worst of the v_g has corners on which an exchange of one station at a time sticks, so the search minimises
+# their norm (sum_g v_g^power)^(1/power), which comes as close to the worst as wanted.
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What there is to choose from and what it is judged by.
+
+    factors : (K, M, p) of each candidate, information L'L
+    fixed : (p, p) information that is there anyway: captured stations and priors, regular
+    gradients : (G, R, p) of the R quantities whose variances are summed at each of G attitudes
+    allowed : (K,) whether a candidate may be chosen at all
+    """
+
+    factors: Array
+    fixed: Array
+    gradients: Array
+    allowed: Mask
+
+    def information(self, chosen: list[int]) -> Array:
+        """Fixed information and that of the chosen candidates."""
+        rows = self.factors[chosen].reshape(-1, self.factors.shape[2])
+        return np.asarray(self.fixed + rows.T @ rows)
+
+    def variances(self, information: Array) -> Array:
+        """Variance (G,) at each attitude."""
+        return attitude_variances(np.asarray(np.linalg.inv(information), dtype=np.float64), self.gradients)
+
+
+@dataclass(frozen=True, eq=False)
+class Exchanged:
+    """Chosen candidates (n,), the worst variance with them, and the objective after every accepted exchange."""
+
+    chosen: list[int]
+    worst: float
+    history: list[float]
+
+
+def attitude_variances(covariance: Array, gradients: Array) -> Array:
+    """Variances (G,) summed over the R quantities of each attitude, from the parameters' covariance (p, p)."""
+    flat = gradients.reshape(-1, gradients.shape[2])
+    return np.asarray(np.einsum("ij,ij->i", _product(flat, covariance), flat).reshape(gradients.shape[:2]).sum(axis=1))
+
+
+def norm(variances: Array, doublings: int) -> float:
+    """(sum v^power)^(1/power), power = 2^doublings: the largest, and a little more for every other that is as large."""
+    largest = variances.max()
+    return float(largest * _powers(variances / largest, doublings) ** (0.5**doublings))
+
+
+def best_addition(problem: Problem, information: Array, taken: list[int], doublings: int) -> int:
+    """The candidate whose addition makes the objective smallest, among those allowed and not taken.
+
+    The objective over the worst few attitudes is a lower bound of the whole, so only candidates that are good there
+    need the whole.
+    """
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    before = attitude_variances(covariance, problem.gradients)
+    order = np.argsort(-before, kind="stable")
+    white = whitened(problem.factors, covariance)
+    free = problem.allowed.copy()
+    free[taken] = False
+    candidates = np.flatnonzero(free)
+
+    def after(chosen: Index, attitudes: Index) -> Array:
+        return before[attitudes] - reductions(white[chosen], problem.gradients[attitudes])
+
+    few = after(candidates, order[:_FEW])
+    reference = few.max(axis=1).min()
+    bound = _powers(few / reference, doublings)
+    ranked = np.argsort(bound, kind="stable")
+    first, rest = ranked[:_FEW], ranked[_FEW:]
+    # no addition raises a variance: attitudes that matter little even without it are left out
+    tail = np.cumsum(_power(before[order] / reference, doublings)[::-1])[::-1]
+    order = order[tail > _NEGLIGIBLE * bound.min()]
+    whole = _powers(after(candidates[first], order) / reference, doublings)
+    more = rest[bound[rest] < whole.min()]
+    whole = np.concatenate([whole, _powers(after(candidates[more], order) / reference, doublings)])
+    return int(candidates[np.concatenate([first, more])[np.argmin(whole)]])
+
+
+def whitened(factors: Array, covariance: Array) -> Array:
+    """C^-1 L F^-1 (K, M, p) of every candidate, C C' = I + L F^-1 L'."""
+    moved = factors @ covariance
+    core = moved @ factors.swapaxes(1, 2)
+    core[:, np.arange(core.shape[1]), np.arange(core.shape[1])] += 1.0
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(core)) @ moved)
+
+
+def reductions(white: Array, gradients: Array) -> Array:
+    """How much each candidate, added, lowers the variance at each attitude: (K, G)."""
+    count, rank, width = white.shape
+    shape = (count, rank, len(gradients), gradients.shape[1])
+    seen = _product(white.reshape(-1, width), gradients.reshape(-1, width).T).reshape(shape)
+    return np.asarray(np.einsum("kmgr,kmgr->kg", seen, seen))
+
+
+def exchange(
+    problem: Problem,
+    chosen: list[int],
+    random: np.random.Generator,
+    doublings: int,
+    passes: int,
+    tick: Callable[[], None],
+) -> Exchanged:
+    """Replace one station at a time by the best candidate until no replacement helps, or `passes` times all of them."""
+    chosen = list(chosen)
+    information = problem.information(chosen)
+    here = norm(problem.variances(information), doublings)
+    history, stale = [here], 0
+    for _ in range(passes):
+        for place in random.permutation(len(chosen)):
+            without = information - _own(problem, chosen[place])
+            others = [c for i, c in enumerate(chosen) if i != place]
+            best = best_addition(problem, without, others, doublings)
+            stale += 1
+            if best != chosen[place]:
+                trial = without + _own(problem, best)
+                there = norm(problem.variances(trial), doublings)
+                if there < here * (1.0 - 1e-10):
+                    chosen[place], information, here, stale = best, trial, there, 0
+                    history.append(here)
+            if stale >= len(chosen):
+                break
+        tick()
+        if stale >= len(chosen):
+            break
+    return Exchanged(chosen, float(problem.variances(information).max()), history)
+
+
+def fill(problem: Problem, chosen: list[int], count: int, doublings: int) -> list[int]:
+    """Add the best candidate to those chosen until there are `count`."""
+    chosen = list(chosen)
+    information = problem.information(chosen)
+    while len(chosen) < count:
+        chosen.append(best_addition(problem, information, chosen, doublings))
+        information = information + _own(problem, chosen[-1])
+    return chosen
+
+
+def search(
+    problem: Problem, count: int, seed: int, restarts: int, progress: Callable[[float], None] | None
+) -> Exchanged:
+    """Best of several searches: the first from a greedy start, the others from a half filled at random."""
+    random = np.random.default_rng(seed)
+    pool: Index = np.flatnonzero(problem.allowed)
+    passes, done = _PASSES + _LAST_PASSES, 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done / (passes * restarts))
+
+    best = Exchanged([], np.inf, [])
+    for restart in range(restarts):
+        first = [int(c) for c in random.choice(pool, count // 2 if restart else 0, replace=False)]
+        rough = exchange(problem, fill(problem, first, count, 5), random, 5, _PASSES, tick)
+        fine = exchange(problem, rough.chosen, random, 7, _LAST_PASSES, tick)
+        best = min(best, rough, fine, key=lambda e: e.worst)
+        # an exchange that settles early leaves passes unused
+        done = (restart + 1) * passes - 1
+        tick()
+    return best
+
+
+def _own(problem: Problem, candidate: int) -> Array:
+    factor = problem.factors[candidate]
+    return np.asarray(factor.T @ factor)
+
+
+def _product(rows: Array, matrix: Array) -> Array:
+    """rows @ matrix in blocks for which BLAS starts no threads: waiting for them costs more."""
+    block = max(_BLOCK // matrix.size, 1)
+    out = np.empty((len(rows), matrix.shape[1]))
+    for start in range(0, len(rows), block):
+        np.matmul(rows[start : start + block], matrix, out=out[start : start + block])
+    return out
+
+
+def _power(ratio: Array, doublings: int) -> Array:
+    """ratio^(2^doublings), of ratios up to 100: any larger is equally bad; rounding may leave one just below zero."""
+    value = np.clip(ratio, 0.0, 100.0)
+    for _ in range(doublings):
+        value = value * value
+    return np.asarray(value)
+
+
+def _powers(ratio: Array, doublings: int) -> Array:
+    return np.asarray(_power(ratio, doublings).sum(axis=-1))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from inclinometry.calibration import assemble
 from inclinometry.calibration.classical import solve_classical
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance
 from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
-from inclinometry.calibration.fitting import Fitted, expected_variances, fit_with_variances, noise_guess, rig_guess
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.orthogonal import solve_orthogonal
 from inclinometry.calibration.readings import BenchReadings
@@ -23,6 +22,7 @@ from inclinometry.calibration.rotations import find_direction, solve_rotations
 from inclinometry.calibration.signs import fix_signs
 from inclinometry.calibration.start import DOWN, enough, starting_state
 from inclinometry.calibration.twelve import solve_twelve
+from inclinometry.calibration.variance import Fitted, expected_variances, fit_with_variances, noise_guess, rig_guess
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.core.errors import InputError

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from inclinometry.calibration._coverage import require_coverage, unit
 from inclinometry.calibration._field_gauge import canonical, warn_axes
 from inclinometry.calibration._field_model import FieldProblem, Prior, Shots, Unknowns, upended
 from inclinometry.calibration._field_noise import Estimate, bad_shots, estimate, first_levels
 from inclinometry.calibration._field_result import assemble
 from inclinometry.calibration._field_start import rotations_between, tool_axis, triad_start, unknowns
+from inclinometry.calibration.norm import require_coverage, unit
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array, within

@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inclinometry.calibration.fitting import Fitted
-from inclinometry.calibration.likelihood import Model, State, tangent_basis
-from inclinometry.calibration.rigmodel import NUISANCE
+from inclinometry.calibration.likelihood import NUISANCE, Model, State, tangent_basis
+from inclinometry.calibration.variance import Fitted
 from inclinometry.core.arrays import Array
 
 _TOLERANCE = 1e-7

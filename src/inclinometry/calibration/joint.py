@@ -12,7 +12,15 @@ from numpy.typing import ArrayLike
 from inclinometry.calibration import assemble
 from inclinometry.calibration.causes import parameter_causes
 from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
-from inclinometry.calibration.fitting import (
+from inclinometry.calibration.identifiability import blindness
+from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State
+from inclinometry.calibration.outliers import Outlier, find_outliers
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.signs import fix_signs
+from inclinometry.calibration.start import DOWN, enough, starting_state
+from inclinometry.calibration.temperature import choose_powers
+from inclinometry.calibration.variance import (
     Fitted,
     fit,
     fit_with_variances,
@@ -20,15 +28,6 @@ from inclinometry.calibration.fitting import (
     rig_guess,
     with_averaged_covariance,
 )
-from inclinometry.calibration.identifiability import blindness
-from inclinometry.calibration.likelihood import Model, StandAngle, State
-from inclinometry.calibration.outliers import Outlier, find_outliers
-from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.rigmodel import NUISANCE
-from inclinometry.calibration.signs import fix_signs
-from inclinometry.calibration.start import DOWN, enough, starting_state
-from inclinometry.calibration.temperature import choose_powers
 from inclinometry.core.arrays import Array, finite, within
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError

@@ -4,16 +4,150 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.calibration._coverage import distinct, require_coverage, unit
-from inclinometry.calibration._ellipsoid import algebraic_ellipsoid
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.core.arrays import Array, finite, frozen
+from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
 from inclinometry.core.lsq import Normal, levenberg_marquardt
+from inclinometry.sensors.tool import Tool, parameter_names
 from inclinometry.sensors.triad import Triad
+
+# How well a set of field directions covers the sphere: distinct ones, and whether they all lie on one side.
+
+DISTINCT = np.radians(5.0)
+"""Directions closer than this count as one."""
+
+ONE_SIDED = 0.05
+"""Distance of the origin from the hull of the unit directions beyond which they lie in one open half of the sphere."""
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors divided by their lengths; a zero vector stays zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
+
+
+def distinct(directions: Array, limit: int = 1000) -> int:
+    """Number of directions (K, 3) at least `DISTINCT` apart, counted greedily up to `limit`."""
+    left, cosine, count = unit(directions), np.cos(DISTINCT), 0
+    while len(left) and count < limit:
+        left = left[left @ left[0] < cosine]
+        count += 1
+    return count
+
+
+def one_sided(directions: Array) -> Array | None:
+    """The direction all (K, 3) directions lean towards, or None when they surround the origin.
+
+    The distance of the convex hull from the origin is the largest margin any plane through the origin can have.
+    """
+    from scipy.optimize import nnls
+
+    points = unit(directions)
+    if len(points) > 500:
+        # the hull of many readings is that of their extremes along many fixed directions
+        probes = np.random.default_rng(0).normal(size=(400, 3))
+        points = points[np.unique(np.argmax(points @ probes.T, axis=0))]
+    weights, _ = nnls(np.vstack([points.T, np.full(len(points), 1e3)]), np.array([0.0, 0.0, 0.0, 1e3]))
+    nearest = weights @ points / max(float(weights.sum()), 1e-12)
+    distance = float(np.linalg.norm(nearest))
+    return np.asarray(nearest / distance) if distance > ONE_SIDED else None
+
+
+def require_coverage(kind: str, directions: Array, needed: int) -> int:
+    """Raise in words when directions are too few or all on one side; return the number of distinct ones."""
+    count = distinct(directions)
+    if count < needed:
+        raise IdentifiabilityError(
+            f"{kind}: {count} distinct field directions (5 deg apart); at least {needed} are needed: "
+            "put the tool into more attitudes, all over the sphere"
+        )
+    side = one_sided(directions)
+    if side is not None:
+        axis = int(np.argmax(np.abs(side)))
+        raise IdentifiabilityError(
+            f"{kind}: all {len(directions)} field directions lie on one side (mostly {'+-'[int(side[axis] < 0)]}"
+            f"{'xyz'[axis]}); offset and scale cannot be told apart there: add attitudes turned the other way up"
+        )
+    return count
+
+
+# Algebraic starting values for a triad in a field of constant strength: ellipsoid or, failing that, sphere.
+
+
+class Ellipsoid(NamedTuple):
+    """Signals lie on |inverse (signals - centre)| = 1; `proper` is False where only a sphere could be fitted."""
+
+    inverse: Array  # (3, 3), symmetric positive definite
+    centre: Array  # (3,)
+    proper: bool
+
+
+def algebraic_sphere(signals: Array) -> tuple[Array, float]:
+    """Centre and radius of the algebraic least-squares sphere, linear in the unknowns."""
+    middle = signals.mean(axis=0)
+    # readings that are all the same have no size; any will do, coverage is refused later
+    spread = float(np.sqrt(np.mean((signals - middle) ** 2))) or 1.0
+    x = (signals - middle) / spread
+    design = np.column_stack([2.0 * x, np.ones(len(x))])
+    solution = np.linalg.lstsq(design, np.sum(x * x, axis=1), rcond=1e-10)[0]
+    radius = np.sqrt(max(float(solution[3] + solution[:3] @ solution[:3]), 1e-12))
+    return middle + spread * solution[:3], float(spread * radius)
+
+
+def algebraic_ellipsoid(signals: Array, rounds: int = 4) -> Ellipsoid:
+    """Robust algebraic ellipsoid through (K, 3) signals: linear least squares with the trace of the quadric fixed.
+
+    The quadric x'Qx + 2 q'x + c = 0 with trace Q = 3 is linear in its 9 remaining coefficients, never divides by a
+    coefficient that may vanish (a centre at the origin, say), and is invariant under rotation. A few rounds of Huber
+    weights keep one wild reading from bending it.
+    """
+    centre, radius = algebraic_sphere(signals)
+    x = (signals - centre) / radius
+    u, v, w = x.T
+    square = u * u + v * v + w * w
+    design = np.column_stack(
+        [square - 3 * u * u, square - 3 * v * v, 2 * u * v, 2 * u * w, 2 * v * w, 2 * u, 2 * v, 2 * w, np.ones(len(x))]
+    )
+    weight = np.ones(len(x))
+    coefficients = np.zeros(9)
+    for _ in range(rounds):
+        coefficients = np.linalg.lstsq(design * weight[:, None], square * weight, rcond=1e-12)[0]
+        residual = np.abs(square - design @ coefficients)
+        limit = max(3.0 * float(np.median(residual)), 1e-9)
+        weight = np.sqrt(np.minimum(1.0, limit / np.maximum(residual, 1e-300)))
+    return _from_quadric(coefficients, centre, radius)
+
+
+def _from_quadric(coefficients: Array, centre: Array, radius: float) -> Ellipsoid:
+    """Centre and symmetric root of the quadric, or the sphere where the quadric is not an ellipsoid of sane shape."""
+    p, q, uv, uw, vw, lu, lv, lw, constant = coefficients
+    # square - p(square - 3uu) - q(square - 3vv) - 2uv.. - 2lu u.. - constant = 0
+    quadric = np.array(
+        [
+            [1 - p - q + 3 * p, -uv, -uw],
+            [-uv, 1 - p - q + 3 * q, -vw],
+            [-uw, -vw, 1 - p - q],
+        ]
+    )
+    sphere = Ellipsoid(np.eye(3) / radius, centre, False)
+    values, vectors = np.linalg.eigh(quadric)
+    # axes more unequal than 10 to 1 are the signature of poor coverage, not of a sensor
+    if values[0] < 1e-2 * values[-1]:
+        return sphere
+    middle = np.linalg.solve(quadric, np.array([lu, lv, lw]))
+    level = float(constant + middle @ quadric @ middle)
+    if not level > 0.0:
+        return sphere
+    inverse = (vectors * np.sqrt(values / level)) @ vectors.T / radius
+    return Ellipsoid(inverse, centre + radius * middle, True)
+
 
 DIRECTIONS_NEEDED = 9
 """An ellipsoid has nine parameters; each distinct field direction gives one equation."""
@@ -256,3 +390,99 @@ def count_directions(signals: ArrayLike) -> int:
     y = finite(signals, "signals", (None, 3))
     start = algebraic_ellipsoid(y)
     return distinct((y - start.centre) @ start.inverse.T)
+
+
+# The norm-only fit as a calibration record: triads in their own axes, where there is neither rig nor roll set.
+
+
+def calibrate_norms(
+    readings: BenchReadings, *, specific_force: bool = False, gravity: float = STANDARD_GRAVITY, name: str = "unnamed"
+) -> Calibration:
+    """Calibrate each triad by the constant strength of its field, in its own axes.
+
+    Parameters
+    ----------
+    readings : BenchReadings
+        At rest in nine or more distinct attitudes; angles are not used. The strengths are the readings' reference `g`
+        and `b` where known.
+    specific_force : bool
+        The accelerometer reads +1 g upwards at rest.
+    gravity : float
+        Strength for the accelerometer when the readings do not state it, m/s^2.
+
+    Returns
+    -------
+    Calibration
+        Method "norm". The rotation from sensor to tool axes and between triads is not in such data: each tensor is
+        upper triangular, and angles computed with it mean nothing in a tool. Strengths, scale and offsets do.
+
+    Raises
+    ------
+    InputError
+        A triad that has not three sensors, or a gyro.
+    IdentifiabilityError
+        Attitudes that do not determine an ellipsoid.
+    """
+    if set(readings.channels) - {"accelerometer", "magnetometer"}:
+        raise InputError("a gyro at rest sees no constant field of use; drop its columns for a norm-only fit")
+    fits, triads, noise, size = {}, {}, {}, 0
+    for kind, signals in readings.channels.items():
+        strength = readings.reference.get("g", gravity) if kind == "accelerometer" else readings.reference.get("b", 1.0)
+        # unweighted: what errs at one pose is common to all its samples, so a longer rest is not a better one
+        fit = calibrate_norm(signals, strength)
+        fits[kind] = fit
+        triads[kind] = fit.triad(kind, readings.units[kind], specific_force=specific_force and kind == "accelerometer")
+        noise[kind] = fit.rms / strength * np.linalg.norm(fit.tensor, axis=1)
+        size += 12
+    covariance = np.zeros((size, size))
+    for place, (kind, fit) in enumerate(fits.items()):
+        sign = -1.0 if specific_force and kind == "accelerometer" else 1.0
+        jacobian = _to_tensor(fit, sign)
+        here = slice(12 * place, 12 * place + 12)
+        covariance[here, here] = jacobian @ fit.covariance @ jacobian.T
+    heat = readings.temperature
+    span = None if heat is None else (float(heat.min()), float(heat.max()))
+    tool = Tool(name, triads, covariance, noise, span)
+    warnings = ["norm-only fit: the rotation from sensor to tool axes is unknown; use a rig or roll sets for angles"]
+    warnings += [f"{kind}: {sentence}" for kind, fit in fits.items() for sentence in fit.warnings]
+    coverage = [
+        f"{kind}: {fit.distinct} distinct directions (5 deg apart) in {len(readings)} readings, the lengths of "
+        f"the field scatter by {100.0 * fit.rms / fit.strength:.2g} %"
+        for kind, fit in fits.items()
+    ]
+    return Calibration(
+        tool,
+        "norm",
+        {"readings": readings.digest},
+        {},
+        tuple(n for triad in triads.values() for n in parameter_names(triad)),
+        covariance,
+        Rig(np.zeros(3)),
+        _residuals(readings, fits),
+        (*readings.warnings, *warnings),
+        notes=(*readings.notes, *coverage),
+    )
+
+
+def _to_tensor(fit: NormFit, sign: float) -> Array:
+    """Derivatives (12, 9) of tensor and offset by the fit's parameters: N = s B^-1, dN = -s B^-1 dB B^-1."""
+    inverse = np.linalg.inv(fit.inverse)
+    jacobian = np.zeros((3, 4, 9))
+    for column, (i, j) in enumerate(_UPPER):
+        jacobian[:, :3, column] = -sign * fit.strength * np.outer(inverse[:, i], inverse[j])
+    jacobian[:, 3, 6:] = np.eye(3)
+    return jacobian.reshape(12, 9)
+
+
+def _residuals(readings: BenchReadings, fits: dict[str, NormFit]) -> Residuals:
+    """What is left along the field: attitude is free, so nothing is left across it."""
+    values, scaled = {}, {}
+    leverage = np.zeros(len(readings))
+    for kind, fit in fits.items():
+        direction = fit.field(readings.channels[kind])
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        values[kind] = fit.residual[:, None] / fit.strength * (direction @ fit.tensor.T)
+        sd = max(fit.rms * np.sqrt(len(readings) / max(len(readings) - 9, 1)), np.finfo(float).tiny)
+        scaled[kind] = np.repeat(fit.residual[:, None] / sd, 3, axis=1)
+        leverage += 9.0 / len(readings) / len(fits)
+    return Residuals(tuple(readings.station), values, scaled, leverage)

@@ -16,9 +16,9 @@ import numpy as np
 
 from inclinometry.attitude.orientation import angles, attitude_jacobian
 from inclinometry.attitude.rotations import cross_matrix, dcm, rotation_exp, rotation_log
+from inclinometry.calibration.likelihood import NUISANCE, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.calibration.rigmodel import NUISANCE, orientation
 from inclinometry.core.angles import wrap_positive, wrap_signed
 from inclinometry.core.arrays import Array, within
 from inclinometry.core.constants import GRAVITY_SPREAD

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.attitude.rotations import dcm
-from inclinometry.calibration.bilinear import DOWN, Moments, solve_moments
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.dials import ANGLE_TOLERANCE, three_dials
+from inclinometry.calibration.twelve import DOWN, Moments, solve_moments
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
 

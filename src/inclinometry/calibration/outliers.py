@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.calibration.fitting import Fitted, fit_with_caution, fit_with_variances
 from inclinometry.calibration.likelihood import Linear, Model, State
+from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with_variances
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InclinometryError
 

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.calibration.summary import readings_text
+from inclinometry.calibration.result import readings_text
 from inclinometry.core.arrays import Array, Index, finite, frozen, within
 from inclinometry.core.constants import KINDS
 from inclinometry.core.digest import digest_bytes

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.attitude.rotations import dcm
-from inclinometry.calibration.bilinear import DOWN, signed, unit_direction
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.dials import Rows, at_azimuth, groups, same, three_dials, unequal_steps
 from inclinometry.calibration.harmonics import harmonics
+from inclinometry.calibration.twelve import DOWN, signed, unit_direction
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import IdentifiabilityError, InputError
 

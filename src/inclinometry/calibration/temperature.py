@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from inclinometry.calibration.fitting import fit_with_variances
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.variance import fit_with_variances
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import IdentifiabilityError, InputError
 

@@ -13,9 +13,16 @@ from inclinometry.cli.bench import show_comparison
 from inclinometry.cli.options import Json
 from inclinometry.cli.survey import show_survey, show_verification
 from inclinometry.core.errors import FileError
-from inclinometry.workflow.demo import HOT_RUNS, HOT_SEED, PUBLISHED_XSENS, Demo, steps
-from inclinometry.workflow.demo_drilling import PICTURE, drilling_sentences
-from inclinometry.workflow.demo_well import well_sentences
+from inclinometry.workflow.demo import (
+    HOT_RUNS,
+    HOT_SEED,
+    PICTURE,
+    PUBLISHED_XSENS,
+    Demo,
+    drilling_sentences,
+    steps,
+    well_sentences,
+)
 from inclinometry.workflow.hot_run import rms_degrees
 
 Folder = Annotated[Path, Parameter(name=["--output", "-o"])]

@@ -8,7 +8,7 @@ import numpy as np
 
 from inclinometry.attitude.conventions import Axes, axes_matrix
 from inclinometry.attitude.orientation import SWITCH
-from inclinometry.calibration.summary import rounded
+from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output, angle
 from inclinometry.cli.six_axis import Convention
@@ -17,12 +17,10 @@ from inclinometry.core.errors import InputError
 from inclinometry.earth.site import REFERENCES
 from inclinometry.io.allan_json import read_allan
 from inclinometry.io.atomic import write_text
-from inclinometry.io.run_file import open_run
-from inclinometry.io.run_write import checked_ending
+from inclinometry.io.run_file import checked_ending, open_run
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.tool_json import read_calibration
-from inclinometry.motion.result import FLAGS, METHODS
-from inclinometry.motion.run_result import DynamicRun
+from inclinometry.motion.result import FLAGS, METHODS, DynamicRun
 from inclinometry.workflow.dynamic import (
     DEFAULT_WINDOW,
     DELAY_SIGMA,

@@ -16,8 +16,8 @@ from inclinometry.core.errors import InputError
 from inclinometry.store import exchange
 from inclinometry.store.admin import create
 from inclinometry.store.chain import parse_head
+from inclinometry.store.exchange import restore
 from inclinometry.store.ledger import Ledger, default_path
-from inclinometry.store.restore import restore
 from inclinometry.store.users import find_user, guard_last_administrator, put_user
 from inclinometry.store.users import users as all_users
 from inclinometry.store.verify import verify as verify_ledger
@@ -92,7 +92,7 @@ def verify(*, ledger: Where = None, head: str | None = None, certificate: str | 
 
 def _certificate(where: str, number: str, head: str | None, json: bool) -> int:
     """One certificate against the ledger."""
-    from inclinometry.workflow.laboratory.certificate_check import verify_certificate
+    from inclinometry.workflow.laboratory.certificates import verify_certificate
 
     if head is not None:
         raise InputError("--head is of the whole ledger; leave out --head or --certificate")

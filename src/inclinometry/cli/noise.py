@@ -12,7 +12,7 @@ from inclinometry.core.errors import InputError
 from inclinometry.gyro.planning import AZIMUTHS, GyroSetup, StandstillPlan, standstill_time
 from inclinometry.io.allan_json import allan_content, coefficients_of, units_of, write_allan
 from inclinometry.io.atomic import write_text
-from inclinometry.sensors.noise_record import NoiseRecord
+from inclinometry.sensors.noise import NoiseRecord
 
 
 def allan(

@@ -172,7 +172,7 @@ def show_position(found: WellPosition, most: int = 10) -> None:
 
 
 def _show_sources(found: WellPosition, most: int = 6) -> None:
-    from inclinometry.report.position_tables import contributions
+    from inclinometry.report.position import contributions
 
     parts = contributions(found.uncertainty) if found.uncertainty is not None else []
     rows = [[p.name, p.propagation, f"{p.major:.2f}", f"{100.0 * p.share:.1f}"] for p in parts[:most]]
@@ -202,7 +202,7 @@ def _content(found: WellPosition, target: Path) -> dict[str, Any]:
 def _sources(found: WellPosition) -> list[dict[str, Any]]:
     if found.uncertainty is None:
         return []
-    from inclinometry.report.position_tables import contributions
+    from inclinometry.report.position import contributions
 
     return [
         {

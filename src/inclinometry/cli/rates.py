@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from inclinometry.calibration.rate_table import RateCalibration
-from inclinometry.calibration.summary import rounded
+from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json, Output
 from inclinometry.core.arrays import Array

@@ -18,8 +18,7 @@ from inclinometry.cli.options import Json
 from inclinometry.core.errors import InputError
 from inclinometry.workflow.simulate import plan_named
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument, from_truth
-from inclinometry.workflow.simulated_instrument_faults import parse_faults
-from inclinometry.workflow.simulated_instrument_stand import StandSettings
+from inclinometry.workflow.simulated_instrument_stand import StandSettings, parse_faults
 
 
 def instrument(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -16,9 +16,155 @@ from numpy.typing import ArrayLike
 
 from inclinometry.core.arrays import Array, finite, frozen, within
 from inclinometry.core.errors import InputError
-from inclinometry.earth._coefficients import igrf14_coefficients, wmm2025_coefficients
-from inclinometry.earth._harmonics import Coefficients, field_ned
+from inclinometry.earth.gravity import FLATTENING, SEMI_MAJOR_AXIS
 from inclinometry.earth.site import Site
+
+# Synthesis of a main field from Schmidt semi-normalised Gauss coefficients; finite at the poles.
+
+REFERENCE_RADIUS: Final = 6371.2e3
+"""Radius the coefficients refer to, m (geomagnetic convention)."""
+
+
+class Coefficients(NamedTuple):
+    """Gauss coefficients g, h (T, N + 1, N + 1) in nT at the decimal years (T,), linear between."""
+
+    years: Array
+    g: Array
+    h: Array
+
+    @property
+    def degree(self) -> int:
+        """Highest degree N."""
+        return int(self.g.shape[1]) - 1
+
+    def at(self, year: Array) -> tuple[Array, Array]:
+        """g and h (N + 1, N + 1, P) at the years (P,), which lie within those of the model."""
+        row = np.clip(np.searchsorted(self.years, year, side="right") - 1, 0, len(self.years) - 2)
+        share = (year - self.years[row]) / (self.years[row + 1] - self.years[row])
+        # in this form a year of the table gives the table's own coefficients
+        g, h = ((1.0 - share) * np.moveaxis(t[row], 0, -1) + share * np.moveaxis(t[row + 1], 0, -1) for t in self[1:])
+        return np.asarray(g), np.asarray(h)
+
+
+def field_ned(model: Coefficients, latitude: Array, longitude: Array, height: Array, year: Array) -> Array:
+    """Field (P, 3) north, east, down, nT, at geodetic points (P,), rad and m, and decimal years (P,) or (1,)."""
+    radius, sine, cosine = geocentric(latitude, height)
+    g, h = model.at(year)
+    theta, outward, east = _spherical(model.degree, g, h, REFERENCE_RADIUS / radius, sine, cosine, longitude)
+    # from the geocentric vertical to that of the ellipsoid: both lie in the meridian plane
+    s = cosine * np.cos(latitude) - sine * np.sin(latitude)
+    c = sine * np.cos(latitude) + cosine * np.sin(latitude)
+    north, down = -theta * c + outward * s, -theta * s - outward * c
+    return np.stack([north, east, down], axis=-1)
+
+
+def geocentric(latitude: Array, height: Array) -> tuple[Array, Array, Array]:
+    """Radius, m, and sine and cosine of the geocentric colatitude of a geodetic point."""
+    eccentricity2 = FLATTENING * (2.0 - FLATTENING)
+    normal = SEMI_MAJOR_AXIS / np.sqrt(1.0 - eccentricity2 * np.sin(latitude) ** 2)
+    across = (normal + height) * np.cos(latitude)
+    along = (normal * (1.0 - eccentricity2) + height) * np.sin(latitude)
+    radius = np.hypot(across, along)
+    return radius, across / radius, along / radius
+
+
+def _spherical(
+    degree: int, g: Array, h: Array, ratio: Array, sine: Array, cosine: Array, longitude: Array
+) -> tuple[Array, Array, Array]:
+    """Components along colatitude, radius and longitude, each (P,)."""
+    theta, outward, east = (np.zeros_like(ratio) for _ in range(3))
+    for m in range(degree + 1):
+        c, s = np.cos(m * longitude), np.sin(m * longitude)
+        for n, (p, slope, p_over_sine) in enumerate(legendre(degree, m, sine, cosine), start=max(m, 1)):
+            scale = ratio ** (n + 2)
+            wave, turned = g[n, m] * c + h[n, m] * s, g[n, m] * s - h[n, m] * c
+            outward += scale * (n + 1) * wave * p
+            theta -= scale * wave * slope
+            east += scale * m * turned * p_over_sine
+    return theta, outward, east
+
+
+def legendre(degree: int, m: int, sine: Array, cosine: Array) -> list[tuple[Array, Array, Array]]:
+    """(P, dP / d colatitude, P / sine) of order m and degrees max(m, 1) to `degree`, Schmidt semi-normalised.
+
+    For m > 0 the recursion runs on Q = P / sine, a polynomial, so that nothing is divided at a pole.
+    """
+    if m == 0:
+        return _zonal(degree, sine, cosine)
+    before, q = np.zeros_like(sine), _sectoral(m, sine)
+    found = []
+    for n in range(m, degree + 1):
+        if n > m:
+            step = (2 * n - 1) * cosine * q - np.sqrt((n - 1) ** 2 - m**2) * before
+            before, q = q, step / np.sqrt(n**2 - m**2)
+        found.append((sine * q, n * cosine * q - np.sqrt(n**2 - m**2) * before, q))
+    return found
+
+
+def _sectoral(m: int, sine: Array) -> Array:
+    """Q of degree and order m."""
+    q = np.ones_like(sine)
+    for k in range(2, m + 1):
+        q = q * sine * np.sqrt((2 * k - 1) / (2 * k))
+    return q
+
+
+def _zonal(degree: int, sine: Array, cosine: Array) -> list[tuple[Array, Array, Array]]:
+    """Order 0; its slope comes from order 1, and P / sine is never used."""
+    before, p = np.ones_like(cosine), cosine
+    first = legendre(degree, 1, sine, cosine)
+    found = []
+    for n in range(1, degree + 1):
+        if n > 1:
+            before, p = p, ((2 * n - 1) * cosine * p - (n - 1) * before) / n
+        found.append((p, -np.sqrt(n * (n + 1) / 2.0) * first[n - 1][0], np.zeros_like(p)))
+    return found
+
+
+# Gauss coefficients of the models, from the files that wmm-calculator and ppigrf carry; read once, never fetched.
+
+_WMM_YEARS = 5.0
+
+
+@cache
+def wmm2025_coefficients() -> Coefficients:
+    """WMM2025: values at 2025 and what their yearly change makes of them in 2030."""
+    from wmm import wmm_calc
+
+    calculator = wmm_calc()
+    content = calculator.load_coeffs()
+    if content["model_name"] != "WMM-2025":
+        raise InputError(f"the installed wmm-calculator carries {content['model_name']}; install one with WMM-2025")
+    g, h, g_rate, h_rate = (_square(content[k], calculator.nmax) for k in ("g", "h", "g_sv", "h_sv"))
+    epoch = float(content["epoch"])
+    g, h = np.stack([g, g + _WMM_YEARS * g_rate]), np.stack([h, h + _WMM_YEARS * h_rate])
+    return Coefficients(frozen([epoch, epoch + _WMM_YEARS]), frozen(g), frozen(h))
+
+
+@cache
+def igrf14_coefficients() -> Coefficients:
+    """IGRF-14: every five years from 1900 to 2030."""
+    from ppigrf import ppigrf
+
+    tables = ppigrf.read_shc(ppigrf.shc_fn_igrf14)
+    years = tables[0].index.year.to_numpy(dtype=np.float64)
+    degree = max(n for n, _ in tables[0].columns)
+    found = []
+    for table in tables:
+        square = np.zeros((len(years), degree + 1, degree + 1))
+        for n, m in table.columns:
+            square[:, n, m] = table[(n, m)]
+        found.append(frozen(square))
+    return Coefficients(frozen(years), found[0], found[1])
+
+
+def _square(values: Sequence[float], degree: int) -> Array:
+    """By degree and order, from a row that runs (unused), (1, 0), (1, 1), (2, 0), ..."""
+    square = np.zeros((degree + 1, degree + 1))
+    rows, columns = np.tril_indices(degree + 1)
+    square[rows[1:], columns[1:]] = values[1 : len(rows)]
+    return square
+
 
 UNKNOWN_ANGLE: Final = float(np.pi / np.sqrt(3.0))
 """Standard deviation of a declination of which nothing is known (uniform over the circle), rad."""

@@ -13,33 +13,455 @@ Information Technology, 2015, steps C to F; formulas repaired, because the text 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import within
-from inclinometry.gyro._closed_parts import (
-    CHANGE,
-    choose,
-    failures,
-    north_result,
-    placed,
-    prepare,
-    sensitivity,
-    variance,
-)
-from inclinometry.gyro.formulas import (
-    HALF_PI,
-    azimuth_arctan2,
-    expected_rates,
-    high_side,
-    patent_azimuth,
-    printed_toolface,
-    scale_condition,
-    scale_roots,
-)
+from inclinometry.core.angles import wrap_positive
+from inclinometry.core.arrays import Array, Mask, finite, within
+from inclinometry.core.constants import EARTH_RATE
+from inclinometry.core.errors import InputError
 from inclinometry.gyro.result import North
-from inclinometry.gyro.tilt import STEEPEST
+from inclinometry.gyro.tilt import STEEPEST, tilt
+
+# The formulas of north and scale factor from two gyros across the tool, each for arrays of any shape.
+#
+# Symbols: th inclination, psi azimuth, T toolface, a latitude (north +), s scale factor (true rate = s x reading);
+# A, B readings turned back to the high side, in units of the Earth rate, so that s A = X and s B = Y with
+#
+# X = cos a cos psi cos th + sin a sin th,   Y = -cos a sin psi,   Z = cos a cos psi sin th - sin a cos th
+# K = cos a cos th + sin a sin th cos psi    (what the scale factor is seen through)
+#
+# Source: "Temperature compensation method of a fibre-optic gyro inclinometer", patent application of Wuxi Huilian
+# Information Technology, 2015, steps C to F; formulas repaired, because the text in circulation lost its roots.
+
+HALF_PI: Final = np.pi / 2
+_ARGUMENTS: Final = ("gx", "gy", "wx", "wy", "g", "latitude")
+
+
+def high_side(rate: ArrayLike, toolface: ArrayLike) -> tuple[Array, Array]:
+    """Cross-axis rates turned back by the toolface, to high side and 90 deg clockwise of it.
+
+    Parameters
+    ----------
+    rate : (..., 2) or (..., 3) array_like
+        x and y in tool axes, any unit; z is not used.
+    toolface : (...) array_like
+        rad.
+
+    Returns
+    -------
+    a, b : (...) ndarray
+        A = wx cos T - wy sin T, B = wx sin T + wy cos T, in the unit of `rate`.
+
+    Examples
+    --------
+    >>> a, b = high_side([0.0, -2.0], np.pi / 2)
+    >>> float(a), bool(abs(b) < 1e-15)
+    (2.0, True)
+    """
+    rate, toolface = np.asarray(rate, dtype=np.float64), finite(toolface, "toolface")
+    x, y = finite(rate[..., 0], "rate x"), finite(rate[..., 1], "rate y")
+    c, s = np.cos(toolface), np.sin(toolface)
+    return np.asarray(x * c - y * s), np.asarray(x * s + y * c)
+
+
+def expected_rates(azimuth: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> tuple[Array, Array, Array]:
+    """High side, right and axial parts (X, Y, Z) of the Earth rate, in its unit; angles (...) in rad.
+
+    Examples
+    --------
+    Down the vertical at 30 deg, azimuth east:
+
+    >>> [round(float(v), 3) + 0.0 for v in expected_rates(np.pi / 2, 0.0, np.pi / 6)]
+    [0.0, -0.866, -0.5]
+    """
+    psi, th, lat = (np.asarray(v, dtype=np.float64) for v in (azimuth, inclination, latitude))
+    level, down = np.cos(lat), np.sin(lat)
+    north = level * np.cos(psi)
+    x, z = north * np.cos(th) + down * np.sin(th), north * np.sin(th) - down * np.cos(th)
+    return np.asarray(x), np.asarray(-level * np.sin(psi) + 0.0 * z), np.asarray(z)
+
+
+def scale_condition(azimuth: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> Array:
+    """K = cos a cos th + sin a sin th cos psi, shape (...): the uncertainty of the scale factor goes as 1/|K|.
+
+    It is the east part of (tool axis) x (direction of the Earth rate); the root of the closed form that is true has
+    its sign.
+
+    Examples
+    --------
+    >>> round(float(scale_condition(np.pi, np.pi / 3, np.pi / 6)), 9)
+    0.0
+    """
+    psi, th, lat = (np.asarray(v, dtype=np.float64) for v in (azimuth, inclination, latitude))
+    return np.asarray(np.cos(lat) * np.cos(th) + np.sin(lat) * np.sin(th) * np.cos(psi))
+
+
+def scale_roots(a: ArrayLike, b: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> tuple[Array, Array]:
+    """Both scale factors that make the horizontal Earth rate what it is at this latitude.
+
+    Parameters
+    ----------
+    a, b : (...) array_like
+        `high_side` readings in units of the Earth rate.
+    inclination, latitude : (...) array_like
+        rad; inclination 0 to 90 deg.
+
+    Returns
+    -------
+    roots : (..., 2) ndarray
+        With + and with - before the square root. NaN where the discriminant is negative or nothing is measured.
+    discriminant : (...) ndarray
+        What stands under the root; (cos a K / s)^2 for readings without error.
+
+    Raises
+    ------
+    InputError
+        Not finite, or an angle out of range.
+
+    Notes
+    -----
+    Step D of the patent, with D = A^2 + B^2 cos^2 th (equal to the printed wx^2 + wy^2 - sin^2 th B^2):
+
+        s = [A sin a sin th +- cos th sqrt((wx^2 + wy^2) cos^2 a - sin^2 th B^2)] / D.
+
+    The smaller numerator is formed from the product of the roots, -cos(a + th) cos(a - th)/D, so that it keeps its
+    digits. Both roots are positive wherever th > 90 deg - |a|.
+
+    Examples
+    --------
+    >>> x, y, _ = expected_rates(np.radians(135.0), np.radians(75.0), np.radians(45.0))
+    >>> scale_roots(x / 1.01, y / 1.01, np.radians(75.0), np.radians(45.0))[0].round(4)
+    array([1.3531, 1.01  ])
+    """
+    a, b = finite(a, "a"), finite(b, "b")
+    th, lat = within(inclination, "inclination", 0.0, HALF_PI, "rad"), within(latitude, "latitude", -HALF_PI, HALF_PI)
+    discriminant = (a**2 + b**2) * np.cos(lat) ** 2 - (np.sin(th) * b) ** 2
+    middle = a * np.sin(lat) * np.sin(th)
+    product = -np.cos(lat + th) * np.cos(lat - th)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        swing = np.cos(th) * np.sqrt(discriminant)
+        large = middle + np.where(middle < 0.0, -swing, swing)
+        d = a**2 + (b * np.cos(th)) ** 2
+        first, second = large / d, np.where(large == 0.0, 0.0, product / large)
+    plus, minus = np.where(middle < 0.0, second, first), np.where(middle < 0.0, first, second)
+    bad = (discriminant < 0.0) | (d == 0.0)
+    return np.where(bad[..., None], np.nan, np.stack([plus, minus], axis=-1)), np.asarray(discriminant)
+
+
+def azimuth_arctan2(a: ArrayLike, b: ArrayLike, scale: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> Array:
+    """Azimuth psi = atan2(-s B cos th, s A - sin a sin th), rad in [0, 2 pi), with a scale factor that is known.
+
+    Parameters
+    ----------
+    a, b, scale, inclination, latitude : (...) array_like
+        As for `scale_roots`; they broadcast. Above 90 deg of inclination the result is the opposite azimuth, because
+        the factor cos th that both arguments carry has changed sign. A NaN scale gives NaN.
+
+    Notes
+    -----
+    The same as `patent_azimuth` without its factor g^2 sin th, so it holds down to the vertical.
+
+    Examples
+    --------
+    >>> x, y, _ = expected_rates(np.radians(300.0), np.radians(60.0), np.radians(45.0))
+    >>> float(np.degrees(azimuth_arctan2(x, y, 1.0, np.radians(60.0), np.radians(45.0))).round(9))
+    300.0
+    """
+    a, b, s, th, lat = (np.asarray(v, dtype=np.float64) for v in (a, b, scale, inclination, latitude))
+    return wrap_positive(np.arctan2(-s * b * np.cos(th), s * a - np.sin(lat) * np.sin(th)))
+
+
+def patent_azimuth(
+    gx: ArrayLike, gy: ArrayLike, wx: ArrayLike, wy: ArrayLike, g: ArrayLike, latitude: ArrayLike
+) -> Array:
+    """Azimuth by step F as it was meant, rad in [0, 2 pi); prefer `azimuth_arctan2`.
+
+    Parameters
+    ----------
+    gx, gy, g : (...) array_like
+        Gravity across the tool (the field, not the specific force) and its strength, one unit.
+    wx, wy : (...) array_like
+        True rates, rad/s (reading x scale factor).
+    latitude : (...) array_like
+        rad.
+
+    Returns
+    -------
+    (...) ndarray
+        NaN exactly vertical and horizontal, where the formula is 0/0. Right for 0 < th < 90 deg only: in an up-hole
+        and with the specific force it is wrong, and not by half a turn.
+
+    Notes
+    -----
+    The circulating text `arctan(2(-(wx gy - wy gx) g2 - gx2 - gy2 - g(...) ...))` lost a square root and a comma:
+
+        psi = atan2(-(wx gy - wy gx) sqrt(g^2 - gx^2 - gy^2), -g (wx gx + wy gy) - we sin a (gx^2 + gy^2)).
+
+    Examples
+    --------
+    >>> w = 7.292115e-5 * np.array([0.5, -0.6])
+    >>> float(np.degrees(patent_azimuth(-4.9, 0.1, *w, 9.8, np.radians(45.0))).round(3))
+    72.755
+    """
+    gx, gy, wx, wy, g, lat = (finite(v, n) for v, n in zip((gx, gy, wx, wy, g, latitude), _ARGUMENTS, strict=True))
+    level = gx**2 + gy**2
+    sine = -(wx * gy - wy * gx) * np.sqrt(np.maximum(g**2 - level, 0.0))
+    cosine = -g * (wx * gx + wy * gy) - EARTH_RATE * np.sin(lat) * level
+    return np.where((level == 0.0) | (level >= g**2), np.nan, wrap_positive(np.arctan2(sine, cosine)))
+
+
+def printed_toolface(gx: ArrayLike, gy: ArrayLike) -> Array:
+    """Toolface by step C as printed, rad in [-pi/2, 3 pi/2); kept to show its defects, use atan2(gy, -gx).
+
+    -arctan(gy/gx) where gx <= 0, pi - arctan(gy/gx) where gx > 0. At gx = +0 exactly it is half a turn off
+    (+-90 deg change places; at -0 they do not), and it is NaN where gx = gy = 0. Elsewhere it is right.
+
+    Examples
+    --------
+    >>> np.degrees(printed_toolface([-1.0, 1.0, 0.0, -0.0], [1.0, 1.0, 1.0, 1.0]))
+    array([ 45., 135., -90.,  90.])
+    """
+    gx, gy = finite(gx, "gx"), finite(gy, "gy")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.arctan(gy / gx)
+    return np.where(gx > 0.0, np.pi - slope, -slope)
+
+
+# Inside the closed form: attitude with covariance, sensitivities, the names of its failures, the choice of a root.
+
+WITHIN_NOISE: Final = 3.0
+"""Standard uncertainties within which a quantity cannot be told from zero."""
+ANGLE_FLOOR: Final = 1e-7
+"""Sine or cosine of the inclination taken as zero, rad: the arcsine of two axes does not resolve less near 90 deg."""
+ROUNDING: Final = 1e-9
+"""Relative size of a discriminant below which rounding of the readings moves azimuth by more than 1e-9 deg."""
+PARALLEL_FLOOR: Final = 1e-12
+"""Reading, in units of the Earth rate, below which rounding alone decides its direction."""
+FAR: Final = 4.0
+"""Standard uncertainties from the history beyond which a scale factor does not continue it."""
+CHANGE: Final = 0.002
+"""Standard deviation of the change of a scale factor from one station to the next, where none is stated."""
+STEADY: Final = 0.1
+"""Share of the change from station to station by which the rate of that change may itself change."""
+FORTH: Final = np.array([[1.0, 1.0], [0.0, 1.0]])
+"""Scale factor and its rate of change from one station to the next."""
+FAILURES: Final = frozenset({"up-hole", "horizontal", "parallel", "complex", "double-root"})
+"""Flags before the choice of a root that leave nothing to choose."""
+
+
+class Attitude(NamedTuple):
+    """What the accelerometers say, n stations."""
+
+    inclination: Array
+    toolface: Array
+    covariance: Array  # (n, 2, 2) of inclination and toolface
+    up: Mask
+    assumed: Mask  # no z reading: taken as pointing down
+    vertical: Mask
+    horizontal: Mask
+
+
+def prepare(
+    gravity: ArrayLike,
+    rate: ArrayLike,
+    latitude: float,
+    gravity_covariance: ArrayLike | None,
+    rate_covariance: ArrayLike | None,
+    g: float | None,
+) -> tuple[Attitude, Array, Array, dict[str, Array], float]:
+    """Attitude, A and B, covariances (n, 4, 4) of (A, B, inclination, toolface) by cause, latitude."""
+    lat = float(within(latitude, "latitude", -HALF_PI, HALF_PI, "rad"))
+    rate = np.asarray(rate, dtype=np.float64)
+    if rate.ndim != 2 or rate.shape[1] not in (2, 3):
+        raise InputError(f"rate has shape {rate.shape}; expected (n, 2) or (n, 3)")
+    n = len(finite(rate[:, :2], "rate"))
+    attitude = _attitude(gravity, gravity_covariance, g)
+    if len(attitude.inclination) != n:
+        raise InputError(f"{len(attitude.inclination)} rows of gravity but {n} of rate; give one of each a station")
+    a, b = high_side(rate[:, :2] / EARTH_RATE, attitude.toolface)
+    c, s = np.cos(attitude.toolface), np.sin(attitude.toolface)
+    turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    noise = {name: np.zeros((n, 4, 4)) for name in ("gyro", "accelerometer")}
+    across = _covariance(rate_covariance, n, "rate_covariance")[:, :2, :2] / EARTH_RATE**2
+    noise["gyro"][:, :2, :2] = turn @ across @ turn.swapaxes(-1, -2)
+    noise["accelerometer"][:, 2:, 2:] = attitude.covariance
+    return attitude, a, b, noise, lat
+
+
+def _covariance(value: ArrayLike | None, n: int, name: str) -> Array:
+    """(n, 3, 3); what is not known of the axis along the tool counts as zero."""
+    if value is None:
+        return np.zeros((n, 3, 3))
+    given = np.asarray(value, dtype=np.float64)
+    m = given.shape[-1] if given.ndim in (2, 3) else 0
+    if m not in (2, 3) or given.shape[-2] != m or (given.ndim == 3 and len(given) != n):
+        raise InputError(f"{name} has shape {given.shape}; expected (2, 2), (3, 3), ({n}, 2, 2) or ({n}, 3, 3)")
+    finite(given[..., :2, :2], name)
+    full = np.zeros((n, 3, 3))
+    full[:, :m, :m] = np.nan_to_num(given, nan=0.0)
+    return full
+
+
+def _attitude(gravity: ArrayLike, covariance: ArrayLike | None, g: float | None) -> Attitude:
+    found = tilt(gravity, g)
+    inclination, n = found.inclination, len(found.inclination)
+    spread = found.by_gravity @ _covariance(covariance, n, "gravity_covariance") @ found.by_gravity.swapaxes(-1, -2)
+    near = np.maximum(WITHIN_NOISE * np.sqrt(spread[:, 0, 0]), ANGLE_FLOOR)
+    horizontal = np.abs(np.cos(inclination)) <= near
+    up = (inclination > HALF_PI) & ~horizontal
+    vertical = (np.sin(inclination) <= near) & ~up & ~horizontal
+    return Attitude(inclination, found.toolface, spread, up, found.unseen, vertical, horizontal)
+
+
+def sensitivity(s: Array, psi: Array, th: Array, lat: float) -> tuple[Array, Array]:
+    """Derivatives (..., 4) of scale and of azimuth by A, B, inclination and toolface (A, B turn with it).
+
+    From s A = X, s B = Y by implicit differentiation, at the point where they hold.
+    """
+    # in the vertical azimuth and toolface change without bound and their sum does not: a hair from it both are numbers
+    th = np.maximum(th, STEEPEST)
+    x, y, z = expected_rates(psi, th, lat)
+    x_psi, y_psi = y * np.cos(th), -np.cos(lat) * np.cos(psi)
+    zero = np.zeros_like(s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a, b = x / s, y / s
+        first = np.stack([-s, zero, -z, s * b], -1)
+        second = np.stack([zero, -s, zero, -s * a], -1)
+        per = 1.0 / (b * x_psi - a * y_psi)[..., None]  # s / (cos a K)
+        by_scale = (x_psi[..., None] * second - y_psi[..., None] * first) * per
+        return by_scale, (a[..., None] * second - b[..., None] * first) * per
+
+
+def variance(gradient: Array, covariance: Array) -> Array:
+    """g' C g along the last axes."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(np.einsum("...i,...ij,...j->...", gradient, covariance, gradient))
+
+
+def placed(attitude: Attitude) -> list[list[str]]:
+    """Flags that gravity alone decides."""
+    named = {
+        "up-hole": attitude.up,
+        "horizontal": attitude.horizontal,
+        "vertical": attitude.vertical,
+        "down-assumed": attitude.assumed,
+    }
+    return [[name for name, where in named.items() if where[i]] for i in range(len(attitude.inclination))]
+
+
+def failures(
+    attitude: Attitude, a: Array, b: Array, discriminant: Array, noise: dict[str, Array], lat: float
+) -> list[list[str]]:
+    """Flags of every station before a root is chosen."""
+    th = np.minimum(attitude.inclination, HALF_PI)
+    total = sum(noise.values(), np.zeros((len(a), 4, 4)))
+    seen = a**2 + (b * np.cos(th)) ** 2
+    spread = total[:, 0, 0] + np.cos(th) ** 2 * total[:, 1, 1]
+    parallel = seen <= np.maximum(WITHIN_NOISE**2 * spread, PARALLEL_FLOOR**2)
+    flat, slant = np.cos(lat) ** 2, np.sin(th)
+    gradient = 2.0 * np.stack([a * flat, b * (flat - slant**2), -slant * np.cos(th) * b**2, -a * b * slant**2], -1)
+    rounding = ROUNDING * ((a**2 + b**2) * flat + (slant * b) ** 2)
+    # the square root is within 3 of its standard uncertainty, u(disc) / (2 sqrt(disc))
+    unsure = np.maximum(0.5 * WITHIN_NOISE * np.sqrt(variance(gradient, total)), rounding)
+    flags = placed(attitude)
+    for i, names in enumerate(flags):
+        if attitude.up[i] or attitude.horizontal[i]:
+            continue
+        if parallel[i]:
+            names.append("parallel")
+        elif discriminant[i] < -rounding[i]:
+            names.append("complex")
+        elif discriminant[i] <= unsure[i]:
+            names.append("double-root")
+    return flags
+
+
+def choose(
+    roots: Array,
+    u_roots: Array,
+    flags: list[list[str]],
+    history: float | None,
+    history_sd: float,
+    change_sd: float | None,
+) -> tuple[Array, list[list[str]]]:
+    """Column of the root taken, -1 where none, along the run; flags are added to.
+
+    Scale factor and its rate of change from station to station are followed by a Kalman filter on the roots taken, each
+    with its own uncertainty; what it foretells is the history to which a root is near or far.
+    """
+    state = None if history is None else np.array([float(within(history, "history", 1e-3, 1e3)), 0.0])
+    known = float(within(history_sd, "history_sd", 0.0, 1e3))
+    change = CHANGE if change_sd is None else float(within(change_sd, "change_sd", 0.0, 1e3))
+    moves = np.diag([change**2, (STEADY * change) ** 2])
+    spread, doubted = np.diag([known**2, change**2]), (np.nan, 0.0)
+    chosen = np.full(len(roots), -1)
+    for i, names in enumerate(flags):
+        if state is not None:
+            state, spread = FORTH @ state, FORTH @ spread @ FORTH.T + moves
+        if any(name in FAILURES for name in names):
+            continue
+        positive = np.flatnonzero(roots[i] > 0.0)
+        if len(positive) == 0:
+            names.append("misfit")
+            continue
+        if len(positive) == 2 and state is None:
+            names.append("history")
+            continue
+        off = roots[i] - (roots[i] if state is None else state[0])
+        pick = int(positive[np.argmin(np.abs(off[positive]))])
+        value, u = float(roots[i, pick]), float(u_roots[i, pick])
+        agrees = len(positive) == 1 and abs(value - doubted[0]) <= FAR * np.hypot(np.hypot(u, doubted[1]), change)
+        if state is None or agrees:
+            # the first of the tool's own history, or the second in a row that contradicts what was taken for it
+            state, spread = np.array([value, 0.0]), np.diag([u**2, change**2])
+        elif change_sd is not None and abs(off[pick]) > FAR * np.sqrt(u**2 + spread[0, 0]):
+            if len(positive) == 2:  # neither root is near the history: which of them is true it does not say
+                names.append("history")
+                continue
+            doubted = value, u
+            names.append("scale")
+        elif spread[0, 0] > 0.0:
+            gain = spread[:, 0] / (spread[0, 0] + max(u, ROUNDING) ** 2)
+            state, spread = state + gain * off[pick], spread - np.outer(gain, spread[0])
+            doubted = np.nan, 0.0
+        chosen[i] = pick
+    return chosen, flags
+
+
+def north_result(
+    attitude: Attitude,
+    psi: Array,
+    scale: Array,
+    u_scale: Array,
+    by_azimuth: Array,
+    noise: dict[str, Array],
+    flags: list[list[str]],
+    lat: float,
+    method: str,
+) -> North:
+    """The result; by_azimuth (n, 4) are derivatives of azimuth by A, B, inclination, toolface."""
+    unit = np.broadcast_to(np.eye(4)[2:], (len(psi), 2, 4))
+    rows = np.stack([unit[:, 0], by_azimuth, unit[:, 1], by_azimuth + unit[:, 1]], axis=1)
+    k = scale_condition(psi, attitude.inclination, lat)
+    return North(
+        inclination=attitude.inclination,
+        azimuth=np.where(attitude.vertical, np.nan, psi),
+        toolface=attitude.toolface,
+        gyro_toolface=wrap_positive(psi + attitude.toolface),
+        scale=scale,
+        u_scale=u_scale,
+        k=k,
+        root=["" if np.isnan(v) else "+" if v > 0.0 else "-" for v in k],
+        components={name: variance(rows, part[:, None]) for name, part in noise.items()},
+        chi_square=np.zeros(len(psi)),
+        dof=np.zeros(len(psi)),
+        flags=flags,
+        method=method,
+    )
+
 
 __all__ = [
     "CHANGE",

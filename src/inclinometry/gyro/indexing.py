@@ -2,27 +2,633 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, Mask, frozen, within
+from inclinometry.core.angles import wrap_signed
+from inclinometry.core.arrays import Array, Index, Mask, finite, frozen, within
 from inclinometry.core.errors import InputError
-from inclinometry.gyro._indexing_fit import Solved
-from inclinometry.gyro._indexing_input import (
-    Table,
-    channel_names,
-    fits_drift,
-    make_batches,
-    read_axes,
-    read_noise,
-    read_offset_sd,
-    read_table,
-)
-from inclinometry.gyro._indexing_problem import LEVEL, Batch, Noise, find_spikes, pooled_noise
-from inclinometry.gyro._indexing_schemes import SCHEMES, Scheme, scheme_named
 from inclinometry.gyro.result import IndexAverage
+from inclinometry.uncertainty.coverage import chi_square_tail
+
+# Least squares for many stations at once: arrays in and out, no checks.
+
+DETERMINED = 1e-10
+"""Smallest eigenvalue of the scaled normal matrix that still counts as determined; rounding leaves about 1e-16."""
+
+REDUNDANT = 1e-6
+"""Smallest share of a row that its residual must keep for the others to say anything about it."""
+
+
+class Columns(NamedTuple):
+    """Which unknown each column of the design is: v_x, v_y[, v_z], a bias of each free channel[, a drift of each]."""
+
+    field: int  # 2, or 3 when z is seen
+    biased: Index  # indices of channels whose bias is fitted
+    drift: bool
+    prior: Array  # (q,) information (1/sd^2) of each column before the readings, about zero
+
+    def width(self, channels: int) -> int:
+        """Number of unknowns of a station."""
+        return self.field + len(self.biased) + channels * self.drift
+
+    def bias_slots(self) -> slice:
+        """Columns of the biases."""
+        return slice(self.field, self.field + len(self.biased))
+
+
+class Solved(NamedTuple):
+    """Fits of S stations of P rows and m channels; q unknowns."""
+
+    estimate: Array  # (S, q)
+    covariance: Array  # (S, q, q)
+    residual: Array  # (S, P, m) reading minus model
+    chi_square: Array  # (S,) prior included
+    dof: Array  # (S,)
+    determined: Mask  # (S,)
+    redundancy: Array  # (S, m) readings of a channel less the unknowns they pay for
+    statistic: Array  # (S, P) drop in chi-square when a row is left out; NaN where the others cannot replace it
+
+
+def design(index: Array, time: Array, tensor: Array, columns: Columns, damping: float) -> Array:
+    """Design (S, P, m, q): the readings of row k are N R_z(index_k) diag(damping, damping, 1) v + bias + drift time.
+
+    index, time : (S, P); tensor (S, P, m, 3); time as it shall be used, i.e. centred and scaled.
+    """
+    channels = tensor.shape[-2]
+    cosine, sine = damping * np.cos(index)[..., None], damping * np.sin(index)[..., None]
+    x, y = tensor[..., 0], tensor[..., 1]
+    out = np.zeros((*tensor.shape[:-1], columns.width(channels)))
+    out[..., 0] = x * cosine - y * sine
+    out[..., 1] = x * sine + y * cosine
+    if columns.field == 3:
+        out[..., 2] = tensor[..., 2]
+    for place, channel in enumerate(columns.biased):
+        out[:, :, channel, columns.field + place] = 1.0
+    if columns.drift:
+        first = columns.field + len(columns.biased)
+        for channel in range(channels):
+            out[:, :, channel, first + channel] = time
+    return out
+
+
+def solve(matrix: Array, values: Array, weight: Array, columns: Columns) -> Solved:
+    """Weighted least squares of every station; weight (S, P, m) is 1/sd, zero for what is left out."""
+    stations, rows, channels, width = matrix.shape
+    whitened = matrix * weight[..., None]
+    flat = whitened.reshape(stations, rows * channels, width)
+    target = (values * weight).reshape(stations, rows * channels, 1)
+    normal = flat.swapaxes(1, 2) @ flat + np.diag(columns.prior)
+    scale = _scale(normal)
+    scaled = normal / (scale[:, :, None] * scale[:, None, :])
+    determined = np.linalg.eigvalsh(scaled)[:, 0] > DETERMINED
+    # what is not determined is only reported as such, its numbers are never used
+    scaled[~determined] = np.eye(width)
+    inverse = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
+    estimate = inverse @ (flat.swapaxes(1, 2) @ target)
+    # one step of refinement: large biases cost the normal equations digits
+    estimate += inverse @ (flat.swapaxes(1, 2) @ (target - flat @ estimate) - columns.prior[:, None] * estimate)
+    left = (target - flat @ estimate).reshape(stations, rows, channels)
+    estimate = estimate[..., 0]
+    used = weight > 0.0
+    leverage = np.einsum("skmq,sqr,sknr->skmn", whitened, inverse, whitened, optimize=True)
+    return Solved(
+        estimate=estimate,
+        covariance=inverse,
+        residual=values - (matrix @ estimate[:, None, :, None])[..., 0],
+        chi_square=np.sum(left**2, axis=(1, 2)) + estimate**2 @ columns.prior,
+        dof=used.sum(axis=(1, 2)) + np.count_nonzero(columns.prior) - float(width),
+        determined=determined,
+        redundancy=used.sum(axis=1) - np.einsum("skmm->sm", leverage),
+        statistic=_deletion(left, leverage, np.asarray(used.any(axis=2))),
+    )
+
+
+def _scale(normal: Array) -> Array:
+    """Scale (S, q) of the unknowns; x and y share one, so that positions that do not see y show as undetermined."""
+    diagonal = np.diagonal(normal, axis1=1, axis2=2).copy()
+    diagonal[:, :2] = diagonal[:, :2].sum(axis=1, keepdims=True)
+    return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+
+
+def _deletion(left: Array, leverage: Array, used: Mask) -> Array:
+    """Drop in chi-square (S, P) when a row is left out: r' (1 - H)^-1 r of the row's own block."""
+    own = np.eye(left.shape[-1]) - leverage
+    replaceable = used & (np.linalg.eigvalsh(own)[..., 0] > REDUNDANT)
+    own[~replaceable] = np.eye(left.shape[-1])
+    drop = np.einsum("skm,skm->sk", left, np.linalg.solve(own, left[..., None])[..., 0])
+    return np.where(replaceable, drop, np.nan)
+
+
+# Readings at index positions as batches of stations with equally many rows; noise and spikes found from them.
+
+LEVEL = 1e-3
+"""Chance of calling anything in a clean file a spike (or noisy), over the whole file."""
+
+FEWEST = 2.5
+"""Degrees of freedom that an estimated noise must exceed for its uncertainty to be finite."""
+
+ALIKE = 30.0
+"""Degrees of freedom that the likeness of sensors of one kind is worth."""
+
+MANY = 8
+"""Stations from which a median over them tells the noise in spite of spikes."""
+
+_APART = 10.83  # chi-square with one degree of freedom at 1e-3: how much better a spike must explain than the next row
+_BATCH = 2_000_000  # elements of a design held at once
+_ROUNDS = 6  # of reweighting at most
+_SETTLED = 3e-3  # relative change of the noise that no longer matters: 1e5 degrees of freedom know it no better
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Stations with equally many rows."""
+
+    stations: Index  # (S,) place of the station in the file
+    rows: Index  # (S, P) rows of the file
+    index: Array  # (S, P)
+    time: Array  # (S, P) centred, over its half range; 0 without time
+    second: Array  # (S,) the half range, s
+    values: Array  # (S, P, m) less the known offset
+    tensor: Array  # (S or 1, 1, m, 3), as it broadcasts
+    relative: Array  # (S, P, m) sd of a reading over the channel's noise
+    columns: Columns
+    damping: float
+    used: Mask = field(default_factory=lambda: np.ones((0, 0), dtype=np.bool_))  # (S, P)
+
+    def solve(self, noise: Array, keep: Mask | None = None) -> Solved:
+        """Fit with the channels' noise (m,); of the stations `keep` where given."""
+        part = slice(None) if keep is None else keep
+        tensor = np.broadcast_to(self.tensor, (*self.values.shape, 3))[part]
+        matrix = design(self.index[part], self.time[part], tensor, self.columns, self.damping)
+        weight = self.used[part][..., None] / (self.relative[part] * noise)
+        return solve(matrix, self.values[part], weight, self.columns)
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Standard deviation (m,) of one reading, and how well it is known."""
+
+    sd: Array
+    dof: float | None = None  # None: given
+    inside: bool = False  # the tested readings themselves weigh in it
+
+    def tail(self, drop: Array, freedom: Array) -> Array:
+        """Chance of a chi-square so large in `freedom` degrees of freedom."""
+        from scipy.special import fdtrc
+
+        if self.dof is None:
+            return chi_square_tail(drop, freedom)
+        rest, others = np.full_like(drop, self.dof), np.ones_like(drop)
+        if self.inside:
+            # the noise as the other readings know it: studentised externally
+            rest = np.maximum(self.dof - freedom, 0.0)
+            others = np.maximum(self.dof - drop, 1e-12 * self.dof) / np.maximum(rest, 1e-12)
+        ratio = drop / freedom / others
+        return np.where(rest > 0.0, fdtrc(freedom, np.maximum(rest, 1e-12), ratio), 1.0)
+
+    @property
+    def widening(self) -> float:
+        """Variance of Student's t: what an estimated noise adds to every variance."""
+        return 1.0 if self.dof is None else self.dof / (self.dof - 2.0)
+
+    def shrunk(self, drop: Array, freedom: Array) -> Array:
+        """Factor by which the variance shrinks when readings that cost `drop` are left out."""
+        if self.dof is None or not self.inside:
+            return np.ones_like(drop)
+        return np.maximum(self.dof - drop, 0.0) / np.maximum(self.dof - freedom, 1e-12)
+
+
+def slices(shape: tuple[int, int], channels: int) -> Iterator[slice]:
+    """Parts of a batch whose design stays within memory."""
+    step = max(1, _BATCH // (shape[1] * channels * (3 + 2 * channels)))
+    return (slice(start, start + step) for start in range(0, shape[0], step))
+
+
+def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) -> Noise:
+    """Noise of each channel from the residuals of all stations that are clean (n,).
+
+    The residuals of a channel are set against its redundancy (readings less the unknowns they pay for); over many
+    stations their median, so that spikes not yet found do not count.
+    """
+    largest = max(float(np.abs(batch.values).max()) for batch in batches)
+    # readings without any noise; and a bias along the tool is told from the field by its prior alone, which rounding
+    # loses where the noise is too much smaller than that
+    sharpest = max(float(batch.columns.prior.max(initial=0.0)) for batch in batches)
+    floor = max(1e-13 * largest, 3e-5 / np.sqrt(sharpest) if sharpest > 0.0 else 1e-100, 1e-100)
+    gain = _gains(batches)
+    sd = np.full(len(names), max(1e-3 * largest, floor))
+    dof = 0.0
+    for _ in range(_ROUNDS):
+        square, redundancy = _station_squares(batches, sd, clean)
+        _check_redundancy(redundancy, names)
+        before, sd = sd, np.maximum(np.sqrt(_shared(_typical(square, redundancy), redundancy, gain)), floor)
+        dof = float(redundancy.sum())
+        if np.all(np.abs(sd - before) < _SETTLED * sd):
+            break
+    if dof <= FEWEST:
+        raise InputError(
+            f"noise is not given and {dof:.1f} degrees of freedom are too few to estimate it from; give the noise of "
+            "one reading, or measure more stations or positions"
+        )
+    return Noise(sd, dof, inside=len(square) < MANY)
+
+
+def _gains(batches: Sequence[Batch]) -> Array:
+    """Reading per field (m,) of each channel, by which the noises of sensors of one kind compare."""
+    rows = np.mean([np.linalg.norm(batch.tensor, axis=-1).mean(axis=(0, 1)) for batch in batches], axis=0)
+    return np.asarray(np.where(rows > 0.0, rows, 1.0))
+
+
+def _shared(variance: Array, redundancy: Array, gain: Array) -> Array:
+    """Variances (m,) drawn together where each rests on few residuals: a weight that collapses is worse than none."""
+    own = redundancy.sum(axis=0)
+    common = np.sum(own * variance / gain**2) / np.sum(own)
+    alike = ALIKE / (1.0 + own / ALIKE)  # many residuals speak for themselves
+    return np.asarray((own * variance + alike * common * gain**2) / (own + alike))
+
+
+def _station_squares(batches: Sequence[Batch], sd: Array, clean: Mask) -> tuple[Array, Array]:
+    """Squared residuals and redundancies (n, m) of the clean stations."""
+    squares, redundancies = [], []
+    for batch in batches:
+        keep = clean[batch.stations]
+        if not keep.any():
+            continue
+        fit = batch.solve(sd, keep)
+        weighted = np.where(batch.used[keep][..., None], fit.residual / batch.relative[keep], 0.0)
+        squares.append(np.sum(weighted**2, axis=1))
+        redundancies.append(np.maximum(fit.redundancy, 0.0))
+    return np.concatenate(squares), np.concatenate(redundancies)
+
+
+def _check_redundancy(redundancy: Array, names: Sequence[str]) -> None:
+    poor = np.flatnonzero(redundancy.sum(axis=0) < 1e-6)
+    if len(poor):
+        raise InputError(
+            f"noise is not given and the readings of the {names[poor[0]]} sensor are all needed for the result: no "
+            "residual is left to estimate it from; give the noise of one reading, or measure at more positions"
+        )
+
+
+def _typical(square: Array, redundancy: Array) -> Array:
+    """Variance (m,) of one reading from squared residuals and redundancies (n, m) of stations."""
+    from scipy.special import gammaincinv
+
+    if len(square) < MANY:
+        return np.asarray(square.sum(axis=0) / redundancy.sum(axis=0))
+    median = 2.0 * gammaincinv(0.5 * np.maximum(redundancy, 1e-3), 0.5)
+    usable = redundancy > 0.1
+    ratio = np.where(usable, square / np.where(usable, median, 1.0), np.nan)
+    if not usable.any(axis=0).all():
+        return np.asarray(square.sum(axis=0) / redundancy.sum(axis=0))
+    # stations the median calls ordinary are then pooled, which wastes less of them
+    centre = np.nanmedian(ratio, axis=0)
+    ordinary = square <= centre * (redundancy + 5.0 * np.sqrt(2.0 * redundancy) + 15.0)
+    return np.asarray(np.sum(square * ordinary, axis=0) / np.sum(redundancy * ordinary, axis=0))
+
+
+def find_spikes(batch: Batch, noise: Noise, total: int) -> tuple[Batch, Mask]:
+    """Leave out rows that disagree with the others; (S,) stations with a spike that cannot be told apart.
+
+    A row goes when its deletion statistic is too large for chance (over all `total` readings), when it explains the
+    misfit clearly better than any other row, and when redundancy remains without it.
+    """
+    used, unsure = batch.used.copy(), np.zeros(len(batch.rows), dtype=np.bool_)
+    open_ = np.ones(len(batch.rows), dtype=np.bool_)
+    channels = float(batch.values.shape[-1])
+    for _ in range(1 + batch.rows.shape[1] // 20):
+        current = _with_used(batch, used)
+        fit = current.solve(noise.sd, open_)
+        place = np.flatnonzero(open_)
+        statistic = np.maximum(np.nan_to_num(fit.statistic, nan=0.0), 0.0)
+        drops = np.sort(statistic, axis=1)
+        worst, margin = drops[:, -1], drops[:, -1] - drops[:, -2]
+        likely = noise.tail(worst, np.full_like(worst, channels)) * total > LEVEL
+        clear = margin > _APART * noise.shrunk(worst, np.full_like(worst, channels))
+        out = ~likely & clear & (fit.dof - channels >= 1.0)
+        unsure[place[~likely & ~out]] = True
+        row = np.argmax(statistic, axis=1)
+        used[place[out], row[out]] = False
+        open_ = np.zeros_like(open_)
+        open_[place[out]] = True
+        if not out.any():
+            break
+    return _with_used(batch, used), unsure
+
+
+def _with_used(batch: Batch, used: Mask) -> Batch:
+    return replace(batch, used=used)
+
+
+# The index schemes as data, and whether a file's positions are those of its scheme.
+
+DRIFT_ROWS: Final = 6
+"""Readings of a station from which a scheme with free positions can afford a drift."""
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A way of turning the sensors about the tool axis.
+
+    name : as on the command line.
+    positions_deg : index angles in the order in which they are visited; empty where any will do.
+    minimum : different positions (for a fixed order: visits) a station needs.
+    drift : whether a drift of the bias is fitted; None: where time is given and there are 6 readings or more.
+    sentence : what it is good for.
+    """
+
+    name: str
+    positions_deg: tuple[float, ...]
+    minimum: int
+    drift: bool | None
+    sentence: str
+
+
+SCHEMES: Final[Mapping[str, Scheme]] = MappingProxyType(
+    {
+        scheme.name: scheme
+        for scheme in (
+            Scheme("two", (0.0, 180.0), 2, False, "Two positions: bias removed; needs sensors along x and y."),
+            Scheme("four", (0.0, 90.0, 180.0, 270.0), 4, False, "Four positions: bias removed, drift is not."),
+            Scheme(
+                "mirrored",
+                (0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0),
+                8,
+                True,
+                "Four positions there and back: bias and linear drift removed at no cost in noise.",
+            ),
+            Scheme("n", (), 3, None, "Three or more positions in any order: bias removed; drift from 6 readings on."),
+            Scheme("carousel", (), 8, True, "Continuous rotation: bias and linear drift removed."),
+        )
+    }
+)
+"""Index schemes by name."""
+
+
+def scheme_named(name: str) -> Scheme:
+    """The scheme of a name, or an error that lists them."""
+    if name not in SCHEMES:
+        raise InputError(f"scheme is {name!r}; allowed: {', '.join(SCHEMES)}")
+    return SCHEMES[name]
+
+
+def check_positions(scheme: Scheme, labels: Index, index: Array, tolerance: float) -> None:
+    """Raise unless the positions (S, P) of every station are those of the scheme, repeats in place allowed."""
+    if scheme.positions_deg:
+        for place in np.flatnonzero(~_as_wanted(scheme, index, tolerance)):
+            _check_visits(scheme, int(labels[place]), index[place], tolerance)
+        return
+    different = _different(index, tolerance)
+    poor = np.flatnonzero(different < scheme.minimum)
+    if len(poor):
+        at = poor[0]
+        raise InputError(
+            f"station {labels[at]}: {different[at]} different index positions ({_listed(index[at])} deg; those within "
+            f"{np.degrees(tolerance):g} deg coincide); scheme {scheme.name!r} needs {scheme.minimum} or more: measure "
+            "at further positions"
+        )
+
+
+def check_times(labels: Index, time: Array) -> None:
+    """Raise unless time (S, P) increases within every station."""
+    wrong = np.argwhere(np.diff(time, axis=1) <= 0.0)
+    if len(wrong):
+        at, row = wrong[0]
+        raise InputError(
+            f"station {labels[at]}: time goes from {time[at, row]:.10g} s to {time[at, row + 1]:.10g} s at its "
+            f"reading {row + 2}; it must increase within a station: put the rows in the order of measurement"
+        )
+
+
+def _as_wanted(scheme: Scheme, index: Array, tolerance: float) -> Mask:
+    """Stations (S,) that hold exactly the scheme's positions, one reading each: nearly always all of them."""
+    wanted = np.radians(scheme.positions_deg)
+    if index.shape[1] != len(wanted):
+        return np.zeros(len(index), dtype=np.bool_)
+    return np.asarray((np.abs(wrap_signed(index - wanted)) <= tolerance).all(axis=1))
+
+
+def _check_visits(scheme: Scheme, label: int, index: Array, tolerance: float) -> None:
+    """One station whose rows are not one reading a position: repeats in place and whole cycles are as good."""
+    found, wanted = _visits(index, tolerance), np.radians(scheme.positions_deg)
+    if len(index) < len(wanted) or len(found) < len(_visits(wanted, tolerance)):
+        raise InputError(
+            f"station {label}: {len(index)} readings at index {_listed(index)} deg; scheme {scheme.name!r} needs "
+            f"{_listed(wanted)} deg: measure the missing positions, or use scheme 'n' if there are three or more"
+        )
+    for cycles in range(1, len(found) // 2 + 1):
+        expected = _visits(np.tile(wanted, cycles), tolerance)
+        if len(expected) == len(found) and (np.abs(wrap_signed(found - expected)) <= tolerance).all():
+            return
+    raise InputError(
+        f"station {label}: index positions in the order {_listed(found)} deg; scheme {scheme.name!r} needs "
+        f"{_listed(wanted)} deg within {np.degrees(tolerance):g} deg, in that order, since what a drift does to the "
+        "mean depends on it: put the rows in the order of measurement, or use scheme 'n', which takes any order"
+    )
+
+
+def _visits(index: Array, tolerance: float) -> Array:
+    """Positions with repeats in place struck out."""
+    return np.asarray(index[np.concatenate([[True], np.abs(wrap_signed(np.diff(index))) > tolerance])])
+
+
+def _different(index: Array, tolerance: float) -> Index:
+    """Number (S,) of positions further apart than the tolerance, around the circle."""
+    turned = np.sort(np.mod(index, 2.0 * np.pi), axis=1)
+    gaps = np.diff(turned, axis=1, append=turned[:, :1] + 2.0 * np.pi)
+    apart = np.count_nonzero(gaps > tolerance, axis=1)
+    # a dense rotation has no gap at all, but the ground it covers counts
+    covered = np.floor(np.where(gaps > tolerance, 0.0, gaps).sum(axis=1) / tolerance)
+    return np.asarray(np.maximum(np.maximum(1, apart), covered), dtype=np.intp)
+
+
+def _listed(index: Array, most: int = 12) -> str:
+    shown = ", ".join(f"{round(float(v), 2) + 0.0:g}" for v in np.degrees(index[:most]))
+    return shown if len(index) <= most else f"{shown}, ... ({len(index)} in all)"
+
+
+# What the index average is given, checked and cut into batches of stations.
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The readings, checked; stations in the order of the file."""
+
+    labels: Index  # (n,)
+    starts: Index  # (n + 1,) rows where stations begin
+    index: Array
+    signals: Array
+    time: Array | None
+    offset: Array  # (n or 1, m)
+    tolerance: float
+
+    def groups(self) -> list[Index]:
+        """Places of the stations with equally many rows, by number of rows."""
+        counts = np.diff(self.starts)
+        return [np.flatnonzero(counts == rows) for rows in np.unique(counts)]
+
+    def rows(self, places: Index) -> Index:
+        """(S, P) rows of stations with equally many."""
+        count = self.starts[places[0] + 1] - self.starts[places[0]]
+        return np.asarray(self.starts[places][:, None] + np.arange(count))
+
+    def check_scheme(self, plan: Scheme) -> None:
+        """Positions and times of every station."""
+        for places in self.groups():
+            rows = self.rows(places)
+            check_positions(plan, self.labels[places], self.index[rows], self.tolerance)
+            if self.time is not None:
+                check_times(self.labels[places], self.time[rows])
+
+
+def read_table(
+    station: ArrayLike,
+    index: ArrayLike,
+    signals: ArrayLike,
+    time: ArrayLike | None,
+    offset: ArrayLike | None,
+    tolerance: float,
+) -> Table:
+    """Check the columns and cut them into stations."""
+    labels = np.asarray(station)
+    values = finite(signals, "signals", (None, None))
+    if labels.ndim != 1 or len(labels) == 0 or not np.issubdtype(labels.dtype, np.integer):
+        raise InputError(
+            f"station has shape {labels.shape} and type {labels.dtype}; expected (K,) whole numbers, K > 0"
+        )
+    size, channels = len(labels), values.shape[-1]
+    if values.shape != (size, channels) or channels == 0:
+        raise InputError(f"signals have shape {values.shape}; expected ({size}, m), one row for each of station")
+    starts = np.flatnonzero(np.concatenate([[True], labels[1:] != labels[:-1], [True]]))
+    own = labels[starts[:-1]]
+    if len(np.unique(own)) < len(own):
+        again = next(int(label) for place, label in enumerate(own) if label in own[:place])
+        raise InputError(f"station {again} comes back after another one; put its rows together or number it anew")
+    known = finite(np.zeros(channels) if offset is None else offset, "offset", (channels,))
+    if known.shape not in ((channels,), (len(own), channels)):
+        raise InputError(f"offset has shape {known.shape}; expected ({channels},) or ({len(own)}, {channels})")
+    return Table(
+        labels=own,
+        starts=starts,
+        index=finite(index, "index", (size,)),
+        signals=values,
+        time=None if time is None else finite(time, "time", (size,)),
+        offset=known.reshape(-1, channels),
+        tolerance=float(within(tolerance, "tolerance", 1e-9, np.pi / 4, "rad")),
+    )
+
+
+def read_axes(tensor: ArrayLike | None, table: Table) -> Array:
+    """The tensor (n or 1, m, 3)."""
+    channels, stations = table.signals.shape[1], len(table.labels)
+    if tensor is None:
+        if channels > 3:
+            raise InputError(f"signals have {channels} channels; without a tensor they can only be x, y and z")
+        return np.eye(3)[None, :channels]
+    axes = finite(tensor, "tensor", (channels, 3))
+    axes = axes[None] if axes.ndim == 2 else axes
+    if axes.shape[0] not in (1, stations) or not np.any(axes, axis=-1).all():
+        raise InputError(f"tensor has shape {axes.shape}; expected ({stations}, {channels}, 3), no sensor of all zeros")
+    return axes
+
+
+def _along(axes: Array) -> Mask:
+    """Channels (m,) that see mostly the field along the tool."""
+    return np.asarray((np.abs(axes[..., 2]) > np.hypot(axes[..., 0], axes[..., 1])).any(axis=0))
+
+
+def _sees_z(axes: Array) -> Mask:
+    """Channels (m,) whose view along the tool is more than a misalignment: a tenth of their length."""
+    return np.asarray((np.abs(axes[..., 2]) > 0.1 * np.linalg.norm(axes, axis=-1)).any(axis=0))
+
+
+def channel_names(axes: Array) -> Sequence[str]:
+    """What messages call the channels."""
+    count = axes.shape[1]
+    return list("xyz"[:count]) if count <= 3 else [f"{place + 1}." for place in range(count)]
+
+
+def read_noise(noise: ArrayLike | None, shape: tuple[int, ...]) -> tuple[Array, Array | None]:
+    """Sd of each reading over the channel's, and the channel's (m,) where given."""
+    if noise is None:
+        return np.ones(shape), None
+    given = finite(noise, "noise", (shape[1],))
+    if given.shape not in (shape, shape[1:]) or np.any(given <= 0.0):
+        raise InputError(f"noise has shape {given.shape}, least value {given.min():g}; expected positive ({shape[1]},)")
+    level = np.sqrt(np.mean(np.broadcast_to(given, shape) ** 2, axis=0))
+    return np.broadcast_to(given, shape) / level, level
+
+
+def read_offset_sd(offset_sd: ArrayLike | None, axes: Array) -> Array:
+    """Prior sd (m,) of what is left of the bias."""
+    along = _along(axes)
+    if offset_sd is None:
+        return np.where(along, 0.0, np.inf)
+    sd = np.asarray(offset_sd, dtype=np.float64)
+    if sd.shape != along.shape or np.isnan(sd).any() or np.any(sd < 0.0):
+        raise InputError(f"offset_sd is {sd}; expected {len(along)} values of 0 or more, inf where nothing is known")
+    if np.isinf(sd[along]).any():
+        raise InputError(
+            "offset_sd is inf for a sensor along the tool axis; turning about it does not tell its bias from the "
+            "field: give a finite one, from the calibration"
+        )
+    return sd
+
+
+def fits_drift(plan: Scheme, drift: bool | None, table: Table, places: Index) -> bool:
+    """Whether stations with equally many rows get a drift."""
+    wanted = plan.drift if drift is None else drift
+    count = int(table.starts[places[0] + 1] - table.starts[places[0]])
+    if wanted is None:
+        return table.time is not None and count >= DRIFT_ROWS
+    if wanted and table.time is None:
+        remedy = "give time_s" + ("" if plan.positions_deg else ", or do not fit a drift")
+        label = table.labels[places[0]]
+        raise InputError(f"station {label}: scheme {plan.name!r} fits a drift but time is missing; {remedy}")
+    return wanted
+
+
+def make_batches(
+    table: Table, places: Index, axes: Array, relative: Array, known: Array, drift: bool, damping: float
+) -> list[Batch]:
+    """Stations with equally many rows, in parts."""
+    rows = table.rows(places)
+    bounded = np.isfinite(known) & _sees_z(axes)
+    seen = bool(bounded.any())
+    # what is not told from the field along the tool goes into the bias
+    mixed = np.zeros_like(bounded) if seen else (axes[..., 2] != 0.0).any(axis=0)
+    sd = np.where(mixed, np.inf, known)
+    free = sd > 0.0
+    width = 3 if seen else 2
+    prior = np.concatenate([np.zeros(width), 1.0 / np.maximum(sd[free], 1e-150) ** 2])
+    prior = np.concatenate([prior, np.zeros(axes.shape[1] * drift)])
+    columns = Columns(width, np.flatnonzero(free), drift, prior)
+    time = np.zeros(rows.shape) if table.time is None else table.time[rows] - table.time[rows].mean(axis=1)[:, None]
+    second = np.maximum(np.abs(time).max(axis=1), 1e-300)
+    values = table.signals[rows] - table.offset[places if len(table.offset) > 1 else [0]][:, None, :]
+    return [
+        Batch(
+            stations=places[part],
+            rows=rows[part],
+            index=table.index[rows[part]],
+            time=time[part] / second[part][:, None],
+            second=second[part],
+            values=values[part],
+            tensor=axes[places[part] if len(axes) > 1 else [0]][:, None],
+            relative=relative[rows[part]],
+            columns=columns,
+            damping=damping,
+            used=np.ones(rows[part].shape, dtype=np.bool_),
+        )
+        for part in slices((rows.shape[0], rows.shape[1]), axes.shape[1])
+    ]
+
 
 __all__ = ["SCHEMES", "Scheme", "average_index"]
 

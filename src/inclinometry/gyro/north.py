@@ -12,7 +12,7 @@ from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.gyro._input import covariances, one_value, per_station, vectors
-from inclinometry.gyro.formulas import scale_condition
+from inclinometry.gyro.closed_form import scale_condition
 from inclinometry.gyro.joint import (
     LARGEST,
     RIVAL,

@@ -10,7 +10,7 @@ import numpy as np
 from inclinometry.core.arrays import Array, Mask, frozen, within
 from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
-from inclinometry.gyro.formulas import expected_rates
+from inclinometry.gyro.closed_form import expected_rates
 from inclinometry.sensors.noise import FLAT
 from inclinometry.uncertainty.propagation import UNKNOWN
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from inclinometry.io import _json
 from inclinometry.io.atomic import write_bytes
-from inclinometry.sensors.noise import Coefficient
-from inclinometry.sensors.noise_record import ChannelNoise, NoiseRecord
+from inclinometry.sensors.noise import ChannelNoise, Coefficient, NoiseRecord
 
 VERSION = 1
 SCHEMA = "inclinometry/allan"

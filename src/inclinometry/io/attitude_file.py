@@ -16,10 +16,9 @@ from inclinometry.core.errors import FileError
 from inclinometry.earth.site import REFERENCES
 from inclinometry.io import _write
 from inclinometry.io.atomic import replacing
-from inclinometry.io.run_write import checked_ending
+from inclinometry.io.run_file import checked_ending
 from inclinometry.io.table import read_table
-from inclinometry.motion.result import BITS, METHODS
-from inclinometry.motion.run_result import AttitudeRows
+from inclinometry.motion.result import BITS, METHODS, AttitudeRows
 
 COLUMNS: Final = (
     "time_s", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "u_inclination_deg",

@@ -11,8 +11,8 @@ import numpy as np
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io import _json
-from inclinometry.io._record import covariance
 from inclinometry.io.atomic import write_bytes
+from inclinometry.io.tool_json import covariance
 from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.sensor_correction import SensorCorrection

@@ -11,11 +11,11 @@ import numpy as np
 
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.io._columns_out import columns_of
 from inclinometry.io._quantities import meaning
 from inclinometry.io._sheet import Column, Sheet, row_error, survey_of
 from inclinometry.io.atomic import replacing
 from inclinometry.io.exchange import SurveyFile
+from inclinometry.io.survey_csv import columns_of
 
 _HEADER: Final = b"inclinometry.header"
 _UNITS: Final = (b"unit", b"units", b"uom")

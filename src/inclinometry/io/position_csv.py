@@ -14,10 +14,9 @@ from inclinometry.core.arrays import Array, frozen
 from inclinometry.core.constants import FOOT
 from inclinometry.earth.site import REFERENCES
 from inclinometry.io import _write
-from inclinometry.io._lines import Progress
 from inclinometry.io.columns import SURVEY, numbers_among
 from inclinometry.io.survey_csv import check_increasing
-from inclinometry.io.table import Table, read_table
+from inclinometry.io.table import Progress, Table, read_table
 from inclinometry.position.ellipse import hole_sigmas, horizontal_ellipse
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg

@@ -2,21 +2,222 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+import hashlib
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import FileError
-from inclinometry.io._cells import NumberReader
-from inclinometry.io._lines import Block, LineReader, Progress
 from inclinometry.io.columns import KNOWN, advice, channel, channel_advice, closest, is_number
+
+# Numbers as people write them: one strict rule for points, commas, blanks and text.
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_WITH_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
+# 12,345 may be twelve thousand or twelve and a bit; 0,345 or 1,5 can only be a decimal comma
+_PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+
+
+class NumberReader:
+    """Converts columns of text, block by block, and remembers which decimal mark the file uses."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._comma: tuple[int, str, str] | None = None  # line, column, text of the first number with a comma
+        self._point: tuple[int, str, str] | None = None
+        self._proved = False
+
+    def convert(self, cells: Sequence[str], name: str, lines: Sequence[int], *, gaps: bool, plain: bool) -> Array:
+        """Float64 of one column's cells; an empty cell is NaN where `gaps` are allowed, else FileError."""
+        values = self._fast(cells) if plain else None
+        if values is None:
+            values = self._careful(cells, name, lines, gaps)
+        elif self._point is None and "." in "".join(cells):
+            row = next(i for i, cell in enumerate(cells) if "." in cell)
+            self._point = (int(lines[row]), name, cells[row].strip())
+        good = np.isfinite(values)
+        if not good.all():
+            for row in np.flatnonzero(~good).tolist():
+                if not (gaps and not cells[row].strip()):
+                    raise self._refuse(cells[row].strip(), name, int(lines[row]))
+        return values
+
+    def finish(self) -> None:
+        """The verdict on the decimal mark, once the whole file is known; never a guess."""
+        if self._comma is None:
+            return
+        line, name, text = self._comma
+        if self._point is not None:
+            where = f"{self._point[2]!r} in line {self._point[0]} has a decimal point"
+            problem = f"{text!r} in column {name!r} has a decimal comma, but {where}; use one of them throughout"
+            raise FileError(problem, path=self._path, line=line)
+        if not self._proved:
+            problem = f"{text!r} in column {name!r} may mean {text.replace(',', '')} or {text.replace(',', '.')}"
+            raise FileError(f"{problem}; write numbers with a decimal point", path=self._path, line=line)
+
+    def _fast(self, cells: Sequence[str]) -> Array | None:
+        try:
+            return np.fromiter(map(float, cells), np.float64, len(cells))
+        except ValueError:
+            pass
+        if self._comma is None or not self._proved:
+            return None
+        joined = "\n".join(cells)
+        if "." in joined:
+            return None
+        try:
+            return np.fromiter(map(float, joined.replace(",", ".").split("\n")), np.float64, len(cells))
+        except ValueError:
+            return None
+
+    def _careful(self, cells: Sequence[str], name: str, lines: Sequence[int], gaps: bool) -> Array:
+        values = np.full(len(cells), np.nan)
+        for row, cell in enumerate(cells):
+            text = cell.strip()
+            if _NUMBER.fullmatch(text):
+                values[row] = float(text)
+                if self._point is None and "." in text:
+                    self._point = (int(lines[row]), name, text)
+            elif _WITH_COMMA.fullmatch(text):
+                values[row] = float(text.replace(",", "."))
+                self._comma = self._comma or (int(lines[row]), name, text)
+                self._proved = self._proved or not _PERHAPS_THOUSANDS.fullmatch(text)
+            elif text or not gaps:
+                raise self._refuse(text, name, int(lines[row]))
+        return values
+
+    def _refuse(self, text: str, name: str, line: int) -> FileError:
+        shown = text if len(text) <= 40 else text[:37] + "..."
+        if not text:
+            problem = f"column {name!r} is empty; fill it in or remove the row"
+        elif text.lower().lstrip("+-") in ("nan", "inf", "infinity") or _NUMBER.fullmatch(text):
+            problem = f"column {name!r} is {shown}; every value must be finite: correct it or remove the row"
+        elif "," in text and not set(text) - set("+-0123456789.,"):
+            problem = f"{shown!r} in column {name!r} has a thousands separator; write digits and one decimal point"
+        else:
+            problem = f"{shown!r} in column {name!r} is not a number; correct it or remove the row"
+        return FileError(problem, path=self._path, line=line)
+
+
+# From the bytes of a text file to blocks of lines: encoding, line ends, digest, progress; bounded memory.
+
+CHUNK = 1 << 20
+LONGEST_LINE = 1 << 20
+Progress = Callable[[int], None]
+
+_MAGIC = {
+    b"PK\x03\x04": "a zip archive (an Excel workbook?); save it as CSV",
+    b"\x1f\x8b": "compressed with gzip; unpack it first",
+    b"%PDF": "a PDF document; a CSV text is needed",
+    b"\x89HDF": "an HDF5 file; a CSV text is needed",
+    b"PAR1": "a Parquet file; a CSV text is needed",
+}
+
+
+class Block(NamedTuple):
+    """Consecutive lines without their ends; `plain` when ASCII without an underscore, so that float() is strict."""
+
+    first: int
+    lines: list[str]
+    plain: bool
+
+
+@dataclass
+class LineReader:
+    """Reads a file once; `digest` is complete when `blocks` is exhausted."""
+
+    path: Path
+    progress: Progress | None = None
+    _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
+
+    @property
+    def digest(self) -> str:
+        """Digest of the bytes read so far, as `core.digest.digest_file` gives for the whole file."""
+        return "sha256:" + self._hash.hexdigest()
+
+    def blocks(self) -> Iterator[Block]:
+        """Blocks of about one megabyte; FileError for what is not text."""
+        carry, line = "", 1
+        for text in self._texts():
+            *lines, carry = (carry + text).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+            if len(carry) > LONGEST_LINE:
+                raise FileError(
+                    f"this line is longer than {LONGEST_LINE} characters; no table", path=self.path, line=line
+                )
+            if lines:
+                yield _block(line, lines)
+                line += len(lines)
+        if carry:
+            yield _block(line, [carry])
+
+    def _texts(self) -> Iterator[str]:
+        """Decoded pieces that never end between a carriage return and its line feed."""
+        decoder: codecs.IncrementalDecoder | None = None
+        held, done, lines = "", 0, 1
+        for chunk in self._chunks():
+            decoder = decoder or codecs.getincrementaldecoder(_encoding(chunk, self.path))("strict")
+            done += len(chunk)
+            try:
+                text = held + decoder.decode(chunk, final=not chunk)
+            except UnicodeDecodeError as error:
+                raise _not_text(error, chunk, lines, self.path) from None
+            if "\0" in text:
+                raise FileError("not a text file (it holds zero bytes); save it as CSV, UTF-8", path=self.path)
+            held = "\r" if chunk and text.endswith("\r") else ""
+            lines += text.count("\n")
+            yield text[: len(text) - len(held)]
+            if self.progress is not None and chunk:
+                self.progress(done)
+
+    def _chunks(self) -> Iterator[bytes]:
+        """Raw pieces, an empty one last so that the decoder can finish."""
+        try:
+            with self.path.open("rb") as stream:
+                while chunk := stream.read(CHUNK):
+                    self._hash.update(chunk)
+                    yield chunk
+        except FileNotFoundError:
+            raise FileError("there is no such file; check the name", path=self.path) from None
+        except IsADirectoryError:
+            raise FileError("this is a folder; give the name of a file", path=self.path) from None
+        except (OSError, ValueError) as error:
+            raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=self.path) from None
+        yield b""
+
+
+def _block(first: int, lines: list[str]) -> Block:
+    text = "".join(lines)
+    return Block(first, lines, text.isascii() and "_" not in text)
+
+
+def _encoding(start: bytes, path: Path) -> str:
+    """UTF-8 unless a byte-order mark says otherwise."""
+    if start.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
+        raise FileError("UTF-32 text is not read; save it as UTF-8", path=path)
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    for magic, what in _MAGIC.items():
+        if start.startswith(magic):
+            raise FileError(f"this is {what}", path=path)
+    return "utf-8-sig"
+
+
+def _not_text(error: UnicodeDecodeError, chunk: bytes, line: int, path: Path) -> FileError:
+    """The error's position refers to the decoder's buffer, which may begin with bytes kept from the chunk before."""
+    piece = bytes(error.object)
+    line += piece[: error.start].count(b"\n")
+    value = f"byte 0x{piece[error.start]:02x}" if piece else "its end"
+    return FileError(f"not {error.encoding} text ({value}, {error.reason}); save it as UTF-8", path=path, line=line)
+
 
 Column: TypeAlias = Array | tuple[str, ...]
 _DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab"}

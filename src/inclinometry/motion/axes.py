@@ -16,9 +16,8 @@ from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.motion.dip_check import FieldOff
 from inclinometry.motion.finding import Finding
-from inclinometry.motion.harmonics import LEAST_TURNS, Harmonics
 from inclinometry.motion.samples import Samples
-from inclinometry.motion.turning import Turning
+from inclinometry.motion.turning import LEAST_TURNS, Harmonics, Turning
 
 ENOUGH: Final = 3
 """Windows that must agree."""

@@ -11,18 +11,18 @@ import numpy as np
 from inclinometry.core.arrays import within
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.motion._standby import Standby, single
-from inclinometry.motion._window_buffer import WindowBuffer
 from inclinometry.motion.dip_check import azimuth_doubt, widened
 from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth, named
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.magnetic.settings import MagneticSettings
 from inclinometry.motion.magnetic.stream import MagneticStream
-from inclinometry.motion.north import to_magnetic
+from inclinometry.motion.reference import to_magnetic
 from inclinometry.motion.result import BITS, METHODS, Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
 from inclinometry.motion.static import StaticSettings, static_attitude
+from inclinometry.motion.window_filter import WindowBuffer
+from inclinometry.motion.window_smoother import Standby, single
 
 TURNING: Final = 2.0 * np.pi
 """Rotation in a window, rad, from which it is called rotating, below it sliding."""

@@ -12,17 +12,15 @@ from inclinometry.core.arrays import within
 from inclinometry.core.constants import STANDARD_GRAVITY
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.motion.aliasing import aliasing_findings
 from inclinometry.motion.axes import AxesCheck
 from inclinometry.motion.clipping import clipping_findings, held_findings, stuck_findings
-from inclinometry.motion.dip_check import FieldOff, field_off
-from inclinometry.motion.field_check import field_findings, field_strength
+from inclinometry.motion.decimate import aliasing_findings
+from inclinometry.motion.dip_check import FieldOff, field_findings, field_off, field_strength
 from inclinometry.motion.finding import Finding
-from inclinometry.motion.harmonics import find_harmonics
 from inclinometry.motion.reference import SiteDoubt
 from inclinometry.motion.result import BITS, Attitude
 from inclinometry.motion.samples import Samples
-from inclinometry.motion.turning import Turning, find_turning
+from inclinometry.motion.turning import Turning, find_harmonics, find_turning
 
 STILL: Final = 0.5
 """m/s^2, range of the accelerometers in a window at rest, by whose means the site is held against the field."""

@@ -5,24 +5,324 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Final, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from inclinometry.attitude.orientation import dip_angle, dip_jacobian, inclination_toolface
+from inclinometry.attitude.rotations import cross_matrix, dcm, quaternion_from_dcm
+from inclinometry.attitude.wahba import VectorAttitude, solve_davenport, solve_svd, solve_triad
+from inclinometry.core.arrays import Array, Mask
+from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.core.settings import Range, Settings
 from inclinometry.earth.site import Site
-from inclinometry.motion._static_window import (
-    Limits,
-    Solve,
-    by_davenport,
-    by_svd,
-    by_triad,
-    reduce_window,
-)
-from inclinometry.motion._window_buffer import WindowBuffer
-from inclinometry.motion.result import Attitude, joined, refusals
+from inclinometry.motion.reference import COVERAGE, DIP_SIGMA, STRENGTH_SIGMA, departure
+from inclinometry.motion.result import BITS, METHODS, Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
+from inclinometry.motion.window_filter import WindowBuffer
+from inclinometry.motion.window_smoother import batch_means, covariance_of_mean, rounding_variance
+from inclinometry.uncertainty.propagation import UNKNOWN
+
+# One window of a still tool: means, their covariance, the attitude, and whether it may be believed.
+
+LEAST_SINE: Final = 1e-3
+"""Sine of the angle between gravity and field below which the field tells no azimuth."""
+LIVELY: Final = 5
+"""Distinct values of its neighbours from which a channel with one only is broken: noise that wide reaches two codes."""
+QUARTERS: Final = 4
+VERTICAL_U: Final = 0.1
+"""Standard uncertainty of the azimuth, rad, beyond which a steep tool is called vertical."""
+
+
+class Bounds(Protocol):
+    """What of `StaticSettings` a window needs."""
+
+    @property
+    def batches(self) -> int: ...
+    @property
+    def shake(self) -> float: ...
+    @property
+    def turn(self) -> float: ...
+    @property
+    def most_turn(self) -> float: ...
+    @property
+    def spin(self) -> float: ...
+    @property
+    def most_clipped(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Settings, references and which triad tells north."""
+
+    settings: Bounds
+    site: Site | None
+    north: str  # "mag" or "gyro"
+    method: str = "static"
+
+    def of(self, name: str, what: str) -> float:
+        """Setting of a triad: `what` is "sigma" or "resolution"."""
+        return float(getattr(self.settings, f"{name}_{what}"))
+
+    def sigma(self, name: str) -> Array:
+        """Standard deviations (3,) of what calibration left."""
+        across = self.of(name, "sigma")
+        axial = getattr(self.settings, f"{name}_axial_sigma", None)
+        return np.array([across, across, across if axial is None else axial])
+
+
+class Mean(NamedTuple):
+    """Mean of a triad, its batch means, the covariance of the mean by rounding and calibration, and its life.
+
+    life : "all" channels change, "never" does one, or "one" does not while the others take `LIVELY` values and more.
+    """
+
+    value: Array  # (3,)
+    batches: Array  # (b, 3)
+    fixed: Array  # (3, 3)
+    life: str
+
+    @property
+    def sigma(self) -> float:
+        """Standard uncertainty of the mean's direction, rad."""
+        own = covariance_of_mean(self.batches) + self.fixed
+        return max(float(np.sqrt(np.trace(own) / 3.0) / np.linalg.norm(self.value)), 1e-12)
+
+
+class Solution(NamedTuple):
+    """Attitude (3, 3), how e follows the two vectors (3, 6), and its covariance by the reference dip (3, 3)."""
+
+    matrix: Array
+    response: Array
+    reference: Array
+
+
+Solve = Callable[[Mean, Mean, Limits], Solution]
+
+
+def by_triad(g: Mean, b: Mean, limits: Limits) -> Solution:
+    """Gravity as it is; the field tells azimuth only, its dip does not count."""
+    pair = np.stack([g.value, b.value])
+    found = solve_triad(pair, _directions(float(dip_angle(g.value, b.value))), [g.sigma, b.sigma])
+    north, east, down = found.dcm.T
+    per_g = 1.0 / np.linalg.norm(g.value)
+    ratio = (down @ b.value) / (north @ b.value)
+    by_g = per_g * (cross_matrix(down) - ratio * np.outer(down, east))
+    return Solution(found.dcm, np.hstack([by_g, np.outer(down, east) / (north @ b.value)]), np.zeros((3, 3)))
+
+
+def by_davenport(g: Mean, b: Mean, limits: Limits) -> Solution:
+    """Both weighted; see `_weighted`."""
+    return _weighted(g, b, limits, solve_davenport)
+
+
+def by_svd(g: Mean, b: Mean, limits: Limits) -> Solution:
+    """Both weighted; see `_weighted`."""
+    return _weighted(g, b, limits, solve_svd)
+
+
+def _weighted(
+    g: Mean, b: Mean, limits: Limits, solve: Callable[[ArrayLike, ArrayLike, ArrayLike], VectorAttitude]
+) -> Solution:
+    """Wahba's solution with the site's dip; where it states none the dip is measured, which leaves TRIAD's response.
+
+    e = P sum w x dw / s^2 with P the solution's own covariance and dw the errors of the directions w.
+    """
+    dip, spread = _dip_reference(limits)
+    if dip is None:
+        simple = by_triad(g, b, limits)
+        found = solve(np.stack([g.value, b.value]), _directions(float(dip_angle(g.value, b.value))), [g.sigma, b.sigma])
+        return simple._replace(matrix=found.dcm)
+    sigmas = [g.sigma, float(np.hypot(b.sigma, spread))]
+    found = solve(np.stack([g.value, b.value]), _directions(dip), sigmas)
+    blocks = []
+    for mean, sigma in zip((g, b), sigmas, strict=True):
+        length = float(np.linalg.norm(mean.value))
+        blocks.append(found.covariance @ cross_matrix(mean.value / length) / (sigma**2 * length))
+    slope = found.dcm @ np.array([-np.sin(dip), 0.0, np.cos(dip)])
+    column = blocks[1] @ slope * np.linalg.norm(b.value) * spread
+    return Solution(found.dcm, np.hstack(blocks), np.outer(column, column))
+
+
+def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
+    """One row."""
+    settings = limits.settings
+    if window.accel is None or (limits.north == "gyro" and window.gyro is None):
+        need = "accel" if window.accel is None else "gyro"
+        raise InputError(f"the samples have no {need}; a static attitude needs accel and mag, or accel and gyro")
+    time = float(window.time[0] + 0.5 * window.interval * (len(window) - 1))
+    name = "magnetic" if limits.north == "mag" else "true"
+    used = np.ones(len(window), np.bool_) if window.clipped is None else np.logical_not(window.clipped)
+    share = 1.0 - float(used.mean())
+    if share > settings.most_clipped:
+        return refusals([time], ["clipped"], limits.method, name)
+    if used.sum() < 2 * settings.batches:
+        raise InputError(
+            f"a window has {int(used.sum())} samples; {2 * settings.batches} are needed for {settings.batches} "
+            "batches: take longer windows or fewer batches"
+        )
+    g = _mean(window, "accel", used, limits)
+    second = _mean(window, limits.north, used, limits) if window.has(limits.north) else None
+    flags = {"clipped"} if share > 0.0 else set()
+    flags |= {"stuck"} if "never" in (g.life, second.life if second else "") else set()
+    if "one" in (g.life, second.life if second else ""):
+        return refusals([time], sorted({*flags, "stuck"}), limits.method, name)
+    solution, unknown = _solve(g, second, limits, solve, flags)
+    if solution is None:
+        return refusals([time], sorted({*flags, "misfit"}), limits.method, name)
+    told = {} if second is None or unknown else _references(g, second, limits)
+    if second is not None and not unknown and limits.north == "mag":
+        far = departure(g.value, second.value, _fixed(g, second) + _scattered(g, second), limits.site)
+        if far.far:
+            return refusals([time], sorted({*flags, "axes", "disturbed"}), limits.method, name)
+        second = second._replace(fixed=second.fixed + far.extra**2 * np.eye(3))
+    errors = _batch_errors(g, second, solution)
+    shake = float(np.sqrt(np.mean(np.sum((window.accel[used] - g.value) ** 2, axis=1))))
+    rate = _rate(window, used, errors)
+    turned = _turned(errors if limits.north == "mag" else _batch_errors(g, None, solution))
+    if turned > settings.most_turn:
+        return refusals([time], sorted({*flags, "not-still"}), limits.method, name)
+    ratios = {
+        "vibration": shake / settings.shake,
+        "not-still": max(turned / settings.turn, abs(rate) / settings.spin),
+        **told,
+    }
+    flags |= {what for what, ratio in ratios.items() if ratio > 1.0}
+    covariance = _covariance(errors, g, second, solution, unknown)
+    return _row(time, solution.matrix, covariance, rate, max(ratios.values()), flags, limits)
+
+
+def _mean(window: Samples, name: str, used: Mask, limits: Limits) -> Mean:
+    values = getattr(window, name)[used]
+    fixed = rounding_variance(values, limits.of(name, "resolution")) + limits.sigma(name) ** 2
+    distinct = sorted(np.unique(column).size for column in values.T)
+    life = "never" if distinct[2] == 1 else ("one" if distinct[0] == 1 and distinct[1] >= LIVELY else "all")
+    return Mean(values.mean(axis=0), batch_means(values, limits.settings.batches), np.diag(fixed), life)
+
+
+def _solve(g: Mean, second: Mean | None, limits: Limits, solve: Solve, flags: set[str]) -> tuple[Solution | None, bool]:
+    """The attitude, and whether its azimuth is unknown; None when gravity itself is missing."""
+    if np.linalg.norm(g.value) < 1e-6:
+        return None, True
+    if second is not None:
+        sine = np.linalg.norm(np.cross(g.value, second.value))
+        if sine > LEAST_SINE * np.linalg.norm(g.value) * np.linalg.norm(second.value):
+            return solve(g, second, limits), False
+    flags |= {"no-field", "unobservable"} if limits.north == "mag" else {"unobservable"}
+    inclination, toolface = inclination_toolface(g.value)
+    matrix = dcm(0.0, inclination, toolface)
+    by_g = cross_matrix(matrix[:, 2]) / np.linalg.norm(g.value)
+    return Solution(matrix, np.hstack([by_g, np.zeros((3, 3))]), np.zeros((3, 3))), True
+
+
+def _batch_errors(g: Mean, second: Mean | None, solution: Solution) -> Array:
+    """Each batch's departure from the window, as a rotation vector (b, 3)."""
+    parts = [g.batches - g.value, np.zeros_like(g.batches) if second is None else second.batches - second.value]
+    return np.asarray(np.hstack(parts) @ solution.response.T)
+
+
+def _turned(errors: Array) -> float:
+    """Largest departure of a quarter of the window from its mean, rad."""
+    quarters = batch_means(errors, QUARTERS)
+    return float(np.linalg.norm(quarters - quarters.mean(axis=0), axis=1).max())
+
+
+def _covariance(errors: Array, g: Mean, second: Mean | None, solution: Solution, unknown: bool) -> Array:
+    spread = solution.response @ _fixed(g, second) @ solution.response.T
+    total = covariance_of_mean(errors) + spread + solution.reference
+    down = solution.matrix[:, 2]
+    total = total + (2.0 * UNKNOWN**2 * np.outer(down, down) if unknown else 0.0)
+    return np.asarray(0.5 * (total + total.T))
+
+
+def _fixed(g: Mean, second: Mean | None) -> Array:
+    """Covariance (6, 6) of the two means by rounding and calibration."""
+    fixed = np.zeros((6, 6))
+    fixed[:3, :3] = g.fixed
+    if second is not None:
+        fixed[3:, 3:] = second.fixed
+    return fixed
+
+
+def _scattered(g: Mean, second: Mean) -> Array:
+    """Covariance (6, 6) of the two means by their batches."""
+    noise = np.zeros((6, 6))
+    noise[:3, :3], noise[3:, 3:] = covariance_of_mean(g.batches), covariance_of_mean(second.batches)
+    return noise
+
+
+def _rate(window: Samples, used: Mask, errors: Array) -> float:
+    """Mean speed about the tool axis: measured, else the slope of the batches (e grows against the rotation)."""
+    if window.gyro is not None:
+        return float(window.gyro[used, 2].mean())
+    place = np.arange(len(errors)) - 0.5 * (len(errors) - 1)
+    seconds = window.interval * len(window) / len(errors)
+    return float(-(place @ errors[:, 2]) / (place @ place) / seconds)
+
+
+def _references(g: Mean, second: Mean, limits: Limits) -> dict[str, float]:
+    """How far strength and dip are off their references, over what is allowed."""
+    u = covariance_of_mean(second.batches) + second.fixed
+    direction = second.value / np.linalg.norm(second.value)
+    u_strength = float(np.sqrt(direction @ u @ direction))
+    slopes = dip_jacobian(g.value, second.value)
+    u_dip = float(
+        np.sqrt(slopes[:3] @ (covariance_of_mean(g.batches) + g.fixed) @ slopes[:3] + slopes[3:] @ u @ slopes[3:])
+    )
+    strength, spread, flag = _strength_reference(limits)
+    dip, dip_spread = _dip_reference(limits)
+    found = 0.0
+    if strength is not None:
+        found = abs(float(np.linalg.norm(second.value)) - strength) / (COVERAGE * float(np.hypot(u_strength, spread)))
+    if dip is not None:
+        off = abs(float(dip_angle(g.value, second.value)) - dip)
+        found = max(found, off / (COVERAGE * float(np.hypot(u_dip, dip_spread))))
+    return {flag: found}
+
+
+def _strength_reference(limits: Limits) -> tuple[float | None, float, str]:
+    """Strength of the second vector, its standard deviation, and the flag of a miss."""
+    if limits.north == "gyro":
+        return (None if limits.site is None else EARTH_RATE), 0.0, "misfit"
+    if limits.site is None:
+        return None, 0.0, "disturbed"
+    given = limits.site.b_sigma
+    return limits.site.b, STRENGTH_SIGMA if given is None else given, "disturbed"
+
+
+def _dip_reference(limits: Limits) -> tuple[float | None, float]:
+    """Dip of the second vector, rad, and its standard deviation."""
+    site = limits.site
+    if site is None:
+        return None, 0.0
+    if limits.north == "gyro":
+        return (None if site.latitude is None else -site.latitude), site.latitude_sigma or 0.0
+    return site.dip, DIP_SIGMA if site.dip_sigma is None else site.dip_sigma
+
+
+def _directions(dip: float) -> Array:
+    """Down, and the second vector's direction (2, 3) in north-east-down."""
+    return np.array([[0.0, 0.0, 1.0], [np.cos(dip), 0.0, np.sin(dip)]])
+
+
+def _row(
+    time: float, matrix: Array, covariance: Array, rate: float, worst: float, flags: set[str], limits: Limits
+) -> Attitude:
+    row = Attitude(
+        time=np.array([time]),
+        quaternion=quaternion_from_dcm(matrix)[None],
+        covariance=covariance[None],
+        rate=np.array([rate]),
+        quality=np.array([max(1.0 - worst, 0.0)]),
+        flags=np.array([sum(BITS[flag] for flag in flags)], dtype=np.uint32),
+        method=np.array([METHODS.index(limits.method)], dtype=np.uint8),
+        north="magnetic" if limits.north == "mag" else "true",
+    )
+    if row.u.azimuth[0] > VERTICAL_U and "unobservable" not in flags and abs(matrix[2, 2]) > np.cos(0.1):
+        row.flags[0] |= BITS["vertical"]
+    return row
 
 
 @dataclass(frozen=True, kw_only=True)

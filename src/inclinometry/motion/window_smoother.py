@@ -2,15 +2,198 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Protocol
+
 import numpy as np
 
 from inclinometry.core.arrays import Array
+from inclinometry.core.errors import IdentifiabilityError
 from inclinometry.motion._hole_direction import carried, offset_of, rolled, turned
-from inclinometry.motion._window_model import Belief, Step, attitude_of, predicted_frame, process, transition
-from inclinometry.motion._window_recursion import measured
 from inclinometry.motion.result import BITS, Attitude
-from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings
+from inclinometry.motion.samples import Samples
+from inclinometry.motion.window_filter import (
+    Belief,
+    RobustStream,
+    Step,
+    WindowFilterSettings,
+    attitude_of,
+    measured,
+    predicted_frame,
+    process,
+    transition,
+)
 from inclinometry.uncertainty.propagation import UNKNOWN
+
+# A filter that is only run where it is wanted: the windows before are kept, and it catches up with them first.
+
+KEPT_S: Final = 120.0
+"""s of a run that are kept to catch up with: the filter's bias and scale have settled after that."""
+MOST_KEPT: Final = 500_000
+"""Samples kept at most."""
+
+
+class Stream(Protocol):
+    """What every recursive method is."""
+
+    def push(self, samples: Samples) -> Attitude:
+        """Rows that became complete."""
+        ...
+
+    def finish(self) -> Attitude:
+        """The last rows, and what was found."""
+        ...
+
+
+class Standby:
+    """A stream of whole windows that sleeps while nobody wants its rows.
+
+    Parameters
+    ----------
+    make : callable
+        A fresh stream that gives one row a window.
+    """
+
+    def __init__(self, make: Callable[[], Stream]) -> None:
+        self._make = make
+        self._kept: deque[tuple[bool, Samples]] = deque()
+        self._stream: Stream | None = None
+        self._unwanted = 0
+
+    def restart(self) -> None:
+        """A gap: nothing of before holds for what comes."""
+        self._kept.clear()
+        self._stream = None
+
+    def take(self, window: Samples, *, good: bool, wanted: bool) -> Attitude | None:
+        """The window's row where it is wanted; None where there is none.
+
+        Parameters
+        ----------
+        window : Samples
+        good : bool
+            Whether it could be started from.
+        wanted : bool
+        """
+        self._unwanted = 0 if wanted else self._unwanted + 1
+        if self._stream is not None and _many(window, self._unwanted):
+            self._stream = None  # what is kept now catches up as well
+        self._keep(window, good=good)
+        if self._stream is not None:
+            row = self._pushed(window)
+            return row if wanted else None
+        row = None
+        if wanted and self._kept:
+            self._stream = self._make()
+            for _, one in self._kept:
+                row = self._pushed(one)
+        return row
+
+    def _pushed(self, window: Samples) -> Attitude | None:
+        """Row of a window; a filter that cannot start is given up."""
+        if self._stream is None:
+            return None
+        try:
+            found = self._stream.push(window)
+        except IdentifiabilityError:
+            self._stream = None
+            return None
+        return found if len(found) == 1 else None
+
+    def _keep(self, window: Samples, *, good: bool) -> None:
+        """The newest windows; the first of them is one to start from."""
+        self._kept.append((good, window))
+        while _many(window, len(self._kept)):
+            self._kept.popleft()
+        while self._kept and not self._kept[0][0]:
+            self._kept.popleft()
+
+
+def _many(window: Samples, count: int) -> bool:
+    """Whether so many windows are more than are kept."""
+    return count > 1 and (len(window) * count > MOST_KEPT or len(window) * count * window.interval > KEPT_S)
+
+
+def single(rows: Attitude | None) -> bool:
+    """Whether there is a row with an attitude."""
+    return rows is not None and len(rows) == 1 and not bool(np.isnan(rows.quaternion[0, 0]))
+
+
+# Uncertainty of a mean from the samples themselves: correlation by batch means, rounding by its own law.
+
+HARMONICS: Final = 8
+"""Terms of the rounding error's series; the ninth adds 0.8 % of q^2 / 12 at most."""
+
+
+def batch_means(values: Array, batches: int) -> Array:
+    """Means (b, c) of equal consecutive batches of the samples (n, c); the last n mod b samples are left out.
+
+    Examples
+    --------
+    >>> batch_means(np.arange(5.0)[:, None], 2)[:, 0]
+    array([0.5, 2.5])
+    """
+    length = len(values) // batches
+    return np.asarray(values[: batches * length].reshape(batches, length, -1).mean(axis=1))
+
+
+def covariance_of_mean(deviations: Array) -> Array:
+    """Covariance (p, p) of the mean of batch means (b, p) that are given as deviations from their mean.
+
+    Notes
+    -----
+    S / b with S the covariance of the b batch means, times nu / (nu - p - 1), nu = b - 1: with S estimated,
+    e' S^-1 e follows Hotelling's law, whose mean is that factor times p; so the normalised squared error has mean p.
+    Correlation shorter than a batch is counted in full (batch means: Schmeiser 1982, Operations Research 30, 556-568).
+
+    Examples
+    --------
+    >>> draws = np.random.default_rng(0).standard_normal((4000, 16, 3))
+    >>> draws -= draws.mean(axis=1, keepdims=True)
+    >>> float(np.mean([covariance_of_mean(d)[0, 0] for d in draws]).round(2))  # 1/16 times 15/11
+    0.09
+    """
+    count, size = deviations.shape
+    freedom = count - 1
+    centred = deviations - deviations.mean(axis=0)
+    return np.asarray(centred.T @ centred / (freedom * count) * (freedom / (freedom - size - 1.0)))
+
+
+def rounding_variance(values: Array, resolution: float) -> Array:
+    """Variance (c,) of the mean of samples (n, c) that were rounded to a step, by the rounding alone.
+
+    Parameters
+    ----------
+    values : (n, c) ndarray
+    resolution : float
+        Step assumed where no channel changes, in the unit of the values.
+
+    Notes
+    -----
+    The mean of rounded samples with Gaussian noise s is off by sum_k (-1)^k q/(pi k) sin(2 pi k x/q)
+    exp(-2 pi^2 k^2 s^2/q^2) (Widrow and Kollar, Quantization Noise, 2008, sec. 4); over all x its variance is
+
+        sum_k q^2 / (2 pi^2 k^2) exp(-4 pi^2 k^2 s^2 / q^2),
+
+    q^2/12 without noise and nothing from s = q/2. The step q is the range over the number of distinct values less one,
+    s^2 the variance less q^2/12. A channel with one or two values tells no noise and has q^2/12; one that never changes
+    takes the largest step of the others, or `resolution`.
+
+    Examples
+    --------
+    >>> rounding_variance(np.full((100, 1), 0.3), 0.12)
+    array([0.0012])
+    """
+    distinct = np.array([np.unique(column).size for column in values.T])
+    step = np.where(distinct > 1, np.ptp(values, axis=0) / np.maximum(distinct - 1, 1), 0.0)
+    step = np.where(distinct > 1, step, step.max() if step.any() else resolution)
+    noise = np.where(distinct > 2, np.maximum(values.var(axis=0) - step**2 / 12.0, 0.0), 0.0)
+    order = np.arange(1, HARMONICS + 1)[:, None]
+    ratio = noise / np.where(step > 0.0, step, 1.0) ** 2
+    series = np.exp(-4.0 * np.pi**2 * order**2 * ratio) / order**2
+    total = series.sum(axis=0) * (np.pi**2 / 6.0) / (1.0 / np.arange(1, HARMONICS + 1) ** 2).sum()
+    return np.asarray(step**2 / (2.0 * np.pi**2) * total)
 
 
 def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None) -> Attitude:

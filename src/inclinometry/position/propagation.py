@@ -12,10 +12,9 @@ import numpy as np
 
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import InputError
-from inclinometry.position.levers import Levers, levers
 from inclinometry.position.sources import MatrixSource
 from inclinometry.position.tool_code import ToolCode
-from inclinometry.position.weights import Evaluator, Weights
+from inclinometry.position.weights import Evaluator, Levers, Weights, levers
 from inclinometry.position.well import WellSurvey
 
 PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

@@ -9,8 +9,7 @@ from inclinometry.report.content import CONVENTIONS, Picture, Section, Table, Ta
 from inclinometry.report.digits import significant, with_uncertainty
 from inclinometry.report.page import render
 from inclinometry.report.words import listed
-from inclinometry.sensors.noise import Coefficient
-from inclinometry.sensors.noise_record import ChannelNoise, NoiseRecord
+from inclinometry.sensors.noise import ChannelNoise, Coefficient, NoiseRecord
 
 
 def allan_report(record: NoiseRecord) -> str:

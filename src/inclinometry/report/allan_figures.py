@@ -9,7 +9,7 @@ import numpy as np
 from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.io.allan_json import COEFFICIENTS, units_of
 from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
-from inclinometry.sensors.noise_record import ChannelNoise
+from inclinometry.sensors.noise import ChannelNoise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ import numpy as np
 
 from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty
 from inclinometry.calibration.result import Calibration
+from inclinometry.report.calibration_tables import sensor_names
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, station_axis, styled
-from inclinometry.report.tables import sensor_names
 from inclinometry.sensors.sensitivity import GRAVITY
 
 if TYPE_CHECKING:

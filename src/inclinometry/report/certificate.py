@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from inclinometry.core.errors import InputError
 from inclinometry.io.certificate_json import record_digest
-from inclinometry.report import certificate_tables as tables
+from inclinometry.report import certificate_record as tables
 from inclinometry.report.certificate_figures import LETTERS
-from inclinometry.report.certificate_words import NARROW, Words, families, words
+from inclinometry.report.certificate_record import NARROW, Words, families, words
 from inclinometry.report.digits import plain, significant
 
 if TYPE_CHECKING:

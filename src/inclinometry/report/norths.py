@@ -7,8 +7,8 @@ import numpy as np
 from inclinometry.earth.site import Site
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.report.content import Picture, Table, TableRow, picture
+from inclinometry.report.position import chain_table
 from inclinometry.report.position_figures import north_figure, spread_of_norths
-from inclinometry.report.position_tables import chain_table
 from inclinometry.survey.reduce import Survey
 
 

@@ -19,8 +19,8 @@ from inclinometry.report.words import listed
 from inclinometry.survey.axial import SOURCE as AXIAL
 from inclinometry.survey.flags import FLAGS
 from inclinometry.survey.multistation import SOURCE as ANALYSIS
+from inclinometry.survey.quality import SOURCE as SENSORS
 from inclinometry.survey.quality import FieldQuality
-from inclinometry.survey.quality_sensors import SOURCE as SENSORS
 from inclinometry.survey.reduce import Survey
 from inclinometry.survey.sag import SOURCE as SAG
 

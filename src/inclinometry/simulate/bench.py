@@ -13,9 +13,8 @@ from inclinometry.core.arrays import Array, finite
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
-from inclinometry.simulate.characteristic import Characteristic
 from inclinometry.simulate.rig import DIALS, Bump, Misread, Rig
-from inclinometry.simulate.sensing import sense, sense_batch
+from inclinometry.simulate.sensing import Characteristic, sense, sense_batch
 from inclinometry.simulate.streams import Seed, Streams
 from inclinometry.simulate.tool import ToolBatch
 

@@ -15,9 +15,8 @@ from inclinometry.core.arrays import Array, finite
 from inclinometry.core.constants import EARTH_RATE, LATITUDE
 from inclinometry.core.errors import InputError
 from inclinometry.sensors.tool import Tool
-from inclinometry.simulate.characteristic import Characteristic
 from inclinometry.simulate.rig import field_direction
-from inclinometry.simulate.sensing import sense
+from inclinometry.simulate.sensing import Characteristic, sense
 from inclinometry.simulate.streams import Seed, Streams
 
 

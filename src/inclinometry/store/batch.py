@@ -12,9 +12,7 @@ from sqlalchemy.engine import Connection
 from inclinometry.core.digest import digest_bytes
 from inclinometry.core.errors import InputError
 from inclinometry.store import chain
-from inclinometry.store.kinds import check, plain
-from inclinometry.store.records import Draft, Record
-from inclinometry.store.schema import CHAIN, DOCUMENT, TABLES
+from inclinometry.store.records import CHAIN, DOCUMENT, TABLES, Draft, Record, check, plain
 
 LONGEST_BODY: Final = 20_000_000
 LARGEST_DOCUMENT: Final = 100_000_000

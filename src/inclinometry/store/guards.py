@@ -8,7 +8,7 @@ from sqlalchemy import Text, column, inspect, select, table
 from sqlalchemy.engine import Connection
 
 from inclinometry.store.engine import LedgerError
-from inclinometry.store.schema import TABLES
+from inclinometry.store.records import TABLES
 
 REVISIONS: Final = ("0001", "0002")
 """Revisions of the tables this program reads and writes; the last one is what it makes."""

@@ -18,9 +18,19 @@ from inclinometry.store import chain
 from inclinometry.store.batch import Batch, add_document, body_text
 from inclinometry.store.engine import ConflictError, LedgerError, default_path, engine, shown, translated
 from inclinometry.store.guards import readable
-from inclinometry.store.kinds import INTEGERS, KINDS, VERSION, plain
-from inclinometry.store.records import Draft, Record, Unless, record_of
-from inclinometry.store.schema import CHAIN, DOCUMENT, TABLES
+from inclinometry.store.records import (
+    CHAIN,
+    DOCUMENT,
+    INTEGERS,
+    KINDS,
+    TABLES,
+    VERSION,
+    Draft,
+    Record,
+    Unless,
+    plain,
+    record_of,
+)
 
 __all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Record", "Unless", "default_path"]
 

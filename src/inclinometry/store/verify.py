@@ -16,8 +16,7 @@ from inclinometry.core.digest import digest_bytes
 from inclinometry.store import chain
 from inclinometry.store.guards import strange, unprotected
 from inclinometry.store.ledger import Ledger
-from inclinometry.store.records import row_digest
-from inclinometry.store.schema import CHAIN, DOCUMENT, TABLES
+from inclinometry.store.records import CHAIN, DOCUMENT, TABLES, row_digest
 
 Progress = Callable[[float], None]
 BLOCK: Final = 500

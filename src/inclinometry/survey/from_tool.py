@@ -165,7 +165,7 @@ def stations_plain(
         Gravity (pointing down), m/s^2, and magnetic flux density, nT.
     sigma_g, sigma_b : float or (3,) array_like
         Standard deviation of one reading, m/s^2 and nT, each station's own; sensor errors that the stations share come
-        from `inclinometry.survey.quality_sensors.with_sensors`.
+        from `inclinometry.survey.quality.with_sensors`.
     temperature : (n,) array_like, optional
         degC.
 

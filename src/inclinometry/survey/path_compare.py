@@ -11,8 +11,7 @@ from inclinometry.attitude.rotations import dcm
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
-from inclinometry.survey.path import Path
-from inclinometry.survey.path_points import interpolate
+from inclinometry.survey.path import Path, interpolate
 
 
 @dataclass(frozen=True, eq=False)

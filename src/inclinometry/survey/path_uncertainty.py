@@ -9,9 +9,18 @@ from numpy.typing import ArrayLike
 
 from inclinometry.core.arrays import Array, finite
 from inclinometry.core.errors import InputError
-from inclinometry.survey._arc import cosine, sinc, weights
-from inclinometry.survey.path import Path, directions
-from inclinometry.survey.path_points import LEVEL, interpolate, interval, project_curve, project_straight
+from inclinometry.survey.path import (
+    LEVEL,
+    Path,
+    cosine,
+    directions,
+    interpolate,
+    interval,
+    project_curve,
+    project_straight,
+    sinc,
+    weights,
+)
 
 POINT: Final = ("north", "east", "tvd", "inclination", "azimuth")
 """Rows of the derivatives: what is known of a point, m and rad."""

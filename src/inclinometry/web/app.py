@@ -19,10 +19,9 @@ from inclinometry.store.ledger import Ledger
 from inclinometry.store.users import users
 from inclinometry.web import refusals
 from inclinometry.web.bench import Bench, serve
-from inclinometry.web.guard import Guard
+from inclinometry.web.guard import Guard, guard_sockets
 from inclinometry.web.logins import Logins
 from inclinometry.web.server import run as run
-from inclinometry.web.sockets import guard_sockets
 
 if TYPE_CHECKING:
     from inclinometry.io.instrument.rig import RigDriver
@@ -110,7 +109,7 @@ def create_app(
     refusals.explain(app)
     app.add_api_route("/healthz", _alive, include_in_schema=False)
     app.include_router(importlib.import_module("inclinometry.web.pages.login").router)
-    app.include_router(importlib.import_module("inclinometry.web.pages.interface").router)
+    app.include_router(importlib.import_module("inclinometry.web.pages.lists").router)
     app.include_router(importlib.import_module("inclinometry.web.api").router)
     app.add_route("/api/{rest:path}", refusals.no_such_route, refusals.METHODS, include_in_schema=False)
     for name in PAGES:

@@ -11,9 +11,8 @@ import numpy as np
 from inclinometry.calibration.stillness import still_intervals
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.even_log import EvenLog, read_even_log
-from inclinometry.sensors.noise import SHORTEST, NoiseModel, allan_deviation, fit_noise
-from inclinometry.sensors.noise_record import ChannelNoise, NoiseRecord
+from inclinometry.io.log_csv import EvenLog, read_even_log
+from inclinometry.sensors.noise import SHORTEST, ChannelNoise, NoiseModel, NoiseRecord, allan_deviation, fit_noise
 
 JUMP = 9.0
 """Change from one stretch to the next, in robust standard deviations of such changes, that noise does not make."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, replace
 from dataclasses import fields as fields_of
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,20 +14,99 @@ from numpy.typing import ArrayLike
 
 from inclinometry.attitude.orientation import angles, fields
 from inclinometry.calibration.conventions import USUAL, Dials
+from inclinometry.calibration.direct import (
+    calibrate_classical,
+    calibrate_orthogonal,
+    calibrate_rotations,
+    calibrate_twelve,
+)
 from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty, expected_uncertainty
+from inclinometry.calibration.field import calibrate_field
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.norm import calibrate_norms
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import DIP, KINDS, SHORT_INCLINATIONS, STEPS
-from inclinometry.core.errors import InputError
+from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.bench_csv import read_bench
 from inclinometry.io.columns import KIND_PREFIX
 from inclinometry.io.datasheet_toml import read_datasheet
 from inclinometry.io.tool_json import read_tool
 from inclinometry.sensors.tool import Tool
-from inclinometry.workflow.methods import Attempt, attempt_all, method
+
+# The one table of identification methods by name, and which of them a set of readings allows.
+
+METHODS: dict[str, Callable[..., Calibration]] = {
+    "joint": calibrate_joint,
+    "twelve": calibrate_twelve,
+    "orthogonal": calibrate_orthogonal,
+    "rotations": calibrate_rotations,
+    "classical": calibrate_classical,
+    "field": calibrate_field,
+    "norm": calibrate_norms,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One method on one set of readings: a calibration, or why there is none."""
+
+    method: str
+    calibration: Calibration | None
+    reason: str = ""
+
+
+def method(name: str) -> Callable[..., Calibration]:
+    """A method by name; InputError lists the names."""
+    if name not in METHODS:
+        raise InputError(f"method {name!r} is unknown; allowed: {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def attempt_all(
+    readings: BenchReadings,
+    *,
+    rig_sd: Array | None = None,
+    field_prior: Mapping[str, Any] | None = None,
+    reference_sd: Mapping[str, float] | None = None,
+    left_handed: bool = False,
+    nameplate: Tool | None = None,
+) -> list[Attempt]:
+    """Every method the readings allow, side by side; the others with their reason: classical without a nameplate.
+
+    Arguments as of `calibrate_joint`, and the nameplate of the classical method.
+
+    Readings with dials that the joint fit refuses are refused: no method is better than what it is given.
+
+    The joint fit stands twice: as the product's answer, and as plain least squares with trusted dials, which is what a
+    fit that does not share the rig's errors between the triads amounts to.
+    """
+    attempts = []
+    stand: dict[str, Any] = {"field_prior": field_prior, "reference_sd": reference_sd}
+    for name, run in METHODS.items():
+        if name == "norm":
+            continue  # its triads stand in axes of their own: nothing to compare
+        known: dict[str, Any] = {"rig_sd": rig_sd, "left_handed": left_handed, **(stand if name == "joint" else {})}
+        if name == "classical":
+            known["nameplate"] = nameplate
+        run = partial(run, readings, **({} if name == "field" else known))
+        attempts.append(_attempt(name, run, strict=name == "joint" and readings.azimuth is not None))
+        if name == "joint":
+            plain = {"rig_sd": 0.0, "diagnose": False, "left_handed": left_handed, **stand}
+            attempts.append(_attempt("least squares", partial(calibrate_joint, readings, **plain)))
+    return attempts
+
+
+def _attempt(name: str, run: Callable[[], Calibration], *, strict: bool = False) -> Attempt:
+    try:
+        return Attempt(name, run())
+    except (InclinometryError, np.linalg.LinAlgError) as error:
+        if strict and isinstance(error, InputError):
+            raise
+        return Attempt(name, None, str(error))
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,161 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from inclinometry.core.errors import InputError
+import numpy as np
+
+from inclinometry.core.errors import FileError, InputError
+from inclinometry.io.corrections_json import read_corrections
 from inclinometry.sensors.tool import Tool
 from inclinometry.survey.bha import Bha
+from inclinometry.survey.checks import Check
+from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
+from inclinometry.survey.quality_wiring import wiring_check
+from inclinometry.survey.sensor_correction import SensorCorrection
 from inclinometry.survey.stations import Stations
+
+# Whether a run may be corrected, and whether the estimate of an analysis may be believed and used for this run.
+
+LARGEST: Final = 0.2
+"""Share of the reference by which the run's |g| or |b| may be off and still be corrected."""
+
+BEYOND: Final = 10.0
+"""Prior standard deviations from which an estimate is no sensor error but a wrong unit, axis or reference."""
+
+
+def refuse_uncorrectable(stations: Stations, reference: FieldReference) -> None:
+    """Refuse stations whose units, axes or signs are wrong: a correction would take the mistake for a sensor error.
+
+    Parameters
+    ----------
+    stations : Stations
+        Before any correction.
+    reference : FieldReference
+
+    Raises
+    ------
+    InputError
+        The median |g| or |b| is off by more than a fifth, or another assignment of axes and signs explains the dips.
+
+    Notes
+    -----
+    Dips that are off and that no exchange of axes explains are left to the corrections: interference does that.
+
+    Examples
+    --------
+    >>> run = Stations(np.arange(2.0), np.array([[0.0, 0.0, 1.0]] * 2), np.array([[5e4, 0.0, 0.0]] * 2))
+    >>> reference = FieldReference(g=9.81, b=5e4, dip=0.0, g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
+    >>> refuse_uncorrectable(run, reference)
+    Traceback (most recent call last):
+    ...
+    inclinometry.core.errors.InputError: median |g| of the stations is 1 m/s^2, the reference 9.81: more than 20 % off \
+is no error a correction may take off; check the unit and the reference
+    """
+    for name, unit, fields, wanted in (
+        ("|g|", "m/s^2", stations.g, reference.g),
+        ("|b|", "nT", stations.b, reference.b),
+    ):
+        found = float(np.median(np.linalg.norm(fields, axis=1)))
+        if abs(found / wanted - 1.0) > LARGEST:
+            raise InputError(
+                f"median {name} of the stations is {found:.6g} {unit}, the reference {wanted:.6g}: more than "
+                f"{100.0 * LARGEST:g} % off is no error a correction may take off; check the unit and the reference"
+            )
+    wiring = wiring_check(stations, reference.dip)
+    if wiring.verdict == "fail" and explained(wiring):
+        raise InputError(f"{wiring.name}: {wiring.reason}; {wiring.action} before any correction")
+
+
+def explained(wiring: Check) -> bool:
+    """Whether a mistake of axes or signs explains a failed check of the wiring."""
+    return "they fit with" in wiring.reason
+
+
+def unsettled(wiring: Check) -> list[str]:
+    """A warning where axes and signs are not known to be right before a correction that takes them for right."""
+    if wiring.verdict == "pass":
+        return []
+    if wiring.verdict == "fail":
+        return [f"{wiring.name} before the correction: {wiring.reason}; {wiring.action}"]
+    return [f"{wiring.name} before the correction not judged: {wiring.reason}"]
+
+
+def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
+    """Refuse an estimate beyond ten times its prior.
+
+    Raises
+    ------
+    InputError
+        Names the parameter farthest out.
+
+    Examples
+    --------
+    >>> refuse_beyond({"ABZ": Parameter(0.47, 0.001, 0.004, "m/s^2")})
+    Traceback (most recent call last):
+    ...
+    inclinometry.core.errors.InputError: the analysis puts ABZ at +0.47 m/s^2, 118 times its prior of 0.004; beyond 10 \
+times it is no sensor error: check units, axes and signs of the channels, and the site's g, b and dip
+    """
+    out = {name: abs(p.value) / p.prior for name, p in parameters.items() if p.prior > 0.0}
+    name = max(out, key=lambda one: out[one], default="")
+    if not name or out[name] <= BEYOND:
+        return
+    p = parameters[name]
+    raise InputError(
+        f"the analysis puts {name} at {p.value:+.3g} {p.unit}, {out[name]:.0f} times its prior of {p.prior:.3g}; "
+        f"beyond {BEYOND:g} times it is no sensor error: check units, axes and signs of the channels, "
+        "and the site's g, b and dip"
+    )
+
+
+def matching_correction(
+    path: str | Path, tool: str, inputs: Mapping[str, str], stations: Stations
+) -> tuple[SensorCorrection, list[str]]:
+    """A stored correction that may be used for these stations, and what speaks against it.
+
+    Parameters
+    ----------
+    path : str or Path
+        corrections.json
+    tool : str
+        Name of the stations' calibrated tool, "" without one.
+    inputs : mapping of name to digest
+        Of the stations.
+    stations : Stations
+
+    Raises
+    ------
+    FileError
+        Another tool or calibration; a run at other depths, unless the tool is calibrated and the same; an estimate
+        beyond ten times its prior.
+    """
+    correction = read_corrections(path)
+    digests = (correction.inputs.get("tool"), inputs.get("tool"))
+    if correction.tool != tool or digests[0] != digests[1]:
+        mine, other = (f"tool {name}" if name else "a tool without calibration" for name in (tool, correction.tool))
+        what = "another calibration of it" if mine == other else other
+        raise FileError(f"was made for {what}, these stations are of {mine}; use the same --calibration", path=path)
+    try:
+        refuse_beyond(correction.parameters)
+    except InputError as error:
+        raise FileError(str(error), path=path) from None
+    said = [f"{Path(path).name}: {sentence}" for sentence in correction.warnings]
+    raw = inputs.get("raw")
+    if raw is not None and correction.inputs.get("raw") == raw:
+        return correction, said
+    (first, last), (top, bottom) = correction.md, (float(stations.md[0]), float(stations.md[-1]))
+    run = f"was made from other readings ({correction.stations} stations, {first:g} to {last:g} m)"
+    if (bottom < first or top > last) and not tool:
+        raise FileError(
+            f"{run}, these stations lie at {top:g} to {bottom:g} m and nothing says that the tool is the same; analyse "
+            "this run itself: inclinometry msa",
+            path=path,
+        )
+    return correction, [f"{Path(path).name} {run}: it holds for the same tool in the same run only", *said]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

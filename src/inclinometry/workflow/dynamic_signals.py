@@ -2,22 +2,350 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
 from inclinometry.calibration.result import UNSTATED, Calibration, same_units
-from inclinometry.core.arrays import Array
+from inclinometry.core.arrays import Array, Mask
 from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.columns import KIND_PREFIX
-from inclinometry.io.even_log import TO_SI
+from inclinometry.io.log_csv import TO_SI
 from inclinometry.io.run_file import RunBlock, RunFile
+from inclinometry.motion.axes import FAR_DIP, expected_dip
+from inclinometry.motion.choose import TURNING
+from inclinometry.motion.dip_check import RunDip, azimuth_doubt, widened
+from inclinometry.motion.finding import Finding
+from inclinometry.motion.health import HealthCheck, WindowHealth, named
+from inclinometry.motion.result import BITS, Attitude, Envelope, Spectrogram, joined
+from inclinometry.motion.samples import Samples
+from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.sensors.triad import Triad
-from inclinometry.workflow.dynamic_absurd import Absurd
+
+# Single values of a run that no sensor reads: markers of other programs for a missing value, and broken bytes.
+
+MARKERS: Final = (-999.25, -9999.25, -999999.0)
+"""Values that well log files write where there is none; whole numbers that could be readings are not among them."""
+MOST: Final = {"accelerometer": 2000.0, "magnetometer": 9e4, "gyro": 1000.0}
+"""m/s^2 (200 g), nT, rad/s: beyond any reading of a tool that works, when it stands alone."""
+ALONE: Final = 0.01
+"""Share of rows up to which such values stand alone; more are a unit or a calibration that is wrong."""
+
+
+class Absurd:
+    """Finds such values block by block, blanks their rows and says so.
+
+    Parameters
+    ----------
+    names : mapping
+        Kind of sensor -> its columns.
+    """
+
+    def __init__(self, names: Mapping[str, tuple[str, ...]]) -> None:
+        self._names = names
+        self._rows = 0
+        self._first: dict[str, tuple[int, float]] = {}  # column -> row from 1, value as in the file
+        self._counts: dict[str, int] = {}
+
+    def blanked(self, kind: str, signals: Array, vectors: Array) -> Array:
+        """Vectors (n, 3) in SI with NaN where such a value is among the `signals` (n, m) of the file."""
+        bad: Mask = np.array(np.isin(signals, MARKERS))
+        far: Mask = np.asarray(np.abs(np.nan_to_num(vectors)) > MOST[kind])
+        if far.any() and float(np.mean(np.any(far, axis=1))) <= ALONE:
+            np.logical_or(bad, self._columns(far, np.abs(signals)), out=bad)
+        if not bad.any():
+            return vectors
+        for place in np.flatnonzero(bad.any(axis=0)):
+            column, rows = self._names[kind][place], np.flatnonzero(bad[:, place])
+            self._first.setdefault(column, (self._rows + int(rows[0]) + 1, float(signals[rows[0], place])))
+            self._counts[column] = self._counts.get(column, 0) + rows.size
+        return np.where(bad if bad.shape == vectors.shape else np.any(bad, axis=1, keepdims=True), np.nan, vectors)
+
+    def counted(self, rows: int) -> None:
+        """So many rows are done."""
+        self._rows += rows
+
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each column."""
+        return tuple(
+            f"{column} is {value:.6g} in row {row}: no reading"
+            + (f" (and {self._counts[column] - 1} more of its values)" if self._counts[column] > 1 else "")
+            + "; taken for missing"
+            for column, (row, value) in self._first.items()
+        )
+
+    def _columns(self, far: Mask, size: Array) -> Mask:
+        """Which signals (n, m) made a vector so large: the largest of the row, where the channels are not x, y, z."""
+        if far.shape == size.shape:
+            return far
+        largest = np.nan_to_num(size).argmax(axis=1)
+        return np.asarray(np.any(far, axis=1, keepdims=True) & (np.arange(size.shape[1]) == largest[:, None]))
+
+
+# Long signals thinned to what a page shows, in memory that does not grow: bins double when they run out.
+
+MOST_BINS: Final = 1500
+"""Stretches of an envelope; never more than twice as many are held."""
+MOST_COLUMNS: Final = 400
+"""Columns of a spectrogram, likewise."""
+
+
+class Envelopes:
+    """Lowest, mean and highest value of c channels in bins of time.
+
+    Examples
+    --------
+    >>> thin = Envelopes(["a"], ["nT"], 0.0, 1.0)
+    >>> thin.push(np.arange(5000.0), np.arange(5000.0)[:, None])
+    >>> found, = thin.done()
+    >>> len(found.time), found.low[:3], found.high[-2:]
+    (2500, array([0., 2., 4.]), array([4997., 4999.]))
+    """
+
+    def __init__(self, names: Sequence[str], units: Sequence[str], start: float, width: float) -> None:
+        self._names, self._units = list(names), list(units)
+        self._start, self._width = start, width
+        shape = (2 * MOST_BINS, len(self._names))
+        self._low, self._high = np.full(shape, np.inf), np.full(shape, -np.inf)
+        self._sum, self._count = np.zeros(shape), np.zeros(2 * MOST_BINS)
+
+    def push(self, time: Array, values: Array) -> None:
+        """Take samples (n,) and their channels (n, c), in order of time."""
+        if not len(time):
+            return
+        while time[-1] - self._start >= self._width * 2 * MOST_BINS:
+            self._halve()
+        place = ((time - self._start) / self._width).astype(np.intp)
+        first = np.flatnonzero(np.diff(place, prepend=-1))
+        bins = place[first]
+        self._low[bins] = np.minimum(self._low[bins], np.minimum.reduceat(values, first))
+        self._high[bins] = np.maximum(self._high[bins], np.maximum.reduceat(values, first))
+        self._sum[bins] += np.add.reduceat(values, first)
+        self._count[bins] += np.diff(first, append=len(time))
+
+    def _halve(self) -> None:
+        for held, empty, join in ((self._low, np.inf, np.minimum), (self._high, -np.inf, np.maximum)):
+            held[:MOST_BINS] = join(held[::2], held[1::2])
+            held[MOST_BINS:] = empty
+        _halved(self._sum, MOST_BINS)
+        _halved(self._count, MOST_BINS)
+        self._width *= 2.0
+
+    def done(self) -> tuple[Envelope, ...]:
+        """What has been seen; bins without a sample are left out."""
+        seen = np.flatnonzero(self._count)
+        time = np.asarray(self._start + self._width * (seen + 0.5), dtype=np.float64)
+        mean = self._sum[seen] / self._count[seen][:, None]
+        return tuple(
+            Envelope(name, unit, time, self._low[seen, k], mean[:, k], self._high[seen, k])
+            for k, (name, unit) in enumerate(zip(self._names, self._units, strict=True))
+        )
+
+
+class Spectra:
+    """Mean power spectra of equal stretches of time.
+
+    Examples
+    --------
+    >>> thin = Spectra("noise", 0.0, 1.0, np.arange(3.0))
+    >>> for second in range(2000):
+    ...     thin.push(second + 0.5, np.full(3, float(second)))
+    >>> found = thin.done()
+    >>> found.density.shape, float(found.density[0, 0]), float(found.time[-1])
+    ((500, 3), 1.5, 2000.0)
+    """
+
+    def __init__(self, what: str, start: float, width: float, frequency: Array) -> None:
+        self._what, self._start, self._width, self._frequency = what, start, width, frequency
+        self._sum, self._count = np.zeros((2 * MOST_COLUMNS, len(frequency))), np.zeros(2 * MOST_COLUMNS)
+
+    def push(self, time: float, density: Array) -> None:
+        """Take the spectrum (f,) of a window with this middle."""
+        while time - self._start >= self._width * 2 * MOST_COLUMNS:
+            _halved(self._sum, MOST_COLUMNS)
+            _halved(self._count, MOST_COLUMNS)
+            self._width *= 2.0
+        place = int((time - self._start) / self._width)
+        self._sum[place] += density
+        self._count[place] += 1.0
+
+    def done(self) -> Spectrogram:
+        """What has been seen; NaN where no window was."""
+        size = int(np.flatnonzero(self._count)[-1]) + 1 if self._count.any() else 0
+        with np.errstate(invalid="ignore"):
+            density = self._sum[:size] / self._count[:size, None]
+        edges = np.asarray(self._start + self._width * np.arange(size + 1), dtype=np.float64)
+        return Spectrogram(self._what, edges, self._frequency, density)
+
+
+def _halved(held: Array, half: int) -> None:
+    """Add up neighbours: the first half then covers what the whole did."""
+    held[:half] = held[::2] + held[1::2]
+    held[half:] = 0.0
+
+
+DECISIVE: Final = ("axes", "stuck", "misfit")
+"""Findings that leave nothing to be made of a window; the others the methods know how to deal with."""
+
+_MISFIT: Final = (
+    "gravity, field and rate contradict each other. Likely an axis or a sign, a sensor that is late, a scale or the "
+    "site's dip; the method auto looks at each window by itself"
+)
+
+
+class Stream(Protocol):
+    """What every recursive method is."""
+
+    def push(self, samples: Samples) -> Attitude:
+        """Rows that became complete."""
+        ...
+
+    def finish(self) -> Attitude:
+        """The last rows, and what was found."""
+        ...
+
+
+class _Verdict(NamedTuple):
+    """What a window from `start` to `stop` (s) means for the rows in it: flags, refusal, doubt of azimuth in rad."""
+
+    start: float
+    stop: float
+    health: WindowHealth
+    flags: int
+    refused: int
+    doubt: float
+    turned: bool
+
+
+class Checked:
+    """A method whose rows are held until the window they lie in has been judged.
+
+    Parameters
+    ----------
+    stream : Stream
+        The method.
+    window : float
+        s, of the checks.
+    site : Site
+    needs : tuple of str
+        Triads the method's rows rest on.
+    carries : bool
+        Whether its azimuth is carried by a gyro from the best field it has met; else it is that of each window.
+    still : bool
+        Whether its rows hold for a tool at rest only.
+    """
+
+    def __init__(
+        self, stream: Stream, window: float, site: Site, needs: tuple[str, ...], *, carries: bool, still: bool = False
+    ) -> None:
+        self._stream, self._site, self._needs, self._carries = stream, site, needs, carries
+        self._still, self._moved, self._judged_rows = still, 0, 0
+        self._buffer, self._check = WindowBuffer(window), HealthCheck(None, site)
+        self._verdicts: deque[_Verdict] = deque()
+        self._held: list[Attitude] = []
+        self._best = np.inf
+        self._misfits = 0
+        self._seen = RunDip(site)
+
+    def push(self, samples: Samples) -> Attitude:
+        """Rows that became complete and were judged.
+
+        Raises
+        ------
+        InputError
+            As the method, and units, signs or axes that contradict each other (`HealthCheck`).
+        """
+        self._seen.add(samples)
+        self._judge(self._buffer.push(samples))
+        self._held.append(self._stream.push(samples))
+        return self._released(self._verdicts[-1].stop if self._verdicts else -np.inf)
+
+    def finish(self) -> Attitude:
+        """The rows still held, what the method found and what the checks did."""
+        self._judge(self._buffer.finish())
+        last = self._stream.finish()
+        self._held.append(last)
+        rows = self._released(np.inf)
+        said = self._check.notes(besides=() if "mag" in self._needs else ("no-field", "disturbed"))
+        if self._misfits and not said:
+            said = (f"{self._misfits} rows were refused for misfit: {self._dip()}{_MISFIT}",)
+        if self._moved:
+            said = (
+                f"the tool was not at rest in {self._moved} of {self._judged_rows} windows, which are refused: means "
+                "of gravity and field are its attitude only while it stands; the method auto takes the others as well",
+                *said,
+            )
+        return replace(rows, notes=tuple(dict.fromkeys((*last.notes, *rows.notes, *said))))
+
+    def _dip(self) -> str:
+        """The dip of the run beside the site's where they differ, to begin a sentence; else nothing."""
+        dip, words = expected_dip(self._site)
+        off = dip is not None and abs(self._seen.dip - dip) > FAR_DIP
+        return f"the dip comes out as {np.degrees(self._seen.dip):.1f} deg, {words}; " if off else ""
+
+    def _judge(self, windows: list[Samples]) -> None:
+        for window in windows:
+            health = self._check.check(window)
+            refused = sum(BITS[flag] for flag in {one.flag for one in health.findings if self._forbids(one)})
+            doubt = azimuth_doubt(health.off, self._site) if "mag" in self._needs else 0.0
+            if self._carries:
+                self._best = doubt = min(self._best, doubt) if window.has("mag") else 0.0
+            half = 0.5 * window.interval
+            start, stop = float(window.time[0]) - half, float(window.time[-1]) + half
+            lean = replace(health, samples=window.part(0, 0))  # the readings themselves are not kept
+            turned = health.turning.span >= TURNING
+            self._verdicts.append(_Verdict(start, stop, lean, health.flags, refused, doubt, turned))
+
+    def _forbids(self, one: Finding) -> bool:
+        """Whether a finding leaves nothing to be made of the window by this method."""
+        if not (one.refuse and one.flag in DECISIVE):
+            return False
+        # a gyro that carries takes no notice of a field that is off
+        spared = self._carries and one.flag == "axes" and one.where == "mag"
+        return not spared and any(triad in one.where for triad in self._needs)
+
+    def _released(self, until: float) -> Attitude:
+        """Rows up to `until`, judged."""
+        rows = joined(self._held)
+        early = rows.time <= until
+        self._held = [_rows(rows, ~early)]
+        done = _rows(rows, early)
+        self._misfits += int(np.count_nonzero(done.refused & (done.flags & np.uint32(BITS["misfit"]) > 0)))
+        parts = []
+        for place in range(len(done)):
+            one = _rows(done, np.arange(len(done)) == place)
+            while len(self._verdicts) > 1 and self._verdicts[0].stop < float(one.time[0]):
+                self._verdicts.popleft()
+            parts.append(self._judged(one))
+        return replace(joined(parts), notes=done.notes) if parts else done
+
+    def _judged(self, row: Attitude) -> Attitude:
+        verdict = self._verdicts[0] if self._verdicts else None
+        if verdict is None or not verdict.start <= float(row.time[0]) <= verdict.stop:
+            return row
+        row = widened(named(row, verdict.health), verdict.doubt)
+        refused = verdict.refused
+        if self._still:
+            moved = verdict.turned or bool(int(row.flags[0]) & (BITS["not-still"] | BITS["vibration"]))
+            self._judged_rows, self._moved = self._judged_rows + 1, self._moved + moved
+            refused |= BITS["not-still"] if moved else 0
+        if refused:
+            blank = np.full_like(row.quaternion, np.nan), np.full_like(row.covariance, np.nan)
+            row = replace(row, quaternion=blank[0], covariance=blank[1], quality=np.zeros(1))
+        return replace(row, flags=row.flags | np.uint32(verdict.flags | refused))
+
+
+def _rows(rows: Attitude, chosen: Any) -> Attitude:
+    """Some of the rows."""
+    columns = {one.name: getattr(rows, one.name)[chosen] for one in fields(rows) if one.name not in ("north", "notes")}
+    return replace(rows, **columns)
+
 
 INSIDE: Final = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
 _ALLOWED: Final = {

@@ -10,16 +10,190 @@ import numpy as np
 
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration.rate_table import RateCalibration, calibrate_rates, table_rates
-from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.calibration.result import UNSTATED, Calibration, Residuals, Rig
 from inclinometry.calibration.temperature import soaks
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.core.errors import FileError, IdentifiabilityError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.rate_csv import RateSteps
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.sensors.tool import Tool
-from inclinometry.workflow._rate_checks import check_plausible
+from inclinometry.sensors.triad import Triad
+
+# Gross mistakes in a run on a rate table: units, signs, axes. Found by the scale, the tensor and the Earth's own rate.
+#
+# The table turns against the Earth: of the rate as stated the Earth's is a known part. A rate in another unit or of the
+# other sign makes that part wrong, signals in another unit do not; so the residuals tell which of the two it is.
+
+PER_RADIAN = {"rad/s": 1.0, "deg/s": np.degrees(1.0), "deg/h": np.degrees(3600.0)}
+"""Signals in these units for a true rate of 1 rad/s."""
+
+NEAR = 1.2
+"""A scale within this factor of the unit's is the gyro's own; and of a likely mistake, is that mistake."""
+CLEAR = 3.0
+"""Residuals smaller by this factor with another rate: the stated rate is wrong. No noise does that."""
+
+_TURN = float(np.degrees(1.0))
+RATE_MISTAKES = {
+    -1.0: "rate_deg_s has the other sign; it is positive clockwise seen from above",
+    _TURN: "rate_deg_s is in rad/s; convert it",
+    1.0 / _TURN: "rate_deg_s was converted to degrees twice",
+    6.0: "rate_deg_s is in revolutions per minute; 1 rpm is 6 deg/s",
+    1.0 / 6.0: "rate_deg_s was multiplied by 6, as if deg/s were revolutions per minute",
+    360.0: "rate_deg_s is in revolutions per second; 1 is 360 deg/s",
+    1.0 / 60.0: "rate_deg_s is in degrees per minute",
+    1.0 / 3600.0: "rate_deg_s is in degrees per hour",
+}
+"""True rate in deg/s for a stated one of 1, and what to say."""
+
+
+_OPTION = "where the rate is right, gravity does it: --g-sensitivity"
+
+
+def check_plausible(steps: RateSteps, found: RateCalibration, latitude: float, before: Triad | None) -> list[str]:
+    """Refuse what cannot be; sentences on what is odd.
+
+    Raises
+    ------
+    FileError
+        A scale that is not the unit's (or, without a unit, differs from the earlier calibration's by a known mistake),
+        gyros that respond to another axis than they are named after, or in the other sense, a rate that the Earth's
+        contradicts.
+    """
+    residuals = _Residuals(steps, latitude, found)
+    known = before if before is not None and _comparable(before, found.triad) else None
+    notes = _scale(steps, found.triad, known, residuals) + _axes(steps, found.triad, known, residuals)
+    _earth(steps, known, residuals)
+    return notes
+
+
+class _Residuals:
+    """Root mean square of the residuals for the rate times a factor, relative to those for the rate as stated."""
+
+    def __init__(self, steps: RateSteps, latitude: float, found: RateCalibration) -> None:
+        self._steps, self._latitude, self._degree = steps, latitude, found.triad.degree
+        # a g-sensitivity that was fitted takes up what a wrong rate leaves: nothing can be told then
+        self._tell = found.g_sensitivity is None and found.dof > 0
+
+    def _rms(self, factor: float) -> Array:
+        s = self._steps
+        rates = table_rates(s.inclination, s.toolface, factor * s.rate, self._latitude, s.azimuth)
+        fit = calibrate_rates(s.signals, rates, temperature=s.temperature, degree=self._degree, sd=s.sd)
+        floor = np.finfo(float).eps * np.abs(s.signals).max(axis=0) + np.finfo(float).tiny
+        return np.asarray(np.sqrt(np.mean(fit.residuals**2, axis=0)) + floor)
+
+    def ratio(self, factor: float) -> float:
+        """Smaller than one where the rate times `factor` explains the signals better."""
+        if not self._tell:
+            return 1.0
+        try:
+            return float(np.exp(np.mean(np.log(self._rms(factor) / self._rms(1.0)))))
+        except IdentifiabilityError:
+            return 1.0
+
+
+def _comparable(before: Triad, triad: Triad) -> bool:
+    return before.count == triad.count and (before.unit == triad.unit or UNSTATED in (before.unit, triad.unit))
+
+
+def _scale(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Residuals) -> list[str]:
+    own = np.linalg.norm(triad.tensor[0], axis=1)
+    if triad.unit in PER_RADIAN:
+        ratio, than = own / (PER_RADIAN[triad.unit] * EARTH_RATE), f"that of signals in {triad.unit}"
+    elif before is not None:
+        ratio, than = own / np.linalg.norm(before.tensor[0], axis=1), "that of the calibration"
+    else:
+        return []
+    wrong = np.flatnonzero((ratio > NEAR) | (ratio < 1.0 / NEAR))
+    if not wrong.size:
+        return []
+    together = len(wrong) == len(ratio) and bool(ratio.max() < NEAR**2 * ratio.min())
+    typical = float(np.exp(np.mean(np.log(ratio)))) if together else float(ratio[wrong[0]])
+    causes = _causes(typical, triad.unit, residuals, together)
+    whose = "" if together else f" of {', '.join(steps.names[gyro] for gyro in wrong)}"
+    said = f"the scale factor{whose} comes out {typical:.3g} times {than}"
+    if causes or triad.unit in PER_RADIAN:
+        none = "no single mistake of unit explains it; check the rates, the gyro columns and that the gyros respond"
+        raise FileError(f"{said}: {'; or '.join(causes) or none}", path=steps.path)
+    return [said]
+
+
+def _causes(ratio: float, unit: str, residuals: _Residuals, together: bool) -> list[str]:
+    """Mistakes that make a scale that many times too large; by the Earth's rate, where it tells, of rate or signals."""
+
+    def near(factor: float) -> bool:
+        return factor > 0.0 and 1.0 / NEAR < ratio / factor < NEAR
+
+    rate = [factor for factor in RATE_MISTAKES if together and near(factor)]
+    rate.sort(key=lambda factor: abs(np.log(ratio / factor)))
+    here = [unit] if unit in PER_RADIAN else list(PER_RADIAN)
+    meant = [(true, said) for said in here for true in PER_RADIAN if near(PER_RADIAN[true] / PER_RADIAN[said])]
+    signals = [f"the gyro columns are in {true}, not in {said}: name or convert them so" for true, said in meant]
+    if unit not in PER_RADIAN and signals:
+        signals = ["the gyro columns are in another unit than the calibration's"]
+    better = min((residuals.ratio(factor) for factor in rate), default=1.0)
+    if rate and better < 1.0 / CLEAR:
+        signals = []
+    elif signals and better > CLEAR:
+        rate = []
+    return [*(RATE_MISTAKES[factor] for factor in rate), *signals]
+
+
+def _expected(steps: RateSteps, before: Triad | None) -> Array | None:
+    """Directions the gyros should have (m, 3), None where nothing says: a unit promises the sense, counts do not."""
+    if before is not None and steps.unit not in PER_RADIAN:
+        return np.asarray(before.tensor[0] / np.linalg.norm(before.tensor[0], axis=1)[:, None])
+    return np.eye(3)[: len(steps.axes)] if steps.axes else None
+
+
+def _axes(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Residuals) -> list[str]:
+    expected = _expected(steps, before)
+    if expected is None:
+        return []
+    own = triad.tensor[0] / np.linalg.norm(triad.tensor[0], axis=1)[:, None]
+    agree = np.sum(own * expected, axis=1)
+    if (agree > 0.5).all():
+        return []
+    gyros = "all gyros are reversed: change the sign of their columns"
+    if (agree < -0.5).all():
+        better = residuals.ratio(-1.0)
+        table, sure = RATE_MISTAKES[-1.0], better > CLEAR
+        said = gyros if sure else table if better < 1.0 / CLEAR else f"{table}; or {gyros}"
+    else:
+        sure = True
+        main = [f"{'-' if row[k] < 0 else '+'}{'xyz'[k]}" for row in own for k in [int(np.argmax(np.abs(row)))]]
+        odd = [
+            f"{name} along {axis}" for name, axis, cosine in zip(steps.names, main, agree, strict=True) if cosine <= 0.5
+        ]
+        said = (
+            f"gyros respond as they should not: {', '.join(odd)}; their sign, the order of the columns, "
+            "or inclination_deg and toolface_deg of the mounting are wrong"
+        )
+    if steps.unit in PER_RADIAN or not sure:
+        raise FileError(said, path=steps.path)
+    return [said]
+
+
+def _earth(steps: RateSteps, before: Triad | None, residuals: _Residuals) -> None:
+    """FileError where another rate explains the signals far better than the one stated."""
+    scaled = before is not None or steps.unit in PER_RADIAN
+    other = {factor: residuals.ratio(factor) for factor in ([-1.0] if scaled else RATE_MISTAKES)}
+    best = min(other.values())
+    if best > 1.0 / CLEAR:
+        return
+    said = [RATE_MISTAKES[factor] for factor, ratio in other.items() if ratio < 1.5 * best]
+    if other[-1.0] < 1.5 * best:
+        # a rate and gyros of the other sign, or an Earth that turns the other way, are the same signals
+        hemisphere = "the site's latitude_deg has the other sign"
+        said = [hemisphere] if _expected(steps, before) is not None and len(said) == 1 else [*said, hemisphere]
+    raise FileError(
+        f"the Earth's rate in the signals contradicts the table's; residuals {1.0 / best:.3g} times smaller if "
+        f"{'; or '.join(said)}; {_OPTION}",
+        path=steps.path,
+    )
+
 
 KEPT = "it is still in the fit, whose uncertainties are wrong: take it again"
 

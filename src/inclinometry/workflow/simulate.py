@@ -22,12 +22,11 @@ from inclinometry.io.survey_csv import write_survey_csv
 from inclinometry.io.tool_json import read_extras, read_tool
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.bench import BenchSimulation, simulate_bench
-from inclinometry.simulate.characteristic import MAGNETOMETERS, Characteristic, signal_of
-from inclinometry.simulate.converter import has_step
 from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
 from inclinometry.simulate.log import LogSimulation, simulate_log
 from inclinometry.simulate.rig import Misread, Rig
-from inclinometry.simulate.tool import random_tool, realistic_tool
+from inclinometry.simulate.sensing import MAGNETOMETERS, Characteristic, signal_of
+from inclinometry.simulate.tool import has_step, random_tool, realistic_tool
 from inclinometry.workflow.calibrate import read_nameplate
 
 PLANS = {

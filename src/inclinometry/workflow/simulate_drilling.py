@@ -13,7 +13,7 @@ import numpy as np
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
 from inclinometry.io._write import degrees, number
-from inclinometry.io.run_write import OutField, writing
+from inclinometry.io.run_file import OutField, writing
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, drilling_blocks
 from inclinometry.simulate.drilling.scenario import Hole
 

@@ -14,20 +14,24 @@ from types import TracebackType
 import numpy as np
 
 from inclinometry.core.errors import InputError
-from inclinometry.io.instrument.encoder import encode
-from inclinometry.io.instrument.fields import FieldReader, Refused
-from inclinometry.io.instrument.framing import Lines
-from inclinometry.io.instrument.protocol import Protocol
+from inclinometry.io.instrument.protocol import FieldReader, Lines, Protocol, Refused, encode
 from inclinometry.io.instrument.protocol_toml import read_protocol
 from inclinometry.io.instrument.sample import Sample
 from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.rig import Rig
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.workflow.simulate import read_truth
-from inclinometry.workflow.simulated_instrument_faults import Fate, Faults
 from inclinometry.workflow.simulated_instrument_server import LineServer
-from inclinometry.workflow.simulated_instrument_stand import Angles, SimulatedStand, StandSettings
-from inclinometry.workflow.simulated_instrument_talk import RigCommands, Talker, Timing
+from inclinometry.workflow.simulated_instrument_stand import (
+    Angles,
+    Fate,
+    Faults,
+    RigCommands,
+    SimulatedStand,
+    StandSettings,
+    Talker,
+    Timing,
+)
 
 BITS = 16
 """Of the converter of a tool nobody gave."""

@@ -12,10 +12,10 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.io._lines import Progress
 from inclinometry.io._write import write_columns
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.survey_csv import RawSurvey, read_raw_survey, survey_cells
+from inclinometry.io.table import Progress
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.survey.from_tool import KINDS, stations_from_tool
 from inclinometry.survey.reduce import Survey, reduce_survey

@@ -7,9 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from inclinometry.io.instrument.decoder import Decoder
-from inclinometry.io.instrument.encoder import encode
-from inclinometry.io.instrument.protocol import ChannelMap, Protocol
+from inclinometry.io.instrument.protocol import ChannelMap, Decoder, Protocol, encode
 from inclinometry.io.instrument.protocol_toml import protocol_names, read_protocol
 from inclinometry.io.instrument.sample import EVENTS, Sample
 

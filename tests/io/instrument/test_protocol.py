@@ -4,10 +4,17 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.instrument.checksum import CHECKSUMS, checksum, with_checksum, without_checksum
-from inclinometry.io.instrument.decoder import Decoder
-from inclinometry.io.instrument.encoder import encode
-from inclinometry.io.instrument.protocol import ChannelMap, Protocol, TemperatureMap
+from inclinometry.io.instrument.protocol import (
+    CHECKSUMS,
+    ChannelMap,
+    Decoder,
+    Protocol,
+    TemperatureMap,
+    checksum,
+    encode,
+    with_checksum,
+    without_checksum,
+)
 from inclinometry.io.instrument.protocol_toml import protocol_names, read_protocol
 from inclinometry.io.instrument.sample import Sample
 

@@ -9,8 +9,7 @@ import pytest
 
 from inclinometry.core.errors import InputError
 from inclinometry.io.instrument.protocol import ChannelMap, Protocol
-from inclinometry.io.instrument.reader import InstrumentReader
-from inclinometry.io.instrument.transport import Port, PortError, checked_url
+from inclinometry.io.instrument.reader import InstrumentReader, Port, PortError, checked_url
 
 FAST = (0.01, 0.05)
 CHANNELS = {"accelerometer": ChannelMap(("a", "b"))}

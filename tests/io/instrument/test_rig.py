@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import InputError
+from inclinometry.io.instrument.reader import PortError
 from inclinometry.io.instrument.rig import ManualRig, RigCommands, RigDriver, ScpiRig, rig_driver
-from inclinometry.io.instrument.transport import PortError
 
 
 def answering(table):

@@ -17,13 +17,11 @@ from pathlib import Path
 from inclinometry.io.laboratory_toml import Laboratory
 from inclinometry.store.admin import create
 from inclinometry.workflow.laboratory import demonstration
-from inclinometry.workflow.laboratory.begin_verification import begin_verification
 from inclinometry.workflow.laboratory.certificates import issue
 from inclinometry.workflow.laboratory.session import capture
-from inclinometry.workflow.laboratory.verification import finish_verification
+from inclinometry.workflow.laboratory.verification import begin_verification, finish_verification
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument
-from inclinometry.workflow.simulated_instrument_faults import parse_faults
-from inclinometry.workflow.simulated_instrument_stand import StandSettings
+from inclinometry.workflow.simulated_instrument_stand import StandSettings, parse_faults
 
 PROCESS = Path(__file__).with_name("bench_process.py")
 

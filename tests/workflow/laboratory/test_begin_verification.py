@@ -14,12 +14,18 @@ from inclinometry.core.errors import InputError
 from inclinometry.io.limits import limit_names, read_limits
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError
-from inclinometry.workflow.laboratory.agreed_limits import limits_content, limits_from, limits_of
-from inclinometry.workflow.laboratory.begin_verification import begin_verification, reachable
 from inclinometry.workflow.laboratory.registry import RegisteredRig, put_rig
 from inclinometry.workflow.laboratory.results import finish_calibration
 from inclinometry.workflow.laboratory.session import load_session
-from inclinometry.workflow.laboratory.verification import finish_verification, protocol
+from inclinometry.workflow.laboratory.verification import (
+    begin_verification,
+    finish_verification,
+    limits_content,
+    limits_from,
+    limits_of,
+    protocol,
+    reachable,
+)
 
 
 @pytest.fixture

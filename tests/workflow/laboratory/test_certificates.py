@@ -23,7 +23,6 @@ from inclinometry.sensors.tool import Tool
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError, Record
 from inclinometry.store.verify import verify
-from inclinometry.workflow.laboratory.certificate_check import verify_certificate
 from inclinometry.workflow.laboratory.certificates import (
     certificates,
     documents,
@@ -31,6 +30,7 @@ from inclinometry.workflow.laboratory.certificates import (
     next_number,
     status,
     supersede,
+    verify_certificate,
     void,
 )
 from inclinometry.workflow.laboratory.registry import (

@@ -13,7 +13,6 @@ from inclinometry.calibration.conventions import USUAL, WAYS, Dials
 from inclinometry.core.errors import InputError
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.store.ledger import Ledger, LedgerError
-from inclinometry.workflow.laboratory.begin_verification import begin_verification
 from inclinometry.workflow.laboratory.import_file import import_file
 from inclinometry.workflow.laboratory.registry import (
     RegisteredRig,
@@ -27,7 +26,7 @@ from inclinometry.workflow.laboratory.remedies import at_the_bench
 from inclinometry.workflow.laboratory.results import calibration_of, finish_calibration
 from inclinometry.workflow.laboratory.session import bench_readings, load_session, open_session, setting_of
 from inclinometry.workflow.laboratory.standing import Goal, proposal, standing
-from inclinometry.workflow.laboratory.verification import finish_verification
+from inclinometry.workflow.laboratory.verification import begin_verification, finish_verification
 
 ODD = Dials("horizontal", "counterclockwise", "counterclockwise")
 TOOL = realistic_tool(7)

@@ -16,7 +16,7 @@ from inclinometry.io.instrument.protocol_toml import read_protocol
 from inclinometry.io.instrument.sample import Sample
 from inclinometry.workflow.laboratory.live import CaptureError, LiveFeed
 from inclinometry.workflow.simulated_instrument import SimulatedInstrument
-from inclinometry.workflow.simulated_instrument_faults import parse_faults
+from inclinometry.workflow.simulated_instrument_stand import parse_faults
 
 RATE = 10.0
 NOISE = np.array([1.0, 2.0, 0.5, 30.0, 20.0, 10.0])

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import binascii
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
+from operator import xor
 from typing import Final
 
 import numpy as np
@@ -13,7 +16,72 @@ from inclinometry.attitude.conventions import axes_matrix
 from inclinometry.core.arrays import Array, finite, frozen
 from inclinometry.core.constants import KINDS
 from inclinometry.core.errors import InputError
-from inclinometry.io.instrument.checksum import CHECKSUMS
+from inclinometry.io.instrument.sample import InstrumentEvent, Sample
+from inclinometry.io.wits0 import BEGIN, END, Frame
+from inclinometry.io.wits0 import _take as take_item
+
+# Checksums at the end of a line: an asterisk and hexadecimal digits, as NMEA 0183 writes them.
+
+_SUMS: Final[Mapping[str, tuple[Callable[[bytes], int], int]]] = {
+    "xor": (lambda data: reduce(xor, data, 0), 2),
+    "sum": (lambda data: sum(data) % 256, 2),
+    "crc16": (lambda data: binascii.crc_hqx(data, 0xFFFF), 4),
+}
+CHECKSUMS: Final = ("none", *_SUMS)
+"""none; exclusive or; sum modulo 256; CRC-16 with polynomial 0x1021 that starts at 0xFFFF (CCITT-FALSE)."""
+
+
+def checksum(kind: str, line: bytes) -> str:
+    """The checksum of a line, without the asterisk; a leading $ is not counted, as in NMEA 0183.
+
+    Parameters
+    ----------
+    kind : {"none", "xor", "sum", "crc16"}
+    line : bytes
+
+    Raises
+    ------
+    InputError
+        An unknown kind.
+
+    Examples
+    --------
+    >>> checksum("xor", b"$GPGLL,5057.970,N,00146.110,E,142451,A"), checksum("crc16", b"123456789")
+    ('27', '29B1')
+    """
+    if kind not in CHECKSUMS:
+        raise InputError(f"checksum is {kind!r}; allowed: {', '.join(CHECKSUMS)}")
+    if kind == "none":
+        return ""
+    work, digits = _SUMS[kind]
+    return f"{work(line.removeprefix(b'$')):0{digits}X}"
+
+
+def with_checksum(kind: str, line: str) -> str:
+    """The line with its asterisk and checksum; as it is for "none".
+
+    Examples
+    --------
+    >>> with_checksum("xor", "1,2"), with_checksum("none", "1,2")
+    ('1,2*2F', '1,2')
+    """
+    return line if kind == "none" else f"{line}*{checksum(kind, line.encode('ascii'))}"
+
+
+def without_checksum(kind: str, line: str) -> str | None:
+    """The line before its asterisk when the checksum is right; None when it is wrong or missing.
+
+    Examples
+    --------
+    >>> without_checksum("xor", "1,2*2F"), without_checksum("xor", "1,3*2F")
+    ('1,2', None)
+    """
+    if kind == "none":
+        return line
+    body, star, given = line.rpartition("*")
+    right = checksum(kind, body.encode("ascii", "replace"))
+    return body if star and given.strip().upper() == right else None
+
 
 FRAMINGS: Final = ("line", "wits0")
 LARGEST: Final = 1e15
@@ -244,3 +312,386 @@ class Protocol:
     def units(self) -> dict[str, str]:
         """Kind -> unit of its signals."""
         return {kind: channel.unit for kind, channel in self.channels.items()}
+
+
+# Bytes to lines, within bounds whatever comes.
+
+
+class Lines:
+    r"""Collects bytes and gives out whole lines.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        Its terminator, and the longest line.
+
+    Examples
+    --------
+    >>> from inclinometry.io.instrument.protocol_toml import read_protocol
+    >>> lines = Lines(read_protocol("csv-line"))
+    >>> list(lines.feed(b"1,2\r\n3,")), list(lines.feed(b"4\n")), lines.rest
+    ([b'1,2'], [b'3,4'], b'')
+    """
+
+    def __init__(self, protocol: Protocol) -> None:
+        # after \r\n a bare \n ends a line too: converters between the two are common
+        self._end = b"\n" if protocol.terminator.endswith(b"\n") else protocol.terminator
+        self._longest = protocol.longest
+        self._buffer = b""
+        self._skipping = False
+        self.overrun = 0
+        """How often bytes were thrown away because no line ended; the caller sets it back."""
+
+    @property
+    def rest(self) -> bytes:
+        """The beginning of a line whose end has not come."""
+        return self._buffer
+
+    def clear(self) -> None:
+        """Forget what has come; a new connection begins."""
+        self._buffer, self._skipping = b"", False
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Whole lines, without their ends and the white space around them; empty lines are passed over."""
+        pieces = (self._buffer + data).split(self._end)
+        self._buffer = pieces.pop()
+        for piece in pieces:
+            if self._skipping:
+                self._skipping = False
+            elif len(piece) > self._longest:
+                self.overrun += 1
+            elif line := piece.strip():
+                yield line
+        if len(self._buffer) > self._longest:
+            self.overrun += 0 if self._skipping else 1
+            self._buffer, self._skipping = self._buffer[-len(self._end) :], True
+
+
+# From a line, or a frame of WITS level 0, to the values of its fields as text.
+
+Fields = Mapping[str, str]
+
+
+class Refused(Exception):  # noqa: N818 - not an error of anybody's: lines like this are expected
+    """A line that cannot be used: kind of event, and why."""
+
+    def __init__(self, kind: str, why: str) -> None:
+        super().__init__(why)
+        self.kind, self.why = kind, why
+
+
+class FieldReader:
+    """Fields of one line after the other; remembers an open frame."""
+
+    def __init__(self, protocol: Protocol) -> None:
+        self._protocol = protocol
+        self._frame: Frame | None = None
+
+    def clear(self) -> None:
+        """A new connection begins."""
+        self._frame = None
+
+    def take(self, line: bytes) -> Fields | None:
+        """The fields of a line that completes a sample, None for one that does not.
+
+        Raises
+        ------
+        Refused
+            With the kind of event and the reason.
+        """
+        try:
+            text = line.decode("ascii")
+        except UnicodeDecodeError:
+            raise Refused("garbage", f"{shown(line)} is not ASCII") from None
+        if self._protocol.framing == "wits0":
+            return self._item(text)
+        body = without_checksum(self._protocol.checksum, text)
+        if body is None:
+            raise Refused("checksum", f"{shown(line)} has a wrong checksum ({self._protocol.checksum})")
+        if self._protocol.expression is not None:
+            match = self._protocol.expression.fullmatch(body.strip())
+            if match is None:
+                raise Refused("garbage", f"{shown(line)} does not fit the pattern")
+            return {name: value or "" for name, value in match.groupdict().items()}
+        cells = body.split(None if self._protocol.delimiter == " " else self._protocol.delimiter)
+        columns = self._protocol.columns
+        if len(cells) != len(columns):
+            raise Refused("garbage", f"{shown(line)} has {len(cells)} cells; {len(columns)} are expected")
+        return dict(zip(columns, cells, strict=True))
+
+    def _item(self, text: str) -> Fields | None:
+        frame = self._frame
+        if text == BEGIN:
+            self._frame = Frame(0, {}, {})
+            if frame is not None:
+                raise Refused("partial", "a frame does not end (!! is missing)")
+            return None
+        if frame is None:
+            if text == END:
+                raise Refused("partial", "the end of a frame (!!) without its beginning (&&)")
+            raise Refused("garbage", f"{shown(text.encode())} stands outside a frame")
+        if text != END:
+            wrong = take_item(frame, 0, text)
+            if wrong is not None:
+                self._frame = None
+                raise Refused("garbage", wrong.why)
+            return None
+        self._frame = None
+        mine = [name for name in self._protocol.used if name in frame.items]
+        if not mine:
+            return None  # a frame of another record
+        missing = next((name for name in self._protocol.used if name not in frame.items), None)
+        if missing is not None:
+            raise Refused("partial", f"a frame has no item {missing}")
+        return frame.items
+
+
+def shown(line: bytes) -> str:
+    r"""The beginning of a line as it can be printed.
+
+    Examples
+    --------
+    >>> shown(b"\xff12")
+    "'\\xff12'"
+    """
+    text = line[:40].decode("ascii", "backslashreplace").replace("'", "")
+    return (
+        "'"
+        + "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+        + ("..." if len(line) > 40 else "")
+        + "'"
+    )
+
+
+# The line an instrument would send for a sample: the reverse of reading one, for simulated instruments.
+
+
+def encode(protocol: Protocol, sample: Sample) -> bytes:
+    r"""A line, or a frame of WITS level 0, with its end.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    sample : Sample
+        With the channels of the protocol.
+
+    Raises
+    ------
+    InputError
+        A channel the protocol has is not in the sample; a pattern without a template.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from inclinometry.io.instrument.protocol_toml import read_protocol
+    >>> channels = {"accelerometer": np.array([1.0, 2.0, 3.0]), "magnetometer": np.array([4.0, 5.0, 6.0])}
+    >>> encode(read_protocol("csv-line"), Sample(0.0, channels, 20.5, 7))
+    b'7,20.5,1,2,3,4,5,6\r\n'
+    """
+    values = _values(protocol, sample)
+    end = protocol.terminator
+    if protocol.framing == "wits0":
+        items = [f"{item}{value}" for item, value in sorted(values.items())]
+        return b"".join(text.encode("ascii") + end for text in (BEGIN, *items, END))
+    if protocol.columns:
+        line = protocol.delimiter.join(values.get(name, "0") for name in protocol.columns)
+    else:
+        if not protocol.template:
+            raise InputError(f"protocol {protocol.name!r} has a pattern and no template; add one to simulate it")
+        line = re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], "0"), protocol.template)
+    return with_checksum(protocol.checksum, line).encode("ascii") + end
+
+
+def _values(protocol: Protocol, sample: Sample) -> Mapping[str, str]:
+    values: dict[str, str] = {}
+    for kind, channel in protocol.channels.items():
+        signals = sample.channels.get(kind)
+        if signals is None or len(signals) != len(channel.fields):
+            have = "none" if signals is None else f"{len(signals)}"
+            raise InputError(
+                f"{kind}: the sample has {have} channels, protocol {protocol.name!r} {len(channel.fields)}"
+            )
+        numbers = channel.numbers(signals)
+        values.update((name, f"{x:.10g}") for name, x in zip(channel.fields, numbers.tolist(), strict=True))
+    if protocol.temperature is not None:
+        about, degrees = protocol.temperature, 20.0 if sample.temperature is None else sample.temperature
+        values[about.field] = f"{(degrees - about.offset) / about.scale:.6g}"
+    if protocol.sequence:
+        number = sample.sequence or 0
+        values[protocol.sequence] = str(number % protocol.modulus if protocol.modulus else number)
+    if protocol.time:
+        values[protocol.time] = f"{sample.instrument_time or 0.0:.3f}"
+    return values
+
+
+# Bytes to samples and events; knows no port and no thread.
+
+_NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?\s*", re.ASCII)
+_WHOLE: Final = re.compile(r"\s*\d{1,18}(\.0*)?\s*", re.ASCII)
+NOTHING: Final = (-9999.0, -8888.0)
+"""What WITS level 0 writes for no value."""
+
+
+class Decoder:
+    """Turns what comes through a port into samples, each delivered once, and says what was wrong with the rest.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    on_sample, on_event : callables
+        Called in the order in which things came.
+    clock : callable
+        s; where it goes back, times go on from where they were.
+
+    Notes
+    -----
+    The first line after connecting to an instrument that sends by itself is left out unless it has a checksum: it may
+    have lost its beginning, and "23.5" for "123.5" looks like any number. A sample with the number of the one before
+    is one sample. Neither is counted as lost.
+    """
+
+    def __init__(
+        self,
+        protocol: Protocol,
+        on_sample: Callable[[Sample], None],
+        on_event: Callable[[InstrumentEvent], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self._protocol, self._on_sample, self._on_event, self._clock = protocol, on_sample, on_event, clock
+        self._lines, self._fields = Lines(protocol), FieldReader(protocol)
+        self._doubt_first = not protocol.query and protocol.checksum == "none" and protocol.framing == "line"
+        self._first = self._doubt_first
+        self._time = float("-inf")
+        self._ahead = 0.0  # what is added to a clock that went back
+        self._sequence: int | None = None
+        self._instrument_time: float | None = None
+        self._same: tuple[str, ...] = ()
+        self._times_same = 0
+
+    def connected(self) -> None:
+        """A new connection begins: what is left of the last one is thrown away."""
+        if self._lines.rest:
+            self.event("partial", f"the connection ended within a line: {shown(self._lines.rest)}")
+        self._lines.clear()
+        self._fields.clear()
+        self._first = self._doubt_first
+
+    def feed(self, data: bytes) -> int:
+        """Take bytes as they come; the number of samples they completed."""
+        samples = 0
+        for line in self._lines.feed(data):
+            if self._first:
+                self._first = False
+                self.event("partial", f"the first line after connecting is left out, it may be a part: {shown(line)}")
+                continue
+            try:
+                fields = self._fields.take(line)
+                samples += fields is not None and self._sample(fields, line)
+            except Refused as refused:
+                self.event(refused.kind, refused.why)
+        if self._lines.overrun:
+            self._lines.overrun = 0
+            self._first = False
+            self.event("too-long", f"more than {self._protocol.longest} bytes without the end of a line; thrown away")
+        return samples
+
+    def event(self, kind: str, sentence: str) -> None:
+        """Report an event now."""
+        self._on_event(InstrumentEvent(self._now(), kind, sentence))
+
+    def _now(self) -> float:
+        self._time = max(self._time, self._clock() + self._ahead)
+        return self._time
+
+    def _sample(self, fields: Fields, line: bytes) -> bool:
+        protocol, faults = self._protocol, []
+        channels: dict[str, Array] = {}
+        for kind, channel in protocol.channels.items():
+            signals = channel.signals([_number(fields, name, line) for name in channel.fields])
+            channels[kind] = signals
+            if not channel.low <= signals.min() <= signals.max() <= channel.high:
+                faults.append("range")
+                bounds = f"{channel.low:g} to {channel.high:g} {channel.unit}"
+                self.event("range", f"{kind} reads {', '.join(f'{v:g}' for v in signals)}; allowed {bounds}")
+        temperature = self._temperature(fields, line, faults)
+        when = _number(fields, protocol.time, line) if protocol.time else None
+        number = _whole(fields, protocol.sequence, line) if protocol.sequence else None
+        now = self._read_clock()
+        if number is not None and not self._counted(number):
+            return False
+        self._check_instrument_clock(when)
+        if self._is_stuck(fields):
+            faults.append("stuck")
+        self._on_sample(Sample(now, channels, temperature, number, when, tuple(dict.fromkeys(faults))))
+        return True
+
+    def _read_clock(self) -> float:
+        now = self._clock() + self._ahead
+        if now < self._time:
+            back = self._time - now
+            self._ahead += back
+            self.event("clock", f"our clock went back by {back:.3g} s; times go on from where they were")
+        return self._now()
+
+    def _temperature(self, fields: Fields, line: bytes, faults: list[str]) -> float | None:
+        about = self._protocol.temperature
+        if about is None:
+            return None
+        degrees = about.scale * _number(fields, about.field, line) + about.offset
+        if not about.low <= degrees <= about.high:
+            faults.append("range")
+            self.event("range", f"temperature is {degrees:g} degC; allowed {about.low:g} to {about.high:g} degC")
+        return degrees
+
+    def _counted(self, number: int) -> bool:
+        """Whether a sample with this number is new; gaps and restarts are reported."""
+        last, self._sequence = self._sequence, number
+        if last is None:
+            return True
+        step = number - last
+        if self._protocol.modulus:
+            step %= self._protocol.modulus
+            if step > self._protocol.modulus // 2:
+                step -= self._protocol.modulus
+        if step == 0:
+            self.event("repeated", f"sample {number} came twice; the second one is left out")
+            return False
+        if step > 1:
+            self.event("gap", f"{step - 1} samples are missing before number {number}")
+        if step < 0:
+            self._instrument_time = None
+            self.event("restart", f"the instrument counts from {number} again, after {last}")
+        return True
+
+    def _check_instrument_clock(self, when: float | None) -> None:
+        before, self._instrument_time = self._instrument_time, when
+        if when is not None and before is not None and when < before:
+            self.event("clock", f"the instrument's clock went back from {before:g} s to {when:g} s")
+
+    def _is_stuck(self, fields: Fields) -> bool:
+        limit = self._protocol.stuck_after
+        if not limit:
+            return False
+        same = tuple(fields[name] for channel in self._protocol.channels.values() for name in channel.fields)
+        self._times_same = self._times_same + 1 if same == self._same else 1
+        self._same = same
+        if self._times_same == limit:
+            self.event("stuck", f"the same values came {limit} times in a row; is the converter alive?")
+        return self._times_same >= limit
+
+
+def _number(fields: Fields, name: str, line: bytes) -> float:
+    text = fields[name]
+    if not _NUMBER.fullmatch(text):
+        raise Refused("garbage", f"{name} is {text[:20]!r}, not a number, in {shown(line)}")
+    value = float(text)
+    if not -LARGEST <= value <= LARGEST or (value in NOTHING and name.isdigit()):
+        raise Refused("garbage", f"{name} is {text[:20]!r}, which stands for no value, in {shown(line)}")
+    return value
+
+
+def _whole(fields: Fields, name: str, line: bytes) -> int:
+    text = fields[name]
+    if not _WHOLE.fullmatch(text):
+        raise Refused("garbage", f"{name} is {text[:20]!r}, not the number of a sample, in {shown(line)}")
+    return int(float(text)) if "." in text else int(text)

@@ -13,7 +13,7 @@ import numpy as np
 
 from inclinometry.core.arrays import finite
 from inclinometry.core.errors import InputError
-from inclinometry.io.instrument.transport import PortError
+from inclinometry.io.instrument.reader import PortError
 
 Angles = tuple[float, float, float]
 """Azimuth, inclination, toolface, rad."""

@@ -2,13 +2,238 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.attitude.rotations import dcm_from_quaternion
+from inclinometry.core.arrays import Array
+from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.motion._window_buffer import WindowBuffer
-from inclinometry.motion.inertial.engine import Engine
-from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.settings import InertialSettings
-from inclinometry.motion.result import Attitude, joined, refusals
+from inclinometry.motion.inertial.start import azimuth_variance, bent, blank, given, linearised, sought
+from inclinometry.motion.inertial.state import Model, State
+from inclinometry.motion.inertial.window import MISFIT, MOST_REFUSED, Seen, is_still, reduce_window
+from inclinometry.motion.result import BITS, METHODS, Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
+from inclinometry.motion.window_filter import LARGEST_BREAK, WindowBuffer
+
+# A state of the filter as a row of the common result: flags and quality.
+
+SETTLED: Final = 2
+"""Windows after a start of which the rows are flagged."""
+UPRIGHT: Final = float(np.radians(1.0))
+"""Inclination, rad, below which azimuth and toolface are said to be hardly defined."""
+LOST: Final = 0.26
+"""Standard uncertainty of azimuth, rad, from which nothing is said to determine it: no longer small."""
+TURNING: Final = 0.1
+"""rad/s, rate about the tool axis above which a tool counts as turning."""
+FASTEST: Final = 1.5
+"""Turn between two samples, rad, from which the integration is no longer trusted."""
+
+
+def row(
+    time: float, state: State, covariance: Array, seen: Seen, age: int, window: Samples, model: Model, method: str
+) -> Attitude:
+    """One row; `age` counts windows since the start."""
+    quaternion, dip = state.quaternion, float(state.nominal[16])
+    covariance = with_gain(quaternion, covariance, dip, model.gain(np.asarray(window.gyro)), model.magnetic)
+    covariance = covariance + common(
+        quaternion, dip, float(np.sqrt(np.mean(np.asarray(window.gyro)[:, 2] ** 2))), model
+    )
+    names = _names(quaternion, covariance, seen, age, window, model)
+    return Attitude(
+        time=np.array([time]),
+        quaternion=quaternion[None] * (1.0 if quaternion[0] >= 0.0 else -1.0),
+        covariance=covariance[None],
+        rate=np.array([seen.rate]),
+        quality=np.array([_quality(covariance, seen, model.settings)]),
+        flags=np.array([sum(BITS[name] for name in names)], dtype=np.uint32),
+        method=np.array([METHODS.index(method)], dtype=np.uint8),
+        north="magnetic" if model.magnetic else "true",
+    )
+
+
+def with_gain(quaternion: Array, covariance: Array, dip: float, gain: float, magnetic: bool) -> Array:
+    """The covariance (3, 3) of an attitude, what an uncertain gain across the tool does to it added.
+
+    A tilt in the vertical plane of the axis; azimuth from the field follows its tilt about north by tan(dip).
+    """
+    matrix = dcm_from_quaternion(quaternion)
+    axis = matrix[2]
+    level = np.hypot(axis[0], axis[1])
+    if level == 0.0:
+        return covariance
+    turn = np.array([-axis[1], axis[0], 0.0]) / level
+    if magnetic:
+        turn[2] = turn[0] * np.tan(dip)
+    tilt = matrix @ turn * (gain * level * axis[2])
+    return np.asarray(covariance + np.outer(tilt, tilt))
+
+
+def common(quaternion: Array, dip: float, speed: float, model: Model) -> Array:
+    """Covariance (3, 3) of what is the same in every window of a turning tool: axes askew, clocks out of step.
+
+    A field late by t is turned about the tool axis by `speed` t against gravity: azimuth follows, by what of that turn
+    goes east over the horizontal field; a gyro late by t carries the toolface on as far.
+    """
+    settings, matrix = model.settings, dcm_from_quaternion(quaternion)
+    turning = speed / np.hypot(speed, TURNING)
+    found = np.diag([1.0, 1.0, 0.0]) * (settings.coupling_sigma * turning) ** 2
+    late = speed * settings.delay_sigma_s
+    found[2, 2] += late**2
+    if model.magnetic:
+        north, east, down = matrix.T
+        field = np.cos(dip) * north + np.sin(dip) * down
+        across = np.cross([0.0, 0.0, 1.0], field) @ east / max(np.cos(dip), 1e-6)
+        found += np.outer(down, down) * (late * across) ** 2
+    return np.asarray(found)
+
+
+def _names(quaternion: Array, covariance: Array, seen: Seen, age: int, window: Samples, model: Model) -> list[str]:
+    down = dcm_from_quaternion(quaternion)[:, 2]
+    fastest = np.abs(np.asarray(window.gyro)).max() * window.interval
+    conditions = {
+        "clipped": seen.clipped,
+        "start": age < SETTLED,
+        "disturbed": seen.disturbed,
+        "misfit": not seen.clipped and seen.gravity < 0.0,
+        "drift": (seen.disturbed or not model.magnetic) and not seen.still,
+        "vertical": float(np.hypot(down[0], down[1])) < np.sin(UPRIGHT),
+        "unobservable": float(down @ covariance @ down) > LOST**2,
+        "aliased": fastest > FASTEST,
+    }
+    return [name for name, holds in conditions.items() if holds]
+
+
+def _quality(covariance: Array, seen: Seen, settings: InertialSettings) -> float:
+    """Least of what uncertainty, field and gravity leave of their limits."""
+    spread = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    shares = [spread / settings.u_limit, 1.0 if seen.gravity < 0.0 else seen.gravity / settings.gate]
+    if np.isfinite(seen.misfit):
+        shares.append(max(seen.misfit / MISFIT - 1.0, seen.refused / MOST_REFUSED))
+    return float(np.clip(1.0 - max(shares), 0.0, 1.0))
+
+
+# Windows one after the other: start, gaps, standstills; shared by the streams, the smoother and the survey.
+
+ROUGH: Final = 1.0
+"""m/s^2, scatter of a window's mean gravity beyond which shaking is no longer a small error: nothing is said."""
+BELIEVED: Final = 3
+"""Windows in a row whose gravity contradicts the filter, from which the filter is not believed."""
+
+
+class Node(NamedTuple):
+    """A window as the backward pass needs it.
+
+    before, after : states; before is what the forward pass began with, None where there was nothing to begin with; its
+        attitude is not that of the window before where it was linearised again.
+    anew : its attitude does not continue that of the window before. age : windows since the
+    start. time : s, of after. model : what the window was reduced with.
+    """
+
+    before: State | None
+    after: State | None
+    seen: Seen | None
+    anew: bool
+    age: int
+    time: float
+    model: Model
+
+
+class Engine:
+    """Carries the state from window to window."""
+
+    def __init__(self, model: Model, start: Attitude | None) -> None:
+        self.model, self._start = model, start
+        self._state: State | None = None
+        self._lost = True  # nothing tells the attitude: at the beginning and after a gap
+        self._seeking = False  # a standstill in which azimuth is being found
+        self._age = 0
+        self._misfits = 0  # windows in a row whose gravity contradicts the filter
+        self._first, self._count = np.nan, 0
+
+    def advance(self, window: Samples) -> Node:
+        """The window, reduced."""
+        needed = ("accel", "gyro", "mag") if self.model.magnetic else ("accel", "gyro")
+        missing = [name for name in needed if not window.has(name)]
+        if missing:
+            raise InputError(f"the samples have no {' and no '.join(missing)}; this filter needs {', '.join(needed)}")
+        self._place(window)
+        self._count += len(window)
+        time = self._first + window.interval * (self._count - 1)
+        state, anew, model = self._before(window)
+        if state is None:
+            return Node(None, None, None, True, 0, time, model)
+        if not anew and bent(state, window):
+            state, after, seen = _finer(state, window, model)
+        else:
+            after, seen = reduce_window(state, window, model)
+        if self._lost and not self._stated and (seen.disturbed or seen.gravity < 0.0):
+            return Node(None, None, None, True, 0, time, model)  # no beginning to build on; the next window may be one
+        self._age = 0 if self._lost else self._age + 1
+        self._misfits = self._misfits + 1 if seen.gravity < 0.0 else 0
+        self._state, self._lost = after, False
+        rough = seen.shaking > ROUGH
+        if rough or self._misfits >= BELIEVED or (self._misfits and self._age < SETTLED):
+            # a filter that gravity contradicts again and again is wrong, however sure it is: begin anew
+            self._state, self._lost = None, True
+            return Node(None, None, seen, True, 0, time, model)
+        return Node(state, after, seen, anew, self._age, time, model)
+
+    def row(self, node: Node, window: Samples, method: str) -> Attitude:
+        """The forward pass's row."""
+        if node.after is None or node.seen is None:
+            north = "magnetic" if self.model.magnetic else "true"
+            why = "clipped" if window.clipped is not None and window.clipped.any() else "misfit"
+            why = "vibration" if node.seen is not None and node.seen.shaking > ROUGH else why
+            return refusals([node.time], (why, "start"), method, north)
+        covariance = node.after.covariance[:3, :3]
+        return row(node.time, node.after, covariance, node.seen, node.age, window, self.model, method)
+
+    @property
+    def _stated(self) -> bool:
+        """Whether the start that was given is still to be used."""
+        return self._state is None and self._start is not None
+
+    def _place(self, window: Samples) -> None:
+        """Count on, or begin the grid again at the first stamp of a window that does not continue it."""
+        expected = self._first + window.interval * self._count
+        slack = LARGEST_BREAK * window.interval + 4.0 * np.spacing(abs(window.time[0]))
+        if not abs(window.time[0] - expected) <= slack:
+            self._first, self._count, self._lost, self._seeking = float(window.time[0]), 0, True, False
+
+    def _before(self, window: Samples) -> tuple[State | None, bool, Model]:
+        """State before the window (None: nothing to start from), whether its attitude is a new one, and the model."""
+        model, anew, sought_before = self.model, self._lost, self._seeking
+        state = blank(window, model) if self._state is None else self._state
+        clipped = window.clipped is not None and bool(window.clipped.any())
+        if self._stated and self._start is not None:
+            state = given(state, window, self._start, model)
+            anew = False
+        elif self._lost and clipped:
+            return None, True, model
+        self._seeking = False
+        if not model.magnetic and (anew or azimuth_variance(state) > LOST**2):
+            self._seeking = is_still(state, window, model, np.zeros(len(window), np.bool_)) and not clipped
+            model = replace(model, blind=not self._seeking)
+            anew = anew or (self._seeking and not sought_before)  # later windows of the standstill add to the first
+        if anew:
+            state = sought(state, window, model)
+        if anew or self._stated:
+            return linearised(state, window, model, model.magnetic), True, model
+        return state, False, model
+
+
+def _finer(state: State, window: Samples, model: Model) -> tuple[State, State, Seen]:
+    """The state linearised again by the window, without a field that is disturbed, and `reduce_window` of it."""
+    finer = linearised(state, window, model, model.magnetic)
+    after, seen = reduce_window(finer, window, model)
+    if seen.disturbed:
+        finer = linearised(state, window, model, False)
+        after, seen = reduce_window(finer, window, model)
+    return finer, after, seen
 
 
 class _Stream:

@@ -11,16 +11,13 @@ from inclinometry.attitude.rotations import dcm_from_quaternion, rotation_log
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.motion._window_buffer import WindowBuffer
-from inclinometry.motion.inertial.engine import Engine, Node
-from inclinometry.motion.inertial.model import Model
-from inclinometry.motion.inertial.rows import SETTLED, row
+from inclinometry.motion.inertial.filter import SETTLED, Engine, Node, row
 from inclinometry.motion.inertial.settings import InertialSettings
-from inclinometry.motion.inertial.state import STATES, State, carried, corrected
-from inclinometry.motion.inertial.tape import NO_GATE, Ends, Tape, blank_tape
+from inclinometry.motion.inertial.state import NO_GATE, STATES, Ends, Model, State, Tape, blank_tape, carried, corrected
 from inclinometry.motion.inertial.window import reduce_window
 from inclinometry.motion.result import BITS, Attitude, joined, refusals
 from inclinometry.motion.samples import Samples
+from inclinometry.motion.window_filter import WindowBuffer
 
 CLOSURE: Final = 4.0
 """Misclosure at the end station, in standard deviations (root mean square of three), that is flagged."""

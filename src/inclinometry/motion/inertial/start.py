@@ -17,10 +17,8 @@ from inclinometry.attitude.rotations import (
 from inclinometry.attitude.wahba import solve_triad
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import IdentifiabilityError, InputError
-from inclinometry.motion.inertial.model import Model
 from inclinometry.motion.inertial.settings import DIP_SIGMA
-from inclinometry.motion.inertial.state import NOMINAL, STATES, Shaking, State, corrected
-from inclinometry.motion.inertial.tape import blank_tape
+from inclinometry.motion.inertial.state import NOMINAL, STATES, Model, Shaking, State, blank_tape, corrected
 from inclinometry.motion.inertial.window import filter_window, hann_mean
 from inclinometry.motion.result import Attitude
 from inclinometry.motion.samples import Samples

@@ -3,12 +3,119 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from inclinometry.attitude.rotations import quaternion_exp, quaternion_multiply, rotation_exp
 from inclinometry.core.arrays import Array
+from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.earth.rate import earth_rate, horizontal_rate
+from inclinometry.earth.site import Site
+from inclinometry.motion.inertial.settings import InertialSettings
+
+# Settings and site together: gravity and Earth rate in the axes the filter works in.
+
+TEN_TURNS: Final = 20.0 * np.pi
+"""rad/s, the rotation rate that the settings' ripple is stated for."""
+
+
+UNSTATED: Final = 0.2
+"""rad, a declination that no site states."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What a window is reduced with.
+
+    magnetic : whether the field is used.
+    blind : azimuth is not known, so that the horizontal Earth rate points anywhere: a filter that is linear in the
+        azimuth's error would draw wrong conclusions from it. It is then left out and counted as noise.
+    """
+
+    settings: InertialSettings
+    site: Site
+    magnetic: bool
+    blind: bool = False
+
+    @property
+    def gravity(self) -> float:
+        """m/s^2."""
+        return STANDARD_GRAVITY if self.site.gravity is None else self.site.gravity
+
+    @property
+    def spin(self) -> Array:
+        """Earth rate (3,) in north, east, down of the north that is used; nought without a latitude."""
+        if self.site.latitude is None:
+            return np.zeros(3)
+        w = earth_rate(self.site.latitude)
+        if self.blind:
+            return np.array([0.0, 0.0, w[2]])
+        # east of true north, magnetic north sees the Earth's axis turned west
+        turn = (self.site.declination or 0.0) if self.magnetic else 0.0
+        return np.array([w[0] * np.cos(turn), -w[0] * np.sin(turn), w[2]])
+
+    @property
+    def gyro_noise(self) -> float:
+        """Angle random walk, rad/sqrt(s): the gyro's, and that which turns as far in a window as a rate not known."""
+        if self.site.latitude is None:
+            unknown = EARTH_RATE
+        else:
+            level = float(horizontal_rate(self.site.latitude))
+            askew = UNSTATED if self.magnetic and self.site.declination is None else 0.0
+            unknown = level * (1.0 if self.blind else askew)
+        return float(np.hypot(self.settings.gyro_noise, unknown * np.sqrt(self.settings.window)))
+
+    def gain(self, rate: Array) -> float:
+        """Standard uncertainty of the accelerometers' gain across the tool, at rates (n, 3) of a window, rad/s."""
+        fast = float(np.mean(rate[:, 2] ** 2)) / TEN_TURNS**2
+        return float(np.hypot(self.settings.gain_sigma, self.settings.ripple_sigma * fast))
+
+
+# Measurements at the end of a window, and the tape on which a window is noted for the backward pass.
+
+ENDS: Final = 6
+"""Rows of the tape for the measurements at the end of a window: gravity, standstill."""
+NO_GATE: Final = 1e30
+
+
+class Tape(NamedTuple):
+    """What the backward pass needs of a window; no rows when it is not wanted.
+
+    steps : (n, 13); updates : (n + ENDS, 34); error : (16,) taken out at the end.
+    """
+
+    steps: Array
+    updates: Array
+    error: Array
+
+
+def blank_tape(size: int) -> Tape:
+    """A tape for a window of `size` samples."""
+    return Tape(np.zeros((size, 13)), np.zeros((size + ENDS, 34)), np.zeros(16))
+
+
+NO_TAPE: Final = Tape(np.zeros((0, 13)), np.zeros((0, 34)), np.zeros(16))
+
+
+class Ends:
+    """Measurements at the end of a window, put on the tape after its samples."""
+
+    def __init__(self, p: Array, x: Array, tape: Tape, size: int) -> None:
+        self._p, self._x, self._tape, self._next = p, x, tape, size
+        self._taped = len(tape.updates) > 0
+
+    def measure(self, h: Array, z: float, variance: float, gate: float) -> float:
+        from inclinometry.motion.inertial._recursions import UPDATE, measure
+
+        row = self._tape.updates[self._next] if self._taped else np.empty(UPDATE)
+        self._next += 1
+        return float(measure(h, z, variance, gate, self._p, self._x, row))
+
+    def surprise(self, h: Array, z: float, variance: float) -> float:
+        """Normalised innovation, before anything is done."""
+        return float((z - h @ self._x) / np.sqrt(h @ self._p @ h + variance))
+
 
 NOMINAL = 20
 """Quaternion 0-3, gyro bias 4-6, gyro scale 7-9, accelerometer bias 10-12, hard iron 13-15, dip 16."""

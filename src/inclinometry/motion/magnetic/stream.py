@@ -7,11 +7,9 @@ import numpy as np
 from inclinometry.attitude.orientation import dip_jacobian
 from inclinometry.core.errors import InputError
 from inclinometry.motion.magnetic.blocks import Held
-from inclinometry.motion.magnetic.constants import ToolConstants, beforehand
-from inclinometry.motion.magnetic.judge import Verdict, judge, stuck
-from inclinometry.motion.magnetic.offset import clock_notes
+from inclinometry.motion.magnetic.demodulate import ToolConstants, beforehand
 from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.window import fit_window
+from inclinometry.motion.magnetic.window import Verdict, clock_notes, fit_window, judge, stuck
 from inclinometry.motion.reference import SiteDoubt
 from inclinometry.motion.result import BITS, METHODS, Attitude, joined
 from inclinometry.motion.samples import Samples

@@ -3,23 +3,268 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles
-from inclinometry.attitude.rotations import cross_matrix, dcm, rotation_z
+from inclinometry.attitude.orientation import angles, dip_angle
+from inclinometry.attitude.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_z
 from inclinometry.core.arrays import Array, Mask
-from inclinometry.motion.magnetic.band import BandFit, Basis, Complex, basis, fit
-from inclinometry.motion.magnetic.circle import SECTORS, Circle, arc, fit_circle, sectors
-from inclinometry.motion.magnetic.constants import ToolConstants
-from inclinometry.motion.magnetic.demodulate import Demodulated, demodulate
-from inclinometry.motion.magnetic.offset import Clocks, clocks, delay_evidence, gyro_evidence, summed
-from inclinometry.motion.magnetic.phase import filtered
-from inclinometry.motion.magnetic.regressors import prior, regressors
+from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.core.errors import InputError
+from inclinometry.earth.site import Site
+from inclinometry.motion.magnetic.blocks import Held
+from inclinometry.motion.magnetic.demodulate import (
+    DELAY_SIGMA,
+    MOST_TURN,
+    Demodulated,
+    ToolConstants,
+    beforehand,
+    demodulate,
+    prior,
+    regressors,
+)
+from inclinometry.motion.magnetic.phase import (
+    SECTORS,
+    BandFit,
+    Basis,
+    Circle,
+    Complex,
+    arc,
+    basis,
+    filtered,
+    fit,
+    fit_circle,
+    raised,
+    sectors,
+)
 from inclinometry.motion.magnetic.settings import MagneticSettings
+from inclinometry.motion.reference import departure, doubted
 from inclinometry.motion.samples import Samples
 from inclinometry.uncertainty.propagation import propagate
+
+# By how much the clocks of magnetometer, accelerometer and gyro differ: phase that grows with the speed of rotation.
+#
+# Pairwise: the magnetometer against the accelerometer by the phases of field and gravity, the gyro against the
+# magnetometer by the angle it carries. A late gyro says nothing of the other two.
+
+FLOOR_S: Final = 2e-5
+"""Least standard deviation stated: what differences of filters leave."""
+SIGNIFICANT: Final = 5.0
+"""Standard deviations from which a delay is called one."""
+UNSEEN_DEG: Final = 0.01
+"""Turn of the field by a delay that cannot be seen, from which it is said."""
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """Delays of magnetometer and gyro.
+
+    Attributes
+    ----------
+    delay_s : float
+        Of the magnetometer against the accelerometer, positive when its samples are late: they show what was true that
+        long ago.
+    sigma_s : float
+        Its standard deviation. A run that turns evenly shows no delay: the sigma is then 0.05 s.
+    gyro_lag_s, gyro_sigma_s : float
+        Of the gyro against the magnetometer, likewise; NaN without a gyro.
+    windows : int
+    """
+
+    delay_s: float
+    sigma_s: float
+    gyro_lag_s: float
+    gyro_sigma_s: float
+    windows: int
+
+    @property
+    def significant(self) -> bool:
+        """Whether the magnetometer's delay differs from nothing by five standard deviations."""
+        return abs(self.delay_s) > SIGNIFICANT * self.sigma_s
+
+
+class Clocks(NamedTuple):
+    """What is made of the evidence so far, s.
+
+    Attributes
+    ----------
+    delay, sigma : float
+        Of the magnetometer against the accelerometer, and the standard deviation left.
+    seen : bool
+        Whether the readings tell more of it than was known beforehand.
+    stepped : bool
+        Whether it departs from the setting by five standard deviations.
+    gyro_lag : float
+        Of the gyro against the magnetometer; 0 unless it is five standard deviations.
+    """
+
+    delay: float
+    sigma: float
+    seen: bool
+    stepped: bool
+    gyro_lag: float
+
+
+def clocks(known: ToolConstants, settings: MagneticSettings) -> Clocks:
+    """Delays by what was known and what was found.
+
+    Notes
+    -----
+    A found delay that `delay_sigma_s` allows is weighed with it; one far beyond is taken as it is: the tool is then not
+    what was stated.
+    """
+    delay, sigma = _found(known.delay)
+    off, beforehand_sigma = delay - settings.mag_delay_s, settings.delay_sigma_s
+    both = float(np.hypot(sigma, beforehand_sigma))
+    stepped = abs(off) > SIGNIFICANT * sigma
+    seen = sigma < beforehand_sigma
+    lag, lag_sigma = _found(known.gyro_lag)
+    lag = lag if abs(lag) > SIGNIFICANT * lag_sigma else 0.0
+    if abs(off) > SIGNIFICANT * both:
+        return Clocks(delay, sigma, True, stepped, lag)
+    share = (beforehand_sigma / both) ** 2
+    return Clocks(settings.mag_delay_s + share * off, sigma * beforehand_sigma / both, seen, stepped, lag)
+
+
+def _found(evidence: tuple[float, float]) -> tuple[float, float]:
+    """Delay and standard deviation of summed evidence."""
+    return evidence[1] / evidence[0], float(np.hypot(evidence[0] ** -0.5, FLOOR_S))
+
+
+def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> ClockOffset:
+    """Delays between the sensors, from the changes of the speed of rotation.
+
+    Parameters
+    ----------
+    samples : Samples
+        With magnetometer and accelerometer; a gyro, where there is one, is judged against the magnetometer.
+    settings : MagneticSettings, optional
+        Its window and offsets; `mag_delay_s` is not applied.
+
+    Returns
+    -------
+    ClockOffset
+
+    Raises
+    ------
+    InputError
+        No accelerometer or magnetometer, or a run shorter than a window.
+
+    Notes
+    -----
+    Gravity turned back by the field's phase is G exp(-i delay omega): the delay is fitted in the band of the window,
+    beside the lever arm. The phase of the field, with the angle from the gyro added, is constant + drift t
+    + scale error angle - lag omega: least squares. A conducting collar delays the field likewise (eddy currents) and
+    is included.
+
+    Examples
+    --------
+    >>> from inclinometry.attitude.orientation import fields
+    >>> time = np.arange(4000) / 200.0
+    >>> turn = 9.0 * time + 8.0 * np.sin(time)
+    >>> late = 9.0 * (time - 0.003) + 8.0 * np.sin(time - 0.003)
+    >>> (g, _), (_, b) = (fields(np.full(4000, 1.0), 0.5, angle, 1.1) for angle in (turn, late))
+    >>> found = clock_offset(Samples(time, 0.005, accel=9.81 * g, mag=50_000.0 * b))
+    >>> round(found.delay_s, 5), found.significant
+    (0.003, True)
+    """
+    chosen = settings or MagneticSettings()
+    if not (samples.has("accel") and samples.has("mag")):
+        raise InputError("the delay of the magnetometer needs an accelerometer and a magnetometer")
+    step = chosen.node(samples.interval)
+    size = chosen.nodes(samples.interval) * step
+    if len(samples) < size:
+        raise InputError(f"the run of {len(samples)} samples is shorter than a window of {size}; shorten the window")
+    known = beforehand(chosen)
+    with_gyro = chosen.use_gyro and samples.has("gyro")
+    delay, lag, windows = (DELAY_SIGMA**-2, 0.0), (DELAY_SIGMA**-2, 0.0), 0
+    held = Held()
+    held.add(samples)
+    for start in range(0, len(samples) - size + 1, size):
+        part = held.cut(start, start + size)
+        d = demodulate(part, step, known.offset, with_gyro=with_gyro, delay=0.0)
+        if with_gyro:
+            lag = summed(lag, gyro_evidence(d, step * samples.interval))
+            d = demodulate(part, step, known.offset, with_gyro=True, delay=0.0, gyro_lag=lag[1] / lag[0])
+        delay, windows = summed(delay, delay_evidence(d, known)), windows + 1
+    no_gyro = (np.nan, np.nan)
+    return ClockOffset(*_found(delay), *(_found(lag) if with_gyro else no_gyro), windows)
+
+
+def summed(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """Evidence of both."""
+    return one[0] + other[0], one[1] + other[1]
+
+
+def gyro_evidence(d: Demodulated, span: float) -> tuple[float, float]:
+    """Information (1/s^2) about the gyro's lag in one window of nodes of `span` s, and information times lag.
+
+    Least squares of the phase beyond the gyro's angle; the lag that was taken off is counted in.
+    """
+    time = (np.arange(d.rate.size) - 0.5 * (d.rate.size - 1)) * span
+    rows = np.stack([np.ones_like(time), time, d.turned - d.turned.mean(), d.rate - d.rate.mean()], axis=1)
+    q, r = np.linalg.qr(rows[:, :3])
+    del r
+    clean = rows[:, 3] - q @ (q.T @ rows[:, 3])
+    phase = d.track.given - q @ (q.T @ d.track.given)
+    power = float(clean @ clean)
+    # an even speed leaves rounding of its mean
+    if power <= 1e-12 * float(d.rate @ d.rate):
+        return 0.0, 0.0
+    early = float(clean @ phase) / power
+    variance = max(raised(phase - early * clean), 1e-18)
+    information = 1.0 / (variance / power + FLOOR_S**2)
+    return information, information * (d.gyro_lag - early)
+
+
+def delay_evidence(d: Demodulated, known: ToolConstants) -> tuple[float, float]:
+    """Information (1/s^2) about the magnetometer's delay against the accelerometer, and information times delay.
+
+    Fit of gravity turned back with one regressor more; the delay that was taken off is counted in.
+    """
+    of, rows = basis(d.rate.size), regressors(d)
+    mean = np.concatenate([[0.0], known.motion])
+    gravity = fit(of, d.gravity, rows, mean, prior(known), known.trust[0]).value[0]
+    slip = -1j * (d.rate - d.rate.mean()) * gravity
+    wide = np.zeros((4, 4), dtype=np.complex128)
+    wide[:3, :3] = prior(known)
+    wide[3, 3] = DELAY_SIGMA**-2
+    columns = np.concatenate([rows, slip[:, None]], axis=1)
+    found = fit(of, d.gravity, columns, np.append(mean, 0.0), wide, known.trust[0])
+    variance = float(found.covariance[3, 3].real)
+    if variance >= 0.25 * DELAY_SIGMA**2:
+        return 0.0, 0.0
+    information = 1.0 / (variance + FLOOR_S**2)
+    return information, information * (d.delay + float(found.value[3].real))
+
+
+def clock_notes(known: ToolConstants, settings: MagneticSettings, fastest: float) -> list[str]:
+    """What is to be said of the sensors' clocks after a run whose fastest window turned with `fastest` rad/s."""
+    found = clocks(known, settings)
+    delay, lag = 1e3 * _found(known.delay)[0], 1e3 * found.gyro_lag
+    with_gyro = known.gyro_lag[0] > 4.0 * DELAY_SIGMA**-2
+    # the gyro's lag against the accelerometer
+    agrees = with_gyro and abs(lag + delay) < 1e3 * SIGNIFICANT * float(
+        np.hypot(_found(known.gyro_lag)[1], _found(known.delay)[1])
+    )
+    if found.stepped and not settings.mag_delay_s and with_gyro and not lag:
+        return [f"the accelerometer is late by {-delay:.2f} ms against magnetometer and gyro: taken off their phases"]
+    said = []
+    if found.stepped:
+        against = "the other sensors" if agrees or not with_gyro else "the accelerometer"
+        said.append(f"the magnetometer is late by {delay:.2f} ms against {against}: taken off")
+    if lag and not agrees:
+        against = "the magnetometer" if found.stepped else "magnetometer and accelerometer"
+        said.append(f"the gyro is late by {lag:.2f} ms against {against}: its angle is brought to their time")
+    shift = float(np.degrees(fastest * found.sigma))
+    if not found.seen and shift > UNSEEN_DEG:
+        said.append(
+            "the speed of rotation changes too little to show a delay between magnetometer and accelerometer: the "
+            f"standard deviation of {1e3 * found.sigma:.2g} ms that is allowed turns the field by up to {shift:.2g} deg"
+        )
+    return said
+
 
 LEAST_FIELD_NT: Final = 500.0
 """Transverse field below which there is no phase to turn back by."""
@@ -275,3 +520,141 @@ def attitude_of(window: WindowFit) -> tuple[Array, Array]:
 
 
 __all__ = ["Complex", "WindowFit", "attitude_of", "fit_window"]
+
+
+# What a window can be trusted for: flags, quality, refusal.
+
+DISTURBED: Final = 0.02
+"""Of the radius: scatter of the transverse field about its circle, less its noise; departure of the strength."""
+NO_FIELD: Final = 0.2
+"""Scatter above which there is no field to turn back by."""
+DISTURBED_DIP: Final = float(np.radians(1.0))
+WORTHLESS: Final = 6.0
+"""Times `SHAKEN`, from which a window is refused: linear covariance and the small mean of shaking no longer hold."""
+SHAKEN: Final = float(np.radians(0.5))
+"""Uncertainty of inclination that is called too much vibration."""
+OFFSET: Final = float(np.radians(0.5))
+"""Turn of the transverse field by an unknown offset that is worth a flag."""
+GRAVITY_SLACK: Final = 0.1
+"""m/s^2, allowed between the gravity found and the expected one, beside five of its standard deviations."""
+LEVEL: Final = 0.02
+"""Sine of inclination, or cosine of the angle of b to the horizon, below which azimuth is hardly or not defined."""
+MEAN: Final = 1.2
+"""Sums taken by the regressors up to which the fit was a plain mean."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Row of a result: NaN attitude where refused."""
+
+    quaternion: Array
+    covariance: Array
+    flags: tuple[str, ...]
+    quality: float
+    method: str
+    said: str = ""
+
+
+def stuck(samples: Samples) -> bool:
+    """Whether a transverse channel stands still while its partner moves: it is refused."""
+    for triad in (samples.accel, samples.mag):
+        if triad is not None and len(triad):
+            # nearly always the first few samples tell
+            still = [bool((triad[:20, k] == triad[0, k]).all() and (triad[:, k] == triad[0, k]).all()) for k in (0, 1)]
+            if still[0] != still[1]:
+                return True
+    return False
+
+
+def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verdict:
+    """Flags and quality of a window, and its attitude unless it is refused."""
+    method = "mean" if window.taken < MEAN else "magnetic"
+    refused = _refusals(window, settings, is_stuck)
+    if refused:
+        return _refused(refused, method)
+    off = departure(window.gravity, window.field, window.covariance, settings.site)
+    if off.far:
+        return _refused(("disturbed", "axes"), method, off.text)
+    doubtful = replace(window, covariance=doubted(window.covariance, off.extra))
+    matrix, covariance = attitude_of(doubtful)
+    if _tilt(covariance, matrix) > WORTHLESS * SHAKEN:
+        return _refused(("vibration",), method)
+    flags, worst = _doubts(window, settings, covariance, matrix)
+    return Verdict(quaternion_from_dcm(matrix), covariance, flags, float(np.clip(1.0 - worst, 0.0, 1.0)), method)
+
+
+def _refused(names: tuple[str, ...], method: str, said: str = "") -> Verdict:
+    """No attitude, for these reasons."""
+    return Verdict(np.full(4, np.nan), np.full((3, 3), np.nan), names, 0.0, method, said)
+
+
+def _tilt(covariance: Array, matrix: Array) -> float:
+    """Standard uncertainty of inclination, rad; 0 near the vertical."""
+    down = matrix[:, 2]
+    level = float(np.hypot(down[0], down[1]))
+    across = np.array([down[1], -down[0]]) / max(level, 1e-12)
+    return float(np.sqrt(across @ covariance[:2, :2] @ across)) if level > LEVEL else 0.0
+
+
+def _refusals(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> tuple[str, ...]:
+    """Names of what forbids an attitude."""
+    transverse = float(np.hypot(window.field[0], window.field[1]))
+    strength = float(np.linalg.norm(window.field))
+    down = window.gravity / max(float(np.linalg.norm(window.gravity)), 1e-9)
+    across = float(np.linalg.norm(np.cross(down, window.field))) / max(strength, 1e-9)
+    unphased = transverse < max(LEAST_FIELD_NT, 3.0 * window.offset_sigma)
+    found = {
+        "clipped": window.clipped > settings.clipped_share,
+        "stuck": is_stuck,
+        "aliased": window.turn > MOST_TURN,
+        "no-field": unphased or window.circle.scatter > NO_FIELD * window.circle.radius,
+        "axes": window.mirrored,
+        "unobservable": unphased or across < LEVEL,
+    }
+    return tuple(name for name, yes in found.items() if yes)
+
+
+def _doubts(
+    window: WindowFit, settings: MagneticSettings, covariance: Array, matrix: Array
+) -> tuple[tuple[str, ...], float]:
+    """Names of what is doubtful, and the largest share of a limit that is used up."""
+    level = float(np.hypot(matrix[0, 2], matrix[1, 2]))
+    tilt = _tilt(covariance, matrix)
+    transverse = float(np.hypot(window.field[0], window.field[1]))
+    shares = {
+        "clipped": window.clipped / max(settings.clipped_share, 1e-12),
+        "disturbed": max(window.ripple / window.circle.radius / DISTURBED, _off_site(window, settings.site)),
+        "vibration": tilt / SHAKEN,
+        "offset": window.offset_sigma / transverse / OFFSET,
+        "misfit": _gravity_misfit(window, settings.site),
+        "aliased": window.turn / MOST_TURN,
+    }
+    flags = [name for name, share in shares.items() if share > 1.0]
+    if window.clipped > 0.0 and "clipped" not in flags:
+        flags.append("clipped")
+    if not window.constants.seen:
+        flags.append("little-arc")
+    if level <= max(LEVEL, 3.0 * tilt):
+        flags.append("vertical")
+    if window.stepped:
+        flags.append("step")
+    return tuple(flags), max(shares.values())
+
+
+def _gravity_misfit(window: WindowFit, site: Site | None) -> float:
+    """Departure of gravity's strength from the expected one, over what is allowed."""
+    gravity = site.gravity if site is not None and site.gravity is not None else STANDARD_GRAVITY
+    strength = float(np.linalg.norm(window.gravity))
+    along = window.gravity / max(strength, 1e-9)
+    sigma = float(np.sqrt(along @ window.covariance[:3, :3] @ along))
+    return abs(strength - gravity) / (GRAVITY_SLACK + 5.0 * sigma)
+
+
+def _off_site(window: WindowFit, site: Site | None) -> float:
+    """Departure of strength and dip from the site's, over what is allowed; zero where the site states none."""
+    worst = 0.0
+    if site is not None and site.b is not None:
+        worst = abs(float(np.linalg.norm(window.field)) / site.b - 1.0) / DISTURBED
+    if site is not None and site.dip is not None:
+        worst = max(worst, abs(float(dip_angle(window.gravity, window.field)) - site.dip) / DISTURBED_DIP)
+    return worst

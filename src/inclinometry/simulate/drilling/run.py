@@ -14,9 +14,8 @@ from inclinometry.simulate.drilling._noise import Chunked
 from inclinometry.simulate.drilling._physics import Felt, Physics, path_at
 from inclinometry.simulate.drilling._reading import Reading
 from inclinometry.simulate.drilling._spoiling import Spoiling
-from inclinometry.simulate.drilling.presets import SCENARIOS
 from inclinometry.simulate.drilling.record import DrillingSimulation, DrillingTruth, joined
-from inclinometry.simulate.drilling.scenario import Scenario
+from inclinometry.simulate.drilling.scenario import SCENARIOS, Scenario
 from inclinometry.simulate.streams import Seed, Streams
 
 CHUNK: Final = 2**15

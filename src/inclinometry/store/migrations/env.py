@@ -3,7 +3,7 @@
 from alembic import context
 
 from inclinometry.store.guards import protect
-from inclinometry.store.schema import METADATA
+from inclinometry.store.records import METADATA
 
 engine = context.config.attributes["engine"]
 with engine.connect().execution_options(writing=True) as connection:

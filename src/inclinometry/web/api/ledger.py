@@ -14,7 +14,7 @@ from fastapi.responses import StreamingResponse
 from inclinometry.core.errors import InputError
 from inclinometry.store.chain import parse_head
 from inclinometry.store.exchange import backup, export
-from inclinometry.store.kinds import KINDS
+from inclinometry.store.records import KINDS
 from inclinometry.store.verify import verify
 from inclinometry.web.api.access import REFUSALS, Administrator, After, Limit, Reader, TheLedger
 from inclinometry.web.api.registry import shown

@@ -13,7 +13,6 @@ from inclinometry.store.ledger import Ledger
 from inclinometry.web.api.access import REFUSALS, After, Limit, Operator, Reader, RecordId, TheLedger
 from inclinometry.web.api.registry import shown
 from inclinometry.web.bench import current
-from inclinometry.workflow.laboratory.goals import goal_of
 from inclinometry.workflow.laboratory.guided import GuidedPlan, plan_for
 from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
 from inclinometry.workflow.laboratory.results import finish_calibration
@@ -29,7 +28,7 @@ from inclinometry.workflow.laboratory.session import (
     reject,
     sessions,
 )
-from inclinometry.workflow.laboratory.standing import Standing, proposal, standing
+from inclinometry.workflow.laboratory.standing import Standing, goal_of, proposal, standing
 
 router = APIRouter(tags=["sessions"], responses=REFUSALS)
 

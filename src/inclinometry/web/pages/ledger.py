@@ -11,8 +11,8 @@ from nicegui import ui
 
 from inclinometry.core.errors import InclinometryError
 from inclinometry.store.chain import parse_head
-from inclinometry.store.kinds import KINDS
 from inclinometry.store.ledger import LedgerError
+from inclinometry.store.records import KINDS
 from inclinometry.store.verify import Verdict, verify
 from inclinometry.web.api.ledger import HIDDEN
 from inclinometry.web.frame import Visitor, aside, frame

@@ -9,8 +9,8 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from inclinometry.web.bench import current
 from inclinometry.web.frame import LANGUAGE_COOKIE
-from inclinometry.web.headers import login_cookie
 from inclinometry.web.logins import Login, TooManyError
+from inclinometry.web.refusals import login_cookie
 from inclinometry.web.words import LANGUAGES, preferred, say
 
 router = APIRouter(include_in_schema=False)

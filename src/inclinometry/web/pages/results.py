@@ -15,8 +15,7 @@ from inclinometry.core.errors import InclinometryError
 from inclinometry.report.words import calibration_tests
 from inclinometry.store.ledger import LedgerError, Record
 from inclinometry.web.frame import Visitor, aside, frame
-from inclinometry.web.pages.charts import BLUE, axis, chart, legend
-from inclinometry.web.pages.lists import day, paged, to
+from inclinometry.web.pages.lists import BLUE, axis, chart, day, legend, paged, to
 from inclinometry.workflow.calibrate import Options, compare
 from inclinometry.workflow.laboratory.listing import extract, listed
 from inclinometry.workflow.laboratory.results import calibration_of, parameters, recorded_parameters

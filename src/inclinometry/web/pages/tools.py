@@ -13,8 +13,7 @@ from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
 from inclinometry.store.users import User
 from inclinometry.web.frame import Visitor, frame
-from inclinometry.web.pages.charts import axis, band, chart
-from inclinometry.web.pages.lists import Cell, day, table, to, visible
+from inclinometry.web.pages.lists import Cell, axis, band, chart, day, table, to, visible
 from inclinometry.workflow.laboratory.listing import due_days, listed
 from inclinometry.workflow.laboratory.registry import RegisteredTool, find_tool, put_tool, tools
 from inclinometry.workflow.laboratory.results import History, history

@@ -3,23 +3,109 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.digest import digest_bytes
-from inclinometry.core.errors import InclinometryError
-from inclinometry.io.certificate_json import record_bytes, record_digest
-from inclinometry.io.dcc import dcc_bytes
-from inclinometry.io.laboratory_toml import Laboratory
+from inclinometry.core.errors import FileError, InclinometryError, InputError
+from inclinometry.io.certificate_json import checked, record_bytes, record_digest
+from inclinometry.io.dcc import dcc_bytes, read_dcc
+from inclinometry.io.laboratory_toml import Laboratory, Order, laboratory_from
 from inclinometry.report.certificate import certificate_pdf
-from inclinometry.report.certificate_record import certificate_record
+from inclinometry.report.certificate_record import certificate_record, printable
 from inclinometry.store.ledger import ConflictError, Draft, Ledger, LedgerError, Record
-from inclinometry.workflow.laboratory.certificate_order import authorised, laboratory_of, order
-from inclinometry.workflow.laboratory.results import calibration_of, program
+from inclinometry.workflow.laboratory.registry import find_site, find_tool
+from inclinometry.workflow.laboratory.results import calibration_of, parameters, program
+
+# What a certificate says of laboratory, order and rig, from the records of the ledger.
+
+
+def laboratory_of(ledger: Ledger, session: Record) -> Laboratory:
+    """The laboratory of a session's site; InputError when the site names none."""
+    site = find_site(ledger, str(session.body.get("site", "")))
+    if site is None or not site.laboratory:
+        raise InputError(
+            "the laboratory is not known: name it with the site of the session (name, address, country), or give it"
+        )
+    return laboratory_from(dict(site.laboratory))
+
+
+def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> Laboratory:
+    """The laboratory with who answers for the certificate: nobody is not allowed (ISO/IEC 17025, 7.8.2.1 o)."""
+    if any(wanted):
+        return replace(laboratory, authoriser=wanted[0] or author, authoriser_role=wanted[1])
+    return laboratory if laboratory.authoriser else replace(laboratory, authoriser=author)
+
+
+def _rig(ledger: Ledger, name: str, seq: int) -> tuple[str, str]:
+    """Traceability and place of a rig as it was when the tool was calibrated; as they are now where none was stated."""
+    then = ledger.find("rig", name=name, newest=True, after=seq, limit=1)
+    now = ledger.latest("rig", name=name)
+    bodies = [record.body for record in (*then, now) if record is not None]
+    traceability, place = (next((str(b[key]) for b in bodies if b.get(key)), "") for key in ("traceability", "place"))
+    return traceability, place
+
+
+def order(
+    ledger: Ledger,
+    session: Record,
+    calibration: Record,
+    verification: Record | None,
+    today: date,
+    said: Mapping[str, Any],
+) -> Order:
+    """What was ordered and done, from the records of session, tool, rig and readings; `said` goes before them."""
+    body = {**session.body, **{name: value for name, value in said.items() if value}}
+    tool = find_tool(ledger, session.keys["serial"])
+    days = sorted(ledger.get("reading", name).created[:10] for name in calibration.body["readings"])
+    days = days or [calibration.created[:10]]
+    last = days[-1] if verification is None else max(days[-1], verification.created[:10])
+    about = body.get("environment", {})
+    first = date.fromisoformat(days[0])
+    traceability, place = _rig(ledger, body["rig"], session.seq)
+    return Order(
+        customer=body.get("customer") or (tool.customer if tool else ""),
+        reference=body.get("order", ""),
+        item=tool.name if tool else "",
+        manufacturer=tool.manufacturer if tool else "",
+        serial=session.keys["serial"],
+        condition=body.get("condition", ""),
+        plan=body["plan"]["name"],
+        rig=body["rig"],
+        rig_traceability=traceability,
+        rig_place=place,
+        environment=str(about.get("text", "")),
+        received=_day(body.get("received", "")),
+        performed_from=first,
+        performed_to=date.fromisoformat(last),
+        issued=today,
+        temperature_degC=_pair(about, "temperature_degC"),
+        humidity_percent=_pair(about, "humidity_percent"),
+        interval_months=tool.interval_months if tool else None,
+    )
+
+
+def _day(text: str) -> date | None:
+    try:
+        return date.fromisoformat(text[:10])
+    except ValueError:
+        return None
+
+
+def _pair(about: Mapping[str, Any], key: str) -> tuple[float, float] | None:
+    """Lowest and highest of a list, or of one number."""
+    value = about.get(key)
+    numbers = value if isinstance(value, list) else [value]
+    if not numbers or any(isinstance(x, bool) or not isinstance(x, int | float) for x in numbers):
+        return None
+    return float(min(numbers)), float(max(numbers))
+
 
 MEDIA: Final = {"pdf": "application/pdf", "dcc": "application/xml", "json": "application/json"}
 ENDINGS: Final = {"pdf": ".pdf", "dcc": ".xml", "json": ".json"}
@@ -358,3 +444,110 @@ def _said(reason: str) -> str:
 def digest_of(record: Record) -> str:
     """The digest that is printed on a certificate and in its square code."""
     return record_digest(record.body["record"])
+
+
+# A certificate checked against the ledger, years later: do its documents, its record and its calibration agree?
+
+
+@dataclass(frozen=True)
+class Check:
+    """What was found.
+
+    standing : of the certificate.
+    digest : of its record, to be compared with the one on paper.
+    problems : sentences; none when everything agrees.
+    """
+
+    standing: Standing
+    digest: str
+    problems: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing contradicts the certificate."""
+        return not self.problems
+
+
+def verify_certificate(ledger: Ledger, number: str) -> Check:
+    """Compare a certificate's PDF, DCC and JSON file with its record, and the record with its calibration.
+
+    It says nothing of the rest of the ledger: `ledger verify` does.
+
+    Raises
+    ------
+    LedgerError
+        There is no certificate of that number.
+    """
+    found = status(ledger, number)
+    record = found.record
+    problems = [*_own(record), *_files(ledger, record), *_source(ledger, record)]
+    return Check(found, record_digest(record.body["record"]), tuple(problems))
+
+
+def _own(record: Record) -> Iterator[str]:
+    content = record.body["record"]
+    try:
+        checked(content, f"certificate {record.keys['number']}")
+    except FileError as error:
+        yield f"its record does not fit: {error}"
+        return
+    if content["number"] != record.keys["number"]:
+        yield f"its record is that of number {content['number']}"
+
+
+def _files(ledger: Ledger, record: Record) -> Iterator[str]:
+    content = record.body["record"]
+    digest = record_digest(content)
+    for name, key in record.body["documents"].items():
+        try:
+            data = ledger.document(key)[1]
+        except LedgerError as error:
+            yield f"its {name} file: {error}"
+            continue
+        if name == "json" and data != record_bytes(content):
+            yield "its JSON file is not its record"
+        if name == "pdf" and digest.encode() not in data:
+            yield "its PDF does not bear the digest of its record"
+        if name == "dcc":
+            yield from _dcc(data, content, digest)
+
+
+def _dcc(data: bytes, content: dict[str, Any], digest: str) -> Iterator[str]:
+    try:
+        said = read_dcc(data)
+    except FileError as error:
+        yield f"its DCC cannot be read: {error}"
+        return
+    if (said.number, said.digest) != (content["number"], digest):
+        yield "its DCC is of another record"
+    values = {row["name"]: row["value"] for row in content["results"]["parameters"]}
+    if {name: value for name, (value, _) in said.parameters.items()} != values:
+        yield "its DCC states other parameters than its record"
+
+
+def _source(ledger: Ledger, record: Record) -> Iterator[str]:
+    content = record.body["record"]
+    try:
+        calibration = ledger.get("calibration", record.body["calibration"])
+        known = parameters(calibration_of(calibration))
+    except InputError as error:
+        yield f"its calibration: {error}"
+        return
+    if calibration.keys["serial"] != record.keys["serial"]:
+        yield f"its calibration is of tool {calibration.keys['serial']}"
+    stated = {row["name"]: row["value"] for row in content["results"]["parameters"]}
+    if stated.keys() != known.keys() or not np.array_equal(list(stated.values()), [v for v, _ in known.values()]):
+        yield "it states other parameters than its calibration"
+    if content["inputs"].get("calibration record") != f"sha256:{calibration.digest}":
+        yield "it was made from another state of its calibration"
+    name = record.body["verification"]
+    if name is not None:
+        try:
+            verification = ledger.get("verification", name)
+        except LedgerError as error:
+            yield f"its verification: {error}"
+            return
+        if content["verification"] != printable(
+            {key: verification.body[key] for key in ("verdict", "limits", "report")}
+        ):
+            yield "it states another verification than the ledger holds"

@@ -11,9 +11,8 @@ from weakref import WeakKeyDictionary
 
 from sqlalchemy import func, select
 
-from inclinometry.store.kinds import KINDS
 from inclinometry.store.ledger import Ledger, Record
-from inclinometry.store.schema import TABLES
+from inclinometry.store.records import KINDS, TABLES
 from inclinometry.workflow.laboratory.registry import RegisteredTool, months_after
 
 MOST: Final = 20_000
@@ -40,7 +39,7 @@ def listed(ledger: Ledger, kind: str, *, limit: int = 50, before: int = 0, **key
     ----------
     ledger : Ledger
     kind : str
-        See `inclinometry.store.kinds.KINDS`.
+        See `inclinometry.store.records.KINDS`.
     limit, before : int
     **keys
         Columns of the kind.

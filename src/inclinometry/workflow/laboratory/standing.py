@@ -28,7 +28,8 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import COVERAGE_FACTOR, DIP, INCLINATION_RANGE, INCLINATIONS
 from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
-from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredSite
+from inclinometry.store.ledger import Ledger
+from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredSite, find_tool
 from inclinometry.workflow.laboratory.session import Session, bench_readings
 
 SCATTER: Final = 3.0
@@ -235,3 +236,22 @@ def _relative_noise(calibration: Calibration, session: Session) -> dict[str, flo
         # a quiet run must not make the design believe in readings without noise
         noise[kind] = max(float(np.sqrt(np.mean(spread**2)) / scale) / averaged, 1e-6)
     return noise
+
+
+# What a session wants to reach, from what was agreed when it was opened and from the tool's own range.
+
+
+def goal_of(ledger: Ledger, session: Session) -> Goal:
+    """The goal of a session: `settings["wanted"]` in degrees, the attitude range of its tool."""
+    wanted: dict[str, Any] = dict(session.settings.get("wanted", {}))
+    tool = find_tool(ledger, session.serial)
+    return Goal(
+        u_azimuth=_radians(wanted.get("u_azimuth_deg")),
+        u_inclination=_radians(wanted.get("u_inclination_deg")),
+        inclination_range=Goal().inclination_range if tool is None else tool.inclination_range,
+        criterion=str(wanted.get("criterion", "azimuth")),
+    )
+
+
+def _radians(degrees: float | None) -> float | None:
+    return None if degrees is None else float(np.radians(degrees))

@@ -15,16 +15,93 @@ from inclinometry.calibration.acceptance import JUDGED, Limits, Verification, ve
 from inclinometry.calibration.plans import Plan
 from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.store.ledger import Draft, Ledger, LedgerError, Record
-from inclinometry.workflow.laboratory.agreed_limits import held_to
-from inclinometry.workflow.laboratory.registry import find_site
+from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site
 from inclinometry.workflow.laboratory.results import calibration_of, program
 from inclinometry.workflow.laboratory.session import (
     Session,
     bench_readings,
     close_session_draft,
     load_session,
+    open_session,
     unless_closed,
 )
+
+# The limits agreed when a verification is opened: kept with the session, held to when it is judged.
+
+OWN: Final = "laboratory"
+"""Name of limits the laboratory states itself."""
+
+
+def limits_content(limits: Limits) -> dict[str, Any]:
+    """Limits in degrees, as a session keeps them."""
+    angles = {name: getattr(limits, name) for name in JUDGED}
+    return {
+        "name": limits.name,
+        "source": limits.source,
+        **{f"{name}_deg": None if value is None else _in_degrees(value) for name, value in angles.items()},
+        "min_inclination_deg_for_azimuth": _in_degrees(limits.min_inclination_for_azimuth),
+        "guard": limits.guard,
+    }
+
+
+def limits_of(session: Session) -> Limits | None:
+    """The limits agreed when a verification was opened; None when it is held against its own uncertainty."""
+    content = dict(session.settings.get("settings", {})).get("limits")
+    return None if not content else limits_from(content)
+
+
+def limits_from(content: dict[str, Any]) -> Limits:
+    """Limits of `limits_content`; InputError for a source that is not named, no limit, values out of range.
+
+    Examples
+    --------
+    >>> limits_from({"name": "own", "source": "contract 7", "azimuth_deg": 1.0}).guard
+    'none'
+    """
+    source = str(content.get("source") or "").strip()
+    if not source:
+        raise InputError("the limits have no source; name the document the figures come from")
+    angles = {name: content.get(f"{name}_deg") for name in JUDGED}
+    if all(value is None for value in angles.values()):
+        raise InputError("there is no limit; give at least one of inclination, azimuth, toolface")
+    low = content.get("min_inclination_deg_for_azimuth") or 0.0
+    inclination, azimuth, toolface = (None if v is None else float(np.radians(v)) for v in angles.values())
+    return Limits(
+        str(content.get("name") or OWN),
+        source,
+        inclination,
+        azimuth,
+        toolface,
+        float(np.radians(low)),
+        str(content.get("guard") or "none"),
+    )
+
+
+def _in_degrees(angle: float) -> float:
+    return round(float(np.degrees(angle)), 9)
+
+
+def held_to(session: Session, calibration: str, limits: Limits | None) -> Limits | None:
+    """The limits to judge a session by; what was agreed at its opening is not changed once there are results.
+
+    Raises
+    ------
+    LedgerError
+        Another calibration or other limits than agreed.
+    """
+    agreed_with = session.settings.get("calibration")
+    if not agreed_with:
+        return limits
+    if agreed_with != calibration:
+        raise LedgerError(f"this verification was opened for calibration {agreed_with}, not for {calibration}")
+    agreed = limits_of(session)
+    if limits is not None and (agreed is None or limits_content(limits) != limits_content(agreed)):
+        name = "the errors' own uncertainty" if agreed is None else f"limits {agreed.name!r}"
+        raise LedgerError(
+            f"this verification was opened with {name}; it is not judged by {limits.name!r}: open another one for that"
+        )
+    return agreed
+
 
 OWN_SESSION: Final = "these are the readings the tool was calibrated with; verify it at positions of another session"
 
@@ -190,3 +267,62 @@ def _degrees(values: np.ndarray[Any, Any]) -> list[float]:
 def _degree(value: float) -> float | None:
     """In degrees; null where there is none."""
     return float(np.degrees(value)) if np.isfinite(value) else None
+
+
+# Opening a verification on the stand, with the limits it will be judged by.
+
+_SLACK: Final = 1e-9
+
+
+def begin_verification(
+    ledger: Ledger, calibration: str, protocol_name: str, *, author: str, limits: Limits | None = None
+) -> Session:
+    """Open a session at the positions of a protocol, on the rig of the calibration.
+
+    Parameters
+    ----------
+    calibration : str
+        Id of its record.
+    protocol_name : str
+        See `verification.protocols`. Positions that the rig cannot be set to are left out; the plan's name says so.
+    limits : Limits, optional
+        What the errors will be held against; their own uncertainty when not given.
+
+    Raises
+    ------
+    InputError
+        An unknown protocol, a rig that can be set to none of its positions.
+    LedgerError
+        No such calibration.
+    """
+    record = ledger.get("calibration", calibration)
+    made = ledger.get("session", record.keys["session"])
+    rig = find_rig(ledger, made.body["rig"])
+    if rig is None:
+        raise InputError(f"rig {made.body['rig']!r} of the calibration is not registered; register it first")
+    plan = reachable(protocol(protocol_name).plan, rig)
+    settings: dict[str, Any] = {"calibration": calibration, "limits": "" if limits is None else limits.name}
+    if limits is not None:
+        settings["settings"] = {"limits": limits_content(limits)}
+    if made.body.get("site"):
+        settings["site"] = made.body["site"]
+    return open_session(
+        ledger, record.keys["serial"], plan, rig=rig.name, author=author, purpose="verify", settings=settings
+    )
+
+
+def reachable(plan: Plan, rig: RegisteredRig) -> Plan:
+    """The positions of a plan that lie within the limits of a rig's dials; InputError when none does."""
+    inside = np.ones(len(plan), dtype=bool)
+    for name in ("azimuth", "inclination", "toolface"):
+        low, high = getattr(rig, name)
+        turned = getattr(plan, name)[:, None] + (0.0 if name == "inclination" else 2.0 * np.pi * np.arange(-1, 2))
+        turned = np.atleast_2d(turned)
+        inside &= np.any((turned >= low - _SLACK) & (turned <= high + _SLACK), axis=1)
+    if not inside.any():
+        raise InputError(f"rig {rig.name!r} can be set to none of the positions of {plan.name}; choose another one")
+    if inside.all():
+        return plan
+    sets = tuple(itertools.compress(plan.roll_set, inside)) if plan.roll_set else ()
+    name = f"{plan.name}, {int(inside.sum())} of {len(plan)} positions within reach of the rig"
+    return Plan(name, plan.azimuth[inside], plan.inclination[inside], plan.toolface[inside], sets)

@@ -9,8 +9,7 @@ import numpy as np
 
 from inclinometry.attitude.rotations import dcm_from_quaternion
 from inclinometry.core.arrays import Array, Mask
-from inclinometry.motion.complementary.filter import ComplementaryStream
-from inclinometry.motion.complementary.settings import ComplementarySettings
+from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream
 from inclinometry.motion.result import BITS, METHODS, Attitude
 from inclinometry.motion.samples import Samples
 

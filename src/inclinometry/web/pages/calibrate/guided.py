@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import time
+import weakref
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
 import numpy as np
 
 from inclinometry.calibration.design import NextPosition
 from inclinometry.core.constants import COVERAGE_FACTOR
 from inclinometry.core.errors import InclinometryError, InputError
-from inclinometry.io.instrument.rig import ManualRig
+from inclinometry.io.instrument.rig import ManualRig, rig_driver
 from inclinometry.store.ledger import Record
 from inclinometry.web.frame import Visitor
-from inclinometry.web.pages.calibrate.heat import Heat, heat_of
-from inclinometry.web.pages.calibrate.turning import RigState, RigWatch, driver_of, watch_of
-from inclinometry.workflow.laboratory.goals import goal_of
-from inclinometry.workflow.laboratory.live import Stability
+from inclinometry.workflow.laboratory.live import LiveFeed, Stability
 from inclinometry.workflow.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
 from inclinometry.workflow.laboratory.results import finish_calibration
 from inclinometry.workflow.laboratory.session import (
@@ -27,7 +30,140 @@ from inclinometry.workflow.laboratory.session import (
     load_session,
     reject,
 )
-from inclinometry.workflow.laboratory.standing import Standing, proposal, standing
+from inclinometry.workflow.laboratory.standing import Standing, goal_of, proposal, standing
+
+if TYPE_CHECKING:
+    from inclinometry.io.instrument.rig import RigDriver
+
+# What the rig is doing, asked for all browsers at once and never by the page's own thread: a rig may answer late.
+
+NEAR: Final = float(np.radians(0.25))
+"""A rig this near to a setting, rad, has been turned to it."""
+FRESH: Final = 0.25
+"""s for which an answer of the rig is good for every browser."""
+
+
+@dataclass(frozen=True)
+class RigState:
+    """word : "ready", "moving" or "lost"; setting : where it stands, rad, None when not known; reason : why lost."""
+
+    word: str
+    setting: tuple[float, float, float] | None = None
+    reason: str = ""
+
+    def at(self, dial: tuple[float, float, float]) -> bool:
+        """Whether it stands at this setting.
+
+        Examples
+        --------
+        >>> RigState("ready", (0.0, 1.0, 0.0)).at((2 * np.pi, 1.0, 0.0)), RigState("moving").at((0.0, 0.0, 0.0))
+        (True, False)
+        """
+        if self.word != "ready" or self.setting is None:
+            return False
+        apart = (np.subtract(dial, self.setting) + np.pi) % (2.0 * np.pi) - np.pi
+        return bool(np.abs(apart).max() <= NEAR)
+
+
+class RigWatch:
+    """Asks a motorised rig how it stands, at most four times a second however many ask; `settled` is called when it
+    has come to rest."""
+
+    def __init__(self, rig: RigDriver, settled: Callable[[], None]) -> None:
+        self._rig, self._settled = rig, settled
+        self._asked = float("-inf")
+        self.state = RigState("moving")
+
+    def poll(self) -> RigState:
+        """The state as of now; may take as long as the rig takes to answer."""
+        now = time.monotonic()
+        if now - self._asked < FRESH:
+            return self.state
+        self._asked = now
+        before = self.state.word
+        try:
+            self.state = RigState("ready", self._rig.position()) if self._rig.ready() else RigState("moving")
+        except (InclinometryError, OSError) as error:
+            self.state = RigState("lost", reason=str(error))
+        if self.state.word == "ready" and before != "ready":
+            self._settled()
+        return self.state
+
+    def move(self, dial: tuple[float, float, float]) -> None:
+        """Turn the rig; errors as its driver's."""
+        self._rig.move(*dial)
+        self.state, self._asked = RigState("moving"), float("-inf")
+
+
+_DRIVERS: dict[str, tuple[Mapping[str, Any], RigDriver]] = {}
+
+
+def driver_of(rig: RegisteredRig) -> RigDriver | None:
+    """The driver a registered rig names, one a process; None for a rig without one.
+
+    Raises
+    ------
+    InputError
+        A driver that cannot be made of what is registered.
+    """
+    if not rig.driver:
+        return None
+    known = _DRIVERS.get(rig.name)
+    if known is None or known[0] != rig.driver:
+        known = (dict(rig.driver), rig_driver(rig.driver, rig.name))
+        _DRIVERS[rig.name] = known
+    return known[1]
+
+
+_WATCHES: weakref.WeakKeyDictionary[RigDriver, RigWatch] = weakref.WeakKeyDictionary()
+
+
+def watch_of(rig: RigDriver | None, settled: Callable[[], None]) -> RigWatch | None:
+    """The one watch of a motorised rig; None for a rig turned by hand, which only its operator knows the setting of."""
+    if rig is None or isinstance(rig, ManualRig):
+        return None
+    if rig not in _WATCHES:
+        _WATCHES[rig] = RigWatch(rig, settled)
+    return _WATCHES[rig]
+
+
+OVER: Final = 60.0
+"""s over which the drift of the temperature is looked at."""
+LEAST: Final = 10.0
+EVEN: Final = 0.2
+"""degC a minute; a tool that warms slower is even inside to a few tenths of a degree."""
+NEAR_TEMPERATURE: Final = 3.0
+"""degC from the target; the fit uses what was measured, so that nearness only spreads the range well."""
+
+
+# A temperature campaign at the stand: whether the tool has reached its target and is even inside.
+
+
+@dataclass(frozen=True)
+class Heat:
+    """measured : degC now; rate : degC a minute, NaN when not known yet; even, near : as named."""
+
+    measured: float
+    rate: float
+    even: bool
+    near: bool
+
+
+def heat_of(feed: LiveFeed | None, target: float) -> Heat | None:
+    """How the temperature stands against a target in degC; None for an instrument that sends none."""
+    if feed is None:
+        return None
+    window = feed.window(OVER)
+    good = np.isfinite(window.temperature)
+    if not good.any():
+        return None
+    time, temperature = window.time[good], window.temperature[good]
+    now = float(temperature[-10:].mean())
+    rate = float("nan")
+    if time[-1] - time[0] >= LEAST:
+        rate = 60.0 * float(np.polyfit(time - time[0], temperature, 1)[0])
+    return Heat(now, rate, bool(abs(rate) <= EVEN), bool(abs(now - target) <= NEAR_TEMPERATURE))
+
 
 MOVED_WORDS = ("moving", "knocked")
 

@@ -30,12 +30,8 @@ from inclinometry.core.errors import InclinometryError
 from inclinometry.store.ledger import ConflictError, LedgerError
 from inclinometry.web.frame import aside, frame
 from inclinometry.web.pages.calibrate.ask import ask_reason, ask_sure, say_problem
-from inclinometry.web.pages.calibrate.guided import Guided
-from inclinometry.web.pages.calibrate.show_events import Events
-from inclinometry.web.pages.calibrate.show_live import PERIOD, Live
-from inclinometry.web.pages.calibrate.show_progress import Certifies, Progress
-from inclinometry.web.pages.calibrate.show_target import Picture, Target
-from inclinometry.web.pages.calibrate.turning import RigState
+from inclinometry.web.pages.calibrate.guided import Guided, RigState
+from inclinometry.web.pages.calibrate.show_progress import PERIOD, Certifies, Events, Live, Picture, Progress, Target
 from inclinometry.workflow.laboratory.live import CaptureError
 
 WATCH_S = 1.0
