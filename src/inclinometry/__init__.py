@@ -172,7 +172,7 @@ if TYPE_CHECKING:
     from inclinometry.gyro.tracking import ScaleTracker
     from inclinometry.io.attitude_file import read_attitude
     from inclinometry.io.bench_csv import read_bench, write_bench
-    from inclinometry.io.rate_csv import read_gyro_run
+    from inclinometry.io.gyro_csv import read_gyro_run
     from inclinometry.io.run_file import open_run
     from inclinometry.io.site_toml import read_site
     from inclinometry.io.survey_csv import read_raw_survey

@@ -181,6 +181,9 @@ class TestClassical:
         nowhere = dataclasses.replace(readings, reference={})
         with pytest.raises(InputError, match="b_nT in a site file"):
             calibrate_classical(nowhere, nameplate=tool)
+        small = {kind: dataclasses.replace(t, tensor=t.tensor / 800.0) for kind, t in tool.triads.items()}
+        with pytest.raises(InputError, match=r"swings .* times as far as its nameplate says"):
+            calibrate_classical(readings, nameplate=Tool("another unit", small))
 
 
 class TestRefusals:

@@ -118,3 +118,6 @@ def test_too_little_is_refused(bench):
         orient_rig(other, calibration)
     with pytest.raises(InputError, match="sees three components"):
         orient_rig(bench(settings(4), tool, Rig(), seed=3, **more)[0], calibration, second="gyro")
+    alone, magnetic, more = calibrated(bench, 1, {"magnetometer": 3})
+    with pytest.raises(InputError, match="no accelerometer"):
+        orient_rig(bench(settings(8), alone, Rig(), seed=3, **more)[0], magnetic)

@@ -1,5 +1,7 @@
 """What is known of the stand and of the converter enters the joint fit, and nothing more than is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -245,3 +247,54 @@ def test_exact_readings_of_any_number_of_sensors(name, count):
     assert found.tool.triads["accelerometer"].tensor[0] == pytest.approx(tensor, abs=1e-6)
     # sensors that point anywhere leave open how the dials count, and that is said
     assert all("do not lie along the tool's axes" in w or "left-handed" in w for w in found.warnings)
+
+
+class TestContradicted:
+    """What is stated with an uncertainty is held against a fit that does not know it."""
+
+    @pytest.fixture
+    def readings(self):
+        def made(seed=1, **rig):
+            rig = Rig(**{"dip": DIP, "setting_sd": np.radians(0.1)} | rig)
+            plan = plans.twelve()
+            settings = plan.azimuth, plan.inclination, plan.toolface
+            run = simulate_bench(realistic_tool(seed), rig, *settings, bits=12, seed=seed)
+            return BenchReadings(run.signals, *settings, units=run.units, reference={"dip": DIP, "north": 0.0})
+
+        return made
+
+    @pytest.mark.parametrize(
+        ("name", "off", "sd"),
+        [("dip", -5.0, 0.2), ("dip", -2.0, 0.1), ("north", 5.0, 0.2), ("north", 120.0, 0.1), ("north", 180.0, 0.1)],
+    )
+    def test_an_angle(self, readings, name, off, sd):
+        run = readings()
+        wrong = run.reference[name] + np.radians(off)
+        run = replace(run, reference={**run.reference, name: wrong})
+        with pytest.raises(
+            InputError, match=r"the readings find the .* at .* deg, stated is .* standard uncertainties"
+        ):
+            calibrate_joint(run, reference_sd={name: np.radians(sd)})
+
+    def test_a_level(self, readings):
+        level = {"accelerometer": (DOWN, np.radians(0.05))}
+        with pytest.raises(
+            InputError, match=r"azimuth axis 3\.0\d deg from the vertical, stated is level within 0\.05"
+        ):
+            calibrate_joint(readings(base_tilt=np.radians(3.0)), field_prior=level)
+        assert calibrate_joint(readings(), field_prior=level).warnings == ()
+
+    def test_what_is_right_is_not_refused(self, readings):
+        """Stated values that err as stated: five standard uncertainties and a quarter of a degree are out of reach."""
+        rng = np.random.default_rng(1)
+        for seed in range(8):
+            tilt, dip, north = np.radians([0.1, 0.2, 0.3]) * rng.normal(size=3)
+            run = readings(seed, base_tilt=abs(tilt), north_offset=north)
+            run = replace(run, reference={"dip": DIP + dip, "north": 0.0})
+            sds = {"dip": np.radians(0.2), "north": np.radians(0.3)}
+            calibrate_joint(run, reference_sd=sds, field_prior={"accelerometer": (DOWN, np.radians(0.1))})
+
+    def test_a_dip_of_the_wrong_sign_is_named(self, readings):
+        run = readings()
+        with pytest.raises(InputError, match=r"with a dip of \+70\.\d+ deg instead of -70\.\d+ the"):
+            calibrate_joint(replace(run, reference={"dip": -DIP}))

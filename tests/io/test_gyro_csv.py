@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from inclinometry.core.constants import FOOT
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io.columns import SURVEY
-from inclinometry.io.rate_csv import STATION, read_gyro_run, write_gyro_run, write_gyro_stations
+from inclinometry.io.gyro_csv import STATION, read_gyro_run, write_gyro_run, write_gyro_stations
 from inclinometry.io.survey_csv import read_survey_csv
 
 HEADER = "station,md_m,index_deg,temperature_degC,accel_x,accel_y,gyro_x_deg_h,gyro_y_deg_h,time_s"

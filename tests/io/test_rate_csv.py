@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from inclinometry.core.errors import FileError
-from inclinometry.io.rate_csv import looks_like_radians, read_rate_steps
+from inclinometry.io.gyro_csv import looks_like_radians, read_rate_steps
 
 HEADER = "station,inclination_deg,toolface_deg,azimuth_deg,rate_deg_s,temperature_degC,gyro_x,gyro_y,gyro_z"
 ROWS = ["a,90,0,,10,20,1,2,3", "b,90,90,,-10,21,4,5,6", "c,0,0,30,0,22,7,8,9"]

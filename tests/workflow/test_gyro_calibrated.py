@@ -17,7 +17,7 @@ from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.gravity import normal_gravity
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
-from inclinometry.io.rate_csv import read_gyro_run, write_gyro_run
+from inclinometry.io.gyro_csv import read_gyro_run, write_gyro_run
 from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
 from inclinometry.sensors.triad import Triad
 from inclinometry.workflow.gyro import GyroOptions, north_run

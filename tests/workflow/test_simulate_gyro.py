@@ -12,7 +12,7 @@ from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.errors import InputError
 from inclinometry.earth.gravity import normal_gravity
 from inclinometry.earth.rate import earth_rate
-from inclinometry.io.rate_csv import read_gyro_run
+from inclinometry.io.gyro_csv import read_gyro_run
 from inclinometry.workflow.simulate_gyro import POSITIONS, GyroRunRequest, gyro_run, write_gyro, write_gyro_truth
 
 DEG_H = np.radians(1.0) / 3600.0

@@ -371,11 +371,14 @@ def check_axes(
         every = set(volume) - set(wrong) <= {"accelerometer"} and (
             "accelerometer" in wrong or gravity is None or float(np.trace(gravity)) < 2.5
         )
+        signs = " and ".join(_other_sign(state, kind) for kind in wrong if _FIELD_ANGLE.get(kind) in stated)
         raise InputError(
             f"left-handed: the channels of the {' and the '.join(wrong)}. "
             + (f"Either two dials count the other way ({_mirror(axes).words()}), or a" if every else "A")
-            + " channel is reversed or two are exchanged: put the columns right. The readings fit as well either way, "
-            "but azimuths would be mirrored; --left-handed states that the channels are so"
+            + " channel is reversed or two are exchanged: put the columns right. "
+            + (f"Or the sign of what is stated is wrong: {signs}. " if signs else "")
+            + "The readings fit as well either way, but azimuths would be mirrored or half a turn off; --left-handed "
+            "states that the channels are so"
         )
     warnings = [
         f"left-handed: the channels of the {kind}, which do not lie along the tool's axes. One is reversed, or two are "
@@ -418,6 +421,18 @@ def check_axes(
             + (f"state {remedy} to be sure" if missing and handed else "check which way the dials of the stand count")
         )
     return warnings
+
+
+_FIELD_ANGLE = {"magnetometer": "dip", "gyro": "latitude"}
+
+
+def _other_sign(state: State, kind: str) -> str:
+    """The dip or latitude that was found with the stated sign, and the one that makes the channels right-handed."""
+    down = state.directions.get("accelerometer", np.array([0.0, 0.0, 1.0]))
+    below = np.degrees(np.arcsin(np.clip(float(state.directions[kind] @ down), -1.0, 1.0)))
+    found = below if kind == "magnetometer" else -below
+    name = _FIELD_ANGLE[kind]
+    return f"with a {name} of {-found:+.2f} deg instead of {found:+.2f} the {kind} is right-handed"
 
 
 _CLEARLY_ALONG = float(np.cos(np.radians(10.0)))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from inclinometry.calibration import assemble
 from inclinometry.calibration.classical import solve_classical
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance
-from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
+from inclinometry.calibration.conventions import check_axes, check_dials, check_noise, figure
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.orthogonal import solve_orthogonal
 from inclinometry.calibration.readings import BenchReadings
@@ -106,9 +106,21 @@ def calibrate_classical(
     ------
     InputError
         Without a nameplate; one without a triad of the readings, of another unit or number of sensors, or in units of
-        a field whose strength at the stand is not stated; sensors that do not lie near the tool's axes.
+        a field whose strength at the stand is not stated; readings that swing four times as far as it says, or a
+        quarter; sensors that do not lie near the tool's axes.
     """
+    dials = readings.dials
     factors = {kind: _conversion_factor(kind, readings, nameplate) for kind in readings.channels}
+    for kind, factor in factors.items():
+        if len(readings) < _FEWEST or factor.size not in (1, readings.channels[kind].shape[1]):
+            continue  # refused below
+        swing = float(np.median(np.sqrt(3.0) * readings.channels[kind].std(axis=0) / factor))
+        if not 1.0 / _NAMEPLATE_OFF < swing < _NAMEPLATE_OFF:
+            raise InputError(
+                f"the {kind} swings {figure(swing)} times as far as its nameplate says ({figure(float(factor.mean()))} "
+                f"for the field at the stand): allowed 1/{_NAMEPLATE_OFF:g} to {_NAMEPLATE_OFF:g}; are readings and "
+                "nameplate in one unit?"
+            )
 
     def solver(kind: str, direction: Array) -> Solver:
         if kind == "accelerometer":
@@ -117,9 +129,7 @@ def calibrate_classical(
             a = _magnetic(readings)
         else:
             a = direction * np.array([1.0, 0.0, 1.0])
-        return lambda signals: solve_classical(
-            signals, *readings.dials, known_direction=a, conversion_factor=factors[kind]
-        )
+        return lambda signals: solve_classical(signals, *dials, known_direction=a, conversion_factor=factors[kind])
 
     return _closed(readings, "classical", solver, **known)
 
@@ -151,6 +161,8 @@ def _conversion_factor(kind: str, readings: BenchReadings, nameplate: Tool | Non
     return np.asarray(length * (strength / triad.field_strength))
 
 
+_FEWEST = 4  # stations that show a swing at all
+_NAMEPLATE_OFF = 4.0  # a plan at few attitudes lets a channel swing by half or by a fifth more
 _ASSUMED = {
     "rotations": "method rotations takes the rig for level and pointed as stated: its uncertainties leave a tilt of "
     "the base out, and 1 deg of tilt moves inclination by about 0.5 and toolface by 1 deg",

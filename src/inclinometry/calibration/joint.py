@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from inclinometry.calibration import assemble
 from inclinometry.calibration.causes import parameter_causes
 from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
 from inclinometry.calibration.identifiability import blindness
-from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State
+from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State, tangent_basis
 from inclinometry.calibration.outliers import Outlier, find_outliers
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
@@ -104,7 +104,8 @@ def calibrate_joint(
     ------
     InputError
         Readings or options that cannot be used; dials that count in another convention than was said, readings that fit
-        in none; a dip or latitude that contradicts the stated one (`inclinometry.calibration.signs.fix_signs`).
+        in none; a dip or latitude that contradicts the stated one (`inclinometry.calibration.signs.fix_signs`); a
+        level, north or dip stated with an uncertainty, more than five standard uncertainties from a fit without it.
     IdentifiabilityError
         Fewer readings than parameters, or a plan that leaves parameters undetermined, named in words.
 
@@ -153,6 +154,7 @@ def calibrate_joint(
     model = model.with_weights(noise, rig)
     start, _ = fix_signs(start, readings.reference, priors, left_handed=left_handed)
     warnings = check_dials(readings, left_handed=left_handed) if diagnose else []
+    warnings += _contradicted(model, start, free_noise, free_rig) if diagnose else []
     blind = blindness(model, start) if diagnose else None
     if blind is not None and not blind.complete:
         model, sentence = _cure(model, start, blind.sentences, readings.reference)
@@ -241,6 +243,57 @@ def _stand_angles(readings: BenchReadings, given: Mapping[str, float] | None) ->
         if "magnetometer" in readings.channels and not (name == "north" and sd >= VAGUE_NORTH):
             angles.append(StandAngle(name, readings.reference[name], max(sd, LEAST_SD)))
     return angles
+
+
+def _contradicted(model: Model, start: State, free_noise: Set[str], free_rig: bool) -> list[str]:
+    """What is stated of the stand with an uncertainty, held against a fit that does not know it.
+
+    Five standard uncertainties apart are refused, three are named. A plan that cannot do without it tells nothing.
+    """
+    alone = replace(model, field_prior={}, stand=())
+    if not (model.field_prior or model.stand) or not blindness(alone, start).complete:
+        return []
+    try:
+        found = fit_with_variances(alone, start, free_noise, free_rig)
+    except ConvergenceError:
+        return []
+    directions, spread = found.state.directions, found.tangents
+    basis = {kind: tangent_basis(a) for kind, a in directions.items()}
+    at = {kind: slice(2 * place, 2 * place + 2) for place, kind in enumerate(directions)}
+    held: list[tuple[float, float, str]] = []
+    for kind, (direction, precision) in model.field_prior.items():
+        off = basis[kind].T @ direction
+        stated = np.linalg.inv(basis[kind].T @ precision @ basis[kind])
+        apart = float(np.arccos(np.clip(directions[kind] @ direction, -1.0, 1.0)))
+        far = float(np.sqrt(off @ np.linalg.solve(spread[at[kind], at[kind]] + stated, off)))
+        sd = np.degrees(np.sqrt(stated[0, 0]))
+        what = "the azimuth axis" if kind == "accelerometer" else f"the field of the {kind}"
+        where = "the vertical, stated is level" if kind == "accelerometer" else "the stated direction, known"
+        held.append((far, apart, f"{what} {np.degrees(apart):.2f} deg from {where} within {sd:.2g} deg"))
+    for angle in model.stand:
+        down = directions.get("accelerometer", DOWN)
+        apart, by_down, by_field = angle.off(down, directions["magnetometer"])
+        slopes = np.zeros(len(spread))
+        for kind, slope in (("accelerometer", by_down), ("magnetometer", by_field)):
+            if kind in at:
+                slopes[at[kind]] = basis[kind].T @ slope
+        far = abs(apart) / float(np.hypot(np.sqrt(slopes @ spread @ slopes), angle.sd))
+        what = "the dip" if angle.name == "dip" else "the rig's zero, from magnetic north,"
+        value = np.degrees([angle.value + apart, angle.value, angle.sd])
+        held.append((far, apart, f"{what} at {value[0]:+.2f} deg, stated is {value[1]:+.2f} within {value[2]:.2g} deg"))
+    named = [
+        (far, apart, f"the readings find {sentence}: {far:.0f} standard uncertainties apart")
+        for far, apart, sentence in held
+        if far > _DOUBTED
+    ]
+    for far, apart, sentence in named:
+        if far > _REFUSED and abs(apart) > _SMALL:
+            raise InputError(f"{sentence}, {_REFUSED:g} allowed; correct what is stated of the stand, or leave it out")
+    return [f"{sentence}; check what is stated of the stand" for *_, sentence in named]
+
+
+_DOUBTED, _REFUSED = 3.0, 5.0  # standard uncertainties between the stand as found and as stated
+_SMALL = float(np.radians(0.25))  # a constant error of the rig may look like as much
 
 
 def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Mapping[str, float]) -> tuple[Model, str]:

@@ -133,6 +133,11 @@ def orient_rig(
     (40.0, 0.0)
     """
     kinds = leading_kinds(readings, calibration, second)
+    if kinds[0] != "accelerometer":
+        raise InputError(
+            f"these readings have no accelerometer, which the tilt and the zeros are found by (there is a {kinds[0]}): "
+            "put its columns in"
+        )
     zeros = list(ZEROS)
     fit = None
     ratio, ratio_sd, said = gravity_elsewhere(readings, calibration, gravity_sd)

@@ -14,7 +14,7 @@ from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.atomic import write_text
-from inclinometry.io.rate_csv import read_gyro_run
+from inclinometry.io.gyro_csv import read_gyro_run
 from inclinometry.io.scale_json import read_scale, write_scale
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.tool_json import read_calibration

@@ -12,7 +12,7 @@ from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json, Output
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import EARTH_RATE
-from inclinometry.io.rate_csv import read_rate_steps
+from inclinometry.io.gyro_csv import read_rate_steps
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.tool_json import write_calibration
 from inclinometry.workflow.rate_table import RateTable, calibrate_on_table

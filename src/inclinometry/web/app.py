@@ -35,8 +35,6 @@ PAGES: Final = (
     "tools",
     "results",
     "verify",
-    "verify_report",
-    "certificates_new",
     "certificates",
     "ledger",
     "people",

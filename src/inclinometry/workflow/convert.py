@@ -106,11 +106,9 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
         "xlsx": Format((".xlsx", ".xlsm"), "io.excel:read_excel", "io.excel:write_excel"),
         "parquet": Format((".parquet", ".pq"), "io.parquet:read_parquet", "io.parquet:write_parquet"),
         "las": Format((".las",), "io.las:read_las", "io.las:write_las"),
-        "witsml": Format((".witsml", ".xml"), "workflow.convert_formats:read_witsml", "io.witsml:write_witsml"),
-        "p7": Format((".p7", ".p717"), "workflow.convert_formats:read_p7", "workflow.convert_formats:write_p7"),
-        "wits": Format(
-            (".wits", ".wits0"), "workflow.convert_formats:read_wits", "workflow.convert_formats:write_wits"
-        ),
+        "witsml": Format((".witsml", ".xml"), "workflow.convert:read_witsml", "io.witsml:write_witsml"),
+        "p7": Format((".p7", ".p717"), "workflow.convert:read_p7", "workflow.convert:write_p7"),
+        "wits": Format((".wits", ".wits0"), "workflow.convert:read_wits", "workflow.convert:write_wits"),
     }
 )
 """Name -> format; the functions take and give `SurveyFile` and are imported when they are needed."""

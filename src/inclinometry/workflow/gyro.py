@@ -30,7 +30,7 @@ from inclinometry.gyro.tracking import (
     walking_belief,
     widened,
 )
-from inclinometry.io.rate_csv import CORRECTED, GyroReadings, write_gyro_stations
+from inclinometry.io.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.io.scale_json import ScaleRecord
 from inclinometry.survey.checks import Check
 from inclinometry.survey.flags import HEAT_MARGIN

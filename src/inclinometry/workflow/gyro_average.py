@@ -15,7 +15,7 @@ from inclinometry.core.errors import FileError, InputError
 from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.gyro.result import IndexAverage
 from inclinometry.io.columns import KIND_PREFIX
-from inclinometry.io.rate_csv import GyroReadings
+from inclinometry.io.gyro_csv import GyroReadings
 from inclinometry.sensors.triad import Triad
 from inclinometry.workflow.gyro_doubt import field_doubt, reading_variance
 

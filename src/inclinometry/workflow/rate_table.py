@@ -17,7 +17,7 @@ from inclinometry.core.constants import EARTH_RATE
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError, IdentifiabilityError, InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.rate_csv import RateSteps
+from inclinometry.io.gyro_csv import RateSteps
 from inclinometry.io.tool_json import read_calibration
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad

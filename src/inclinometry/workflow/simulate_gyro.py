@@ -13,7 +13,7 @@ from inclinometry.core.errors import InputError
 from inclinometry.earth.gravity import normal_gravity
 from inclinometry.io import _json
 from inclinometry.io.atomic import write_bytes
-from inclinometry.io.rate_csv import write_gyro_run
+from inclinometry.io.gyro_csv import write_gyro_run
 from inclinometry.simulate.gyro import GyroSensors, GyroSimulation, HotRun, Spike, hot_run, simulate_gyro_run
 from inclinometry.simulate.streams import Streams
 
