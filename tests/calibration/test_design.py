@@ -211,6 +211,7 @@ def test_the_same_seed_gives_the_same_plan(aimed):
     assert np.array_equal(settings_of(aimed), settings_of(again))
 
 
+@pytest.mark.long
 def test_progress_rises_to_one():
     seen = []
     optimal_plan(8, stand=COARSE, progress=seen.append)
@@ -256,6 +257,7 @@ def test_captured_stations_count_and_are_not_asked_for_again():
     assert plan_value(both) < plan_value(other) < plan_value(captured)
 
 
+@pytest.mark.long
 def test_next_position_is_the_best_of_all():
     captured = settings_of(plans.half())
     found = next_position(captured, stand=COARSE)

@@ -41,6 +41,7 @@ def truth(tool):
 
 @pytest.mark.parametrize(("method", "plan"), OWN, ids=IDS)
 class TestOwnPlan:
+    @pytest.mark.long
     def test_perfect_readings_give_the_tool(self, bench, method, plan):
         tool = random_tool(1, bits=None)
         found = method(bench(plan, tool, Rig(), noise={})[0])
@@ -75,6 +76,7 @@ class TestOwnPlan:
         if level is None:  # the rotations take the dip as known besides, which the joint fit does not
             assert (np.diag(joint.tool.covariance) <= np.diag(closed.tool.covariance) * 1.02).all()
 
+    @pytest.mark.long
     def test_the_record(self, bench, method, plan):
         readings, _ = bench(plan, random_tool(2), Rig(setting_sd=np.radians(0.05)), bits=12)
         found = method(readings, name="SN 7")
@@ -142,6 +144,7 @@ class TestClassical:
         at = np.radians([20.0, 45.0, 70.0])
         return np.degrees(np.sqrt(np.mean(true_errors(found.tool, tool, np.radians(70.0), at)[:, 1] ** 2)))
 
+    @pytest.mark.long
     def test_satisfactory_while_errors_are_small_and_not_when_they_are_large(self, bench):
         """The paper's sentence on [1, 2]. At 0134526 the conversion factors were the mean of the three, whatever the
         nameplate: 2.4 deg at a misalignment of 0.5 deg with perfect nameplates."""

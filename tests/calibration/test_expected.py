@@ -35,6 +35,7 @@ def calibrated(bench, sensor_noise):
     return fit_once(readings, sensor_noise(tool, 12), np.radians(0.1)).tool
 
 
+@pytest.mark.long
 def test_spread_of_tools_drawn_from_the_covariance(calibrated):
     inclination = np.radians([5.0, 45.0, 90.0])
     stated = expected_uncertainty(calibrated, inclination, DIP, azimuths=2, toolfaces=3)

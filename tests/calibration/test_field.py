@@ -113,6 +113,7 @@ def test_cave_instruments_held_out(name, spread):
 
 # the published figures are means over both ways round: either roll set held out. HC is 0.287 there, its peer 0.286:
 # with all 24 shots in the fit it is still 0.265, the hand's share.
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "spread", "dip"), [("BB", 0.72, 0.25), ("CF", 0.53, 0.27), ("FG", 1.20, 0.34), ("HC", 0.29, 0.44)]
 )
@@ -150,6 +151,7 @@ def test_covariance_is_honest(options):
     assert size - band < np.mean(squares) < (size + band) * 1.15
 
 
+@pytest.mark.long
 def test_noise_and_pointing_levels_are_found():
     found = []
     for seed in range(8):
@@ -174,6 +176,7 @@ def test_exact_readings_come_back():
     assert [w for w in calibration.warnings if "taken to read gravity" not in w] == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("index", range(24))
 def test_any_mounting_of_the_magnetometer_is_found(index):
     readings, truth = simulated(np.random.default_rng(7), mount=cube()[index])

@@ -108,6 +108,7 @@ class TestRotationsAtOneAzimuth:
         assert worst(found, tool) < 6.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("settings", [plans.twelve(), plans.orthogonal(), plans.half(), plans.two_face()])
 def test_the_classical_plans_see_everything_of_any_tool(bench, settings):
     for direction in (DOWN, DIPPING):

@@ -52,6 +52,7 @@ class TestInvariance:
         assert other.residuals.station == tuple(str(i + 1) for i in order)
         np.testing.assert_allclose(one.rig.errors[order], other.rig.errors, atol=1e-9)
 
+    @pytest.mark.long
     @pytest.mark.parametrize("angle", [0.7, -2.0, np.pi])
     def test_a_turned_rig_turns_the_fields_and_nothing_else(self, usual, angle):
         one = calibrate_joint(usual)
@@ -244,6 +245,7 @@ class TestSwappedChannels:
         found = calibrate_joint(dataclasses.replace(readings, channels=swapped))
         assert any("look swapped" in w and "accelerometer and magnetometer" in w for w in found.warnings)
 
+    @pytest.mark.long
     @pytest.mark.parametrize("kind", BOTH)
     def test_x_and_y(self, bench, kind):
         readings, _ = bench(plans.orthogonal(), realistic_tool(1), Rig(), bits=12)
@@ -259,6 +261,7 @@ class TestSwappedChannels:
 
 
 class TestNoiseFree:
+    @pytest.mark.long
     @pytest.mark.parametrize("plan", [plans.twelve(), plans.orthogonal(), plans.two_face(), plans.half()])
     def test_perfect_readings_give_the_tool_itself(self, bench, plan):
         tool = random_tool(4, bits=None)

@@ -44,6 +44,7 @@ def stations(count=200, seed=2):
     return azimuth, inclination, toolface, dcm(azimuth, inclination, toolface)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PLANS)
 def test_the_uncertainties_are_honest(bench, name):
     tool, plan, squares, scores = tool_of(), PLANS[name](), [], []
@@ -84,6 +85,7 @@ def test_angles_from_the_calibrated_tool(bench, name):
     assert np.degrees(np.abs(error[:, 1])).max() < 1.5
 
 
+@pytest.mark.long
 def test_a_temperature_campaign(bench):
     tool, plan = tool_of(2), plans.orthogonal()
     soaks = np.array([20.0, 60.0, 100.0, 140.0])
@@ -125,6 +127,7 @@ def test_the_latitude_is_found_and_not_asked_for(bench):
     assert found.tool.triads["gyro"].field_strength is None
 
 
+@pytest.mark.long
 def test_a_rig_that_faces_south(bench):
     rig = Rig(latitude=LATITUDE, north_offset=np.radians(170.0))
     tool = random_tool(3, sensors=dict.fromkeys(NOISE, 3), bits=None, noise=NOISE)

@@ -135,6 +135,7 @@ class TestLinearisation:
             model.linearise(state).residual, predicted(model, state) - readings, atol=1e-14
         )  # rounding of sums of four products of size 3
 
+    @pytest.mark.long
     def test_jacobian_by_every_parameter(self, sensors, degree):
         model, state = make(2, sensors, degree)
         jacobian = model.linearise(state).jacobian

@@ -47,6 +47,7 @@ def pair(bench, request):
 
 
 class TestDials:
+    @pytest.mark.long
     @pytest.mark.parametrize("way", WAYS[1:], ids=Dials.words)
     def test_refused_with_the_option_that_states_it_and_right_with_it(self, pair, way):
         calibration, readings = pair

@@ -36,6 +36,7 @@ def calibrated(bench, seed, sensors):
     return tool, fit_once(bench(plans.orthogonal(), tool, own, seed=seed, **more)[0], noise, np.radians(0.05)), more
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "sensors",
     [

@@ -331,6 +331,7 @@ class TestAtTheStand:
         assert (np.abs(again.g_sensitivity - size * axes).ravel() < 4.0 * u).all()
         assert (np.abs(again.triad.tensor[0] / tool.triads["gyro"].tensor[0].max() - axes / axes.max()) < 0.005).all()
 
+    @pytest.mark.long
     def test_stations_left_out_of_the_fit_are_left_out_here(self):
         _, _, _, readings = self.run(0.5)
         signals = {k: v.copy() for k, v in readings.channels.items()}

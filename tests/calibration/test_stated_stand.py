@@ -68,6 +68,7 @@ class TestAngles:
 
 
 class TestStated:
+    @pytest.mark.long
     def test_a_bad_roll_costs_nothing_once_the_stand_is_stated(self):
         """Shared figures: 0.028 degrees with north and dip known, 0.33 for the closed form, 5 for the fit without."""
         level, sd = {"accelerometer": (DOWN, np.radians(0.01))}, {"dip": np.radians(0.01), "north": np.radians(0.01)}
@@ -80,6 +81,7 @@ class TestStated:
         assert max(stated) < 0.12  # noise of 20 nT and 0.3 mg in 16 readings: 0.05 rms
         assert np.mean(closed) > 3.0 * np.mean(stated)
 
+    @pytest.mark.long
     def test_one_dial_stated_leaves_the_others_to_the_readings(self):
         readings, _ = run_with_bad_roll(plans.twelve(), 4)
         found = calibrate_joint(readings, rig_sd=[np.nan, np.nan, ROLL[2]])
@@ -154,6 +156,7 @@ class TestPlanThatCannotTell:
 
 
 class TestRounding:
+    @pytest.mark.long
     @pytest.mark.parametrize("bits", [12, 8])
     def test_uncertainty_covers_the_converter(self, bits):
         """No noise, true rig: equal readings at equal attitudes left residuals of zero, and u(n) 1e-5 of a step."""

@@ -168,6 +168,7 @@ def test_sd_of_mean_sees_slow_noise():
     assert sd_of_mean(rng.normal(size=(10, 2))).shape == (2,)
 
 
+@pytest.mark.long
 def test_a_million_samples():
     rng = np.random.default_rng(13)
     signals = rng.normal(size=(1_000_000, 6))

@@ -114,6 +114,7 @@ def test_the_example_of_the_documentation(files: Any) -> None:
     assert done.err == ""
 
 
+@pytest.mark.long
 def test_what_is_lacking_is_named(files: Any) -> None:
     """A warning each time, and the documents all the same."""
     assert "no laboratory is named" in files("certificate", "tool.json", "-o", "c.pdf").err

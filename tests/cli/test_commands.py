@@ -208,6 +208,7 @@ def test_readings_of_a_log_keep_the_units_of_its_columns(run):
     assert dict(read_bench("rests.csv").units) == {"accelerometer": "m/s^2", "magnetometer": "nT"}
 
 
+@pytest.mark.long
 def test_temperature_campaign_is_seen_and_extrapolation_flagged(run, bench):
     bench("twelve", "--temperature-degC", 20, 60, 100, "--temperature-degree", 1)
     done = run("calibrate", "readings.csv", "-o", "tool.json", "--json")
@@ -374,6 +375,7 @@ class TestSensorsOfASimulation:
         assert run(*bench, "-o", "bad.csv", "--mag-noise-nT=-1").status == 2
         assert not Path("bad.csv").exists()
 
+    @pytest.mark.long
     def test_fluxgates_give_the_azimuth_of_the_paper(self, run):
         """1.5 to 2.0 deg with fluxgates, 0.2 to 0.5 with magnetoresistive sensors; one tool, so within a factor."""
         error = {}

@@ -69,6 +69,7 @@ def refused(run, *command, parts=(), written=("out.csv",)):
     assert not any(Path(name).exists() for name in written)
 
 
+@pytest.mark.long
 def test_stations_have_the_columns_and_the_angles(run, simulated):
     truth = simulated()
     done = run(*NORTH, "-o", "out.csv", "--report", "out.html")
@@ -241,6 +242,7 @@ def keep(test):
 RATES, FORCES = ("gyro_x_deg_h", "gyro_y_deg_h"), ("accel_x_m_s2", "accel_y_m_s2")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("spoil", "parts"),
     [

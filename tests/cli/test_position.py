@@ -25,6 +25,7 @@ def extended(run):
     return run
 
 
+@pytest.mark.long
 def test_iscwsa_s_first_well(extended):
     done = extended("position", "survey.csv", *MWD, "-o", "p.csv", "--report", "p.html", "--sources", "s.csv", "--json")
     assert (done.status, done.err) == (0, "")

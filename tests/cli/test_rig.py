@@ -70,6 +70,7 @@ def test_options_that_say_nothing_are_refused(run, other, options, words):
     assert words in done.err
 
 
+@pytest.mark.long
 def test_two_files_of_one_tool(run, bench):
     """Review, C12: 24 positions against two turns; compare took one file and said "not applicable" of the other."""
     bench("orthogonal", "--seed", 1)
@@ -90,6 +91,7 @@ def test_two_files_of_one_tool(run, bench):
     assert "1 cos x" in shown.out
 
 
+@pytest.mark.long
 def test_drift_between_two_calibrations(run, bench, tmp_path):
     bench("orthogonal", "--seed", 1)
     assert run("calibrate", "readings.csv", "-o", "old.json").status == 0

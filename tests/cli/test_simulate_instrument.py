@@ -19,6 +19,7 @@ from inclinometry.workflow.laboratory.live import LiveFeed
 COMMAND = [sys.executable, "-m", "inclinometry", "simulate", "instrument", "--port", "0"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are of Unix")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_serves_until_it_is_stopped(number, tmp_path):

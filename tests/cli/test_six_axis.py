@@ -80,6 +80,7 @@ QUALITY = ("quality", "raw.csv", "--site", "site.toml")
 MSA = ("msa", "raw.csv", "--site", "site.toml", "-o", "corrections.json")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("geometry", "part"), [("build", 0.5), ("horiz_EW", 0.85), ("horiz_NS", 0.75), ("turn3d", 0.4)]
 )
@@ -116,6 +117,7 @@ def test_survey_says_what_was_done(run):
     assert Path("again.html").read_bytes() == Path("page.html").read_bytes()
 
 
+@pytest.mark.long
 def test_stored_correction_gives_the_same_survey(run):
     given()
     done = run(*MSA, "--report", "page.html", "--json")

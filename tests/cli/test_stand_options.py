@@ -65,6 +65,7 @@ def test_plans(run, tmp_path):
     assert "it is for twelve" in refused.err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("column", ["accel_1", "accel_x", "mag_1"])
 @pytest.mark.parametrize("method", ["joint", "twelve"])
 def test_one_sensor(run, tmp_path, column, method):

@@ -37,6 +37,7 @@ def agree(written, found):
         assert abs(float(one.replace("−", "-")) - float(other.replace("−", "-"))) <= 2.0 * last, (one, other)
 
 
+@pytest.mark.long
 def test_the_quick_ones_are_what_the_code_gives(computed):
     """Definitions, exact geometry and one fixed draw; what takes longer is worked out by python docs/computed.py."""
     from support import figures, gyro_figures, motion_figures, survey_figures

@@ -115,6 +115,7 @@ def test_variances_are_the_derivatives_of_the_solver(
         assert found.u_scale[0] == pytest.approx(np.sqrt(by_g[4] + by_w[4]), rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("inclination_deg", "azimuth_deg", "u_azimuth_deg", "u_scale"),
     [(0.0, 0.0, 0.081, 0.00141), (60.0, 90.0, 0.21, 0.00141), (60.0, 135.0, 0.63, 0.0100)],

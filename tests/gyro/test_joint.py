@@ -190,6 +190,7 @@ def test_at_the_cramer_rao_bound_and_honest(inclination: float, azimuth: float, 
     assert abs(np.mean(squared) - 1.0) < 0.06  # 2.6 sigma of 8000 x 2 is 0.03; curvature as above
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sigma", [SIGMA, 0.2])
 def test_uncertainty_of_a_posterior_with_any_shape_is_its_integral_over_azimuth_and_scale(sigma: float) -> None:
     inc, lat = rad([90.0, 89.5, 70.0, 60.0]), np.full(4, rad(45.0))

@@ -144,6 +144,7 @@ def test_hot_runs_the_scale_learnt_and_its_uncertainty_are_honest() -> None:
         assert 0.9 < np.sqrt(np.mean(np.square(z))) < 1.1, name
 
 
+@pytest.mark.long
 def test_hot_runs_the_north_estimated_from_the_track_is_honest() -> None:
     z = []
     for run, given in hot(range(40, 60), 0.015):
@@ -179,6 +180,7 @@ def test_hot_runs_learning_helps_and_the_whole_run_beats_online() -> None:
     assert rms["online"] < 0.35 * rms["fixed"]
 
 
+@pytest.mark.long
 @BOTH
 def test_where_the_rates_fix_a_smooth_scale_azimuth_is_as_good_as_with_the_truth(follow: Any) -> None:
     belief, off = quadratic_belief(jitter=0.0), {"found": [], "truth": []}  # type: ignore[var-annotated]

@@ -301,6 +301,7 @@ def bench(plan, rng, scale, misalignment, noise, low=-np.inf, high=np.inf):
     return BenchReadings(channels, plan.azimuth, plan.inclination, plan.toolface)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
 def test_no_false_alarm_of_saturation(tmp_path, plan):
     # aligned and skewed tools, 7 to 15 bits, with and without noise; 2047 counts per g is itself a rail

@@ -124,6 +124,7 @@ def test_a_bad_line_is_named(tmp_path, case):
         list(open_run(long_csv(tmp_path / "run.csv", spoil)).blocks())
 
 
+@pytest.mark.long
 def test_a_missing_reading_far_down_is_nan(tmp_path):
     for text in ("", "nan", "-NaN "):
         path = long_csv(tmp_path / "run.csv", lambda s, text=text: s.replace("0.25", text))

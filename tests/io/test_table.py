@@ -145,6 +145,7 @@ def test_gaps_only_where_allowed(tmp_path):
     assert np.isnan(read_table(path, gaps=["mag_x", "mag_y"]).number("mag_y")).tolist() == [True, False]
 
 
+@pytest.mark.long
 def test_line_numbers_survive_blank_lines_comments_and_blocks(tmp_path):
     # three blocks of a megabyte; line k holds k, every seventh line is blank or a comment
     rows = ["mag_x,station"] + [f"{k},{'s' * 60}" if k % 7 else ("" if k % 2 else "# c") for k in range(2, 50_000)]

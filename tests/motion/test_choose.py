@@ -62,6 +62,7 @@ def same(one: Attitude, other: Attitude) -> None:
     assert one.notes == other.notes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(SCENARIOS))
 def test_method_and_accuracy_of_every_scenario(name: str) -> None:
     """Limits: three times the spec's 10 s figures of 5 g, and of 20 g where it shakes so or turns fast."""
@@ -108,6 +109,7 @@ def test_accelerometers_alone_serve_at_rest_only() -> None:
     assert rows.notes[:2] == ("6 windows of 10 s: 6 moving (6 refused)", "refused for: no-field (6)")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["vibration-5g", "stick-slip", "sliding"])
 def test_the_filter_carries_on_through_casing(name: str) -> None:
     """Twenty to thirty seconds in casing, its ends within windows."""

@@ -32,6 +32,7 @@ def test_errors_after_ten_seconds(scenario):
         assert np.degrees(np.sqrt(np.mean(azimuth**2))) < heading
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scenario", ["stationary", "sliding"])
 def test_normalised_squared_error(scenario):
     ratios = {complementary_attitude: [], complementary_smoothed: []}

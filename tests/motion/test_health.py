@@ -95,6 +95,7 @@ def test_a_magnetometer_whose_range_is_too_small_is_found() -> None:
     assert share(checked(with_triad("vibration-5g", "mag", reach=20_000.0)), "clipped") == 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["smooth", "vibration-5g", "stick-slip", "sliding", "stationary"])
 @pytest.mark.parametrize("channel", ["accel_x", "accel_z", "mag_x", "mag_z"])
 def test_a_channel_that_sticks_is_found_in_every_whole_window(name: str, channel: str) -> None:

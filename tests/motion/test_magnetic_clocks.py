@@ -77,6 +77,7 @@ def test_a_changing_speed_leaves_nothing_of_the_prior() -> None:
     assert not any("too little to show" in note for note in swinging.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["vibration-5g", "stick-slip", "steady"])
 def test_covariance_is_honest_for_drawn_delays(name: str) -> None:
     """Twelve tools: mean normalised square 0.8 to 1.3 wanted, 0.4 to 1.7 allowed to so few draws of one delay each."""

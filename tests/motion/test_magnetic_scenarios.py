@@ -50,6 +50,7 @@ def test_clearly_better_than_the_figures() -> None:
     assert found.azimuth < 0.015
 
 
+@pytest.mark.long
 def test_gyro_carries_the_toolface() -> None:
     """Without one the phase at an instant is the magnetometer's, 50 nT of 22 700: a third of the error with one."""
     with_gyro, without = scored("vibration-5g", 10.0, True), scored("vibration-5g", 10.0, False)

@@ -173,6 +173,7 @@ def test_outliers_are_rejected_flagged_and_bridged() -> None:
     assert (found.quality[named] == 0.0).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size_deg", [0.3, 1.0, 5.0])
 def test_a_bend_is_followed_at_once(size_deg) -> None:
     """A real dogleg between two windows: no row is left behind; an outlier of the same size is rejected."""
@@ -194,6 +195,7 @@ def test_a_slow_build_is_followed_without_delay() -> None:
     assert np.mean(squared(robust_filter(rows), truth)) < 1.5
 
 
+@pytest.mark.long
 def test_noise_larger_than_stated_is_learnt() -> None:
     """Twice the stated errors: without Sage-Husa the squared error is about 3, with it 1."""
     pairs = [run(seed, scale=2.0) for seed in range(5)]

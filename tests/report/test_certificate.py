@@ -136,6 +136,7 @@ def test_uncertainties_are_those_of_the_calibration() -> None:
     assert table["coverage_probability"] == round(coverage_probability(2.0), 4) == 0.9545
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sensors", [{"accelerometer": 3}, {"accelerometer": 3, "gyro": 3}, {"accelerometer": 2}])
 def test_every_kind_of_tool_can_be_certified(sensors: dict[str, int]) -> None:
     """Angles it cannot give are left out, not invented; the digital certificate fits too."""

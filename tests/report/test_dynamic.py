@@ -171,6 +171,7 @@ def test_a_run_that_is_refused_whole_still_has_a_page(run):
     assert "not calibrated" in page.text
 
 
+@pytest.mark.long
 def test_an_azimuth_that_nothing_is_known_of_is_said(run):
     nothing = np.full(60, np.nan)
     page = check(dynamic_report(replace(run, rows=replace(run.rows, azimuth=nothing, u_azimuth=nothing))))
@@ -184,6 +185,7 @@ def test_two_norths_in_one_run_are_both_named(run):
     assert "Azimuth counts from magnetic and true north" in check(dynamic_report(replace(run, rows=mixed))).text
 
 
+@pytest.mark.long
 def test_one_window_is_enough_and_none_is_not(run):
     def first(found, count):
         return replace(found, **{one.name: getattr(found, one.name)[:count] for one in fields(found)})

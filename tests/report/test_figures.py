@@ -14,6 +14,7 @@ from inclinometry.report.figure import INK, inline_svg, save_png, save_svg, styl
 CURVES = [MethodCurve(f"method {n}", np.radians([5.0, 45.0, 90.0]), [1e-4 * n] * 3, [1e-3 * n] * 3) for n in (1, 2, 3)]
 
 
+@pytest.mark.long
 def test_same_bytes_whatever_the_users_settings(tmp_path):
     save_png(comparison_figure(CURVES), tmp_path / "a.png")
     save_svg(comparison_figure(CURVES), tmp_path / "a.svg")

@@ -73,6 +73,7 @@ def test_page_says_what_it_rests_on(run):
     assert text == run.report(Site(latitude=LATITUDE))
 
 
+@pytest.mark.long
 def test_grid_north_and_its_convergence_are_said(run):
     site = Site(latitude=LATITUDE, north_reference="grid", convergence=np.radians(1.25))
     words = check(run.report(site)).text
@@ -81,6 +82,7 @@ def test_grid_north_and_its_convergence_are_said(run):
     assert "+1.250°" in words
 
 
+@pytest.mark.long
 def test_checks_decide_the_badge(run):
     calm = replace(run.north, flags=[()] * len(run.north))
     found = gyro_survey(run.md, calm)

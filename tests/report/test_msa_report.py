@@ -87,6 +87,7 @@ def test_uncertainty_of_azimuth_is_that_of_one_bias():
     np.testing.assert_allclose(azimuth_u(level), [1e-3], rtol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [1, 30, 3000])
 def test_quality_pictures(size):
     stations = run(size, toolface=2.0 * size)

@@ -56,6 +56,7 @@ def test_the_page_is_whole_and_needs_nothing_else(text):
         assert words in page.text
 
 
+@pytest.mark.long
 def test_the_same_input_gives_the_same_bytes(well, text):
     path, survey, uncertainty, code = well
     assert position_report(path, survey, uncertainty, azimuth_reference="magnetic", tool_code=code) == text
@@ -121,6 +122,7 @@ def test_text_from_outside_is_text(well):
     assert "<b>bold</b>" in page.text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "stations",
     [

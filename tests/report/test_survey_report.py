@@ -43,6 +43,7 @@ def test_page(size):
     assert survey_report(found, site=SITE) == survey_report(found, site=SITE)
 
 
+@pytest.mark.long
 def test_flags_are_explained():
     words = check(survey_report(survey(60, SITE), site=SITE)).text
     assert "the magnetic field differs from its reference by more than its tolerance" in words

@@ -39,6 +39,7 @@ def test_pass(found):
     assert verification_report(found) == verification_report(found)
 
 
+@pytest.mark.long
 def test_fail_with_guard_band(found):
     decision = [list(row) for row in found.decision]
     decision[3][0], decision[4][1] = "fail", "inconclusive"
@@ -53,6 +54,7 @@ def test_nothing_judged(found):
     assert "not judged" in check(verification_report(none)).text
 
 
+@pytest.mark.long
 def test_hostile_names(found):
     evil = "<img src=x onerror=alert(1)>"
     sharp = replace(
@@ -61,6 +63,7 @@ def test_hostile_names(found):
     assert check(verification_report(sharp)).text.count(evil) >= 12 + 5
 
 
+@pytest.mark.long
 def test_a_pass_with_warnings_is_not_green(found):
     doubted = verification_report(replace(found, warnings=["4 positions verify little"]))
     assert 'class="verdict good"' in verification_report(found)

@@ -47,6 +47,7 @@ def moved(tool, place, h):
     return Tool(tool.name, triads)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("attitude", ATTITUDES)
 @pytest.mark.parametrize(
     ("sensors", "degree", "second"),

@@ -113,6 +113,7 @@ def test_reading_only(ledger: Ledger) -> None:
         look.append("tool", {"serial": "x"}, TOOL, author="a")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("damage", "table", "problem"),
     [
@@ -224,6 +225,7 @@ def test_a_file_that_is_no_ledger_is_said_so(tmp_path: Path) -> None:
         Ledger("mysql://host/x")
 
 
+@pytest.mark.long
 def test_users_passwords_and_the_last_administrator(ledger: Ledger) -> None:
     """Hashes, not passwords; roles; nobody is locked out."""
     put_user(ledger, "anna", role="administrator", password="correct horse battery", author="setup")

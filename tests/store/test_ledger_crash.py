@@ -113,6 +113,7 @@ def test_a_lost_write_ahead_file_is_noticed_by_a_noted_head(tmp_path: Path) -> N
         assert "ends before the head noted" in str(verify(copy, head=head).faults)
 
 
+@pytest.mark.long
 def test_a_backup_while_others_write_is_one_state(tmp_path: Path) -> None:
     """Every backup verifies and has at least what was recorded before it began."""
     with create(tmp_path / "a.sqlite") as ledger:

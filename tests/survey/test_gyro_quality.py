@@ -151,6 +151,7 @@ def test_horizontal_runs_without_a_gyro_along_the_tool_are_not_judged():
     assert judge(gravity, rate, 50.0)["horizontal Earth rate"].verdict == "pass"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("latitude", [90.0, -90.0])
 def test_at_a_pole_nothing_is_not_finite_by_accident(latitude):
     for gravity, rate in shapes(*stations(latitude)):

@@ -75,6 +75,7 @@ def test_the_true_change_of_a_tool_restores_the_fields(degree):
     assert np.abs(restored - truth).max() < (2e-2 if degree else 1e-9) * np.abs(off - truth).max()
 
 
+@pytest.mark.long
 def test_covariance_of_a_calibrated_tool_is_honest():
     """Tools drawn from the calibration's covariance, with interference: normalised squared error of all parameters."""
     calibrated, rng, runs = tool(), np.random.default_rng(22), 100

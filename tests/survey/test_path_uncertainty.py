@@ -56,6 +56,7 @@ def wrapped(change):
     return change
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", INTERVALS)
 @pytest.mark.parametrize(
     ("project", "jacobian", "md"),

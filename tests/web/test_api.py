@@ -126,6 +126,7 @@ def test_free_fields_are_read_as_strictly(api):
     assert api.get("/api/v1/tools/strict").status_code == 404
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", NASTY)
 def test_text_stays_text(api, text):
     put = api.put(f"/api/v1/tools/{quoted(text)}", json={"name": text, "customer": text, "description": text})

@@ -113,6 +113,7 @@ def test_each_route_for_each_role(users_server, method, path):
             assert role in answer.json()["detail"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", PAGES)
 def test_each_page_for_each_role(users_server, path):
     with users_server.client() as stranger:

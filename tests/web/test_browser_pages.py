@@ -37,6 +37,7 @@ def browser(stand: Stand) -> Iterator[Browser]:
         yield made
 
 
+@pytest.mark.long
 def test_the_first_page_comes_soon(stand, browser):
     """Nothing in the browser's cache. The time is printed; how long it may take here depends on what else runs."""
     browser.open("/")

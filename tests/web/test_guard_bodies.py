@@ -96,6 +96,7 @@ def test_length_and_chunks_together_do_not_smuggle_a_second_request(open_server)
         assert "smuggled" not in browser.get("/api/v1/sites").text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("coding", ["gzip", "deflate", "br", "identity, gzip"])
 def test_compressed_requests_are_not_read(open_server, coding):
     bomb = gzip.compress(b"0" * 50 * MB)

@@ -177,6 +177,7 @@ def test_a_certificate_over_rest_names_who_answers(open_bench: SimpleNamespace) 
 ROLES = ("auditor", "operator", "metrologist", "administrator")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("page", "allowed"),
     [

@@ -43,6 +43,7 @@ def test_rest_is_believed(tmp_path, seed):
     assert not noise_of_log(write(tmp_path, still(100 + seed) + walk)).warnings
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["knock", "turn", "step"])
 def test_a_moving_log_is_noticed(tmp_path, kind):
     values = still()

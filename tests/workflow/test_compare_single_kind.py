@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
@@ -12,6 +13,7 @@ from inclinometry.simulate.tool import random_tool
 from inclinometry.workflow.calibrate import compare
 
 
+@pytest.mark.long
 def test_accelerometers_alone_have_an_uncertainty_of_inclination_in_every_method():
     plan = plans.twelve()
     dials = plan.azimuth, plan.inclination, plan.toolface

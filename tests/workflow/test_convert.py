@@ -35,6 +35,7 @@ def put(folder, name, file):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("first", "second"), list(permutations(TABLES, 2)))
 def test_every_pair_of_tables_goes_round(tmp_path, first, second):
     source = put(tmp_path, first, survey())

@@ -53,6 +53,7 @@ def off(found, run):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["auto", "magnetic", "filter", "gyro"])
 @pytest.mark.parametrize("wrong", WRONG)
 def test_wrong_axes_give_no_azimuth_with_a_small_uncertainty(run, method, wrong):

@@ -224,6 +224,7 @@ MAPS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MAPS)
 def test_axes_and_signs_are_stated(tmp_path, name):
     """D12: what was refused with the advice to exchange all signs is reduced once stated; the refusal says how."""

@@ -85,6 +85,7 @@ def test_the_spectrum_of_white_noise_and_of_a_line():
     assert spectra.density.mean(axis=0).sum() * step == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_run():
     monitor, block = Monitor(2.0), turning(10.0, lambda t: 5.0, lateral=1.0)
     for k in range(400):

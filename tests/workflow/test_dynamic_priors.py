@@ -53,6 +53,7 @@ def scaled(path, where, errors):
     return where
 
 
+@pytest.mark.long
 def test_scale_errors_that_no_calibration_took_off_are_in_every_row(turning, tmp_path):
     """Ten triads with 0.3 % in each of nine places: mean square of error over uncertainty 0.4 to 1.7 (1 expected, less
     what the other priors allow); it was above 10."""

@@ -58,6 +58,7 @@ def test_blocks_do_not_matter(samples):
     assert np.array_equal(one.covariance, other.covariance)
 
 
+@pytest.mark.long
 def test_a_run_of_one_piece_is_the_batch(samples):
     part = samples.part(0, 20_000)
     assert np.array_equal(fed(SampleSmoother(smooth, WINDOW), part).quaternion, smooth(part).quaternion)

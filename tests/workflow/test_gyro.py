@@ -127,6 +127,7 @@ def test_every_prior_is_honest_and_more_knowledge_is_not_worse(simulated, prior)
     assert (found.track is None) == (prior == "calibration")
 
 
+@pytest.mark.long
 def test_the_default_prior_is_the_run_with_temperatures_or_without(simulated):
     data, _ = simulated()
     default, run = north_run(data, HERE), north_run(data, HERE, options=GyroOptions(prior="run"))
@@ -163,6 +164,7 @@ def test_the_patent_names_its_root_and_its_blanks(simulated):
     assert blank > 0
 
 
+@pytest.mark.long
 def test_a_constant_bias_leaves_no_trace(simulated):
     still, _ = simulated(change=lambda c: {})
     moved, _ = simulated(
@@ -240,6 +242,7 @@ def test_one_station(simulated):
         assert abs(errors(found, run)[0, 0]) < 4.0
 
 
+@pytest.mark.long
 def test_a_tool_without_z_points_where_it_is_told(simulated):
     """Cross-axis readings of a hole and of its mirror image above the horizon are the same: the statement decides."""
     data, _ = simulated(scenario="cool")
@@ -255,6 +258,7 @@ def test_a_tool_without_z_points_where_it_is_told(simulated):
     assert all("up-hole" in row for row in patent.flags)
 
 
+@pytest.mark.long
 def test_the_next_run_begins_with_what_the_last_one_taught(simulated, tmp_path):
     first, _ = simulated(1)
     write_scale(north_run(first, HERE).record(), tmp_path / "scale.json")
@@ -280,6 +284,7 @@ def test_readings_do_not_teach_themselves(simulated):
         north_run(data, HERE, options=GyroOptions(history=record))
 
 
+@pytest.mark.long
 def test_a_record_needs_temperatures(simulated):
     data, _ = simulated()
     assert len(north_run(data, HERE).record().learnt) == 20
@@ -303,6 +308,7 @@ def test_temperatures_beyond_the_history_are_flagged(simulated):
     assert not flagged[(heat > 60.0) & (heat < 100.0)].any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("spike", "line"), [((2, 1, 5.0 * DEG_H), 11), ((0, 3, -2.0 * DEG_H), 5)])
 def test_one_spiky_position_is_left_out_and_named(simulated, spike, line):
     data, run = simulated(spike=spike)

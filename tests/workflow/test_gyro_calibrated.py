@@ -179,6 +179,7 @@ def test_without_its_calibration_the_readings_are_refused(measured):
         north_run(measured(make_tool(), path()), HERE)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", ["two", "four", "mirrored"])
 def test_what_gravity_adds_to_the_gyros_is_taken_off(measured, scheme):
     sensitivity = np.random.default_rng(4).normal(0.0, 1000.0, (3, 3))

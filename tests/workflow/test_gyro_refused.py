@@ -21,6 +21,7 @@ def channels(**change):
 SWAP = {"accelerometer": lambda v: v[:, ::-1], "gyro": lambda v: v[:, ::-1]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [

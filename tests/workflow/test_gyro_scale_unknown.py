@@ -132,6 +132,7 @@ def test_no_thermometer_is_needed(measured):
     assert size["previous"] < 1.5 * size["with"]
 
 
+@pytest.mark.long
 def test_what_is_stated_of_the_scale_acts_on_the_patent_too(measured):
     """From 40 deg at latitude 60 on both roots are positive: what is stated decides, or nothing does."""
     data, run = measured(0.8, 2, steep=(40.0, 70.0))
@@ -145,6 +146,7 @@ def test_what_is_stated_of_the_scale_acts_on_the_patent_too(measured):
         GyroOptions(method="patent", prior="run")
 
 
+@pytest.mark.long
 def test_a_true_statement_stands_and_one_disturbed_station_does_not_outvote_it(measured):
     # three of four positions of one gyro moved together look like another rate, not like a spike
     moved = [Spike(7, position, 0, (1.0, 0.0, -1.0)[position] * 2.0 * DEG_H) for position in (0, 2)]
@@ -165,6 +167,7 @@ def test_online_a_wrong_statement_costs_the_first_station_at_most(measured):
     assert any("1 +- 0.3 %, contradicts the readings, which fit 1.05" in w for w in found.survey.warnings)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [0.8, 1.05])
 def test_online_a_first_station_where_the_scale_is_not_seen_is_honest_too(measured, scale):
     """K is zero there: what the statement alone said of the first station does not stand once it is contradicted."""
@@ -194,6 +197,7 @@ def test_without_noise_a_latitude_of_the_wrong_sign_is_still_named(measured):
         reduced(data, Site(latitude=-FAR.latitude))
 
 
+@pytest.mark.long
 def test_near_horizontal_only_what_is_lost_is_flagged(measured):
     """1 mm/s2: u(inclination) is 0.05 deg at 87 and 0.2 at 89 deg, so that 90 is out of reach but for the last few."""
     flagged, z, size = 0, [], 0
@@ -211,6 +215,7 @@ def test_near_horizontal_only_what_is_lost_is_flagged(measured):
     assert 0.64 < np.sqrt(np.mean(np.concatenate(z) ** 2)) < 1.36
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["joint", "patent", "fixed"])
 def test_corrected_rates_are_written(measured, tmp_path, method):
     data, run = measured(1.002, 6, noise=0.0, accel=0.0, steep=(5.0, 25.0))

@@ -228,6 +228,7 @@ class TestSingleSteps:
         assert found.steps == 16
         assert "-1 deg/h faster" in found.notes[0]
 
+    @pytest.mark.long
     def test_clean_runs_lose_no_step(self):
         rates = np.concatenate([table_rates(*np.radians([*m, s]), LATITUDE)[None] for m in MOUNTS for s in SPEEDS])
         random, named = np.random.default_rng(3), 0

@@ -19,6 +19,7 @@ DEG_H = np.radians(1.0) / 3600.0
 QUIET = {"arw": 0.0, "accelerometer_noise": 0.0}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", POSITIONS)
 @pytest.mark.parametrize(("axes", "gyros"), [(2, 2), (3, 2), (2, 1)])
 def test_without_noise_the_file_holds_the_fields_turned_by_the_index(tmp_path, scheme, axes, gyros):

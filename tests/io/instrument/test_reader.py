@@ -59,6 +59,7 @@ def greet(kinds, count=1):
         time.sleep(0.005)
 
 
+@pytest.mark.long
 def test_nothing_is_lost_or_doubled_when_connections_break_between_lines(served, until, kept):
     def serve(connection, count):
         greet(lambda: kept.kinds, count)
@@ -75,6 +76,7 @@ def test_nothing_is_lost_or_doubled_when_connections_break_between_lines(served,
     assert reader.counts["samples"] == 500
 
 
+@pytest.mark.long
 def test_the_last_bytes_before_a_connection_ends_are_read(served, until, kept):
     def serve(connection, count):
         greet(lambda: kept.kinds, count)
@@ -152,6 +154,7 @@ def test_an_answer_that_does_not_come_is_asked_for_again(served, until, kept):
     assert kept.numbers[:4] == [1, 2, 4, 5]
 
 
+@pytest.mark.long
 def test_silence_is_told_and_then_the_port_is_opened_again(served, until, kept):
     def serve(connection, _count):
         wait_for_the_end(connection)

@@ -49,6 +49,7 @@ def test_the_session_keeps_calibration_and_limits(laboratory: Ledger, calibratio
     assert limits_of(load_session(laboratory, bare.id)) is None
 
 
+@pytest.mark.long
 def test_what_was_agreed_is_held_to(laboratory: Ledger, bench: SimpleNamespace, calibration: str) -> None:
     """Neither no limits, nor others, nor another calibration, once there are results."""
     tight = Limits("contract", "contract 7", 1e-6, 1e-6, 1e-6, guard="expanded-uncertainty")

@@ -142,6 +142,7 @@ def test_what_does_not_belong_is_refused(
         issue(laboratory, two, None, LABORATORY, author="a")
 
 
+@pytest.mark.long
 def test_a_verification_of_another_tool_is_refused(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
     """Though somebody recorded it with this calibration's id."""
     calibration, verification = made()
@@ -214,6 +215,7 @@ def test_two_who_issue_at_once(laboratory: Ledger, made: Callable[..., tuple[str
     assert "certified already" in refused[0]
 
 
+@pytest.mark.long
 def test_the_laboratory_of_the_site(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """Taken from the site of the session; order and environment from the session; special characters kept."""
     put_site(

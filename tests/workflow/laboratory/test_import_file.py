@@ -29,6 +29,7 @@ def _csv(session: Session) -> bytes:
     return "\n".join(rows).encode()
 
 
+@pytest.mark.long
 def test_readings_become_a_session(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """The same calibration as from the readings captured on the stand; a name like a formula stays a note."""
     session = bench.calibrated(laboratory, plans.orthogonal())

@@ -44,6 +44,7 @@ def test_a_good_tool_passes_and_the_verdict_is_recorded(laboratory: Ledger, benc
         finish_verification(laboratory, session.id, calibration, author="anna")
 
 
+@pytest.mark.long
 def test_no_verdict_on_a_part_of_the_protocol(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """One of 72 positions, or a reading left out: neither pass nor fail, and the session stays open."""
     calibration = calibrated(laboratory, bench)
@@ -61,6 +62,7 @@ def test_no_verdict_on_a_part_of_the_protocol(laboratory: Ledger, bench: SimpleN
     assert record.body["report"]["protocol"] == {"name": "roll-4", "taken": 4, "positions": 4}
 
 
+@pytest.mark.long
 def test_a_limit_that_no_position_judges_gives_no_verdict(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """Azimuth at the vertical; without that limit the tool passes."""
     calibration = calibrated(laboratory, bench)
@@ -75,6 +77,7 @@ def test_a_limit_that_no_position_judges_gives_no_verdict(laboratory: Ledger, be
     assert "does not cover: azimuth, toolface" in record.body["report"]["reasons"][-1]
 
 
+@pytest.mark.long
 def test_two_who_finish_at_once_record_one_result(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """A verdict and a calibration each; whoever comes second is told."""
 
@@ -108,6 +111,7 @@ def test_two_who_finish_at_once_record_one_result(laboratory: Ledger, bench: Sim
     assert laboratory.count("verification") == 1
 
 
+@pytest.mark.long
 def test_another_tool_fails(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """The calibration of one tool with the readings of another."""
     calibration = calibrated(laboratory, bench)
