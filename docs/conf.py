@@ -75,7 +75,9 @@ OUTSIDE = (
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
     "timedelta", "inclinometry.workflow.laboratory.listing.T", "inclinometry.motion.window_filter.Step",
     "inclinometry.motion.window_filter.Common",
-    "inclinometry.io.run_file.RunHeader", "MethodName",
+    "inclinometry.io.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
+    "Progress", "Numbered",
+    "inclinometry.io._sheet.Sheet", "inclinometry.io._quantities.Quantity", "inclinometry.motion._hole_direction.Seen",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
+from typing import Annotated, get_args, get_origin, get_type_hints
+
+from inclinometry.core.settings import Range, Settings
 
 _FIELD = re.compile(r"^(\w[\w, ]*) : (\S.*)$")
 _COLON = "\N{RATIO}"
@@ -20,6 +24,8 @@ def prepare(app: object, what: str, name: str, thing: object, options: object, l
         example = stripped.startswith(">>>") or (example and bool(stripped))
         result.append(line if example else _escaped(line))
     result = _listed(_aligned(result))
+    if what == "class" and isinstance(thing, type) and issubclass(thing, Settings) and thing is not Settings:
+        result += _settings(thing)
     if what in ("attribute", "data", "property") and result:
         # napoleon would read "type: meaning" into a first line with a colon; `restore` brings it back
         result[0] = result[0].replace(":", _COLON)
@@ -38,11 +44,47 @@ def signature(
     if arguments and name.startswith("inclinometry.simulate."):
         # two rooms have a Rig: what is known of one, and one to simulate
         arguments = re.sub(r"(?<![\w.~])Rig\b", "~inclinometry.simulate.rig.Rig", arguments)
-    arguments, result = _short(arguments), _short(result)
+    arguments, result = _short(_bare(arguments)), _short(result)
     if not name.startswith("inclinometry.attitude.mapping."):
         # likewise a wiring, and what Python calls a mapping
         arguments, result = _abstract(arguments), _abstract(result)
     return arguments, result
+
+
+def _settings(thing: type) -> list[str]:
+    """The parameters of a class of settings, which stand in its annotations."""
+    lines = ["", "Parameters", "----------"]
+    hints = get_type_hints(thing, include_extras=True)
+    for field in fields(thing):  # type: ignore[arg-type]
+        notes = get_args(hints[field.name])[1:] if get_origin(hints[field.name]) is Annotated else ()
+        words = " ".join(str(note) for note in notes if isinstance(note, str))
+        allowed = [f"{note.low:g} to {note.high:g} {note.unit}".strip() for note in notes if isinstance(note, Range)]
+        lines += [field.name, f"    {words} {''.join(f'Allowed: {text}.' for text in allowed)}".rstrip() or "    "]
+    return lines
+
+
+def _bare(text: str | None) -> str | None:
+    """Types without what `Annotated` says beside them."""
+    while text and (start := text.find("Annotated[")) >= 0:
+        depth, quote, comma = 0, "", -1
+        for place in range(start + len("Annotated["), len(text)):
+            mark = text[place]
+            if quote:
+                quote = "" if mark == quote else quote
+            elif mark in "'\"":
+                quote = mark
+            elif mark in "[(":
+                depth += 1
+            elif mark in "])" and depth:
+                depth -= 1
+            elif mark == "," and not depth and comma < 0:
+                comma = place
+            elif mark == "]":
+                text = text[:start] + text[start + len("Annotated[") : comma] + text[place + 1 :]
+                break
+        else:
+            return text
+    return text
 
 
 def _abstract(text: str | None) -> str | None:

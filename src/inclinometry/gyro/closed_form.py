@@ -463,20 +463,6 @@ def north_result(
     )
 
 
-__all__ = [
-    "CHANGE",
-    "azimuth_arctan2",
-    "expected_rates",
-    "high_side",
-    "patent_azimuth",
-    "printed_toolface",
-    "scale_condition",
-    "scale_roots",
-    "solve_fixed_arctan2",
-    "solve_patent",
-]
-
-
 def solve_patent(
     gravity: ArrayLike,
     rate: ArrayLike,

@@ -630,8 +630,6 @@ def make_batches(
     ]
 
 
-__all__ = ["SCHEMES", "Scheme", "average_index"]
-
 TOLERANCE = float(np.radians(1.0))
 """How far an index position may be from the scheme's, rad; the angle read is used, not the scheme's."""
 

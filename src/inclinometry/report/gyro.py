@@ -181,8 +181,6 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
     return Table(f"Scale factor of each station, U (k = {COVERAGE_FACTOR:g})", head, body)
 
 
-__all__ = ["gyro_report", "scale_report"]
-
 _ANGLES = ("inclination", "azimuth")
 _UNITS = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
 _NOT_INCLUDED = (

@@ -16,7 +16,7 @@ from inclinometry.survey.axial import SOURCE as AXIAL
 from inclinometry.survey.checks import Check, worst
 from inclinometry.survey.multistation import invariants, invariants_jacobian
 from inclinometry.survey.multistation_priors import FieldReference
-from inclinometry.survey.quality_words import QUANTITIES, field_checks, notes_of, station_words
+from inclinometry.survey.quality_words import field_checks, notes_of, station_words
 from inclinometry.survey.stations import Source, Stations
 
 # Sensor errors of an error model as a source of error of six-axis stations, for tools without a certificate.
@@ -326,14 +326,3 @@ def _undetected(readings: Array, rows: Array, covariance: Array, k: float) -> Ar
     unseen = np.isfinite(azimuth) & (azimuth > 0.0)
     size = np.divide(k * azimuth, np.sqrt(signal), out=np.full(len(azimuth), np.inf), where=signal > 0.0)
     return np.where(unseen, size, np.where(np.isfinite(azimuth), 0.0, np.nan))
-
-
-__all__ = [
-    "BLIND",
-    "QUANTITIES",
-    "FieldLimits",
-    "FieldQuality",
-    "distance_limit",
-    "judge_fields",
-    "residual_covariance",
-]

@@ -519,9 +519,6 @@ def attitude_of(window: WindowFit) -> tuple[Array, Array]:
     return np.asarray(back @ matrix), 0.5 * (covariance + covariance.T)
 
 
-__all__ = ["Complex", "WindowFit", "attitude_of", "fit_window"]
-
-
 # What a window can be trusted for: flags, quality, refusal.
 
 DISTURBED: Final = 0.02
