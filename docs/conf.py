@@ -76,7 +76,7 @@ OUTSIDE = (
     "timedelta", "inclinometry.workflow.laboratory.listing.T", "inclinometry.motion.window_filter.Step",
     "inclinometry.motion.window_filter.Common",
     "inclinometry.io.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
-    "Progress", "Numbered",
+    "Progress", "Numbered", "types.Callable",
     "inclinometry.io._sheet.Sheet", "inclinometry.io._quantities.Quantity", "inclinometry.motion._hole_direction.Seen",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]

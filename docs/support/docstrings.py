@@ -65,9 +65,10 @@ def _settings(thing: type) -> list[str]:
 
 def _bare(text: str | None) -> str | None:
     """Types without what `Annotated` says beside them."""
-    while text and (start := text.find("Annotated[")) >= 0:
+    while text and (found := re.search(r"~?(?:typing\.)?Annotated\[", text)):
+        start, begins = found.span()
         depth, quote, comma = 0, "", -1
-        for place in range(start + len("Annotated["), len(text)):
+        for place in range(begins, len(text)):
             mark = text[place]
             if quote:
                 quote = "" if mark == quote else quote
@@ -80,7 +81,7 @@ def _bare(text: str | None) -> str | None:
             elif mark == "," and not depth and comma < 0:
                 comma = place
             elif mark == "]":
-                text = text[:start] + text[start + len("Annotated[") : comma] + text[place + 1 :]
+                text = text[:start] + text[begins:comma] + text[place + 1 :]
                 break
         else:
             return text
