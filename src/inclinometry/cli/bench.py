@@ -28,9 +28,10 @@ from inclinometry.core.arrays import Array
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import InputError
 from inclinometry.io.atomic import write_text
+from inclinometry.io.datasheet_toml import read_nameplate
 from inclinometry.io.site_toml import read_site
 from inclinometry.io.tool_json import read_tool, write_calibration
-from inclinometry.workflow.calibrate import Comparison, Options, named_degrees, read_nameplate, readings_at
+from inclinometry.workflow.calibrate import Comparison, Options, named_degrees, readings_at
 from inclinometry.workflow.calibrate import calibrate as calibrate_readings
 from inclinometry.workflow.calibrate import compare as compare_methods
 from inclinometry.workflow.compare_two import compare_two, content

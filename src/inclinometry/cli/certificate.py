@@ -9,7 +9,7 @@ from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output
 from inclinometry.io.atomic import write_bytes
 from inclinometry.io.certificate_json import record_bytes, record_digest
-from inclinometry.workflow.certificate import record_from_files
+from inclinometry.workflow.issue_certificate import record_from_files
 
 
 def certificate(

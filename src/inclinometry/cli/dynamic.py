@@ -10,8 +10,7 @@ from inclinometry.attitude.conventions import Axes, axes_matrix
 from inclinometry.attitude.orientation import SWITCH
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
-from inclinometry.cli.options import Json, Output, angle
-from inclinometry.cli.six_axis import Convention
+from inclinometry.cli.options import Convention, Json, Output, angle
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import InputError
 from inclinometry.earth.site import REFERENCES

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from cyclopts import Parameter
@@ -13,6 +13,7 @@ from inclinometry.core.errors import InputError
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 Json = Annotated[bool, Parameter(name="--json", negative="")]
 Flag = Annotated[bool, Parameter(negative="")]
+Convention: TypeAlias = Literal["house", "iscwsa", "specific-force", "z-up"] | None
 
 LARGEST_SD = 30.0
 """A rig or a stand worse than this, deg, is none."""

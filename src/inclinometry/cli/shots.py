@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from inclinometry.cli import output
-from inclinometry.cli.options import Flag, Json
+from inclinometry.cli.options import Convention, Flag, Json
 from inclinometry.cli.quality import show_checks
-from inclinometry.cli.six_axis import Convention, SixAxisForm
+from inclinometry.cli.six_axis import SixAxisForm
 from inclinometry.survey.checks import Check, worst
 from inclinometry.workflow.gyro_quality import check_json
 from inclinometry.workflow.shots import APART_M, depth_check, read_shots, repeat_checks, rotation_checks

@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import output
-from inclinometry.cli.options import Json, Output
+from inclinometry.cli.options import Convention, Json, Output
 from inclinometry.cli.quality import show_checks
 from inclinometry.core.errors import InputError
 from inclinometry.io.atomic import write_text
@@ -23,7 +23,6 @@ from inclinometry.workflow.six_axis import Analysis, SixAxis, analyse, judge, re
 SixAxisForm: TypeAlias = Annotated[
     Literal["csv", "xlsx", "parquet", "las", "witsml", "p7"] | None, Parameter(name="--from")
 ]
-Convention: TypeAlias = Literal["house", "iscwsa", "specific-force", "z-up"] | None
 
 
 def quality(

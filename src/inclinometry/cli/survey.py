@@ -13,8 +13,8 @@ from inclinometry.calibration.acceptance import JUDGED, OtherStand, Verification
 from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Json, Output, angle
-from inclinometry.cli.six_axis import Convention, SixAxisForm
+from inclinometry.cli.options import Convention, Json, Output, angle
+from inclinometry.cli.six_axis import SixAxisForm
 from inclinometry.core.errors import InputError
 from inclinometry.io.atomic import write_text
 from inclinometry.io.bench_csv import read_bench
@@ -100,7 +100,7 @@ def verify(
                 "--output writes what a certificate states, errors of inclination, azimuth and toolface; this tool has "
                 "none of them: use --report or --json"
             )
-        from inclinometry.workflow.certificate import save_verification
+        from inclinometry.workflow.issue_certificate import save_verification
 
         save_verification(found, bounds, tool, output_)
     if report is not None:

@@ -16,6 +16,7 @@ from inclinometry.core.constants import EARTH_RATE, KINDS, STANDARD_GRAVITY
 from inclinometry.core.digest import digest_file
 from inclinometry.core.errors import FileError, InputError
 from inclinometry.io import _toml
+from inclinometry.io.tool_json import read_tool
 from inclinometry.sensors.tool import Tool
 from inclinometry.sensors.triad import Triad
 
@@ -260,3 +261,8 @@ def _rows(content: dict[str, Any], key: str, count: int, width: int) -> Array:
     ):
         raise InputError(f"{key} is {rows!r}; {count} rows of {width} numbers are needed")
     return np.stack([_numbers({key: row}, key, width) for row in rows])
+
+
+def read_nameplate(path: str | Path) -> Tool:
+    """The tool of a data sheet (.toml) or of a tool.json."""
+    return read_datasheet(path).tool if Path(path).suffix.lower() == ".toml" else read_tool(path)

@@ -33,8 +33,6 @@ from inclinometry.core.errors import InclinometryError, InputError
 from inclinometry.earth.site import Site
 from inclinometry.io.bench_csv import read_bench
 from inclinometry.io.columns import KIND_PREFIX
-from inclinometry.io.datasheet_toml import read_datasheet
-from inclinometry.io.tool_json import read_tool
 from inclinometry.sensors.tool import Tool
 
 # The one table of identification methods by name, and which of them a set of readings allows.
@@ -268,11 +266,6 @@ def readings_at(
     """Bench readings of a file, dials converted, completed by what a site file says of the fields at the stand."""
     readings = dials.read(read_bench(path, progress=progress))
     return readings if site is None else replace(readings, reference={**readings.reference, **_site_fields(site)})
-
-
-def read_nameplate(path: str | Path) -> Tool:
-    """The tool of a data sheet (.toml) or of a tool.json."""
-    return read_datasheet(path).tool if Path(path).suffix.lower() == ".toml" else read_tool(path)
 
 
 def _site_fields(site: Site) -> Mapping[str, float]:

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from datetime import UTC, date, datetime
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import Limits, Verification
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.core.arrays import Array
-from inclinometry.core.digest import digest_bytes, digest_file
 from inclinometry.core.errors import InputError
-from inclinometry.io.laboratory_toml import Order, read_laboratory
 from inclinometry.io.position_csv import WellStations
 from inclinometry.io.survey_csv import RawSurvey
-from inclinometry.io.tool_json import read_calibration
-from inclinometry.io.verification_json import read_verification, write_verification
 from inclinometry.position.certificate import (
     calibration_sources,
     error_model,
@@ -33,112 +25,9 @@ from inclinometry.position.propagation import propagate
 from inclinometry.position.sources import MatrixSource
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey
-from inclinometry.report.certificate_record import certificate_record
 from inclinometry.sensors.tool import Tool
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.sensor_correction import SensorCorrection, apply_correction
-from inclinometry.workflow.laboratory.results import program
-from inclinometry.workflow.laboratory.verification import report, stated_limits
-
-# A certificate from the files that calibrate and verify write, without a ledger.
-
-UNNAMED = ("", "unnamed")
-
-
-def save_verification(found: Verification, limits: Limits | None, calibration: Calibration, path: str | Path) -> None:
-    """Write what a verification found, for a certificate."""
-    write_verification(
-        path,
-        calibration,
-        verdict=found.verdict,
-        limits=stated_limits(found, limits),
-        report=report(found),
-        inputs=found.inputs,
-        program=program(),
-    )
-
-
-def record_from_files(
-    tool: Path,
-    *,
-    verification: Path | None = None,
-    laboratory: Path | None = None,
-    previous: Path | None = None,
-    number: str | None = None,
-    language: str = "en",
-    today: date | None = None,
-) -> dict[str, Any]:
-    """The record of a certificate; the digest of every file is in it.
-
-    Parameters
-    ----------
-    tool : Path
-        tool.json
-    verification : Path, optional
-        verify.json of that calibration.
-    laboratory : Path, optional
-        lab.toml
-    previous : Path, optional
-        tool.json of the calibration before.
-    number : str, optional
-        Unique to this certificate; year and eight digits of the inputs' digest when not given.
-    today : date, optional
-        Date of issue where lab.toml has none; the clock's when not given.
-
-    Raises
-    ------
-    InputError
-        Files that do not belong together, in one sentence.
-    """
-    calibration = read_calibration(tool)
-    if calibration.method == "datasheet":
-        raise InputError(
-            f"{tool} was entered from a data sheet, nothing was measured: calibrate the tool to certify it"
-        )
-    who, order = (None, Order()) if laboratory is None else read_laboratory(laboratory)
-    order = _completed(order, calibration, today)
-    judged = None if verification is None else read_verification(verification, calibration)
-    before = None if previous is None else read_calibration(previous)
-    if before is not None and before.tool.name != calibration.tool.name:
-        raise InputError(f"the previous calibration is of {before.tool.name!r:.60}, this one of {order.serial!r:.60}")
-    given = {"tool.json": tool, "verify.json": verification, "lab.toml": laboratory, "previous tool.json": previous}
-    inputs = {name: digest_file(path) for name, path in given.items() if path is not None}
-    if judged is not None:
-        inputs |= {f"verification {n}": d for n, d in judged["inputs"].items() if not n.startswith("calibration ")}
-    return certificate_record(
-        calibration,
-        who,
-        order,
-        number=_number(number, order, inputs),
-        program=program(),
-        language=language,
-        verification=judged,
-        previous=before,
-        previous_from=_named(before, previous),
-        inputs=inputs,
-    )
-
-
-def _completed(order: Order, calibration: Calibration, today: date | None) -> Order:
-    name = calibration.tool.name
-    if order.serial and name not in UNNAMED and order.serial != name:
-        raise InputError(f"the order is for {order.serial!r:.60}, the calibration of {name!r:.60}")
-    issued = order.issued or today or datetime.now(UTC).date()
-    return replace(order, serial=order.serial or ("" if name in UNNAMED else name), issued=issued)
-
-
-def _named(before: Calibration | None, path: Path | None) -> str:
-    return "" if before is None or path is None else f"{path.name} ({before.method})"
-
-
-def _number(given: str | None, order: Order, inputs: dict[str, str]) -> str:
-    if given is None:
-        year = "" if order.issued is None else f"{order.issued.year}-"
-        return year + digest_bytes(repr(sorted(inputs.items())).encode()).removeprefix("sha256:")[:8]
-    if not (1 <= len(given) <= 60 and given.isprintable() and given == given.strip()):
-        raise InputError(f"--number is {given!r:.80}; 1 to 60 printable characters are needed")
-    return given
-
 
 TRIED = np.radians(np.arange(0.0, 360.0, 15.0))
 """Toolfaces of which the worst is taken where the survey states none."""

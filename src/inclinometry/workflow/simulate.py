@@ -15,6 +15,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.core.arrays import Array
 from inclinometry.core.constants import DIP
 from inclinometry.core.errors import InputError
+from inclinometry.io.datasheet_toml import read_nameplate
 from inclinometry.io.plan_csv import read_plan
 from inclinometry.io.raw_csv import write_log as write_log_csv
 from inclinometry.io.raw_csv import write_raw_survey
@@ -27,7 +28,6 @@ from inclinometry.simulate.log import LogSimulation, simulate_log
 from inclinometry.simulate.rig import Misread, Rig
 from inclinometry.simulate.sensing import MAGNETOMETERS, Characteristic, signal_of
 from inclinometry.simulate.tool import has_step, random_tool, realistic_tool
-from inclinometry.workflow.calibrate import read_nameplate
 
 PLANS = {
     "twelve": plans.twelve,

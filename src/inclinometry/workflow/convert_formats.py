@@ -1,0 +1,80 @@
+"""Formats that hold several surveys, or need more than a file to be read: what reads and writes them as one survey."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from inclinometry.core.errors import FileError
+from inclinometry.io import p7, wits0
+from inclinometry.io.exchange import SurveyFile
+
+RAW = ("M7", "G7")
+
+
+def read_p7(
+    path: str | Path,
+    *,
+    convention: str = "iscwsa",
+    depth_unit: str | None = None,
+    azimuth_reference: str | None = None,
+    sheet: str | None = None,
+) -> SurveyFile:
+    """One survey of a P7/17 file, by its number (`sheet`) where there are several; else as `io.p7.read_p7`.
+
+    Raises
+    ------
+    FileError
+        Several surveys and no number, no survey of that number; else as `io.p7.read_p7`.
+    """
+    found = p7.read_p7(path, convention=convention, depth_unit=depth_unit, azimuth_reference=azimuth_reference)
+    survey = _one(path, found.surveys, sheet)
+    others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in RAW]
+    if not others:
+        return survey
+    note = f"records other than M7 and G7 are not converted: {', '.join(others)}"
+    return replace(survey, notes=(*survey.notes, note))
+
+
+def _one(path: str | Path, surveys: Mapping[int, SurveyFile], wanted: str | None) -> SurveyFile:
+    numbers = ", ".join(map(str, surveys))
+    if wanted is None:
+        if len(surveys) > 1:
+            raise FileError(f"the file holds the surveys {numbers}; say which by --sheet", path=path)
+        return next(iter(surveys.values()))
+    for number, survey in surveys.items():
+        if str(number) == wanted.strip():
+            return survey
+    raise FileError(f"there is no survey {wanted!r}; there are: {numbers}", path=path)
+
+
+def write_p7(file: SurveyFile, path: str | Path) -> None:
+    """Write a survey as the only one of a P7/17 file; errors as `io.p7.write_p7`."""
+    p7.write_p7(p7.p7_file(file), path)
+
+
+def read_witsml(
+    path: str | Path, *, convention: str = "iscwsa", azimuth_reference: str | None = None, sheet: str | None = None
+) -> SurveyFile:
+    """One trajectory of a WITSML document, by its uid or name (`sheet`); else as `io.witsml.read_witsml`."""
+    from inclinometry.io import witsml
+
+    return witsml.read_witsml(path, trajectory=sheet, convention=convention, azimuth_reference=azimuth_reference)
+
+
+def read_wits(path: str | Path, *, channels: str | Path | None = None) -> SurveyFile:
+    """The survey in a WITS level 0 stream, by a map of its items in TOML; else as `io.wits0.read_wits0`."""
+    return wits0.read_wits0(path, _map(path, channels))
+
+
+def write_wits(file: SurveyFile, path: str | Path, *, channels: str | Path | None = None) -> None:
+    """Write a survey as a WITS level 0 stream; errors as `io.wits0.write_wits0`."""
+    wits0.write_wits0(file, path, _map(path, channels))
+
+
+def _map(path: str | Path, channels: str | Path | None) -> wits0.Wits0Map:
+    if channels is None:
+        problem = "WITS names neither quantities nor units; give --map, a TOML file of items and columns"
+        raise FileError(problem, path=path)
+    return wits0.read_wits0_map(channels)
