@@ -18,11 +18,12 @@ from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
+from inclinometry.attitude.orientation import dip_angle
 from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration.likelihood import NUISANCE, Model, State, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.signs import handedness, nearest_axes
+from inclinometry.calibration.signs import FIELD_ANGLE, handedness, nearest_axes
 from inclinometry.calibration.start import linear_start
 from inclinometry.core.arrays import Array
 from inclinometry.core.errors import InputError
@@ -269,7 +270,7 @@ def _single_out(
             lengths = np.linalg.norm(rows, axis=1, keepdims=True)
             unit = rows / np.where(lengths > 0.0, lengths, 1.0)
             along = float(np.trace(unit[:3])) / len(unit[:3])
-            stated = readings.reference.get({"magnetometer": "dip", "gyro": "latitude"}.get(kind, ""))
+            stated = readings.reference.get(FIELD_ANGLE.get(kind, ""))
             if kind == "accelerometer":
                 down = direction * (1.0 if direction[2] >= 0.0 else -1.0)
                 score += abs(along)
@@ -371,7 +372,7 @@ def check_axes(
         every = set(volume) - set(wrong) <= {"accelerometer"} and (
             "accelerometer" in wrong or gravity is None or float(np.trace(gravity)) < 2.5
         )
-        signs = " and ".join(_other_sign(state, kind) for kind in wrong if _FIELD_ANGLE.get(kind) in stated)
+        signs = " and ".join(_other_sign(state, kind) for kind in wrong if FIELD_ANGLE.get(kind) in stated)
         raise InputError(
             f"left-handed: the channels of the {' and the '.join(wrong)}. "
             + (f"Either two dials count the other way ({_mirror(axes).words()}), or a" if every else "A")
@@ -423,15 +424,12 @@ def check_axes(
     return warnings
 
 
-_FIELD_ANGLE = {"magnetometer": "dip", "gyro": "latitude"}
-
-
 def _other_sign(state: State, kind: str) -> str:
     """The dip or latitude that was found with the stated sign, and the one that makes the channels right-handed."""
     down = state.directions.get("accelerometer", np.array([0.0, 0.0, 1.0]))
-    below = np.degrees(np.arcsin(np.clip(float(state.directions[kind] @ down), -1.0, 1.0)))
+    below = float(np.degrees(dip_angle(down, state.directions[kind])))
     found = below if kind == "magnetometer" else -below
-    name = _FIELD_ANGLE[kind]
+    name = FIELD_ANGLE[kind]
     return f"with a {name} of {-found:+.2f} deg instead of {found:+.2f} the {kind} is right-handed"
 
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.orientation import fields
+from inclinometry.attitude.orientation import dip_angle, fields
 from inclinometry.calibration.result import Calibration
 from inclinometry.core.arrays import Array, within
 from inclinometry.core.constants import COVERAGE_FACTOR, DIP, GRAVITY_SPREAD, LATITUDE, SHORT_INCLINATIONS, STEPS
@@ -198,9 +198,7 @@ def field_dip(directions: Mapping[str, Array], kind: str) -> float | None:
     """
     if kind not in directions:
         return None
-    down = np.asarray(directions.get("accelerometer", np.array([0.0, 0.0, 1.0])))
-    other = np.asarray(directions[kind])
-    return float(np.arctan2(down @ other, np.linalg.norm(np.cross(down, other))))
+    return float(dip_angle(directions.get("accelerometer", np.array([0.0, 0.0, 1.0])), directions[kind]))
 
 
 def tool_temperature(tool: Tool) -> float:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from inclinometry.attitude.orientation import dip_angle
 from inclinometry.calibration.likelihood import State, tangent_basis
 from inclinometry.core.angles import wrap_signed
 from inclinometry.core.arrays import Array
@@ -25,7 +26,8 @@ _CONTRADICTS = 3.0  # standard deviations between the found angle and the stated
 # how far from north and south a field must point for the side of the rig's zero to decide, as a cosine: a magnetic
 # field by the uncertainty of the zero, the Earth rate by a declination of up to 30 deg besides
 _SIDE = {"magnetometer": float(np.sin(np.radians(5.0))), "gyro": 0.5}
-_ANGLE = {"magnetometer": "dip", "gyro": "latitude"}
+FIELD_ANGLE = {"magnetometer": "dip", "gyro": "latitude"}
+"""What the angle between a triad's field and the horizon is called; a latitude has the other sign."""
 _STATE = {
     "magnetometer": "the dip of the stand (--dip-deg, dip_deg in --site, the column reference_dip_deg, or the form of "
     "the bench)",
@@ -98,7 +100,7 @@ def fix_signs(
                 u = float(np.hypot(u, _RIG_LEVEL))
             axes = None if left_handed else nearest_axes(coefficients[kind][0, :, :3])
             sign, sentences = _invariant_sign(
-                kind, down, direction, u, reference.get(_ANGLE[kind]), north, axes, final=tangents is not None
+                kind, down, direction, u, reference.get(FIELD_ANGLE[kind]), north, axes, final=tangents is not None
             )
             warnings += sentences
         if sign < 0.0:
@@ -184,7 +186,7 @@ def _invariant_sign(
     final: bool,
 ) -> tuple[float, list[str]]:
     """+1 or -1 for a field's direction, and the sentence that names an assumption."""
-    elevation = float(np.arcsin(np.clip(direction @ down, -1.0, 1.0)))
+    elevation = float(dip_angle(down, direction))
     found = elevation if kind == "magnetometer" else -elevation
     zero = zero_from_north(down, direction)
     # the cosine of the zero's azimuth, as far as the field and the rig's zero are level at all
@@ -202,8 +204,9 @@ def _invariant_sign(
             if final and sign * clear < 0.0 and north is not None:
                 raise InputError(
                     f"the rig's zero was found {_turn(zero, sign):.1f} deg from {_NORTH[kind]} by the {kind}, stated "
-                    f"is {np.degrees(north):.1f} deg, the other side: correct what is stated of the zero or of the "
-                    f"{_ANGLE[kind]}; inclination counted from the other end with the toolface reversed looks so too"
+                    f"is {np.degrees(north):.1f} deg, the other side: correct what is stated of the zero or of "
+                    f"the {FIELD_ANGLE[kind]}; inclination counted from the other end with the toolface reversed "
+                    "looks so too"
                 )
             return sign, []
     if clear:
@@ -212,7 +215,7 @@ def _invariant_sign(
 
 
 def _contradiction(kind: str, found: float, u: float, stated: float) -> str:
-    name = _ANGLE[kind]
+    name = FIELD_ANGLE[kind]
     spread = float(np.degrees(np.hypot(u, STATED_SD)))
     remedy = {
         "magnetometer": "check the sign of its channels, iron near the stand, and the dip that is stated for it",
@@ -252,7 +255,7 @@ def _assumed(
         sign, why = float(np.sign(below)), "downwards"
     else:
         sign, why = float(np.sign(ahead)), "towards the rig's azimuth 0"
-    name, what = _ANGLE[kind], {"magnetometer": "magnetic field", "gyro": "Earth rate"}[kind]
+    name, what = FIELD_ANGLE[kind], {"magnetometer": "magnetic field", "gyro": "Earth rate"}[kind]
     missing = f"no {name} is stated" if stated is None else f"a {name} of {np.degrees(stated):+.1f} deg cannot tell"
     if north is not None:
         missing += f" and the zero's stated azimuth of {np.degrees(north):.0f} deg cannot either"
