@@ -17,13 +17,12 @@ import numpy as np
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.design import NOISE, optimal_plan, plan_value
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, find_rig, put_rig, put_tool
+from inclinometry.laboratory.session import Capture, capture, load_session, open_session
+from inclinometry.laboratory.standing import AIM, Goal, Standing, _ahead, proposal, standing
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
-from inclinometry.store.admin import create
-from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredTool, find_rig, put_rig, put_tool
-from inclinometry.workflow.laboratory.session import Capture, capture, load_session, open_session
-from inclinometry.workflow.laboratory.standing import AIM, Goal, Standing, _ahead, proposal, standing
 
 RANGES = ((1.0, 15.0), (5.0, 15.0), (10.0, 60.0), (10.0, 90.0))
 RIGS = (0.03, 0.1)

@@ -24,20 +24,23 @@ from typing import Any
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import httpx  # noqa: E402
-import numpy as np  # noqa: E402
+import httpx
+import numpy as np
 
-from inclinometry.calibration import plans  # noqa: E402
-from inclinometry.calibration.acceptance import verify  # noqa: E402
-from inclinometry.calibration.joint import calibrate_joint  # noqa: E402
-from inclinometry.calibration.readings import BenchReadings  # noqa: E402
-from inclinometry.simulate.bench import simulate_bench  # noqa: E402
-from inclinometry.simulate.rig import Rig  # noqa: E402
-from inclinometry.simulate.tool import realistic_tool  # noqa: E402
-from inclinometry.store.admin import create  # noqa: E402
-from inclinometry.store.ledger import Draft, Ledger  # noqa: E402
-from inclinometry.workflow.laboratory import registry, verification  # noqa: E402
-from inclinometry.workflow.laboratory.results import expected_table, parameters, plain_content  # noqa: E402
+from inclinometry.calibration import plans
+from inclinometry.calibration.acceptance import verify
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.files import verification_json
+from inclinometry.laboratory import registry
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.ledger import Draft, Ledger
+from inclinometry.laboratory.results import expected_table, parameters, plain_content
+from inclinometry.simulate.bench import (
+    Rig,
+    simulate_bench,
+)
+from inclinometry.simulate.tool import realistic_tool
 
 LIMIT_S = 0.3
 TOOLS = 1000
@@ -48,9 +51,9 @@ BATCH = 5000
 AUTHOR = "benchmark"
 SERVE = """
 import socket, sys
-from inclinometry.store.ledger import Ledger
-from inclinometry.web.app import create_app
-from inclinometry.web.server import run
+from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.web.app import create_app
+from inclinometry.laboratory.web.app import run
 with Ledger(sys.argv[1]) as ledger, socket.socket() as listening:
     listening.bind(("127.0.0.1", 0))
     port = listening.getsockname()[1]
@@ -77,8 +80,8 @@ def _bodies() -> dict[str, Any]:
     }
     verified = {
         "verdict": verdict.verdict,
-        "limits": verification.stated_limits(verdict, None),
-        "report": verification.report(verdict),
+        "limits": verification_json.stated_limits(verdict, None),
+        "report": verification_json.judged_positions(verdict),
         "readings": [],
     }
     reading = {

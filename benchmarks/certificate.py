@@ -18,22 +18,24 @@ import time
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.attitude.orientation import angles, fields  # noqa: E402
-from inclinometry.calibration import plans  # noqa: E402
-from inclinometry.calibration.joint import calibrate_joint  # noqa: E402
-from inclinometry.calibration.readings import BenchReadings  # noqa: E402
-from inclinometry.earth.site import Site  # noqa: E402
-from inclinometry.position.certificate import calibration_sources  # noqa: E402
-from inclinometry.position.propagation import propagate  # noqa: E402
-from inclinometry.position.well import well_survey  # noqa: E402
-from inclinometry.sensors.tool import parameter_vector  # noqa: E402
-from inclinometry.simulate.bench import simulate_bench  # noqa: E402
-from inclinometry.simulate.rig import Rig  # noqa: E402
-from inclinometry.simulate.tool import random_tool  # noqa: E402
-from inclinometry.survey.from_tool import stations_from_tool  # noqa: E402
-from inclinometry.survey.path import directions  # noqa: E402
+from inclinometry.calibration import plans
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.earth.site import Site
+from inclinometry.orientation import angles, fields
+from inclinometry.position.certificate import calibration_sources
+from inclinometry.position.propagation import propagate
+from inclinometry.position.well import well_survey
+from inclinometry.sensors import parameter_vector
+from inclinometry.simulate.bench import (
+    Rig,
+    simulate_bench,
+)
+from inclinometry.simulate.tool import random_tool
+from inclinometry.survey.from_tool import stations_from_tool
+from inclinometry.survey.path import directions
 
 TOOLS = 10_000
 REQUIRED = 0.03

@@ -19,21 +19,24 @@ import time
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.calibration import plans  # noqa: E402
-from inclinometry.calibration.acceptance import Limits, verify  # noqa: E402
-from inclinometry.calibration.joint import calibrate_joint  # noqa: E402
-from inclinometry.calibration.readings import BenchReadings  # noqa: E402
-from inclinometry.io.dcc import dcc_bytes  # noqa: E402
-from inclinometry.io.laboratory_toml import Laboratory, Order  # noqa: E402
-from inclinometry.report.certificate import certificate_pdf  # noqa: E402
-from inclinometry.report.certificate_record import certificate_record  # noqa: E402
-from inclinometry.simulate.bench import simulate_bench  # noqa: E402
-from inclinometry.simulate.rig import Rig  # noqa: E402
-from inclinometry.simulate.tool import realistic_tool  # noqa: E402
-from inclinometry.workflow.laboratory.verification import protocol, stated_limits  # noqa: E402
-from inclinometry.workflow.laboratory.verification import report as positions  # noqa: E402
+from inclinometry.calibration import plans
+from inclinometry.calibration.acceptance import Limits, verify
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.files.verification_json import judged_positions as positions
+from inclinometry.files.verification_json import stated_limits
+from inclinometry.laboratory.certificate.dcc import dcc_bytes
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order
+from inclinometry.laboratory.certificate.pdf import certificate_pdf
+from inclinometry.laboratory.certificate.record import certificate_record
+from inclinometry.laboratory.verification import protocol
+from inclinometry.simulate.bench import (
+    Rig,
+    simulate_bench,
+)
+from inclinometry.simulate.tool import realistic_tool
 
 WANTED = {"seconds": 2.0}
 SD = float(np.radians(0.05))

@@ -18,20 +18,25 @@ from functools import partial
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.attitude.orientation import angles  # noqa: E402
-from inclinometry.attitude.rotations import dcm  # noqa: E402
-from inclinometry.calibration import plans  # noqa: E402
-from inclinometry.calibration.closed import ClosedForm  # noqa: E402
-from inclinometry.calibration.orthogonal import solve_orthogonal  # noqa: E402
-from inclinometry.calibration.rotations import solve_rotations  # noqa: E402
-from inclinometry.calibration.twelve import solve_twelve  # noqa: E402
-from inclinometry.simulate.bench import simulate_bench, simulate_benches  # noqa: E402
-from inclinometry.simulate.hole import simulate_survey  # noqa: E402
-from inclinometry.simulate.rig import Rig  # noqa: E402
-from inclinometry.simulate.sensing import MAGNETOMETERS, signal_of  # noqa: E402
-from inclinometry.simulate.tool import random_tools  # noqa: E402
+from inclinometry.calibration import plans
+from inclinometry.calibration.closed import ClosedForm
+from inclinometry.calibration.twelve import (
+    solve_orthogonal,
+    solve_rotations,
+    solve_twelve,
+)
+from inclinometry.orientation import angles
+from inclinometry.rotations import dcm
+from inclinometry.simulate.bench import (
+    Rig,
+    simulate_bench,
+    simulate_benches,
+)
+from inclinometry.simulate.hole import simulate_survey
+from inclinometry.simulate.sensing import MAGNETOMETERS, signal_of
+from inclinometry.simulate.tool import random_tools
 
 DOWN, DIP = (0.0, 0.0, 1.0), np.radians(70.0)
 INCLINATIONS = (1.0, 30.0, 90.0)

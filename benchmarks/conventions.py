@@ -21,11 +21,9 @@ from inclinometry.calibration.design import optimal_plan
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.signs import fix_signs
-from inclinometry.calibration.start import starting_state
-from inclinometry.core.errors import InclinometryError
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.calibration.start import fix_signs, starting_state
+from inclinometry.errors import InclinometryError
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
 INCLINATIONS = ("vertical", "other-end", "horizontal", "horizontal-up")

@@ -18,11 +18,11 @@ import time
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.calibration import plans  # noqa: E402
-from inclinometry.calibration.design import evaluate_plan, next_position, optimal_plan, plan_value  # noqa: E402
-from inclinometry.calibration.stand import stand_within  # noqa: E402
+from inclinometry.calibration import plans
+from inclinometry.calibration.design import evaluate_plan, next_position, optimal_plan, plan_value
+from inclinometry.calibration.start import stand_within
 
 SHOWN_DEG = (5.0, 10.0, 30.0, 60.0, 90.0)
 RIGS_DEG = (0.0, 0.1)

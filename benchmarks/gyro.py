@@ -17,19 +17,21 @@ import time
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
-from scipy.optimize import minimize_scalar  # noqa: E402
+import numpy as np
+from scipy.optimize import minimize_scalar
 
-from inclinometry.attitude.rotations import dcm  # noqa: E402
-from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY  # noqa: E402
-from inclinometry.earth.rate import earth_rate  # noqa: E402
-from inclinometry.gyro.closed_form import CHANGE, azimuth_arctan2, scale_roots, solve_patent  # noqa: E402  # noqa: E402
-from inclinometry.gyro.joint import earth_in_tool, earth_slopes, solve_joint  # noqa: E402
-from inclinometry.gyro.north import estimate_north  # noqa: E402
-from inclinometry.gyro.tracking import quadratic_belief, smooth_scale, track_scale, walking_belief  # noqa: E402
-from inclinometry.simulate.gyro import hot_run  # noqa: E402
-from inclinometry.simulate.streams import Streams  # noqa: E402
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.earth.rate import earth_rate
+from inclinometry.gyro.closed_form import CHANGE, azimuth_arctan2, scale_roots, solve_patent
+from inclinometry.gyro.joint import earth_in_tool, earth_slopes, solve_joint
+from inclinometry.gyro.north import estimate_north
+from inclinometry.gyro.tracking import quadratic_belief, smooth_scale, track_scale, walking_belief
+from inclinometry.rotations import (
+    dcm,
+    wrap_signed,
+)
+from inclinometry.simulate.gyro import hot_run
+from inclinometry.simulate.tool import Streams
 
 LATITUDE = np.radians(45.0)
 SIGMA = np.radians(0.015) / 3600.0 / EARTH_RATE

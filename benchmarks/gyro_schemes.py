@@ -16,12 +16,12 @@ import os
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.earth.rate import horizontal_rate  # noqa: E402
-from inclinometry.gyro.indexing import SCHEMES, average_index  # noqa: E402
-from inclinometry.simulate.gyro import simulate_north_seeking  # noqa: E402
+from inclinometry.earth.rate import horizontal_rate
+from inclinometry.gyro.indexing import SCHEMES, average_index
+from inclinometry.rotations import wrap_signed
+from inclinometry.simulate.gyro import simulate_north_seeking
 
 SECONDS = 240
 RUNS = 4000

@@ -24,24 +24,26 @@ from pathlib import Path
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.calibration.plans import Plan  # noqa: E402
-from inclinometry.io.instrument.protocol_toml import read_protocol  # noqa: E402
-from inclinometry.io.instrument.sample import Sample  # noqa: E402
-from inclinometry.store.admin import create  # noqa: E402
-from inclinometry.store.ledger import Ledger  # noqa: E402
-from inclinometry.store.verify import verify  # noqa: E402
-from inclinometry.workflow.laboratory.live import CaptureError, LiveFeed  # noqa: E402
-from inclinometry.workflow.laboratory.registry import (  # noqa: E402
+from inclinometry.calibration.plans import Plan
+from inclinometry.laboratory.instruments.protocol import Sample
+from inclinometry.laboratory.instruments.protocol_toml import read_protocol
+from inclinometry.laboratory.instruments.simulated_instrument import (
+    SimulatedInstrument,
+    parse_faults,
+)
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.verify import verify
+from inclinometry.laboratory.live import CaptureError, LiveFeed
+from inclinometry.laboratory.registry import (
     RegisteredRig,
     RegisteredTool,
     put_rig,
     put_tool,
 )
-from inclinometry.workflow.laboratory.session import capture, load_session, open_session  # noqa: E402
-from inclinometry.workflow.simulated_instrument import SimulatedInstrument  # noqa: E402
-from inclinometry.workflow.simulated_instrument_stand import parse_faults  # noqa: E402
+from inclinometry.laboratory.session import capture, load_session, open_session
 
 RATE = 10.0
 FAULTS = (

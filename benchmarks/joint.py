@@ -20,22 +20,28 @@ import time
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
-from scipy.optimize import least_squares  # noqa: E402
+import numpy as np
+from scipy.optimize import least_squares
 
-from inclinometry.attitude.orientation import angles, fields  # noqa: E402
-from inclinometry.attitude.rotations import dcm  # noqa: E402
-from inclinometry.calibration import plans  # noqa: E402
-from inclinometry.calibration.joint import fit_once  # noqa: E402
-from inclinometry.calibration.likelihood import Model, State  # noqa: E402
-from inclinometry.calibration.orthogonal import solve_orthogonal  # noqa: E402
-from inclinometry.calibration.readings import BenchReadings  # noqa: E402
-from inclinometry.calibration.twelve import solve_twelve  # noqa: E402
-from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.sensors.tool import Tool, parameter_vector  # noqa: E402
-from inclinometry.simulate.bench import simulate_bench  # noqa: E402
-from inclinometry.simulate.rig import Rig  # noqa: E402
-from inclinometry.simulate.tool import random_tool, signal_step  # noqa: E402
+from inclinometry.calibration import plans
+from inclinometry.calibration.joint import fit_once
+from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.twelve import (
+    solve_orthogonal,
+    solve_twelve,
+)
+from inclinometry.orientation import angles, fields
+from inclinometry.rotations import (
+    dcm,
+    wrap_signed,
+)
+from inclinometry.sensors import Tool, parameter_vector
+from inclinometry.simulate.bench import (
+    Rig,
+    simulate_bench,
+)
+from inclinometry.simulate.tool import random_tool, signal_step
 
 DIP = np.radians(70.0)
 KINDS = ("accelerometer", "magnetometer")

@@ -24,11 +24,11 @@ from collections.abc import Callable
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numba  # noqa: E402
-import numpy as np  # noqa: E402
+import numba
+import numpy as np
 
-from inclinometry.attitude import _kernels  # noqa: E402
-from inclinometry.attitude.channels import angles_from_channels  # noqa: E402
+from inclinometry import compiled as _kernels
+from inclinometry.channels import angles_from_channels
 
 SAMPLES = 2_000_000  # 144 MB in and out, beyond any cache
 RESIDENT = 4096  # 295 kB, in the second-level cache

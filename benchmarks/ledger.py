@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.postgresql import Server, programs, server
-from inclinometry.core.digest import digest_bytes
-from inclinometry.store.admin import create
-from inclinometry.store.exchange import backup, export, restore
-from inclinometry.store.ledger import Draft, Ledger
-from inclinometry.store.verify import verify
-from inclinometry.workflow.laboratory.session import closing, load_session, sessions
+from inclinometry.digest import digest_bytes
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.exchange import backup, export, restore
+from inclinometry.laboratory.ledger.ledger import Draft, Ledger
+from inclinometry.laboratory.ledger.verify import verify
+from inclinometry.laboratory.session import closing, load_session, sessions
 
 ROOT = Path(__file__).parents[1]
 LONG, USUAL = 5000, 24

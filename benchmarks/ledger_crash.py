@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from inclinometry.calibration.plans import Plan
-from inclinometry.store.admin import create
-from inclinometry.store.ledger import ConflictError, Ledger, LedgerError
-from inclinometry.store.verify import verify
-from inclinometry.workflow.laboratory.registry import RegisteredRig, RegisteredTool, put_rig, put_tool
-from inclinometry.workflow.laboratory.session import Capture, capture, load_session, open_session, sessions
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.ledger import ConflictError, Ledger, LedgerError
+from inclinometry.laboratory.ledger.verify import verify
+from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, put_rig, put_tool
+from inclinometry.laboratory.session import Capture, capture, load_session, open_session, sessions
 
 LONGEST = 0.08
 """Longest time a child captures, s: some die in their first capture, most after a few."""

@@ -18,23 +18,29 @@ from dataclasses import replace
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.attitude.rotations import dcm, dcm_from_quaternion  # noqa: E402
-from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.earth.site import Site  # noqa: E402
-from inclinometry.motion.choose import ChooserSettings, choose_attitude  # noqa: E402
-from inclinometry.motion.inertial.filter import inertial_attitude  # noqa: E402
-from inclinometry.motion.inertial.settings import InertialSettings  # noqa: E402
-from inclinometry.motion.inertial.smoother import smoothed_attitude  # noqa: E402
-from inclinometry.motion.magnetic.settings import MagneticSettings  # noqa: E402
-from inclinometry.motion.magnetic.stream import magnetic_attitude  # noqa: E402
-from inclinometry.motion.result import FLAGS, Attitude  # noqa: E402
-from inclinometry.motion.samples import Samples  # noqa: E402
-from inclinometry.motion.static import StaticSettings  # noqa: E402
-from inclinometry.motion.window_filter import robust_filter  # noqa: E402
-from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling  # noqa: E402
-from inclinometry.simulate.drilling.faults import MagLag  # noqa: E402
+from inclinometry.earth.site import Site
+from inclinometry.motion.choose import ChooserSettings, choose_attitude
+from inclinometry.motion.inertial.filter import inertial_attitude
+from inclinometry.motion.inertial.smoother import smoothed_attitude
+from inclinometry.motion.inertial.state import InertialSettings
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import magnetic_attitude
+from inclinometry.motion.result import (
+    FLAGS,
+    Attitude,
+    Samples,
+)
+from inclinometry.motion.static import StaticSettings
+from inclinometry.motion.window_filter import robust_filter
+from inclinometry.rotations import (
+    dcm,
+    dcm_from_quaternion,
+    wrap_signed,
+)
+from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
+from inclinometry.simulate.drilling.scenario import MagLag
 
 NAMES = ("smooth", "vibration-5g", "vibration-20g", "stick-slip", "sliding", "stationary", "fast")
 WINDOWS = (2, 5, 10, 30)

@@ -17,17 +17,19 @@ from functools import partial
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
-from scipy.linalg import expm  # noqa: E402
-from scipy.signal import savgol_filter  # noqa: E402
+import numpy as np
+from scipy.linalg import expm
+from scipy.signal import savgol_filter
 
-from benchmarks.motion import swinging  # noqa: E402
-from inclinometry.attitude.orientation import angles  # noqa: E402
-from inclinometry.attitude.rotations import dcm_from_quaternion  # noqa: E402
-from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.core.constants import STANDARD_GRAVITY  # noqa: E402
-from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling  # noqa: E402
-from inclinometry.workflow.demo import textbook_filter  # noqa: E402
+from benchmarks.motion import swinging
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.orientation import angles
+from inclinometry.rotations import (
+    dcm_from_quaternion,
+    wrap_signed,
+)
+from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
+from inclinometry.workflow.demo import textbook_filter
 
 G = STANDARD_GRAVITY
 RPM = 2.0 * np.pi / 60.0

@@ -26,22 +26,22 @@ from pathlib import Path
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import ahrs  # noqa: E402
-import imufusion  # noqa: E402
-import numpy as np  # noqa: E402
-import vqf  # noqa: E402
+import ahrs
+import imufusion
+import numpy as np
+import vqf
 
-from inclinometry.attitude.rotations import (  # noqa: E402
+from inclinometry.motion.complementary.filter import complementary_attitude
+from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
+from inclinometry.motion.result import Samples
+from inclinometry.rotations import (
     dcm_from_quaternion,
     quaternion_conjugate,
     quaternion_from_dcm,
     quaternion_multiply,
+    wrap_signed,
 )
-from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.motion.complementary.filter import complementary_attitude  # noqa: E402
-from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed  # noqa: E402
-from inclinometry.motion.samples import Samples  # noqa: E402
-from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling  # noqa: E402
+from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
 
 FOLDER = Path(__file__).parents[1] / "tests" / "reference" / "broad"
 TRIALS = ("02_undisturbed_slow_rotation_B", "16_undisturbed_fast_translation_B", "24_disturbed_tapping_A")

@@ -17,24 +17,28 @@ from collections.abc import Iterator
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.attitude.rotations import (  # noqa: E402
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.motion.magnetic.window import magnetic_attitude
+from inclinometry.motion.result import (
+    BITS,
+    METHODS,
+    Attitude,
+    Samples,
+)
+from inclinometry.motion.robust import huber_weight, igg3_weight
+from inclinometry.motion.window_filter import WindowFilterSettings, robust_filter
+from inclinometry.motion.window_smoother import smooth_windows
+from inclinometry.rotations import (
     dcm,
     dcm_from_quaternion,
     quaternion_from_dcm,
     rotation_exp,
     rotation_log,
+    wrap_signed,
 )
-from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.core.constants import STANDARD_GRAVITY  # noqa: E402
-from inclinometry.motion.magnetic.stream import magnetic_attitude  # noqa: E402
-from inclinometry.motion.result import BITS, METHODS, Attitude  # noqa: E402
-from inclinometry.motion.robust import huber_weight, igg3_weight  # noqa: E402
-from inclinometry.motion.samples import Samples  # noqa: E402
-from inclinometry.motion.window_filter import WindowFilterSettings, robust_filter  # noqa: E402
-from inclinometry.motion.window_smoother import smooth_windows  # noqa: E402
-from inclinometry.simulate.drilling import DrillingSimulation, simulate_drilling  # noqa: E402
+from inclinometry.simulate.drilling import DrillingSimulation, simulate_drilling
 
 WINDOWS, INTERVAL = 240, 10.0
 TILT, TURN = float(np.radians(0.03)), float(np.radians(0.06))

@@ -20,19 +20,24 @@ from collections.abc import Callable
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.attitude.orientation import fields  # noqa: E402
-from inclinometry.earth.site import Site  # noqa: E402
-from inclinometry.motion.inertial.filter import InertialStream, inertial_attitude  # noqa: E402
-from inclinometry.motion.inertial.settings import InertialSettings  # noqa: E402
-from inclinometry.motion.inertial.start import blank, sought  # noqa: E402
-from inclinometry.motion.inertial.state import Model  # noqa: E402
-from inclinometry.motion.inertial.window import filter_window  # noqa: E402
-from inclinometry.motion.magnetic import _kernels  # noqa: E402
-from inclinometry.motion.magnetic.settings import MagneticSettings  # noqa: E402
-from inclinometry.motion.magnetic.stream import magnetic_attitude  # noqa: E402
-from inclinometry.motion.samples import Samples  # noqa: E402
+from inclinometry.earth.site import Site
+from inclinometry.motion.inertial.filter import InertialStream, inertial_attitude
+from inclinometry.motion.inertial.state import (
+    InertialSettings,
+    Model,
+)
+from inclinometry.motion.inertial.window import (
+    blank,
+    filter_window,
+    sought,
+)
+from inclinometry.motion.magnetic import _kernels
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import magnetic_attitude
+from inclinometry.motion.result import Samples
+from inclinometry.orientation import fields
 
 FAST, SLOW = 2000.0, 200.0  # Hz
 STEP = 20  # samples of a node at 2 kHz

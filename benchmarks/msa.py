@@ -20,16 +20,16 @@ from pathlib import Path
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
-from scipy.optimize import least_squares  # noqa: E402
+import numpy as np
+from scipy.optimize import least_squares
 
-from inclinometry.attitude.conventions import named, to_house  # noqa: E402
-from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, dip_jacobian  # noqa: E402
-from inclinometry.core.angles import wrap_signed  # noqa: E402
-from inclinometry.survey.multistation import multistation  # noqa: E402
-from inclinometry.survey.multistation_priors import FieldReference, published_priors  # noqa: E402
-from inclinometry.survey.stations import Stations  # noqa: E402
-from inclinometry.uncertainty.propagation import propagate  # noqa: E402
+from inclinometry.conventions import named, to_house
+from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
+from inclinometry.rotations import wrap_signed
+from inclinometry.survey.multistation import multistation
+from inclinometry.survey.multistation_priors import FieldReference, published_priors
+from inclinometry.survey.stations import Stations
+from inclinometry.uncertainty import propagate
 
 DATA = Path(__file__).parents[1] / "tests" / "reference" / "msa" / "msa_runs.csv"
 SPECIFIED_DEG = {"build": 0.130, "horiz_EW": 0.806, "horiz_NS": 0.125, "turn3d": 0.124}

@@ -19,11 +19,11 @@ from collections.abc import Callable
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
-import wellpathpy  # noqa: E402
-from welleng.utils import MinCurve  # noqa: E402
+import numpy as np
+import wellpathpy
+from welleng.utils import MinCurve
 
-from inclinometry.survey.path import interpolate, minimum_curvature  # noqa: E402
+from inclinometry.survey.path import interpolate, minimum_curvature
 
 STATIONS = 1_000_000
 WELL = 10_000.0  # length, m, of every case: what one ends at then means something

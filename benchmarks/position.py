@@ -18,12 +18,12 @@ import warnings
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.earth.site import Site  # noqa: E402
-from inclinometry.io.tool_code_json import load_tool_code  # noqa: E402
-from inclinometry.position.propagation import propagate  # noqa: E402
-from inclinometry.position.well import well_survey  # noqa: E402
+from inclinometry.earth.site import Site
+from inclinometry.files.tool_code_json import load_tool_code
+from inclinometry.position.propagation import propagate
+from inclinometry.position.well import well_survey
 
 STATIONS = 10_000
 LAPS = 7

@@ -21,13 +21,13 @@ from pathlib import Path
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # figures are for one core
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.calibration.field import calibrate_field  # noqa: E402
-from inclinometry.calibration.norm import NormFit, calibrate_norm  # noqa: E402
-from inclinometry.calibration.readings import BenchReadings  # noqa: E402
-from inclinometry.calibration.rollset import roll_harmonics  # noqa: E402
-from inclinometry.calibration.stillness import stations_from_log, still_intervals  # noqa: E402
+from inclinometry.calibration.field import calibrate_field
+from inclinometry.calibration.norm import NormFit, calibrate_norm
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.rollset import roll_harmonics
+from inclinometry.calibration.stillness import stations_from_log, still_intervals
 
 DATA = files("inclinometry.workflow").joinpath("demo_data")
 MPU = Path(__file__).parents[1] / "tests" / "reference" / "mpu9150"

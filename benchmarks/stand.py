@@ -19,21 +19,23 @@ from pathlib import Path
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from inclinometry.calibration import plans  # noqa: E402
-from inclinometry.calibration.direct import (  # noqa: E402
+from inclinometry.calibration import plans
+from inclinometry.calibration.direct import (
     calibrate_orthogonal,
     calibrate_rotations,
     calibrate_twelve,
 )
-from inclinometry.calibration.joint import calibrate_joint  # noqa: E402
-from inclinometry.calibration.readings import BenchReadings  # noqa: E402
-from inclinometry.core.errors import InclinometryError  # noqa: E402
-from inclinometry.simulate.bench import simulate_bench  # noqa: E402
-from inclinometry.simulate.rig import Rig  # noqa: E402
-from inclinometry.simulate.tool import realistic_tool  # noqa: E402
-from inclinometry.workflow.calibrate import true_errors  # noqa: E402
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.errors import InclinometryError
+from inclinometry.simulate.bench import (
+    Rig,
+    simulate_bench,
+)
+from inclinometry.simulate.tool import realistic_tool
+from inclinometry.workflow.calibrate import true_errors
 
 DIP, STAND_SD = np.radians(70.0), np.radians(0.05)
 INCLINATIONS = np.radians([20.0, 45.0, 70.0])

@@ -70,14 +70,14 @@ OUTSIDE = (
     "Iterator", "Mapping", "MappingProxyType", "Markup", "Path", "SeedSequence", "Sequence", "bool_",
     "collections.abc.Callable", "collections.abc.Mapping", "collections.abc.Sequence", "date", "dtype", "float64",
     "floating", "int64", "ndarray", "np.bool_", "numpy.dtype", "numpy.float64", "numpy.int64", "numpy.ndarray",
-    "_P", "inclinometry.report.figure._R", "inclinometry.core.lsq.State", "CRS", "inclinometry.survey._beam.Shape",
+    "_P", "inclinometry.report.figure._R", "inclinometry.least_squares.State", "CRS", "inclinometry.survey.sag.Shape",
     "inclinometry.calibration.rate_table.Suspect", "complex128", "uint8", "uint32", "datetime", "socket.socket",
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
-    "timedelta", "inclinometry.workflow.laboratory.listing.T", "inclinometry.motion.window_filter.Step",
+    "timedelta", "inclinometry.laboratory.registry.T", "inclinometry.motion.window_filter.Step",
     "inclinometry.motion.window_filter.Common",
-    "inclinometry.io.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
+    "inclinometry.files.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
     "Progress", "Numbered", "types.Callable",
-    "inclinometry.io._sheet.Sheet", "inclinometry.io._quantities.Quantity", "inclinometry.motion._hole_direction.Seen",
+    "inclinometry.files.exchange.Sheet", "inclinometry.files._quantities.Quantity", "inclinometry.motion._hole_direction.Seen",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to

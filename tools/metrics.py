@@ -24,29 +24,12 @@ from pathlib import Path
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "inclinometry"
 
-LABORATORY = (
-    "laboratory/",
-    "store/",
-    "web/",
-    "workflow/laboratory/",
-    "workflow/simulated_instrument",
-    "workflow/certificate",
-    "workflow/issue_certificate",
-    "io/instrument/",
-    "io/certificate",
-    "io/dcc",
-    "io/_dcc",
-    "report/certificate",
-    "cli/bench_web",
-    "cli/certificate",
-    "cli/ledger",
-    "cli/simulate_instrument",
-)
-"""Paths of the laboratory's wing, wherever they stand today."""
+LABORATORY = "laboratory/"
+"""Folder of the laboratory's wing."""
 
 FORMULAS = {
     # textbook name: (how its file may be called, what stands beside the formula)
-    "XYM3": (r"weights?|xym|tool_code|iscwsa", r"XYM3"),
+    "XYM3": (r"weights?|xym\d?|tool_codes?|iscwsa", r"XYM3"),
     "Allan deviation": (r"allan", r"cumsum|np\.diff|\[2 \* m|m\*\*2"),
     "expanded uncertainty of a certificate": (r"expected|expanded|capability", r"COVERAGE_FACTOR"),
     "sag": (r"sag", r"moment|stiffness|solve\("),

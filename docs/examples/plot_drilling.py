@@ -11,11 +11,11 @@ phase.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import magnetic_attitude
-from inclinometry.motion.samples import Samples
-from inclinometry.report.dynamic_figures import Found, errors_of, rms_of
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import magnetic_attitude
+from inclinometry.motion.result import Samples
+from inclinometry.report.dynamic import Found, errors_of, rms_of
 from inclinometry.simulate.drilling import simulate_drilling
 from inclinometry.workflow.demo import raw_course, textbook_course, true_course
 

@@ -13,13 +13,12 @@ import numpy as np
 
 from inclinometry import calibrate_joint, plans
 from inclinometry.earth.site import Site
-from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.position.certificate import calibration_sources, is_sensor_term, with_terms
-from inclinometry.position.ellipse import horizontal_ellipse
 from inclinometry.position.propagation import propagate
 from inclinometry.position.tool_code import ToolCode
-from inclinometry.position.well import well_survey
-from inclinometry.simulate.rig import Rig
+from inclinometry.position.well import horizontal_ellipse, well_survey
+from inclinometry.simulate.bench import Rig
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import minimum_curvature
 from inclinometry.workflow.simulate import bench, well

@@ -17,9 +17,8 @@ import numpy as np
 from inclinometry import angles, fields, plans
 from inclinometry.calibration.harmonics import harmonics
 from inclinometry.calibration.twelve import solve_twelve
-from inclinometry.core.angles import wrap_signed
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.rotations import wrap_signed
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import random_tool
 
 DIP = np.radians(70.0)

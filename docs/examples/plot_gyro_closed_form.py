@@ -15,9 +15,9 @@ than the complement of the latitude, on its southern side.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.constants import EARTH_RATE
 from inclinometry.gyro.closed_form import scale_condition, solve_fixed_arctan2, solve_patent
+from inclinometry.orientation import fields
 
 latitude = np.radians(60.0)
 noise = 0.015  # deg/h, of each averaged rate

@@ -12,7 +12,7 @@ Drawn is the misfit of every azimuth, the scale factor at its best for each, at 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.constants import EARTH_RATE
 from inclinometry.gyro.closed_form import expected_rates, scale_condition
 from inclinometry.gyro.joint import solve_joint
 

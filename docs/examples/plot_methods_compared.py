@@ -19,7 +19,7 @@ from inclinometry import Tool, plans
 from inclinometry.calibration.joint import fit_once
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.twelve import solve_twelve
-from inclinometry.simulate.rig import Rig
+from inclinometry.simulate.bench import Rig
 from inclinometry.workflow.calibrate import true_errors
 from inclinometry.workflow.simulate import bench
 

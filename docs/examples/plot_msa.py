@@ -10,8 +10,8 @@ and its dip, because these do not depend on where the hole points. Finding it th
 import matplotlib.pyplot as plt
 import numpy as np
 
-from inclinometry.attitude.orientation import angles, angles_jacobian, fields
-from inclinometry.core.angles import wrap_signed
+from inclinometry.orientation import angles, angles_jacobian, fields
+from inclinometry.rotations import wrap_signed
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, published_priors
 from inclinometry.survey.stations import Stations

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from inclinometry import calibrate_joint, expected_uncertainty, plans
-from inclinometry.simulate.rig import Rig
+from inclinometry.simulate.bench import Rig
 from inclinometry.workflow.calibrate import true_errors
 from inclinometry.workflow.simulate import bench
 

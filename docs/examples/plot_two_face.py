@@ -14,9 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from inclinometry import BenchReadings, calibrate_joint, plans
-from inclinometry.calibration.orthogonal import solve_orthogonal
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.calibration.twelve import solve_orthogonal
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 
 tool = realistic_tool(2, bits=None)

@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from inclinometry import calibrate_joint, plans, reduce_survey
-from inclinometry.core.angles import wrap_signed
-from inclinometry.simulate.rig import Rig
+from inclinometry.rotations import wrap_signed
+from inclinometry.simulate.bench import Rig
 from inclinometry.workflow.simulate import bench, well
 
 rig = Rig(dip=np.radians(70.0), setting_sd=np.radians(0.1), base_tilt=np.radians(1.0))

@@ -6,7 +6,7 @@ import re
 from dataclasses import fields
 from typing import Annotated, get_args, get_origin, get_type_hints
 
-from inclinometry.core.settings import Range, Settings
+from inclinometry.settings import Range, Settings
 
 _FIELD = re.compile(r"^(\w[\w, ]*) : (\S.*)$")
 _COLON = "\N{RATIO}"
@@ -43,9 +43,9 @@ def signature(
     """Types as the source writes them, without the modules they come from."""
     if arguments and name.startswith("inclinometry.simulate."):
         # two rooms have a Rig: what is known of one, and one to simulate
-        arguments = re.sub(r"(?<![\w.~])Rig\b", "~inclinometry.simulate.rig.Rig", arguments)
+        arguments = re.sub(r"(?<![\w.~])Rig\b", "~inclinometry.simulate.bench.Rig", arguments)
     arguments, result = _short(_bare(arguments)), _short(result)
-    if not name.startswith("inclinometry.attitude.mapping."):
+    if not name.startswith("inclinometry.conventions."):
         # likewise a wiring, and what Python calls a mapping
         arguments, result = _abstract(arguments), _abstract(result)
     return arguments, result

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.plans import Plan
+from inclinometry.laboratory.web.pages.calibrate.guided import drawing as stand_drawing
+from inclinometry.orientation import fields
 from inclinometry.report.figure import SERIES, new_figure, save_svg, styled
-from inclinometry.web.pages.calibrate.picture import drawing as stand_drawing
+from inclinometry.rotations import dcm
 
 AZIMUTH, INCLINATION, TOOLFACE, DIP = np.radians([55.0, 40.0, 30.0, 65.0])
 STATIC = Path(__file__).parents[1] / "_static"

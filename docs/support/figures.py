@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 from benchmarks import closed_forms
 
-from inclinometry.attitude.orientation import angles
-from inclinometry.attitude.rotations import dcm, rotation_exp
+from inclinometry.arrays import Array
 from inclinometry.calibration import plans
 from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.classical import hidden_scale_error, solve_classical
@@ -19,15 +18,13 @@ from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.identifiability import blindness
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.likelihood import Model, State
-from inclinometry.calibration.orthogonal import solve_orthogonal
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.rotations import axial_conditioning, solve_rotations
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.sensors.tool import Tool
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.calibration.twelve import axial_conditioning, solve_orthogonal, solve_rotations
+from inclinometry.orientation import angles
+from inclinometry.rotations import dcm, rotation_exp, wrap_signed
+from inclinometry.sensors import Tool
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.sensing import MAGNETOMETERS, signal_of
 from inclinometry.simulate.tool import ToolBatch, random_tools, realistic_tools
 from inclinometry.workflow.calibrate import true_errors

@@ -10,15 +10,15 @@ from __future__ import annotations
 import numpy as np
 from benchmarks import gyro, gyro_schemes
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.arrays import Array
+from inclinometry.constants import EARTH_RATE
 from inclinometry.gyro.closed_form import patent_azimuth, printed_toolface, scale_roots, solve_patent
 from inclinometry.gyro.joint import BENT, RIVAL
 from inclinometry.gyro.planning import GyroSetup, standstill_time
 from inclinometry.gyro.result import FLAGS
 from inclinometry.gyro.tracking import UNSEEN
+from inclinometry.orientation import fields
+from inclinometry.rotations import wrap_signed
 from support.figures import table
 
 LATITUDE = np.radians(45.0)

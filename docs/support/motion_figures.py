@@ -12,19 +12,18 @@ from pathlib import Path
 import numpy as np
 from benchmarks import motion, motion_findings, motion_robust
 
-from inclinometry.attitude.rotations import (
+from inclinometry.arrays import Array
+from inclinometry.motion.complementary.filter import complementary_attitude
+from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.result import FLAGS, Samples
+from inclinometry.motion.window_filter import WindowFilterSettings
+from inclinometry.rotations import (
     dcm_from_quaternion,
     quaternion_conjugate,
     quaternion_from_dcm,
     quaternion_multiply,
 )
-from inclinometry.core.arrays import Array
-from inclinometry.motion.complementary.filter import complementary_attitude
-from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.result import FLAGS
-from inclinometry.motion.samples import Samples
-from inclinometry.motion.window_filter import WindowFilterSettings
 from inclinometry.simulate.drilling import SCENARIOS
 from support.figures import table
 

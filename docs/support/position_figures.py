@@ -15,21 +15,19 @@ from tests.position.conftest import SITES, read, six, stations
 from tests.position.test_iscwsa import CASES, CODES, COLUMNS, PUBLISHED
 from tests.position.test_spe90408 import MISSED, NAMES
 
-from inclinometry.attitude.orientation import angles, fields
+from inclinometry.arrays import Array
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import FOOT
+from inclinometry.constants import FOOT
 from inclinometry.earth.site import Site
-from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.files.tool_code_json import load_tool_code
+from inclinometry.orientation import angles, fields
 from inclinometry.position.certificate import calibration_sources
-from inclinometry.position.ellipse import horizontal_ellipse
-from inclinometry.position.formula import parse
 from inclinometry.position.propagation import PositionUncertainty, propagate
-from inclinometry.position.tool_code import ToolCode
-from inclinometry.position.well import WellSurvey, well_survey
-from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
-from inclinometry.simulate.rig import Rig
+from inclinometry.position.tool_code import ToolCode, parse
+from inclinometry.position.well import WellSurvey, horizontal_ellipse, well_survey
+from inclinometry.sensors import Tool, parameter_vector, triad_from_vector
+from inclinometry.simulate.bench import Rig
 from inclinometry.survey.from_tool import KINDS, stations_from_tool
 from inclinometry.survey.path import minimum_curvature
 from inclinometry.workflow import simulate

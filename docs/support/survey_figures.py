@@ -18,18 +18,17 @@ from typing import NamedTuple
 import numpy as np
 from benchmarks import msa
 
-from inclinometry.attitude.orientation import angles, angles_jacobian, fields
-from inclinometry.core.angles import wrap_signed
 from inclinometry.earth.magnetic import igrf14, wmm2025
-from inclinometry.io.limits import limit_names, read_quality_limits
+from inclinometry.files.limits import limit_names, read_quality_limits
+from inclinometry.orientation import angles, angles_jacobian, fields
+from inclinometry.rotations import wrap_signed
 from inclinometry.survey.axial import axial_correction
-from inclinometry.survey.bha import MATERIALS, Bha, Element, Stabiliser
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, published_priors
 from inclinometry.survey.quality import judge_fields, with_sensors
-from inclinometry.survey.sag import sag_angles
+from inclinometry.survey.sag import MATERIALS, Bha, Element, Stabiliser, sag_angles
 from inclinometry.survey.stations import Stations
-from inclinometry.uncertainty.propagation import propagate
+from inclinometry.uncertainty import propagate
 from support.figures import table
 
 ASSEMBLIES = Path(__file__).parents[2] / "tests" / "reference" / "sag" / "assemblies.json"

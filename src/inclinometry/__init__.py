@@ -38,15 +38,15 @@ _CONTENTS = {
     "Limits": "calibration.acceptance",
     "OtherStand": "calibration.acceptance",
     "Plan": "calibration.plans",
-    "Samples": "motion.samples",
+    "Samples": "motion.result",
     "ScaleTracker": "gyro.tracking",
     "Site": "earth.site",
     "Survey": "survey.reduce",
-    "Tool": "sensors.tool",
-    "Triad": "sensors.triad",
+    "Tool": "sensors",
+    "Triad": "sensors",
     "Verification": "calibration.acceptance",
-    "angles": "attitude.orientation",
-    "angles_from_channels": "attitude.channels",
+    "angles": "orientation",
+    "angles_from_channels": "channels",
     "attitude_stream": "workflow.dynamic",
     "calibrate_classical": "calibration.direct",
     "calibrate_field": "calibration.field",
@@ -56,33 +56,33 @@ _CONTENTS = {
     "calibrate_twelve": "calibration.direct",
     "calibration_report": "report.calibration",
     "compare": "workflow.calibrate",
-    "dcm": "attitude.rotations",
+    "dcm": "rotations",
     "dynamic_run": "workflow.dynamic",
     "estimate_north": "gyro.north",
     "expected_uncertainty": "calibration.expected",
-    "fields": "attitude.orientation",
+    "fields": "orientation",
     "noise_of_log": "workflow.allan",
     "north_run": "workflow.gyro",
-    "open_run": "io.run_file",
+    "open_run": "files.run_file",
     "optimal_plan": "calibration.design",
     "orient_rig": "calibration.orient",
     "plans": "calibration.plans",
-    "read_attitude": "io.attitude_file",
-    "read_bench": "io.bench_csv",
-    "read_calibration": "io.tool_json",
-    "read_gyro_run": "io.gyro_csv",
-    "read_raw_survey": "io.survey_csv",
-    "read_site": "io.site_toml",
+    "read_attitude": "files.attitude_file",
+    "read_bench": "files.bench_csv",
+    "read_calibration": "files.tool_json",
+    "read_gyro_run": "files.gyro_csv",
+    "read_raw_survey": "files.survey_csv",
+    "read_site": "files.site_toml",
     "reduce_survey": "survey.reduce",
-    "solve_davenport": "attitude.wahba",
+    "solve_davenport": "wahba",
     "solve_patent": "gyro.closed_form",
     "static_attitude": "motion.static",
     "static_davenport": "motion.static",
     "stations_from_log": "calibration.stillness",
     "survey_raw": "workflow.survey",
     "verify": "calibration.acceptance",
-    "write_bench": "io.bench_csv",
-    "write_calibration": "io.tool_json",
+    "write_bench": "files.bench_csv",
+    "write_calibration": "files.tool_json",
     "write_dynamic": "workflow.dynamic",
     "write_survey": "workflow.survey",
 }
@@ -145,10 +145,6 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from inclinometry.attitude.channels import angles_from_channels
-    from inclinometry.attitude.orientation import angles, fields
-    from inclinometry.attitude.rotations import dcm
-    from inclinometry.attitude.wahba import solve_davenport
     from inclinometry.calibration import plans
     from inclinometry.calibration.acceptance import Limits, OtherStand, Verification, verify
     from inclinometry.calibration.design import optimal_plan
@@ -166,23 +162,26 @@ if TYPE_CHECKING:
     from inclinometry.calibration.readings import BenchReadings
     from inclinometry.calibration.result import Calibration
     from inclinometry.calibration.stillness import stations_from_log
+    from inclinometry.channels import angles_from_channels
     from inclinometry.earth.site import Site
+    from inclinometry.files.attitude_file import read_attitude
+    from inclinometry.files.bench_csv import read_bench, write_bench
+    from inclinometry.files.gyro_csv import read_gyro_run
+    from inclinometry.files.run_file import open_run
+    from inclinometry.files.site_toml import read_site
+    from inclinometry.files.survey_csv import read_raw_survey
+    from inclinometry.files.tool_json import read_calibration, write_calibration
     from inclinometry.gyro.closed_form import solve_patent
     from inclinometry.gyro.north import estimate_north
     from inclinometry.gyro.tracking import ScaleTracker
-    from inclinometry.io.attitude_file import read_attitude
-    from inclinometry.io.bench_csv import read_bench, write_bench
-    from inclinometry.io.gyro_csv import read_gyro_run
-    from inclinometry.io.run_file import open_run
-    from inclinometry.io.site_toml import read_site
-    from inclinometry.io.survey_csv import read_raw_survey
-    from inclinometry.io.tool_json import read_calibration, write_calibration
-    from inclinometry.motion.samples import Samples
+    from inclinometry.motion.result import Samples
     from inclinometry.motion.static import static_attitude, static_davenport
+    from inclinometry.orientation import angles, fields
     from inclinometry.report.calibration import calibration_report
-    from inclinometry.sensors.tool import Tool
-    from inclinometry.sensors.triad import Triad
+    from inclinometry.rotations import dcm
+    from inclinometry.sensors import Tool, Triad
     from inclinometry.survey.reduce import Survey, reduce_survey
+    from inclinometry.wahba import solve_davenport
     from inclinometry.workflow.allan import noise_of_log
     from inclinometry.workflow.calibrate import compare
     from inclinometry.workflow.dynamic import DynamicOptions, attitude_stream, dynamic_run, write_dynamic

@@ -11,10 +11,9 @@ from inclinometry.calibration.direct import calibrate_orthogonal
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
-from inclinometry.simulate.rig import Misread, Rig
+from inclinometry.errors import InputError
+from inclinometry.sensors import Tool, Triad
+from inclinometry.simulate.bench import Misread, Rig
 from inclinometry.simulate.tool import random_tool
 
 WIDE = Limits("wide", "for this test", np.radians(1.0), np.radians(2.0), np.radians(1.5))

@@ -5,15 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import rotation_exp
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import Limits, OtherStand, verify
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.plans import Plan
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import InputError
+from inclinometry.rotations import rotation_exp
+from inclinometry.sensors import Tool, Triad
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
 WIDE = Limits("wide", "for this test", np.radians(1.0), np.radians(2.0), np.radians(1.5))

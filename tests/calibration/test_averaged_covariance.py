@@ -8,9 +8,8 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.sensors.tool import parameter_vector
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.sensors import parameter_vector
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import random_tool
 
 PLAN = plans.twelve()

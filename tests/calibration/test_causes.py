@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles, fields
 from inclinometry.calibration import plans
 from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.angles import wrap_signed
-from inclinometry.simulate.rig import Rig
+from inclinometry.orientation import angles, fields
+from inclinometry.rotations import wrap_signed
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.sensing import Characteristic
 from inclinometry.simulate.tool import realistic_tool
 

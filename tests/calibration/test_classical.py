@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.classical import hidden_scale_error, nominal_axes, solve_classical
 from inclinometry.calibration.closed import ClosedForm
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.rotations import dcm
 
 EXACT = 1e-14
 DOWN = np.array([0.0, 0.0, 1.0])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance, sensitivity
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import parameter_vector
+from inclinometry.errors import InputError
+from inclinometry.sensors import parameter_vector
 
 FORM = ClosedForm(np.arange(12.0).reshape(4, 3) + np.eye(4, 3), np.arange(4.0), np.array([0.6, 0.0, 0.8]))
 

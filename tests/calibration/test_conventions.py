@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, rotation_x
 from inclinometry.calibration import plans
 from inclinometry.calibration.conventions import Dials, check_axes, check_dials
 from inclinometry.calibration.design import optimal_plan
@@ -13,11 +12,10 @@ from inclinometry.calibration.direct import calibrate_rotations, calibrate_twelv
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.signs import fix_signs
-from inclinometry.calibration.start import starting_state
-from inclinometry.core.errors import InputError
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.calibration.start import fix_signs, starting_state
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, rotation_x
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
 USUAL, REVERSED = "clockwise", "counterclockwise"
@@ -45,7 +43,7 @@ def shown(way, plan):
     return azimuth, plan.inclination - np.pi / 2 if way.inclination_from == "horizontal-up" else inclination, toolface
 
 
-def run_of(tool, plan, way=Dials(), *, seed=1, stated=True, **rig):  # noqa: B008
+def run_of(tool, plan, way=Dials(), *, seed=1, stated=True, **rig):
     rig = Rig(**{"dip": np.radians(65.0), "base_tilt": 0.03, "north_offset": 0.4, "setting_sd": 0.002} | rig)
     run = simulate_bench(tool, rig, plan.azimuth, plan.inclination, plan.toolface, bits=12, seed=seed)
     reference = {"dip": rig.dip} if stated else {}

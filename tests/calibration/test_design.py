@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.design import (
     AZIMUTH,
@@ -21,11 +19,11 @@ from inclinometry.calibration.design import (
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.joint import fit_once
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.stand import Stand, stand_within
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.errors import IdentifiabilityError, InputError
-from inclinometry.sensors.tool import Tool, parameter_vector
-from inclinometry.sensors.triad import Triad
+from inclinometry.calibration.start import Stand, stand_within
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.orientation import angles
+from inclinometry.rotations import dcm, wrap_signed
+from inclinometry.sensors import Tool, Triad, parameter_vector
 from inclinometry.simulate.tool import realistic_tool
 
 DEG = np.pi / 180.0

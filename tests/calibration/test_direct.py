@@ -14,10 +14,9 @@ from inclinometry.calibration.direct import (
 )
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.errors import IdentifiabilityError, InputError
-from inclinometry.sensors.tool import Tool, parameter_vector
-from inclinometry.sensors.triad import Triad
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.sensors import Tool, Triad, parameter_vector
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
 from inclinometry.workflow.calibrate import true_errors
 

@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 import inclinometry
-from inclinometry.attitude.orientation import angles, fields
 from inclinometry.calibration import plans
 from inclinometry.calibration.expected import ANGLES, expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint, fit_once
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import DIP, STEPS
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
-from inclinometry.sensors.triad import Triad
-from inclinometry.simulate.rig import Rig
+from inclinometry.constants import DIP, STEPS
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, fields
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vector
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool
 
 BOTH = ("accelerometer", "magnetometer")

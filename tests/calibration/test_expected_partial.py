@@ -6,8 +6,7 @@ import pytest
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.norm import calibrate_norms
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.sensors import Tool, Triad
 
 
 def tool(accelerometers, *, second=None, noise=1e-3):

@@ -9,12 +9,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from inclinometry.calibration._field_model import FieldProblem, Prior, Shots, Unknowns, rotations, tangent, turned
-from inclinometry.calibration._field_noise import first_levels
-from inclinometry.calibration._field_start import cube, rotations_between
-from inclinometry.calibration.field import calibrate_field
+from inclinometry.calibration._field_model import (
+    FieldProblem,
+    Prior,
+    Shots,
+    Unknowns,
+    first_levels,
+    rotations,
+    tangent,
+    turned,
+)
+from inclinometry.calibration.field import calibrate_field, cube, rotations_between
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError
 
 DIP = np.radians(68.0)
 SCALE = {"accelerometer": 9.8, "magnetometer": 48e3}

@@ -3,18 +3,17 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.attitude.rotations import dcm, rotation_exp
 from inclinometry.calibration.acceptance import OtherStand, verify
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.orient import orient_rig
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.core.constants import GRAVITY_SPREAD
-from inclinometry.core.errors import InputError
+from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.earth.site import Site
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import InputError
+from inclinometry.orientation import fields
+from inclinometry.rotations import dcm, rotation_exp
+from inclinometry.sensors import Tool, Triad
 from inclinometry.survey.reduce import reduce_survey
 
 DOWN = np.array([0.0, 0.0, 1.0])

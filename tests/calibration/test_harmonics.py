@@ -5,10 +5,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration.dials import at_azimuth, groups, positive_inclination, unequal_steps
 from inclinometry.calibration.harmonics import harmonics
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm
 
 EXACT = 1e-14  # a few roundings of numbers of order one
 

@@ -7,9 +7,9 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import NUISANCE
 from inclinometry.calibration.plans import Plan
-from inclinometry.core.errors import IdentifiabilityError
-from inclinometry.sensors.tool import parameter_vector
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import IdentifiabilityError
+from inclinometry.sensors import parameter_vector
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool
 
 ROLLS = 45.0 * np.arange(8)

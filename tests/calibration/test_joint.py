@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import parameter_vector
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm
+from inclinometry.sensors import parameter_vector
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
 BOTH = ("accelerometer", "magnetometer")

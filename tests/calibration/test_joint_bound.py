@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from inclinometry.attitude.orientation import angles, fields
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import fit_once
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.angles import wrap_signed
-from inclinometry.sensors.tool import parameter_vector
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.orientation import angles, fields
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import parameter_vector
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import random_tool
 
 BOTH = ("accelerometer", "magnetometer")

@@ -6,18 +6,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.direct import calibrate_orthogonal
 from inclinometry.calibration.joint import calibrate_joint, fit_once
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
-from inclinometry.sensors.sensitivity import angle_sensitivity
-from inclinometry.sensors.tool import parameter_vector
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles
+from inclinometry.rotations import dcm, wrap_signed
+from inclinometry.sensors import angle_sensitivity, parameter_vector
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
 LATITUDE = np.radians(55.0)

@@ -9,8 +9,8 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.errors import IdentifiabilityError, InputError
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool
 
 

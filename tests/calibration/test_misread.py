@@ -10,9 +10,8 @@ from inclinometry.calibration.acceptance import OtherStand, verify
 from inclinometry.calibration.conventions import WAYS, Dials, MisreadError
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plans import Plan
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
-from inclinometry.simulate.rig import Rig
+from inclinometry.sensors import Tool, Triad
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
 RANDOM = np.random.default_rng(5)

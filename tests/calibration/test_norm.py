@@ -11,7 +11,7 @@ import pytest
 
 from inclinometry.calibration.norm import algebraic_ellipsoid, calibrate_norm, count_directions
 from inclinometry.calibration.plans import orthogonal, twelve
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError
 
 MPU = Path(__file__).parents[1] / "reference" / "mpu9150"
 

@@ -9,9 +9,9 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.joint import fit_once
 from inclinometry.calibration.orient import orient_rig
 from inclinometry.calibration.plans import Plan
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.errors import InputError
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import InputError
+from inclinometry.rotations import wrap_signed
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
 GYRO = {"accelerometer": 1e-3, "gyro": np.radians(0.005) / 60.0 / np.sqrt(120.0)}

@@ -5,11 +5,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, rotation_exp
 from inclinometry.calibration import plans
 from inclinometry.calibration.closed import ClosedForm, sensitivity
-from inclinometry.calibration.orthogonal import solve_orthogonal, why_not_orthogonal
-from inclinometry.core.errors import InputError
+from inclinometry.calibration.twelve import solve_orthogonal, why_not_orthogonal
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, rotation_exp
 
 EXACT = 1e-14  # sums of 24 numbers of order one
 PLANS = [plans.orthogonal(), plans.half(), plans.two_face()]

@@ -6,8 +6,8 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.sensors.tool import parameter_vector
-from inclinometry.simulate.rig import Bump, Misread, Rig
+from inclinometry.sensors import parameter_vector
+from inclinometry.simulate.bench import Bump, Misread, Rig
 from inclinometry.simulate.tool import random_tool
 
 BOTH = ("accelerometer", "magnetometer")

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.rate_table import calibrate_rates, g_sensitivity_at_stand, table_rates
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
-from inclinometry.sensors.tool import parameter_vector
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.rotations import dcm
+from inclinometry.sensors import parameter_vector
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 
 LATITUDE = np.radians(55.0)

@@ -13,9 +13,8 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.rollset import roll_harmonics, second_harmonics
-from inclinometry.core.errors import IdentifiabilityError, InputError
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.workflow.simulate import bench, characteristics
 

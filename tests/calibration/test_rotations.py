@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.closed import ClosedForm
-from inclinometry.calibration.rotations import axial_conditioning, find_direction, solve_rotations, why_not_rotations
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.calibration.twelve import axial_conditioning, find_direction, solve_rotations, why_not_rotations
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.rotations import dcm
 
 EXACT = 5e-15  # sums of eight numbers of order one over a conditioning of 0.5
 DIP = np.radians(68.0)

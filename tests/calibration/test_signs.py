@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import rotation_x, rotation_z
 from inclinometry.calibration.likelihood import State
-from inclinometry.calibration.signs import fix_signs, handedness, nearest_axes
-from inclinometry.core.errors import InputError
+from inclinometry.calibration.start import fix_signs, handedness, nearest_axes
+from inclinometry.errors import InputError
+from inclinometry.rotations import rotation_x, rotation_z
 
 TENSOR = np.array([[[3.0, 1.0, 0.0, 5.0], [0.0, 2.0, 0.0, -6.0], [0.5, 0.0, 4.0, 7.0]]])
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
-from inclinometry.calibration.stand import Stand, stand_within
-from inclinometry.core.errors import InputError
+from inclinometry.calibration.start import Stand, stand_within
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm
 
 
 def test_positions_of_a_stand_are_different_orientations():

@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, rotation_exp
 from inclinometry.calibration import plans
 from inclinometry.calibration.direct import calibrate_rotations
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import StandAngle
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.errors import InputError
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, rotation_exp
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.workflow.calibrate import true_errors
 

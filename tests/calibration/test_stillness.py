@@ -11,7 +11,7 @@ import pytest
 
 from inclinometry.calibration.norm import calibrate_norm
 from inclinometry.calibration.stillness import sd_of_mean, stations_from_log, still_intervals
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 
 
 def simulated(rng, rests, rate=100.0, noise=0.01, moves=2.0, start_moving=True, channels=3):

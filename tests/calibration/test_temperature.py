@@ -10,9 +10,9 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.temperature import soaks
-from inclinometry.core.errors import IdentifiabilityError, InputError
-from inclinometry.sensors.tool import parameter_vector
-from inclinometry.simulate.rig import Rig
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.sensors import parameter_vector
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool
 
 BOTH = ("accelerometer", "magnetometer")

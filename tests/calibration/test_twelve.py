@@ -5,13 +5,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles
-from inclinometry.attitude.rotations import dcm, rotation_exp
 from inclinometry.calibration import plans
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance, sensitivity
 from inclinometry.calibration.harmonics import harmonics
 from inclinometry.calibration.twelve import _layout, _moments, solve_twelve, why_not_twelve
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.orientation import angles
+from inclinometry.rotations import dcm, rotation_exp
 
 EXACT = 2e-14  # sums of some tens of numbers of order one, each rounded
 

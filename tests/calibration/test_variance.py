@@ -10,7 +10,7 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.start import starting_state
 from inclinometry.calibration.variance import estimate_components, fit
-from inclinometry.simulate.rig import Rig
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool
 
 BOTH = ("accelerometer", "magnetometer")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from lxml import etree
 
-from ..report.certificates import dcc_schema
+from ..laboratory.certificate.certificates import dcc_schema
 
 LAB = """
 name = "Stand & Son"

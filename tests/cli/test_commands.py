@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from inclinometry.cli.demo import show_hot_run
-from inclinometry.io.bench_csv import read_bench
+from inclinometry.files.bench_csv import read_bench
 from inclinometry.simulate.gyro import hot_run
 from inclinometry.workflow.demo import Demo
 from inclinometry.workflow.hot_run import reduce_hot_run, rms_degrees

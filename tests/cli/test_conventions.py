@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.files.tool_json import read_calibration
 
 
 def change(**columns):

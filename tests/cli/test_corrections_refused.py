@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
+from inclinometry.orientation import fields
 
 HEADER = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
 SITE = 'north_reference = "magnetic"\ng = 9.81\nsigma_g = 0.01\nb_nT = {}\nsigma_b_nT = 130\n'

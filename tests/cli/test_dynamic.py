@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
-from inclinometry.io.attitude_file import COLUMNS
+from inclinometry.files.attitude_file import COLUMNS
 
 MAGNETIC = ("dynamic", "run.parquet", "--site", "site.toml", "--method", "magnetic")
 

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.site_toml import read_site
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.site_toml import read_site
 from inclinometry.workflow.field import completed
 
 PLACE = ("--latitude-deg", 80, "--longitude-deg", 0, "--height-m", 0, "--date", "2025-01-01")

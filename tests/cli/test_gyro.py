@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.core.angles import wrap_signed
-from inclinometry.io.scale_json import read_scale, write_scale
-from inclinometry.io.tool_json import write_calibration
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.files.scale_json import read_scale, write_scale
+from inclinometry.files.tool_json import write_calibration
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import Tool, Triad
 
 SURVEY = (
     "md_m,inclination_deg,azimuth_deg,azimuth_reference,toolface_deg,magnetic_toolface_deg,g_total,b_total_nT,dip_deg,"

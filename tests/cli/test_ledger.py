@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from inclinometry.store.ledger import Ledger
-from inclinometry.store.users import check_password
+from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.users import check_password
 
 PASSWORD = "a long enough one"
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from inclinometry.cli.noise import allan, plan_gyro
-from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.allan_json import read_allan
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.allan_json import read_allan
 
 PLAN = {"latitude_deg": 60.0, "inclination_deg": 30.0, "arw_deg_sqrt_h": 0.005, "azimuth_deg": 0.2}
 

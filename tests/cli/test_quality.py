@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from inclinometry.cli.quality import quality
-from inclinometry.core.errors import InputError
-from inclinometry.io.survey_csv import write_survey_csv
+from inclinometry.errors import InputError
+from inclinometry.files.survey_csv import write_survey_csv
 
 
 def write(path, azimuth=100.0, flags="", count=12, north="true", inclination=0.5):

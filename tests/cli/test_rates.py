@@ -5,24 +5,20 @@ import json
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.rate_table import table_rates
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.cli.rates import table
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import FileError, IdentifiabilityError, InputError
-from inclinometry.io.bench_csv import axes
-from inclinometry.io.raw_csv import write_raw_survey
-from inclinometry.io.survey_csv import read_survey_csv
-from inclinometry.io.tool_json import read_calibration, write_calibration
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
-from inclinometry.simulate.bench import simulate_bench
+from inclinometry.constants import EARTH_RATE
+from inclinometry.errors import FileError, IdentifiabilityError, InputError
+from inclinometry.files.bench_csv import axes, write_raw_survey
+from inclinometry.files.survey_csv import read_survey_csv
+from inclinometry.files.tool_json import read_calibration, write_calibration
+from inclinometry.rotations import dcm, wrap_signed
+from inclinometry.sensors import Tool, Triad
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.hole import simulate_survey
-from inclinometry.simulate.rig import Rig
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.survey.reduce import reduce_survey
 

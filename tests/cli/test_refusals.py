@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from inclinometry.cli import main, output
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.files.tool_json import read_calibration
 
 
 def one_line(done, status, *parts):

@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from inclinometry.io.tool_json import read_calibration, write_calibration
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.files.tool_json import read_calibration, write_calibration
+from inclinometry.sensors import Tool, Triad
 
 STAND = ("--other-stand", "--base-tilt-deg", 3, "--north-offset-deg", 30)
 

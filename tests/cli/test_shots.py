@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
+from inclinometry.orientation import fields
 
 NAMES = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
 G, B, DIP = 9.8192, 51_300.0, np.radians(72.7)

@@ -12,9 +12,9 @@ import time
 import numpy as np
 import pytest
 
-from inclinometry.io.instrument.protocol_toml import read_protocol
-from inclinometry.io.instrument.rig import ScpiRig
-from inclinometry.workflow.laboratory.live import LiveFeed
+from inclinometry.laboratory.instruments.protocol_toml import read_protocol
+from inclinometry.laboratory.instruments.rig import ScpiRig
+from inclinometry.laboratory.live import LiveFeed
 
 COMMAND = [sys.executable, "-m", "inclinometry", "simulate", "instrument", "--port", "0"]
 
@@ -88,4 +88,4 @@ def test_what_cannot_be_is_refused_in_one_line(run, arguments, expected):
     assert done.status == 2
     assert expected in done.err
     assert done.err.count("\n") == 1
-    assert os.listdir() == []  # noqa: PTH208
+    assert os.listdir() == []

@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
+from inclinometry.rotations import dcm
 
 
 @pytest.fixture

@@ -96,8 +96,8 @@ def test_a_first_order_transition_overflows_at_the_rate_it_should(findings):
 
 def test_scores_of_a_perfect_and_of_a_wrong_answer(figures):
     """The benchmark's own arithmetic: an error of one standard deviation in every direction scores 1."""
-    from inclinometry.attitude.rotations import dcm, quaternion_from_dcm, rotation_exp
     from inclinometry.motion.result import Attitude
+    from inclinometry.rotations import dcm, quaternion_from_dcm, rotation_exp
 
     bench = figures.motion
     run = bench.simulate_drilling("stick-slip", 1, duration=10.0)

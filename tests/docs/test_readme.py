@@ -16,9 +16,9 @@ import pytest
 from pyarrow import parquet
 
 from inclinometry.cli import main
-from inclinometry.core.angles import wrap_signed
-from inclinometry.io.tool_json import read_calibration, read_tool
-from inclinometry.sensors.tool import parameter_names, parameter_vector
+from inclinometry.files.tool_json import read_calibration, read_tool
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import parameter_names, parameter_vector
 from inclinometry.survey.path import minimum_curvature
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles, dip_angle
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.gravity import FLATTENING, SEMI_MAJOR_AXIS, gravity_at_depth, normal_gravity
 from inclinometry.earth.rate import earth_rate, horizontal_rate
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, dip_angle
+from inclinometry.rotations import dcm
 
 GM = 3.986004418e14  # m^3/s^2, WGS84
 

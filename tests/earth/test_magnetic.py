@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
 from inclinometry.earth.magnetic import (
     MODELS,
     UNKNOWN_ANGLE,
@@ -27,6 +26,7 @@ from inclinometry.earth.magnetic import (
     wmm2025_coefficients,
 )
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "geomag"
 DATE = datetime.date(2026, 3, 1)

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.errors import InputError
 from inclinometry.earth.gravity import GRAVITY_SIGMA, normal_gravity
 from inclinometry.earth.site import REFERENCES, Site, azimuth_sigma, azimuth_to, convert_azimuth
+from inclinometry.errors import InputError
+from inclinometry.rotations import wrap_signed
 
 SITE = Site(declination=np.radians(5.0), convergence=np.radians(2.0), declination_sigma=3e-3, convergence_sigma=4e-3)
 

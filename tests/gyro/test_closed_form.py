@@ -9,11 +9,8 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
+from inclinometry.errors import InputError
 from inclinometry.gyro.closed_form import (
     azimuth_arctan2,
     expected_rates,
@@ -26,6 +23,8 @@ from inclinometry.gyro.closed_form import (
     solve_patent,
 )
 from inclinometry.gyro.result import FLAGS
+from inclinometry.orientation import fields
+from inclinometry.rotations import dcm, wrap_signed
 
 G = 9.81
 SIGMA = 1e-3 * EARTH_RATE  # 0.015 deg/h
@@ -172,7 +171,7 @@ def test_wrong_signs_do_not_turn_the_azimuth_round() -> None:
     """Azimuth 1 rad, tan a tan th = 1/sqrt 3: the numbers of the specification."""
     azimuth, latitude = 1.0, rad(45.0)
     (gx, gy, _), (wx, wy, _) = readings(azimuth, rad(30.0), 0.7, latitude)
-    degrees = lambda *args: float(np.degrees(wrap_signed(patent_azimuth(*args))))  # noqa: E731
+    degrees = lambda *args: float(np.degrees(wrap_signed(patent_azimuth(*args))))
     assert degrees(gx, gy, wx, wy, G, latitude) == pytest.approx(57.29578, abs=1e-5)
     specific_force = degrees(-gx, -gy, wx, wy, G, latitude)
     southern = degrees(gx, gy, wx, wy, G, -latitude)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import rotation_z
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.gyro.indexing import SCHEMES, average_index
+from inclinometry.rotations import rotation_z
 
 FOUR = np.radians([0.0, 90.0, 180.0, 270.0])
 MIRRORED = np.radians(SCHEMES["mirrored"].positions_deg)

@@ -10,13 +10,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
+from inclinometry.errors import InputError
 from inclinometry.gyro.closed_form import azimuth_arctan2, scale_roots
 from inclinometry.gyro.joint import earth_in_tool, earth_slopes, posterior_sd, solve_joint
+from inclinometry.rotations import dcm, wrap_signed
 
 rad = np.radians
 SIGMA = 1e-3  # 0.015 deg/h in units of the Earth rate

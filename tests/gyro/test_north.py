@@ -9,14 +9,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
+from inclinometry.errors import InputError
 from inclinometry.gyro.north import estimate_north, estimate_north_fixed
 from inclinometry.gyro.result import FLAGS
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.rotations import dcm, wrap_signed
+from inclinometry.uncertainty import UNKNOWN
 
 G = 9.81
 G_SD = 1e-4 * G

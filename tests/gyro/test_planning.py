@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.allan import FLAT
+from inclinometry.constants import EARTH_RATE
+from inclinometry.errors import InputError
 from inclinometry.gyro.joint import solve_joint
 from inclinometry.gyro.planning import GyroSetup, azimuth_sigma, standstill_time
-from inclinometry.sensors.noise import FLAT
 
 ARW = np.radians(0.005) / 60.0
 ONE = GyroSetup(ARW, gyros=1)

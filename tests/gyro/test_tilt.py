@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.angles import wrap_positive, wrap_signed
-from inclinometry.core.errors import InputError
-from inclinometry.gyro.tilt import settle_vertical, tilt, upward
+from inclinometry.errors import InputError
+from inclinometry.gyro.closed_form import settle_vertical, tilt, upward
+from inclinometry.rotations import dcm, wrap_positive, wrap_signed
 
 G = 9.81
 rad = np.radians

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.errors import InputError
 from inclinometry.gyro.joint import earth_in_tool, solve_joint
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.result import FLAGS
@@ -21,6 +20,7 @@ from inclinometry.gyro.tracking import (
     track_scale,
     walking_belief,
 )
+from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.gyro import hot_run
 
 LATITUDE = np.radians(45.0)

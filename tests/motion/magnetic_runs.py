@@ -9,13 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.rotations import dcm, dcm_from_quaternion, rotation_log
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import magnetic_attitude
-from inclinometry.motion.result import Attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.arrays import Array
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import magnetic_attitude
+from inclinometry.motion.result import Attitude, Samples
+from inclinometry.rotations import dcm, dcm_from_quaternion, rotation_log, wrap_signed
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Rotation
 

@@ -12,20 +12,18 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 from inclinometry.motion.choose import AttitudeChooser, ChooserSettings, choose_attitude
 from inclinometry.motion.health import HealthSettings
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import magnetic_attitude
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import magnetic_attitude
 from inclinometry.motion.reference import to_magnetic
-from inclinometry.motion.result import METHODS, Attitude, joined
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import METHODS, Attitude, Samples, joined
 from inclinometry.motion.timing import StretchCutter, rejoined
+from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, simulate_drilling
-from inclinometry.simulate.drilling.faults import Casing, Dropped, Jitter, MagLag, Repeated, Stuck
-from inclinometry.simulate.drilling.scenario import Hole
+from inclinometry.simulate.drilling.scenario import Casing, Dropped, Hole, Jitter, MagLag, Repeated, Stuck
 
 SITE = Site(b=50_000.0, dip=Hole().dip, g=9.80665, latitude=Hole().latitude)
 

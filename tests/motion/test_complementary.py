@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import (
+from inclinometry.errors import InputError
+from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream, complementary_attitude
+from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
+from inclinometry.motion.result import Samples
+from inclinometry.rotations import (
     dcm,
     dcm_from_quaternion,
     quaternion_conjugate,
@@ -12,11 +16,7 @@ from inclinometry.attitude.rotations import (
     quaternion_multiply,
     rotation_exp,
 )
-from inclinometry.core.errors import InputError
-from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream, complementary_attitude
-from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
-from inclinometry.motion.samples import Samples
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 FIELD = 50_000.0 * np.array([np.cos(np.radians(65.0)), 0.0, np.sin(np.radians(65.0))])

@@ -5,7 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import (
+from inclinometry.motion.complementary.filter import complementary_attitude
+from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
+from inclinometry.motion.result import Samples
+from inclinometry.rotations import (
     dcm_from_quaternion,
     quaternion_conjugate,
     quaternion_from_dcm,
@@ -13,9 +16,6 @@ from inclinometry.attitude.rotations import (
     quaternion_multiply,
     rotation_exp,
 )
-from inclinometry.motion.complementary.filter import complementary_attitude
-from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
-from inclinometry.motion.samples import Samples
 
 FOLDER = Path(__file__).parents[1] / "reference" / "broad"
 # total rms error, deg, of VQF 2.1.2 with its own settings on these trials: real time, offline

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, quaternion_conjugate, quaternion_from_dcm, quaternion_log
-from inclinometry.attitude.rotations import quaternion_multiply as multiply
-from inclinometry.core.angles import wrap_signed
 from inclinometry.motion.complementary.filter import ComplementarySettings, complementary_attitude
 from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import Samples
+from inclinometry.rotations import dcm, quaternion_conjugate, quaternion_from_dcm, quaternion_log, wrap_signed
+from inclinometry.rotations import quaternion_multiply as multiply
 from inclinometry.simulate.drilling import simulate_drilling
 
 SECOND = ComplementarySettings(every=200)

@@ -7,8 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream, complementary_attitude
-from inclinometry.motion.result import joined
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import Samples, joined
 
 COUNT, INTERVAL = 700, 0.01
 COLUMNS = ("time", "quaternion", "covariance", "rate", "quality", "flags", "method")

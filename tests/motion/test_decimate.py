@@ -11,11 +11,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.motion.decimate import DecimationStream, decimate, low_pass, thinning
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import magnetic_attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import magnetic_attitude
+from inclinometry.motion.result import Samples
 from inclinometry.simulate.drilling import simulate_drilling
 
 from .magnetic_runs import FIVE, KNOWN, samples_of, score

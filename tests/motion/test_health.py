@@ -8,15 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.motion.dip_check import azimuth_doubt
+from inclinometry.errors import InputError
 from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.reference import azimuth_doubt
+from inclinometry.motion.result import Samples
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
-from inclinometry.simulate.drilling.faults import Casing, Stuck
-from inclinometry.simulate.drilling.scenario import Hole
+from inclinometry.simulate.drilling.scenario import Casing, Hole, Stuck
 
 G = 9.80665
 SITE = Site(b=50_000.0, dip=Hole().dip)

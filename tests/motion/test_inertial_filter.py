@@ -13,23 +13,26 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.attitude.rotations import dcm, dcm_from_quaternion, quaternion_from_dcm, rotation_exp, rotation_log
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream, gyro_attitude, inertial_attitude
-from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.inertial.smoother import continuous_survey, smoothed_attitude
-from inclinometry.motion.result import Attitude, joined
+from inclinometry.motion.inertial.state import InertialSettings
+from inclinometry.motion.result import Attitude, Samples, joined
 from inclinometry.motion.robust import igg3_weight
-from inclinometry.motion.samples import Samples
+from inclinometry.rotations import (
+    dcm,
+    dcm_from_quaternion,
+    quaternion_from_dcm,
+    rotation_exp,
+    rotation_log,
+    wrap_signed,
+)
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
-from inclinometry.simulate.drilling.faults import MagLag
-from inclinometry.simulate.drilling.instrument import TriadErrors
 from inclinometry.simulate.drilling.run import DrillingSimulation
-from inclinometry.simulate.drilling.scenario import Hole, Scenario
+from inclinometry.simulate.drilling.scenario import Hole, MagLag, Scenario, TriadErrors
 
 SITE = Site(latitude=Hole().latitude, g=9.80665, dip=Hole().dip, dip_sigma=1e-3, b=50_000.0)  # where the scenarios are
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import (
+from inclinometry.arrays import Array
+from inclinometry.motion.inertial import _recursions as kernels
+from inclinometry.motion.inertial.window import tapers
+from inclinometry.rotations import (
     cross_matrix,
     dcm,
     dcm_from_quaternion,
     quaternion_from_dcm,
     rotation_exp,
 )
-from inclinometry.core.arrays import Array
-from inclinometry.motion.inertial import _recursions as kernels
-from inclinometry.motion.inertial.window import tapers
 
 DT, SIZE, STRENGTH, DIP = 0.005, 240, 5e4, 1.1
 AXIS = dcm(1.0, 0.5, 2.0)[2]

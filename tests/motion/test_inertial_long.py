@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.angles import wrap_signed
 from inclinometry.earth.site import Site
 from inclinometry.motion.inertial.filter import inertial_attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import Samples
+from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Hole
 

@@ -7,15 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, dcm_from_quaternion, rotation_log
-from inclinometry.core.arrays import Array
+from inclinometry.arrays import Array
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
 from inclinometry.motion.inertial.filter import inertial_attitude
-from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.inertial.smoother import smoothed_attitude
-from inclinometry.motion.result import Attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.inertial.state import InertialSettings
+from inclinometry.motion.result import Attitude, Samples
+from inclinometry.rotations import dcm, dcm_from_quaternion, rotation_log
 
 DIP = float(np.radians(65.0))
 SITE = Site(latitude=float(np.radians(50.0)), g=9.80665, dip=DIP, dip_sigma=1e-6, b=50_000.0)

@@ -9,12 +9,11 @@ import pytest
 
 from inclinometry.earth.site import Site
 from inclinometry.motion.choose import ChooserSettings, choose_attitude
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import magnetic_attitude
-from inclinometry.motion.magnetic.window import clock_offset
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import clock_offset, magnetic_attitude
+from inclinometry.motion.result import Samples
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
-from inclinometry.simulate.drilling.faults import MagLag
+from inclinometry.simulate.drilling.scenario import MagLag
 
 from .magnetic_runs import FIVE, KNOWN, RPM, run_of, samples_of, score, spun
 

@@ -7,17 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.core.constants import STANDARD_GRAVITY as G
+from inclinometry.constants import STANDARD_GRAVITY as G
 from inclinometry.earth.site import Site
-from inclinometry.motion.magnetic.phase import fit_circle
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import magnetic_attitude
-from inclinometry.motion.result import Attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.magnetic.phase import MagneticSettings, fit_circle
+from inclinometry.motion.magnetic.window import magnetic_attitude
+from inclinometry.motion.result import Attitude, Samples
+from inclinometry.orientation import fields
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, simulate_drilling
-from inclinometry.simulate.drilling.faults import Casing, Stuck
-from inclinometry.simulate.drilling.scenario import Hole
+from inclinometry.simulate.drilling.scenario import Casing, Hole, Stuck
 
 from .magnetic_runs import FIVE, KNOWN, errors, samples_of, score, spun
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import magnetic_attitude
-from inclinometry.motion.magnetic.window import clock_offset
+from inclinometry.errors import InputError
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import clock_offset, magnetic_attitude
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, simulate_drilling
-from inclinometry.simulate.drilling.faults import MagLag
+from inclinometry.simulate.drilling.scenario import MagLag
 
 from .magnetic_runs import KNOWN, samples_of, score
 

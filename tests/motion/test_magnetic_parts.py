@@ -7,7 +7,7 @@ import pytest
 
 from inclinometry.motion.magnetic.demodulate import demodulate
 from inclinometry.motion.magnetic.phase import basis, fit, fit_circle, remembered, smooth, untried
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import Samples
 
 ONE = np.zeros(1, dtype=np.complex128)
 FREE = np.zeros((1, 1), dtype=np.complex128)

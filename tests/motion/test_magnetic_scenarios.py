@@ -67,8 +67,8 @@ def test_any_inclination(inclination: float) -> None:
     """Same vibration; errors of the direction of the axis stay, so those of azimuth grow with 1 / sin I."""
     from dataclasses import replace
 
-    from inclinometry.motion.magnetic.settings import MagneticSettings
-    from inclinometry.motion.magnetic.stream import magnetic_attitude
+    from inclinometry.motion.magnetic.phase import MagneticSettings
+    from inclinometry.motion.magnetic.window import magnetic_attitude
     from inclinometry.simulate.drilling import simulate_drilling
 
     from .magnetic_runs import FIVE, KNOWN, samples_of, score

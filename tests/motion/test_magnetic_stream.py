@@ -10,11 +10,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import MagneticStream, magnetic_attitude
-from inclinometry.motion.result import Attitude, joined
-from inclinometry.motion.samples import Samples
+from inclinometry.errors import InputError
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import MagneticStream, magnetic_attitude
+from inclinometry.motion.result import Attitude, Samples, joined
 
 from .magnetic_runs import run_of, samples_of
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, quaternion_from_dcm, rotation_exp
-from inclinometry.core.errors import InputError
-from inclinometry.motion.result import BITS, METHODS, Attitude, angle_rows, joined, refusals
-from inclinometry.motion.samples import Samples
+from inclinometry.errors import InputError
+from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, angle_rows, joined, refusals
+from inclinometry.rotations import dcm, quaternion_from_dcm, rotation_exp
 
 ATTITUDES = np.radians([[60.0, 30.0, 100.0], [350.0, 1.0, 5.0], [10.0, 120.0, 200.0], [200.0, 89.0, 300.0]])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.motion.robust import (
     fading_factor,
     huber_weight,

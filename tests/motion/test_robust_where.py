@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.motion.magnetic.stream import magnetic_attitude
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.motion.magnetic.window import magnetic_attitude
+from inclinometry.motion.result import Samples
 from inclinometry.motion.robust import huber_weight, igg3_weight
-from inclinometry.motion.samples import Samples
 from inclinometry.motion.window_filter import robust_filter
 from inclinometry.motion.window_smoother import smooth_windows
+from inclinometry.rotations import dcm
 from inclinometry.simulate.drilling import simulate_drilling
 
 

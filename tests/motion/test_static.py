@@ -9,13 +9,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.attitude.rotations import dcm, dcm_from_quaternion, rotation_log
-from inclinometry.core.errors import InputError
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
-from inclinometry.motion.result import Attitude, joined
-from inclinometry.motion.samples import Samples
+from inclinometry.errors import InputError
+from inclinometry.motion.result import Attitude, Samples, joined
 from inclinometry.motion.static import (
     NorthSeekingStream,
     StaticSettings,
@@ -26,6 +23,8 @@ from inclinometry.motion.static import (
     static_svd,
 )
 from inclinometry.motion.window_smoother import rounding_variance
+from inclinometry.orientation import fields
+from inclinometry.rotations import dcm, dcm_from_quaternion, rotation_log
 
 DIP = float(np.radians(65.0))
 SITE = Site(b=50e3, dip=DIP, b_sigma=20.0, dip_sigma=float(np.radians(0.02)))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.motion.decimate import fit_grid, unit_doubt
 from inclinometry.motion.timing import GATHERED, StretchCutter, TimingSettings, cut_stretches, rejoined
 

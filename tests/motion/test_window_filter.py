@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from inclinometry.attitude.rotations import dcm, dcm_from_quaternion, quaternion_from_dcm, rotation_exp, rotation_log
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.motion._hole_direction import offset_of, rolled, see, turned
 from inclinometry.motion.result import BITS, METHODS, Attitude, joined
 from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings, robust_filter
 from inclinometry.motion.window_smoother import smooth_windows
+from inclinometry.rotations import dcm, dcm_from_quaternion, quaternion_from_dcm, rotation_exp, rotation_log
 
 TILT, TURN = float(np.radians(0.03)), float(np.radians(0.06))
 DEFAULT = WindowFilterSettings(common_tilt=0.0, common_turn=0.0, common_delay=0.0)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.errors import InputError
+from inclinometry.files.tool_code_json import load_tool_code
+from inclinometry.orientation import fields
 from inclinometry.position.certificate import (
     calibration_sources,
     error_model,
@@ -18,8 +18,7 @@ from inclinometry.position.certificate import (
 )
 from inclinometry.position.propagation import Run, propagate, propagate_runs
 from inclinometry.position.well import well_survey
-from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
-from inclinometry.sensors.triad import Triad
+from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vector
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import minimum_curvature
 from inclinometry.survey.reduce import reduce_survey

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
-from inclinometry.position.ellipse import ellipsoid, hole_covariance, hole_sigmas, horizontal_ellipse
+from inclinometry.errors import InputError
+from inclinometry.position.well import ellipsoid, hole_covariance, hole_sigmas, horizontal_ellipse
 
 AXIS = st.floats(0.01, 100.0)
 

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
-from inclinometry.position.formula import FUNCTIONS, parse
-from inclinometry.position.tool_code import VARIABLES, ToolCode, term
+from inclinometry.errors import InputError
+from inclinometry.position.tool_code import FUNCTIONS, VARIABLES, ToolCode, parse, term
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.position.propagation import propagate
-from inclinometry.position.sources import LARGEST, gyro_sources
+from inclinometry.errors import InputError
+from inclinometry.position.propagation import LARGEST, gyro_sources, propagate
 from inclinometry.position.well import well_survey
 from inclinometry.survey.reduce import Survey
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.position.propagation import propagate
 
 CODES = {"4": "iscwsa-mwd-rev4", "5.1": "iscwsa-mwd-rev5.1"}

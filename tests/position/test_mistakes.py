@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
-from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.errors import InputError
+from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.position.certificate import fits_certificate, is_sensor_term
-from inclinometry.position.formula import parse
-from inclinometry.position.tool_code import ToolCode, term
+from inclinometry.position.tool_code import ToolCode, parse, term
 
 
 @pytest.mark.parametrize(

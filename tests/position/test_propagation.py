@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.tool_code_json import load_tool_code
-from inclinometry.position.propagation import Run, propagate, propagate_runs, relative_covariance
-from inclinometry.position.sources import MatrixSource
+from inclinometry.errors import InputError
+from inclinometry.files.tool_code_json import load_tool_code
+from inclinometry.position.propagation import MatrixSource, Run, propagate, propagate_runs, relative_covariance
 from inclinometry.position.tool_code import ToolCode, term
 from inclinometry.position.well import well_survey
 from inclinometry.survey.path import minimum_curvature

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from inclinometry.core.constants import FOOT
-from inclinometry.core.errors import InputError
+from inclinometry.constants import FOOT
 from inclinometry.earth.site import Site
-from inclinometry.io.tool_code_json import load_tool_code
+from inclinometry.errors import InputError
+from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.position.propagation import Run, propagate, propagate_runs
 from inclinometry.position.well import well_survey
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.tool_code_json import load_tool_code, tool_code_names
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.tool_code_json import load_tool_code, tool_code_names
 
 
 def content():

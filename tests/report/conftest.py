@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.rotations import dcm
 
 DIP = np.radians(70.0)
 FIELDS = {

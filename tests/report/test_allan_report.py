@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from inclinometry.allan import ChannelNoise, NoiseRecord, allan_deviation, fit_noise
 from inclinometry.report.allan import allan_report
-from inclinometry.sensors.noise import ChannelNoise, NoiseRecord, allan_deviation, fit_noise
 
 from .pages import check
 

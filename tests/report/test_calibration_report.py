@@ -7,8 +7,7 @@ import pytest
 
 from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.report.calibration import calibration_report
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.sensors import Tool, Triad
 
 from .conftest import calibrated
 from .pages import check

@@ -5,9 +5,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.motion.result import (
     BITS,
+    CHANNELS,
     FLAGS,
     METHODS,
     AttitudeRows,
@@ -18,18 +19,20 @@ from inclinometry.motion.result import (
     Spectrogram,
     Vibration,
 )
-from inclinometry.motion.samples import CHANNELS
-from inclinometry.report.digits import plain
-from inclinometry.report.dynamic import CHANNEL_WORDS, METHOD_WORDS, REMEDIES, dynamic_report
-from inclinometry.report.dynamic_figures import (
+from inclinometry.report.dynamic import (
+    CHANNEL_WORDS,
+    METHOD_WORDS,
+    REMEDIES,
     Found,
     attitude_figure,
     clock,
+    dynamic_report,
     errors_of,
     methods_figure,
     rms_of,
     stretches,
 )
+from inclinometry.report.words import plain
 
 from .pages import check
 

@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.report.comparison import MethodCurve, comparison_figure
 from inclinometry.report.figure import INK, inline_svg, save_png, save_svg, style
 

@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 from inclinometry.gyro.closed_form import solve_fixed_arctan2, solve_patent
 from inclinometry.gyro.joint import earth_in_tool
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.tracking import quadratic_belief, smooth_scale, walking_belief
-from inclinometry.report.gyro import gyro_report, scale_report
-from inclinometry.report.gyro_figures import hot_run_figure, scale_course
-from inclinometry.survey.checks import Check
+from inclinometry.report.gyro import gyro_report, hot_run_figure, scale_course, scale_report
+from inclinometry.survey.flags import Check
 from inclinometry.survey.gyro import gyro_survey
 
 from .pages import check

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
+from inclinometry.orientation import fields
 from inclinometry.report.msa import azimuth_u, msa_report
 from inclinometry.report.quality import check_table, quality_pictures, station_quality_table
 from inclinometry.survey.multistation import multistation

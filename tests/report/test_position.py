@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from inclinometry.earth.site import Site
-from inclinometry.io.tool_code_json import load_tool_code
-from inclinometry.position.ellipse import horizontal_ellipse
+from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.position.propagation import propagate
-from inclinometry.position.well import well_survey
-from inclinometry.report import position_figures as draw
+from inclinometry.position.well import horizontal_ellipse, well_survey
+from inclinometry.report import position as draw
 from inclinometry.report.position import contributions, position_report
 from inclinometry.survey.path import minimum_curvature
 

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
 from inclinometry.earth.site import Site
+from inclinometry.orientation import fields
 from inclinometry.report.survey import survey_report
 from inclinometry.report.survey_figures import thinned
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.sensors import Tool, Triad
 from inclinometry.survey.reduce import reduce_survey
 
 from .pages import check

@@ -12,9 +12,8 @@ from inclinometry.report.calibration_tables import (
     orthogonality_rows,
     parameter_rows,
 )
-from inclinometry.report.digits import rounded, significant, with_uncertainty
-from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
-from inclinometry.sensors.triad import Triad
+from inclinometry.report.words import rounded, significant, with_uncertainty
+from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vector
 
 from .conftest import DIP
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, rotation_x, rotation_y, rotation_z
-from inclinometry.core.errors import InputError
-from inclinometry.simulate.bench import simulate_bench, simulate_benches
-from inclinometry.simulate.rig import Bump, Misread, Rig
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, rotation_x, rotation_y, rotation_z
+from inclinometry.simulate.bench import Bump, Misread, Rig, simulate_bench, simulate_benches
 from inclinometry.simulate.tool import random_tool, random_tools, realistic_tool
 
 CUBE = np.radians(

@@ -8,8 +8,7 @@ import pytest
 from scipy import signal
 
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, simulate_drilling
-from inclinometry.simulate.drilling.instrument import Instrument, TriadErrors
-from inclinometry.simulate.drilling.scenario import Band, Hole, Rotation, Vibration
+from inclinometry.simulate.drilling.scenario import Band, Hole, Instrument, Rotation, TriadErrors, Vibration
 
 RPM = math.tau / 60.0
 EVERY = Instrument(factor=1, taps=1)

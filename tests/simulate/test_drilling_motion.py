@@ -6,12 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, rotation_exp
-from inclinometry.core.constants import STANDARD_GRAVITY
+from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.rate import earth_rate
+from inclinometry.rotations import dcm, rotation_exp
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, simulate_drilling
-from inclinometry.simulate.drilling.instrument import Instrument
-from inclinometry.simulate.drilling.scenario import Band, Hole, Rotation, Shocks, StickSlip, Swing, Vibration, Whirl
+from inclinometry.simulate.drilling.scenario import (
+    Band,
+    Hole,
+    Instrument,
+    Rotation,
+    Shocks,
+    StickSlip,
+    Swing,
+    Vibration,
+    Whirl,
+)
 
 RPM = math.tau / 60.0
 EVERY = Instrument(factor=1, taps=1)
@@ -24,7 +33,7 @@ TURNING = {
 }
 
 
-def scenario(rotation=Rotation(), instrument=EVERY, hole=Hole(), vibration=Vibration()):  # noqa: B008 - all frozen
+def scenario(rotation=Rotation(), instrument=EVERY, hole=Hole(), vibration=Vibration()):
     return Scenario(hole=hole, rotation=rotation, vibration=vibration, instrument=instrument)
 
 

@@ -9,18 +9,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, drilling_blocks, simulate_drilling
-from inclinometry.simulate.drilling.faults import Casing, Dropped, Jitter, MagLag, Repeated, Stuck
-from inclinometry.simulate.drilling.instrument import Instrument, TriadErrors
-from inclinometry.simulate.drilling.record import DrillingTruth
+from inclinometry.simulate.drilling.run import DrillingTruth
 from inclinometry.simulate.drilling.scenario import (
     Band,
+    Casing,
+    Dropped,
     Hole,
+    Instrument,
+    Jitter,
+    MagLag,
+    Repeated,
     Rotation,
     Shocks,
     StickSlip,
+    Stuck,
     Swing,
+    TriadErrors,
     Vibration,
     Whirl,
 )
@@ -91,7 +97,7 @@ def test_seed_sequences_and_generators_are_seeds():
     same(first, second)
 
 
-def quiet(*faults, rotation=Rotation(12.0), **changes):  # noqa: B008 - frozen
+def quiet(*faults, rotation=Rotation(12.0), **changes):
     scenario = Scenario(rotation=rotation, instrument=Instrument(factor=1, taps=1), faults=faults, **changes)
     return simulate_drilling(scenario, 2, duration=2.0)
 

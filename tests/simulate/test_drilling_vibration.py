@@ -8,13 +8,12 @@ import pytest
 from scipy import signal
 
 from inclinometry.simulate.drilling import Scenario, simulate_drilling
-from inclinometry.simulate.drilling.instrument import Instrument
-from inclinometry.simulate.drilling.scenario import Band, Hole, Rotation, Shocks, Vibration
+from inclinometry.simulate.drilling.scenario import Band, Hole, Instrument, Rotation, Shocks, Vibration
 
 EVERY = Instrument(factor=1, taps=1)
 
 
-def shaken(vibration=Vibration(), rotation=Rotation(toolface=0.0), duration=100.0, seed=1):  # noqa: B008 - all frozen
+def shaken(vibration=Vibration(), rotation=Rotation(toolface=0.0), duration=100.0, seed=1):
     """Acceleration (3, n) of a vertical tool, from its accelerometers."""
     scenario = Scenario(hole=Hole(0.0), rotation=rotation, vibration=vibration, instrument=EVERY)
     run = simulate_drilling(scenario, seed, duration=duration)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.simulate.field import HandHeld, simulate_field, simulate_fields
 from inclinometry.simulate.tool import random_tool, random_tools
 

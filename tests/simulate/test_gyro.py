@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, rotation_z
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
-from inclinometry.simulate.drift import flicker_rate, white_rate
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, rotation_z
 from inclinometry.simulate.gyro import (
     FOUR_POSITIONS,
     GyroSensors,
@@ -17,6 +16,7 @@ from inclinometry.simulate.gyro import (
     simulate_gyro_run,
     simulate_north_seeking,
 )
+from inclinometry.simulate.tool import flicker_rate, white_rate
 
 LATITUDE = np.radians(52.0)
 PATH = ([10.0, 20.0], np.radians([15.0, 130.0]), np.radians([40.0, 310.0]), np.radians([200.0, 33.0]))

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.hole import WellProfile, simulate_survey, temperature_profile, well_path
 from inclinometry.simulate.tool import realistic_tool
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import cross_matrix, dcm
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
+from inclinometry.errors import InputError
+from inclinometry.rotations import cross_matrix, dcm
 from inclinometry.simulate.log import simulate_log
 from inclinometry.simulate.tool import realistic_tool
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
-from inclinometry.simulate.streams import Streams
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.errors import InputError
 from inclinometry.simulate.tool import (
+    Streams,
     converter_step,
     digitise,
     nominal_axes,

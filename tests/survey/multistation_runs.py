@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.conventions import named, to_house
-from inclinometry.attitude.orientation import angles, angles_jacobian, fields
-from inclinometry.core.angles import wrap_signed
+from inclinometry.conventions import named, to_house
+from inclinometry.orientation import angles, angles_jacobian, fields
+from inclinometry.rotations import wrap_signed
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Stations
-from inclinometry.uncertainty.propagation import propagate
+from inclinometry.uncertainty import propagate
 
 DATA = Path(__file__).parents[1] / "reference" / "msa" / "msa_runs.csv"
 DIP, B, G = np.radians(70.0), 50_000.0, 9.81

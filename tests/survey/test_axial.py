@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles, angles_jacobian, fields
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, angles_jacobian, fields
 from inclinometry.survey.axial import LEFT, SINGULAR, SOURCE, axial_correction
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
+from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.tool import random_tool
 from inclinometry.survey.from_stations import NOISE, survey_from_stations
 from inclinometry.survey.from_tool import NOTHING_STATED, stations_from_tool, stations_plain
 from inclinometry.survey.reduce import reduce_survey
 from inclinometry.survey.stations import Source
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN
 
 from .test_from_tool import DIP, surveyed, uncertain
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.errors import InputError
+from inclinometry.sensors import Tool, parameter_vector, triad_from_vector
 from inclinometry.simulate.hole import simulate_survey
 from inclinometry.simulate.tool import random_tool
 from inclinometry.survey.from_tool import KINDS, NOTHING_STATED, stations_from_tool, stations_plain

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
-from inclinometry.survey.gyro_runs import RepeatLimits, Run, compare_runs
+from inclinometry.errors import InputError
+from inclinometry.survey.gyro import RepeatLimits, Run, compare_runs
 
 LIMITS = RepeatLimits("test", "test", np.radians(0.23), np.radians(1.0), np.radians(5.0), np.radians(10.0), 10, 35.0)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 from inclinometry.gyro.joint import earth_in_tool
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.result import FLAGS
+from inclinometry.rotations import wrap_signed
 from inclinometry.survey.flags import summary
 from inclinometry.survey.gyro import gyro_survey
 

@@ -3,18 +3,16 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, wrap_signed
+from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.hole import simulate_survey
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.survey.flags import FLAGS
 from inclinometry.survey.reduce import reduce_survey
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN
 
 LATITUDE, DECLINATION, DIP = np.radians(50.0), np.radians(7.0), np.radians(65.0)
 KINDS = {"accelerometer": 3, "magnetometer": 3, "gyro": 3}

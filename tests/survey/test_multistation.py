@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles
-from inclinometry.core.errors import IdentifiabilityError, InputError
 from inclinometry.earth.site import Site
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.orientation import angles
 from inclinometry.survey.multistation import Model, multistation, root_of, toolface_gap
 from inclinometry.survey.multistation_priors import published_priors, reference_of_site
 from inclinometry.survey.stations import Source
-from inclinometry.uncertainty.propagation import numerical_jacobian
+from inclinometry.uncertainty import numerical_jacobian
 
 from .multistation_runs import DIP, NOISE, REFERENCE, B, G, azimuth_error, azimuth_u, hole, rms, stations
 

@@ -8,7 +8,7 @@ import pytest
 
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import published_priors
-from inclinometry.uncertainty.coverage import chi_square_limit
+from inclinometry.uncertainty import chi_square_limit
 
 from .multistation_runs import (
     DIP,

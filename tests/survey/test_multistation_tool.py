@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import InputError
+from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vector
 from inclinometry.survey.multistation import Model, multistation
 from inclinometry.survey.multistation_priors import priors_from_tool, published_priors
-from inclinometry.uncertainty.coverage import chi_square_limit
+from inclinometry.uncertainty import chi_square_limit
 
 from .multistation_runs import REFERENCE, B, G, azimuth_error, azimuth_u, hole, stations
 

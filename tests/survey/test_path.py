@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature, tortuosity
 
 # the ISCWSA's example well no. 1, metres and degrees, where its shape changes; vertical depth to 0.01 m
@@ -233,7 +233,7 @@ def test_two_stations_at_any_angle(inclination, azimuth, length):
     try:
         path = minimum_curvature([0.0, length], inclination, azimuth)
     except InputError as refused:
-        assert "half a turn" in str(refused)  # noqa: PT017 - the only refusal valid angles may meet
+        assert "half a turn" in str(refused)
         return
     chord = np.linalg.norm(positions(path)[1])
     # a chord is the arc times sin(b/2)/(b/2); near half a turn the direction loses up to six digits, the length none

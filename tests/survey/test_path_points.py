@@ -5,9 +5,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 from inclinometry.survey.path import (
     Points,
+    compare_paths,
     directions,
     interpolate,
     minimum_curvature,
@@ -15,7 +16,6 @@ from inclinometry.survey.path import (
     project_straight,
     tie_on,
 )
-from inclinometry.survey.path_compare import compare_paths
 
 
 def well():

@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
-from inclinometry.survey.path import bend, interpolate, minimum_curvature, project_curve, project_straight
-from inclinometry.survey.path_uncertainty import (
+from inclinometry.errors import InputError
+from inclinometry.survey.path import (
     POINT,
     STATIONS,
+    bend,
     curve_jacobian,
+    interpolate,
     interpolation_jacobian,
+    minimum_curvature,
     point_covariance,
+    project_curve,
+    project_straight,
     straight_jacobian,
 )
 

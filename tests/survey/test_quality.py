@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles_jacobian, fields
-from inclinometry.core.errors import InputError
 from inclinometry.earth.magnetic import reference_errors
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles_jacobian, fields
 from inclinometry.survey.axial import axial_correction
 from inclinometry.survey.multistation import invariants_jacobian
 from inclinometry.survey.multistation_priors import FieldReference

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles, fields
-from inclinometry.core.errors import InputError
-from inclinometry.survey.quality import with_sensors
-from inclinometry.survey.quality_repeats import dual_depth, repeated_stations, rotation_shots
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, fields
+from inclinometry.survey.quality import dual_depth, repeated_stations, rotation_shots, with_sensors
 from inclinometry.survey.stations import Source, Stations
 
 NOISE = np.diag([0.001] * 3 + [30.0] * 3) ** 2

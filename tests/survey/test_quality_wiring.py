@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import dip_angle, fields
+from inclinometry.orientation import dip_angle, fields
 from inclinometry.survey.quality_wiring import describe, wiring_check
 from inclinometry.survey.stations import Stations
 

@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.core.angles import wrap_positive, wrap_signed
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
+from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import InputError
+from inclinometry.orientation import fields
+from inclinometry.rotations import wrap_positive, wrap_signed
+from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vector
 from inclinometry.simulate.hole import WellProfile, simulate_survey, well_path
 from inclinometry.simulate.tool import random_tool, realistic_tool
 from inclinometry.survey.flags import FLAGS
 from inclinometry.survey.reduce import reduce_survey
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN
 
 BOTH = ("accelerometer", "magnetometer")
 DIP = np.radians(65.0)

@@ -7,13 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles, dip_angle, fields
-from inclinometry.core.errors import InputError
-from inclinometry.survey import _beam
-from inclinometry.survey._beam import Beam, bent
-from inclinometry.survey.bha import MATERIALS, Bha, Element, Stabiliser
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, dip_angle, fields
+from inclinometry.survey import sag as _beam
 from inclinometry.survey.reduce import Survey
-from inclinometry.survey.sag import SOURCE, correct_stations, correct_survey, deflection, run_sag, sag_angles
+from inclinometry.survey.sag import (
+    MATERIALS,
+    SOURCE,
+    Beam,
+    Bha,
+    Element,
+    Stabiliser,
+    bent,
+    correct_stations,
+    correct_survey,
+    deflection,
+    run_sag,
+    sag_angles,
+)
 from inclinometry.survey.stations import Source, Stations
 
 EXAMPLES = json.loads(Path(__file__).parents[1].joinpath("reference", "sag", "assemblies.json").read_text())

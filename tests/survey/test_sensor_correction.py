@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.io.corrections_json import read_corrections, write_corrections
+from inclinometry.files.corrections_json import read_corrections, write_corrections
+from inclinometry.orientation import fields
 from inclinometry.survey.from_stations import survey_from_stations
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, published_priors
-from inclinometry.survey.sensor_correction import apply_correction, correction_of
+from inclinometry.survey.reduce import apply_correction, correction_of
 from inclinometry.survey.stations import Stations
 
 REFERENCE = FieldReference(g=9.81, b=5e4, dip=1.2, g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.io.gyro_csv import read_gyro_run, write_gyro_run
+from inclinometry.files.gyro_csv import read_gyro_run, write_gyro_run
 from inclinometry.workflow.simulate_gyro import GyroRunRequest, gyro_run, write_gyro
 
 DEG_H = np.radians(1.0) / 3600.0

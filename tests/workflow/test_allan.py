@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError
 from inclinometry.workflow.allan import noise_of_log
 
 SIZE, DT = 4000, 0.1

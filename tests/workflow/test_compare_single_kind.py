@@ -7,8 +7,7 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.simulate.bench import simulate_bench
-from inclinometry.simulate.rig import Rig
+from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import random_tool
 from inclinometry.workflow.calibrate import compare
 

@@ -7,9 +7,9 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.exchange import SurveyFile
-from inclinometry.io.six_axis import read_csv, write_csv
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.six_axis import read_csv, write_csv
 from inclinometry.workflow import convert as module
 from inclinometry.workflow.convert import FORMATS, Format, convert, format_of, lost, read_survey_file
 
@@ -59,7 +59,7 @@ def test_what_a_table_cannot_hold_is_said(tmp_path):
 @pytest.fixture
 def narrow(monkeypatch):
     """A format with two digits, no temperature and no word on the north."""
-    fake = types.ModuleType("inclinometry.io.narrow")
+    fake = types.ModuleType("inclinometry.files.narrow")
 
     def write(file, path):
         rows = [f"{md:.2f},{inc:.2f},{azi:.2f}" for md, inc, azi in
@@ -67,7 +67,7 @@ def narrow(monkeypatch):
         path.write_text("md_m,inclination_deg,azimuth_deg\n" + "\n".join(rows).replace("nan", "") + "\n")
 
     fake.read, fake.write = read_csv, write
-    monkeypatch.setitem(sys.modules, "inclinometry.io.narrow", fake)
+    monkeypatch.setitem(sys.modules, "inclinometry.files.narrow", fake)
     monkeypatch.setattr(
         module, "FORMATS", {**FORMATS, "narrow": Format((".nar",), "io.narrow:read", "io.narrow:write")}
     )

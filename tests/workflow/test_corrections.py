@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles, fields
-from inclinometry.core.errors import InputError
-from inclinometry.survey.bha import Bha, Element, Stabiliser
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, fields
 from inclinometry.survey.multistation_priors import FieldReference
-from inclinometry.survey.sag import run_sag
+from inclinometry.survey.sag import Bha, Element, Stabiliser, run_sag
 from inclinometry.survey.stations import Stations
 from inclinometry.workflow.corrections import CORRECTIONS, Means, apply_corrections, correction_names
 

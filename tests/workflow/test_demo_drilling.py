@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from inclinometry.report.dynamic_figures import errors_of, rms_of
+from inclinometry.report.dynamic import errors_of, rms_of
 from inclinometry.simulate.drilling import simulate_drilling
 from inclinometry.workflow.demo import (
     OURS,

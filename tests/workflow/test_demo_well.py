@@ -5,8 +5,8 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.io.tool_json import write_calibration
-from inclinometry.simulate.rig import Rig
+from inclinometry.files.tool_json import write_calibration
+from inclinometry.simulate.bench import Rig
 from inclinometry.workflow import simulate
 from inclinometry.workflow.demo import AXIAL_NT, survey_demo_well, well_sentences
 

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.digest import digest_file
 from inclinometry.earth.site import REFERENCES, Site
-from inclinometry.io.attitude_file import read_attitude
-from inclinometry.io.run_file import open_run, writing
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.attitude_file import read_attitude
+from inclinometry.files.run_file import open_run, writing
 from inclinometry.motion.result import BITS, METHODS
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.sensors import Tool, Triad
+from inclinometry.uncertainty import UNKNOWN
 from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run, write_dynamic
 from inclinometry.workflow.dynamic_methods import Setup, offset_doubt
 from inclinometry.workflow.simulate_drilling import RUN, DrillingRequest, write_drilling

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.motion.result import BITS, joined
-from inclinometry.motion.samples import Samples
+from inclinometry.errors import InputError
+from inclinometry.motion.result import BITS, Samples, joined
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
 from inclinometry.workflow.dynamic_methods import METHODS, Setup
 

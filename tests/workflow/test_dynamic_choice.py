@@ -8,14 +8,13 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, dcm_from_quaternion
-from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
-from inclinometry.io.attitude_file import read_attitude, write_attitude
-from inclinometry.io.run_file import open_run
-from inclinometry.motion.result import BITS, METHODS
-from inclinometry.motion.samples import Samples
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.attitude_file import read_attitude, write_attitude
+from inclinometry.files.run_file import open_run
+from inclinometry.motion.result import BITS, METHODS, Samples
+from inclinometry.rotations import dcm, dcm_from_quaternion
 from inclinometry.workflow.dynamic import DynamicOptions, attitude_stream, dynamic_run, write_dynamic
 from inclinometry.workflow.dynamic_methods import METHODS as CHOICES
 from inclinometry.workflow.dynamic_methods import MethodName, gyro_known

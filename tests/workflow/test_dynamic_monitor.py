@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import fields
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import Samples
+from inclinometry.orientation import fields
 from inclinometry.workflow.dynamic import SEGMENT, Monitor
 from inclinometry.workflow.dynamic_signals import MOST_BINS, MOST_COLUMNS, Envelopes
 

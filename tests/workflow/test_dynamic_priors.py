@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.run_file import open_run, writing
+from inclinometry.errors import InputError
+from inclinometry.files.run_file import open_run, writing
 from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run
 from inclinometry.workflow.simulate_drilling import RUN, DrillingRequest, write_drilling
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.io.run_file import RunBlock, open_run
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.run_file import RunBlock, open_run
+from inclinometry.sensors import Tool, Triad
 from inclinometry.workflow.dynamic_signals import Signals, temperature_doubts
 
 SITE = Site(g=9.8, b=50_000.0)

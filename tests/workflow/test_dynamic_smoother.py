@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from inclinometry.earth.site import Site
-from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.inertial.smoother import smoothed_attitude
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import MagneticStream
-from inclinometry.motion.result import METHODS, joined
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.inertial.state import InertialSettings
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import MagneticStream
+from inclinometry.motion.result import METHODS, Samples, joined
 from inclinometry.simulate.drilling import simulate_drilling
 from inclinometry.simulate.drilling.scenario import Hole
 from inclinometry.workflow.dynamic_methods import SampleSmoother, WindowSmoother

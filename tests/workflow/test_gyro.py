@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
+from inclinometry.files.scale_json import read_scale, write_scale
 from inclinometry.gyro.result import FLAGS
-from inclinometry.io.scale_json import read_scale, write_scale
+from inclinometry.rotations import wrap_signed
 from inclinometry.workflow.gyro import METHODS, PRIORS, GyroOptions, north_run
 from inclinometry.workflow.simulate_gyro import GyroRunRequest, gyro_run
 

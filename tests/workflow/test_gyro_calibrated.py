@@ -8,18 +8,16 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, rotation_z
+from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.gravity import normal_gravity
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
-from inclinometry.io.gyro_csv import read_gyro_run, write_gyro_run
-from inclinometry.sensors.tool import Tool, parameter_vector, triad_from_vector
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.gyro_csv import read_gyro_run, write_gyro_run
+from inclinometry.rotations import dcm, rotation_z, wrap_signed
+from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vector
 from inclinometry.workflow.gyro import GyroOptions, north_run
 
 LATITUDE = np.pi / 4

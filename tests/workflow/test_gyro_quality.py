@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.limits import read_repeat_limits
-from inclinometry.io.survey_csv import write_survey_csv
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.limits import read_repeat_limits
+from inclinometry.files.survey_csv import write_survey_csv
 from inclinometry.workflow.gyro_quality import check_json, compare_run_files, comparison_json, read_run, run_checks
 
 TEXT = """source = "contract"
@@ -23,7 +23,7 @@ interval_m = 10
 
 
 def write(path, inclination=30.0, azimuth=100.0, north="true", flags="", count=12):
-    spread = lambda v: np.radians(np.broadcast_to(v, (count,)).astype(float))  # noqa: E731
+    spread = lambda v: np.radians(np.broadcast_to(v, (count,)).astype(float))
     flags = [flags] * count if isinstance(flags, str) else flags
     columns = {"md": 30.0 * np.arange(count), "inclination": spread(inclination), "azimuth": spread(azimuth)}
     write_survey_csv(path, {**columns, "azimuth_reference": north, "flags": flags})

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
+from inclinometry.errors import FileError, InputError
 from inclinometry.workflow.gyro import GyroOptions, north_run
 
 DEG_H = np.radians(1.0) / 3600.0

@@ -7,11 +7,11 @@ import csv
 import numpy as np
 import pytest
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.gyro_csv import read_gyro_run, write_gyro_run
 from inclinometry.gyro.closed_form import solve_patent
-from inclinometry.io.gyro_csv import read_gyro_run, write_gyro_run
+from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.gyro import GyroSensors, Spike, simulate_gyro_run
 from inclinometry.workflow.gyro import GyroOptions, north_run, write_run
 from inclinometry.workflow.gyro_average import average_run

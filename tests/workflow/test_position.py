@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError
 from inclinometry.workflow.position import read_position
 
 HEAD = "md_m,inclination_deg,azimuth_deg,azimuth_reference"

@@ -7,10 +7,10 @@ import pytest
 
 from inclinometry.calibration.rate_table import calibrate_rates, table_rates
 from inclinometry.cli.rates import table
-from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.gyro_csv import read_rate_steps
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.gyro_csv import read_rate_steps
+from inclinometry.files.tool_json import read_calibration
 from inclinometry.workflow.rate_table import calibrate_on_table
 
 LATITUDE = np.radians(45.0)

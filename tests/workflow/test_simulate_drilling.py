@@ -6,9 +6,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.run_file import open_run
-from inclinometry.io.site_toml import read_site
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.run_file import open_run
+from inclinometry.files.site_toml import read_site
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
 from inclinometry.workflow.simulate_drilling import DrillingRequest, site_text, write_drilling
 

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from inclinometry.attitude.rotations import dcm, rotation_z
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.gravity import normal_gravity
 from inclinometry.earth.rate import earth_rate
-from inclinometry.io.gyro_csv import read_gyro_run
+from inclinometry.errors import InputError
+from inclinometry.files.gyro_csv import read_gyro_run
+from inclinometry.rotations import dcm, rotation_z
 from inclinometry.workflow.simulate_gyro import POSITIONS, GyroRunRequest, gyro_run, write_gyro, write_gyro_truth
 
 DEG_H = np.radians(1.0) / 3600.0

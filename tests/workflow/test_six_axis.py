@@ -5,10 +5,10 @@ import datetime
 import numpy as np
 import pytest
 
-from inclinometry.attitude.orientation import angles, dip_angle, fields
-from inclinometry.core.errors import FileError, InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.exchange import SurveyFile
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.orientation import angles, dip_angle, fields
 from inclinometry.workflow.six_axis import declination_doubts, fields_of_survey, judge, read_six_axis, survey_six_axis
 
 HEADER = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
@@ -108,7 +108,7 @@ def test_axial_before_the_analysis_is_warned_of(tmp_path):
 
 
 def test_unused_stations_are_left_out(tmp_path):
-    from inclinometry.io.parquet import write_parquet
+    from inclinometry.files.parquet import write_parquet
 
     g, b = axes()
     g[4], used = 2.0 * g[4], np.arange(12) != 4

@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.lsq import Fit, Normal, inverse_spd, levenberg_marquardt
+from inclinometry.arrays import Array
+from inclinometry.calibration.norm import unit
+from inclinometry.least_squares import Fit, Normal, inverse_spd, levenberg_marquardt
 
 RIDGE = 1e-2
 """Information, 1/rad^2, given to every attitude and set direction: 10 rad, nothing beside a real reading. It keeps the
@@ -286,3 +288,181 @@ def turned(at: Unknowns, angle: float) -> Unknowns:
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     return replace(at, tensors=[n @ turn.T for n in at.tensors], attitude=turn @ at.attitude)
+
+
+NOISE: Final = 0.002
+"""Expected noise of a reading, as a share of the full field."""
+
+POINTING: Final = np.radians(0.3)
+"""Expected error of pointing a tool by hand at the same target, rad."""
+
+SPREAD: Final = 1.0
+"""Standard deviation of the logarithm of a noise level about its expected value: a factor of e either way. Against the
+forty degrees of freedom of a usual campaign this moves a level by a few per cent; it keeps a component that has hardly
+any from falling to zero, which would trust it without limit."""
+
+FREEDOM: Final = 8.0
+"""Degrees of freedom of Student's t for one triad's reading (or pointing) at one station: Lange, Little, Taylor,
+"Robust statistical modeling using the t distribution", JASA 84 (1989). Light enough that normal readings lose about two
+per cent, heavy enough that one wild shot in sixteen does not lead."""
+
+FLOOR: Final = 1e-5
+"""Least noise, of full field, and least pointing error, rad: what even exact simulated readings are given."""
+
+RAREST: Final = 0.01
+"""A shot is named as bad when a clean campaign would name one less often than this."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fit with its noise levels. Columns of `square`, `free` and `weight`: each triad, then pointing."""
+
+    problem: FieldProblem  # at the information weights of the t distribution
+    at: Unknowns
+    square: Array  # (K, g) sum of squared residuals in standard deviations, unweighted
+    free: Array  # (K, g) redundancy
+    weight: Array  # (K, g) weight of each block in the fit, 1 for a typical one, near 0 for a wild one
+    blind: tuple[str, ...]  # components whose level the shots cannot tell
+
+
+def first_levels(kinds: int, member: Array) -> Levels:
+    """Where the noise levels start: what is expected, everything used."""
+    used = np.ones((len(member), kinds + 1))
+    used[:, -1] = member >= 0
+    return Levels((NOISE,) * kinds, float(POINTING), used)
+
+
+def estimate(problem: FieldProblem, at: Unknowns, rounds: int = 100) -> Estimate:
+    """Fit, noise levels and weights together: iteratively reweighted least squares for Student's t.
+
+    A block (one triad's reading at one station, or its pointing) with squared residual s on q degrees of freedom has
+    weight (FREEDOM + q) / (FREEDOM + s). A level is where its weighted squares equal its redundancy (restricted maximum
+    likelihood, Foerstner 1979), with the log-normal prior of `SPREAD`.
+    """
+    present = problem.levels.used > 0.0
+    weight = np.ones_like(problem.levels.used)
+    expected = np.array([*[NOISE] * len(problem.shots.kinds), POINTING])
+    for count in range(rounds):
+        at = problem.solve(at, 1e-4).estimate
+        square, free = _sums(problem, at, np.where(present, weight, 1.0))
+        updated = np.where(present, (FREEDOM + free) / (FREEDOM + square), 0.0)
+        total, freedom = np.sum(updated * square, axis=0), free.sum(axis=0)
+        old = np.array([*problem.levels.noise, problem.levels.pointing])
+        new = np.where(present.any(axis=0), _levels(old, total, freedom, expected), old)
+        if count >= 10:
+            new = np.sqrt(old * new)  # halfway, where two components would keep handing the scatter to each other
+        settled = np.all(np.abs(new / old - 1.0) < 2e-3) and np.all(np.abs(updated - weight)[present] < 1e-2)
+        weight = updated
+        problem = problem.with_levels(Levels(tuple(float(v) for v in new[:-1]), float(new[-1]), np.sqrt(weight)))
+        if settled:
+            break
+    at = problem.solve(at).estimate
+    square, free = _sums(problem, at, np.where(present, weight, 1.0))
+    # information of t against a normal of the same scale; a block thrown far out tells nothing
+    share = np.where(present & (weight > 0.1), (FREEDOM + free) / (FREEDOM + free + 2.0), 0.0)
+    informed = problem.with_levels(replace(problem.levels, used=np.sqrt(share)))
+    names = (*problem.shots.kinds, "pointing")
+    freedom = free.sum(axis=0)
+    blind = tuple(n for g, n in enumerate(names) if present[:, g].any() and freedom[g] < 2.0)
+    return Estimate(informed, at, square, free, np.where(present, weight, 0.0), blind)
+
+
+def _sums(problem: FieldProblem, at: Unknowns, weight: Array) -> tuple[Array, Array]:
+    """Sum of squares (unweighted) and redundancy of each station and group, (K, groups)."""
+    residual, redundancy = problem.linear(at).residual, problem.redundancy(at)
+    last = sum(problem.shots.sizes)
+    groups = [*problem.shots.rows, slice(last, last + 2)]
+    square = np.stack([np.sum(residual[:, g] ** 2, axis=1) for g in groups], axis=1) / weight
+    free = np.stack([np.sum(redundancy[:, g], axis=1) for g in groups], axis=1)
+    return square, free * (problem.levels.used > 0.0)
+
+
+def _levels(old: Array, total: Array, freedom: Array, expected: Array) -> Array:
+    """Standard deviations where freedom - total (old/sd)^2 + log(sd / expected) / SPREAD^2 = 0, by Newton in log sd."""
+    start = np.log(old)
+    log = start.copy()
+    for _ in range(100):
+        ratio = total * np.exp(2.0 * (start - log))
+        value = freedom - ratio + (log - np.log(expected)) / SPREAD**2
+        step = np.clip(value / (2.0 * ratio + 1.0 / SPREAD**2), -1.0, 1.0)
+        log = log - step
+        if np.all(np.abs(step) < 1e-10):
+            break
+    return np.maximum(np.exp(log), FLOOR)
+
+
+def bad_shots(found: Estimate) -> list[tuple[int, int]]:
+    """(station, group) of blocks beyond chance, worst first: an F test against the weighted rest of their group."""
+    from scipy.special import fdtrc
+
+    judged = (found.free > 0.1) & (found.square > 0.0)
+    rest = np.sum(found.weight * found.square, axis=0) - found.weight * found.square
+    left = found.free.sum(axis=0) - found.free
+    judged &= left > 2.0
+    # a t scale of 8 degrees of freedom squared is 0.82 of the variance of the normal noise it is fitted to
+    usual = np.maximum(rest / np.maximum(left, 1.0), 1e-300)
+    ratio = np.where(judged, 0.82 * found.square / np.maximum(found.free, 0.1) / usual, 0.0)
+    chance = np.where(judged, fdtrc(np.maximum(found.free, 0.1), np.maximum(left, 1.0), ratio), 1.0)
+    order = np.argsort(chance, axis=None)
+    limit = RAREST / max(int(np.count_nonzero(judged)), 1)
+    rows, groups = np.unravel_index(order, chance.shape)
+    return [(int(k), int(g)) for k, g in zip(rows, groups, strict=True) if chance[k, g] < limit]
+
+
+def canonical(found: Estimate, flip: bool) -> tuple[Unknowns, Array]:
+    """The fit in canonical tool axes, and the projection (P, P) that takes the gauge out of its covariance.
+
+    The turn makes sum axis_0.x + axis_1.y largest over the first two sensors of the first triad, which is the polar
+    decomposition of their projections on the x-y plane. Where these are mirror images (the sum is the same for every
+    turn), the sensor lying more across the tool axis carries its own axis alone.
+    """
+    sign = -1.0 if flip else 1.0
+    axes = sign * unit(found.at.tensors[0])
+    weights = _carriers(axes)
+    # the sum after a turn by t is cos t (n0x + n1y) + sin t (n0y - n1x)
+    along = weights[0] * axes[0, 0] + weights[1] * axes[1, 1]
+    across = weights[0] * axes[0, 1] - weights[1] * axes[1, 0]
+    at = turned(found.at, float(np.arctan2(across, along)))
+    return at, _projection(found, at, sign, weights)
+
+
+def _carriers(axes: Array) -> Array:
+    """Weights of the first two sensors in the convention."""
+    size = np.hypot(axes[0, 0] + axes[1, 1], axes[0, 1] - axes[1, 0])
+    if size > 0.3:
+        return np.ones(2)
+    return np.asarray(np.eye(2)[int(np.argmax(np.linalg.norm(axes[:2, :2], axis=1)))])
+
+
+def _projection(found: Estimate, at: Unknowns, sign: float, weights: Array) -> Array:
+    """I - g c' / (c' g): changes of the parameters with the convention h = n0y - n1x = 0 kept; c is the slope of h."""
+    problem, tensor = found.problem, at.tensors[0]
+    length = np.linalg.norm(tensor, axis=1)
+    axes = tensor / length[:, None]
+    slope = np.zeros(problem.size)
+    for sensor, axis, factor in ((0, 1, weights[0]), (1, 0, -weights[1])):
+        gradient = (np.eye(3)[axis] - axes[sensor] * axes[sensor, axis]) / length[sensor]
+        slope[4 * sensor : 4 * sensor + 3] = sign * factor * gradient
+    gauge = problem.gauge(at)
+    return np.asarray(np.eye(problem.size) - np.outer(gauge, slope) / (slope @ gauge))
+
+
+def warn_axes(kinds: Sequence[str], at: Unknowns, flip: bool) -> list[str]:
+    """A sentence for each triad of three whose sensors do not lie near the tool axes of the same name."""
+    out = []
+    for kind, tensor in zip(kinds, at.tensors, strict=True):
+        if len(tensor) != 3:
+            continue
+        axes = unit(tensor) * (-1.0 if flip and kind == "accelerometer" else 1.0)
+        if np.min(np.diagonal(axes)) < np.cos(np.radians(45.0)):
+            found = ", ".join(f"{i + 1} along {_nearest(axis)}" for i, axis in enumerate(axes))
+            out.append(
+                f"{kind}: sensors lie {found} of the tool; if this is not how it is built, check the axes mapping"
+            )
+    return out
+
+
+def _nearest(axis: Array) -> str:
+    """The signed tool axis nearest to a direction."""
+    i = int(np.argmax(np.abs(axis)))
+    return f"{'-' if axis[i] < 0 else '+'}{'xyz'[i]}"

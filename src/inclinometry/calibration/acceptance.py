@@ -8,19 +8,18 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, inclination_toolface
-from inclinometry.attitude.rotations import cross_matrix
+from inclinometry.arrays import Array, within
 from inclinometry.calibration.conventions import MisreadError, StandField, check_misread
 from inclinometry.calibration.expected import ANGLES, expected_uncertainty
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array, within
-from inclinometry.core.constants import COVERAGE_FACTOR
-from inclinometry.core.errors import InclinometryError, InputError
-from inclinometry.sensors.sensitivity import field_sensitivity
+from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.errors import InclinometryError, InputError
+from inclinometry.orientation import angles, angles_jacobian, dip_angle, inclination_toolface
+from inclinometry.rotations import cross_matrix, wrap_signed
+from inclinometry.sensors import field_sensitivity
 
 JUDGED = ("inclination", "azimuth", "toolface")
 GUARDS = ("none", "expanded-uncertainty")

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.orientation import fields
+from inclinometry.arrays import Array, within
 from inclinometry.calibration.expected import ANGLES
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import second_harmonics
 from inclinometry.calibration.variance import Fitted
-from inclinometry.core.arrays import Array, within
-from inclinometry.sensors.sensitivity import angle_sensitivity
-from inclinometry.uncertainty.budget import Budget
+from inclinometry.orientation import fields
+from inclinometry.sensors import angle_sensitivity
+from inclinometry.uncertainty import Budget
 
 DIALS = ("azimuth dial", "inclination dial", "toolface dial")
 
@@ -83,7 +83,7 @@ def error_budget(
 
     Examples
     --------
-    >>> from inclinometry.attitude.rotations import dcm
+    >>> from inclinometry.rotations import dcm
     >>> from inclinometry.calibration import plans
     >>> from inclinometry.calibration.joint import calibrate_joint
     >>> p, a = plans.twelve(), {"accelerometer": [0.0, 0.0, 1.0], "magnetometer": [0.34, 0.0, 0.94]}

@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.rotations import dcm
+from inclinometry.arrays import Array, finite
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.dials import three_dials
 from inclinometry.calibration.twelve import DOWN, unit_direction
-from inclinometry.core.arrays import Array, finite
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.rotations import dcm
 
 _MOST_DEGREES = 20.0
 

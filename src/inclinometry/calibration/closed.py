@@ -9,11 +9,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.rotations import dcm, dcm_derivatives
+from inclinometry.arrays import Array, finite
 from inclinometry.calibration.dials import three_dials
-from inclinometry.core.arrays import Array, finite
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, dcm_derivatives
+from inclinometry.sensors import Triad
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles, fields, inclination_toolface
+from inclinometry.arrays import Array
 from inclinometry.calibration.expected import azimuth_triad, expected_uncertainty, field_dip
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import DIP, INCLINATIONS, LATITUDE, STEPS
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
+from inclinometry.constants import DIP, INCLINATIONS, LATITUDE, STEPS
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, fields, inclination_toolface
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import Tool
 
 AXES = ("x", "y", "z")
 FIELD_UNITS = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
@@ -91,7 +91,7 @@ def compare_calibrations(
     Examples
     --------
     >>> from inclinometry.calibration.result import Residuals, Rig
-    >>> from inclinometry.sensors.triad import Triad
+    >>> from inclinometry.sensors import Triad
     >>> def calibrated(scale):
     ...     triads = {"accelerometer": Triad("accelerometer", scale * np.eye(3), np.zeros(3))}
     ...     tool = Tool("1", triads, 1e-4 * np.eye(12))

@@ -18,15 +18,14 @@ from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from inclinometry.attitude.orientation import dip_angle
-from inclinometry.attitude.rotations import dcm
+from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import NUISANCE, Model, State, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.signs import FIELD_ANGLE, handedness, nearest_axes
-from inclinometry.calibration.start import linear_start
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
+from inclinometry.calibration.start import FIELD_ANGLE, handedness, linear_start, nearest_axes
+from inclinometry.errors import InputError
+from inclinometry.orientation import dip_angle
+from inclinometry.rotations import dcm
 
 InclinationFrom: TypeAlias = Literal["vertical", "other-end", "horizontal", "horizontal-up"]
 Counts: TypeAlias = Literal["clockwise", "counterclockwise"]
@@ -181,7 +180,7 @@ def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[s
     >>> check_dials(BenchReadings(signals, p.azimuth, p.inclination, -p.toolface)) # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    inclinometry.core.errors.InputError: the dials seem to count in another way: with --toolface-counts ...
+    inclinometry.errors.InputError: the dials seem to count in another way: with --toolface-counts ...
     """
     # each channel in units of the field as far as its readings show it: a triad's channels may differ a thousandfold
     signals = {}
@@ -527,8 +526,8 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
     --------
     >>> from inclinometry.calibration import plans
     >>> from inclinometry.calibration.result import Residuals, Rig
-    >>> from inclinometry.sensors.tool import Tool
-    >>> from inclinometry.sensors.triad import Triad
+    >>> from inclinometry.sensors import Tool
+    >>> from inclinometry.sensors import Triad
     >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in ("accelerometer", "magnetometer")})
     >>> known = Calibration(tool, "joint", {}, {}, (), np.zeros((0, 0)), Rig(np.zeros(3)), Residuals((), {}, {}, ()))
     >>> p, a, b = plans.twelve(), np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.1, 0.86])

@@ -13,19 +13,17 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.orientation import fields
+from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.calibration.dials import same
 from inclinometry.calibration.expected import ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.identifiability import blindness
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.stand import Stand, stand_within
-from inclinometry.core.arrays import Array, Index, Mask, finite, within
-from inclinometry.core.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS
-from inclinometry.core.errors import IdentifiabilityError, InputError
-from inclinometry.sensors.sensitivity import angle_sensitivity
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.calibration.start import Stand, stand_within
+from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.orientation import fields
+from inclinometry.sensors import Tool, Triad, angle_sensitivity
 
 # What a station tells about a tool before any reading is taken: information of the joint model at a nominal tool.
 #

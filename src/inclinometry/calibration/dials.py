@@ -7,9 +7,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.core.angles import TAU, wrap_positive, wrap_signed
-from inclinometry.core.arrays import Array, finite
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, finite
+from inclinometry.errors import InputError
+from inclinometry.rotations import TAU, wrap_positive, wrap_signed
 
 Rows: TypeAlias = NDArray[np.intp]
 """Indices of stations."""

@@ -13,15 +13,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.orientation import dip_angle, fields
+from inclinometry.arrays import Array, within
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.arrays import Array, within
-from inclinometry.core.constants import COVERAGE_FACTOR, DIP, GRAVITY_SPREAD, LATITUDE, SHORT_INCLINATIONS, STEPS
-from inclinometry.core.errors import InputError
+from inclinometry.constants import COVERAGE_FACTOR, DIP, GRAVITY_SPREAD, LATITUDE, SHORT_INCLINATIONS, STEPS
 from inclinometry.earth.gravity import stated_gravity_sd
-from inclinometry.sensors.sensitivity import angle_sensitivity
-from inclinometry.sensors.tool import Tool
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.errors import InputError
+from inclinometry.orientation import dip_angle, fields
+from inclinometry.sensors import Tool, angle_sensitivity
+from inclinometry.uncertainty import UNKNOWN
 
 ANGLES: Final = ("inclination", "azimuth", "toolface", "magnetic_toolface")
 FROM_CALIBRATION: Final = "from the calibration alone"
@@ -131,7 +130,7 @@ def expected_uncertainty(
 
     Examples
     --------
-    >>> from inclinometry.sensors.triad import Triad
+    >>> from inclinometry.sensors import Triad
     >>> kinds = ("accelerometer", "magnetometer")
     >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in kinds}, 1e-8 * np.eye(24), {kinds[1]: 1e-3})
     >>> found = expected_uncertainty(tool, np.radians([30.0, 90.0]), np.radians(70.0))

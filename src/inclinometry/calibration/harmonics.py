@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inclinometry.arrays import Array, finite
 from inclinometry.calibration.dials import unequal_steps
-from inclinometry.core.arrays import Array, finite
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

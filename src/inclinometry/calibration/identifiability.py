@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import NUISANCE, Model, State, tangent_basis
 from inclinometry.calibration.variance import Fitted
-from inclinometry.core.arrays import Array
 
 _TOLERANCE = 1e-7
 """A direction whose scaled singular value is below this share of the largest is unseen: rounding, not weak data."""

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.calibration import assemble
+from inclinometry.arrays import Array, finite, within
+from inclinometry.calibration import direct
 from inclinometry.calibration.causes import parameter_causes
 from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
 from inclinometry.calibration.identifiability import blindness
@@ -17,8 +18,7 @@ from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, Sta
 from inclinometry.calibration.outliers import Outlier, find_outliers
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.signs import fix_signs
-from inclinometry.calibration.start import DOWN, enough, starting_state
+from inclinometry.calibration.start import DOWN, enough, fix_signs, starting_state
 from inclinometry.calibration.temperature import choose_powers
 from inclinometry.calibration.variance import (
     Fitted,
@@ -28,9 +28,8 @@ from inclinometry.calibration.variance import (
     rig_guess,
     with_averaged_covariance,
 )
-from inclinometry.core.arrays import Array, finite, within
-from inclinometry.core.constants import KINDS
-from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.constants import KINDS
+from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
 
 LEVEL, NORTH, DIP = np.radians([0.2, 0.5, 0.5])
 """How well a stand is taken to be levelled (spirit level), pointed at north (compass) and its dip known (field model)
@@ -104,7 +103,7 @@ def calibrate_joint(
     ------
     InputError
         Readings or options that cannot be used; dials that count in another convention than was said, readings that fit
-        in none; a dip or latitude that contradicts the stated one (`inclinometry.calibration.signs.fix_signs`); a
+        in none; a dip or latitude that contradicts the stated one (`inclinometry.calibration.start.fix_signs`); a
         level, north or dip stated with an uncertainty, more than five standard uncertainties from a fit without it.
     IdentifiabilityError
         Fewer readings than parameters, or a plan that leaves parameters undetermined, named in words.
@@ -122,7 +121,7 @@ def calibrate_joint(
     Examples
     --------
     >>> from inclinometry.calibration import plans
-    >>> from inclinometry.attitude.rotations import dcm
+    >>> from inclinometry.rotations import dcm
     >>> p = plans.twelve()
     >>> signals = 1000.0 * dcm(p.azimuth, p.inclination, p.toolface) @ [0.0, 0.0, 1.0] + 7.0
     >>> found = calibrate_joint(BenchReadings({"accelerometer": signals}, p.azimuth, p.inclination, p.toolface),
@@ -161,7 +160,7 @@ def calibrate_joint(
         warnings.append(sentence)
     powers, reference = choose_powers(readings, model, start, temperature_degree)
     model, start = model.with_powers(start, powers)
-    warnings += assemble.dead_channels(readings)
+    warnings += direct.dead_channels(readings)
     fitted = fit_with_variances(model, start, free_noise, free_rig)
     # what is stated of the stand is held against the fit, not against its start
     signed, said = fix_signs(fitted.state, readings.reference, priors, fitted.tangents, left_handed=left_handed)
@@ -175,7 +174,7 @@ def calibrate_joint(
         if robust and outliers:
             fitted, kept = without, np.delete(kept, [o.row for o in outliers])
     used = readings.take(kept)
-    odd = assemble.outlier_warnings(readings, outliers, robust)
+    odd = direct.outlier_warnings(readings, outliers, robust)
     warnings += odd.values()
     best = without if outliers else fitted
     check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
@@ -185,13 +184,13 @@ def calibrate_joint(
     warnings += check_axes(best.state, stated, left_handed=left_handed, assumed=bool(said))
     if diagnose:
         # a misread dial would look like an error of the whole rig
-        warnings += assemble.rig_warnings(best)
-        warnings += assemble.roll_warnings(used)
+        warnings += direct.rig_warnings(best)
+        warnings += direct.roll_warnings(used)
     causes, response = parameter_causes(fitted, used) if diagnose else ({}, np.zeros((0, 0)))
     fitted = with_averaged_covariance(fitted, free_noise, free_rig)
     if diagnose:
         warnings += _stand_warnings(fitted)
-    found = assemble.calibration(readings, used, fitted, name, reference, [*readings.warnings, *warnings])
+    found = direct.calibration(readings, used, fitted, name, reference, [*readings.warnings, *warnings])
     return replace(found, odd=odd, causes=causes, response=response)
 
 

@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.rotations import rotation_x, rotation_y, rotation_z
+from inclinometry.arrays import Array, Index, Mask
 from inclinometry.calibration.twelve import DOWN
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array, Index, Mask
-from inclinometry.core.lsq import Normal
+from inclinometry.least_squares import Normal
+from inclinometry.rotations import rotation_x, rotation_y, rotation_z, wrap_signed
 
 # The rig as a chain of rotations, with the constant errors it may have and every first derivative.
 #

@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inclinometry.arrays import Array, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.core.arrays import Array, finite, frozen
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.core.errors import ConvergenceError, IdentifiabilityError, InputError
-from inclinometry.core.lsq import Normal, levenberg_marquardt
-from inclinometry.sensors.tool import Tool, parameter_names
-from inclinometry.sensors.triad import Triad
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.least_squares import Normal, levenberg_marquardt
+from inclinometry.sensors import Tool, Triad, parameter_names
 
 # How well a set of field directions covers the sphere: distinct ones, and whether they all lie on one side.
 

@@ -14,17 +14,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles, attitude_jacobian
-from inclinometry.attitude.rotations import cross_matrix, dcm, rotation_exp, rotation_log
+from inclinometry.arrays import Array, within
 from inclinometry.calibration.likelihood import NUISANCE, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.core.angles import wrap_positive, wrap_signed
-from inclinometry.core.arrays import Array, within
-from inclinometry.core.constants import GRAVITY_SPREAD
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
-from inclinometry.sensors.sensitivity import field_sensitivity
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.orientation import angles, attitude_jacobian
+from inclinometry.rotations import cross_matrix, dcm, rotation_exp, rotation_log, wrap_positive, wrap_signed
+from inclinometry.sensors import field_sensitivity
 
 DOWN: Final = np.array([0.0, 0.0, 1.0])
 ZEROS: Final = NUISANCE[:2]
@@ -121,8 +120,8 @@ def orient_rig(
     Examples
     --------
     >>> from inclinometry.calibration.result import Residuals, Rig
-    >>> from inclinometry.sensors.tool import Tool
-    >>> from inclinometry.sensors.triad import Triad
+    >>> from inclinometry.sensors import Tool
+    >>> from inclinometry.sensors import Triad
     >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in ("accelerometer", "magnetometer")})
     >>> known = Calibration(tool, "joint", {}, {}, (), np.zeros((0, 0)), Rig(np.zeros(3)), Residuals((), {}, {}, ()))
     >>> dials = np.radians([[0, 30, 0], [90, 60, 120], [180, 30, 240], [270, 60, 10.0]]).T

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with_variances
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InclinometryError
+from inclinometry.errors import InclinometryError
 
 SIGNIFICANCE = 0.001
 """Chance of calling any station of a clean run an outlier (Bonferroni over the stations)."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inclinometry.core.arrays import Array, finite, frozen
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, finite, frozen
+from inclinometry.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,17 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.rotations import dcm
+from inclinometry.arrays import Array, Index, finite, frozen, within
 from inclinometry.calibration.likelihood import NUISANCE, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.temperature import HIGHEST_DEGREE, powers_of, soaks
-from inclinometry.core.arrays import Array, Index, finite, frozen, within
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
-from inclinometry.sensors.tool import parameter_names
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.rotations import dcm
+from inclinometry.sensors import Triad, parameter_names
 
 # The regression behind a rate table: its design, what the steps leave undetermined in words, and the fit itself.
 

@@ -9,11 +9,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inclinometry.arrays import Array, Index, finite, frozen, within
 from inclinometry.calibration.result import readings_text
-from inclinometry.core.arrays import Array, Index, finite, frozen, within
-from inclinometry.core.constants import KINDS
-from inclinometry.core.digest import digest_bytes
-from inclinometry.core.errors import InputError
+from inclinometry.constants import KINDS
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import InputError
 
 LARGEST = 1e15
 """No reading may be larger: from here on squares and sums of readings lose the digits a calibration needs."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from inclinometry.attitude.orientation import dip_angle
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
+from inclinometry.arrays import Array
+from inclinometry.errors import InputError
+from inclinometry.orientation import dip_angle
+from inclinometry.sensors import Tool
 
 if TYPE_CHECKING:
     from inclinometry.calibration.readings import BenchReadings

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inclinometry.arrays import Array, Index, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.variance import least_noise
-from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, Index, finite, frozen
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.rotations import wrap_positive
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.arrays import Array, finite, frozen, within
-from inclinometry.core.constants import KINDS
-from inclinometry.core.errors import InputError
+from inclinometry.constants import KINDS
+from inclinometry.errors import InputError
 
 # Moving windows over a log: variances in one pass, the noise floor, runs of quiet samples.
 

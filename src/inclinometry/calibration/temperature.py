@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.variance import fit_with_variances
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError
 
 SOAK_GAP = 2.5
 """Readings whose temperatures differ by less belong to one soak, degC."""

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inclinometry.arrays import Array, Mask, finite, within
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.arrays import Array, Mask, finite, within
-from inclinometry.core.constants import KINDS
-from inclinometry.core.errors import InputError
-from inclinometry.core.lsq import levenberg_marquardt
+from inclinometry.constants import KINDS
+from inclinometry.errors import InputError
+from inclinometry.least_squares import levenberg_marquardt
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ def _run(arguments: list[str]) -> int:
     from cyclopts import CycloptsError
 
     from inclinometry.cli.app import app
-    from inclinometry.core.errors import InclinometryError
+    from inclinometry.errors import InclinometryError
 
     try:
         status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
@@ -76,4 +76,4 @@ def _one_line(text: str) -> str:
 
 
 def _say(message: str) -> None:
-    print(message, file=sys.stderr)  # noqa: T201
+    print(message, file=sys.stderr)

@@ -32,7 +32,7 @@ rig orient | rig:orient | Find how a rig stands with a calibrated tool: tilt, no
 | readings.csv --calibration tool.json --site site.toml
 survey | survey:survey | Reduce raw channels to survey stations with uncertainty. \
 | raw.csv --calibration tool.json -o survey.csv --report survey.html
-certificate | certificate:certificate | Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON \
+certificate | laboratory.commands.certificate:certificate | Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON \
 record. | tool.json --verification verify.json --laboratory lab.toml -o certificate.pdf --dcc certificate.xml
 demo | demo:demo | Show everything on real and simulated data. | --output demo-output
 dynamic | dynamic:dynamic | Attitude while the tool turns and shakes: inclination, azimuth, toolface by window, with \
@@ -49,7 +49,7 @@ quality | six_axis:quality | Judge gravity, field and dip of each station agains
 | raw.csv --site site.toml --calibration tool.json
 msa | six_axis:msa | Multi-station analysis: the sensor errors that the stations of one run have in common. \
 | raw.csv --site site.toml -o corrections.json --report msa.html
-bench | bench_web:bench | Open the bench in a browser: guided calibration, verification, certificates, ledger. \
+bench | laboratory.commands.bench:bench | Open the bench in a browser: guided calibration, verification, certificates, ledger. \
 | --instrument simulated
 simulate bench | simulate:bench | Simulate bench readings of a plan. \
 | --plan twelve --seed 1 --rig-sd-deg 0.1 -o readings.csv --truth truth.json
@@ -60,7 +60,7 @@ simulate gyro | simulate_gyro:gyro | Simulate a gyro run: readings at the index 
 | --seed 1 -o raw.csv --site site.toml --truth truth.json
 simulate drilling | simulate_drilling:drilling | Simulate a tool that drills: turning, sticking, shaking. \
 | --scenario stick-slip --seed 1 -o run.parquet --truth truth.parquet
-simulate instrument | simulate_instrument:instrument | Be a live instrument behind a TCP port: simulated tool and rig, \
+simulate instrument | laboratory.commands.instrument:instrument | Be a live instrument behind a TCP port: simulated tool and rig, \
 noise, faults. | --port 7000 --faults garbage=0.01,disconnect=60
 gyro north | gyro:north | Find north at the stations of a gyro run. \
 | raw.csv --site site.toml -o stations.csv --report gyro.html
@@ -75,15 +75,15 @@ shots rotation | shots:rotation | Judge shots at one depth and several toolfaces
 shots repeat | shots:repeat | Judge stations surveyed twice: {EXIT}. | first.csv second.csv --site site.toml
 shots dual-depth | shots:dual_depth | Judge two measurements of depth against each other: {EXIT}. \
 | pipe.csv wireline.csv --sigma-first-m 0.5 --sigma-second-m 1.1
-ledger init | ledger:init | Make an empty ledger, or bring an old one up to date. | lab.sqlite
-ledger verify | ledger:verify | Check every record against the hash chain: exit status 0 sound, 1 changed, 2 bad \
+ledger init | laboratory.commands.ledger:init | Make an empty ledger, or bring an old one up to date. | lab.sqlite
+ledger verify | laboratory.commands.ledger:verify | Check every record against the hash chain: exit status 0 sound, 1 changed, 2 bad \
 input. | --ledger lab.sqlite
-ledger export | ledger:export | Write everything into one file. | all.zip --ledger lab.sqlite
-ledger import | ledger:import_ | Read an export into an empty ledger. | all.zip --ledger new.sqlite
-ledger backup | ledger:backup | Copy the ledger as it is now. | copy.sqlite --ledger lab.sqlite
-ledger history | ledger:history | How the parameters of a tool went from calibration to calibration. \
+ledger export | laboratory.commands.ledger:export | Write everything into one file. | all.zip --ledger lab.sqlite
+ledger import | laboratory.commands.ledger:import_ | Read an export into an empty ledger. | all.zip --ledger new.sqlite
+ledger backup | laboratory.commands.ledger:backup | Copy the ledger as it is now. | copy.sqlite --ledger lab.sqlite
+ledger history | laboratory.commands.ledger:history | How the parameters of a tool went from calibration to calibration. \
 | IN-7 --ledger lab.sqlite
-ledger users | ledger:users | List the users, or add or change one. | anna --role metrologist --ledger lab.sqlite
+ledger users | laboratory.commands.ledger:users | List the users, or add or change one. | anna --role metrologist --ledger lab.sqlite
 """
 
 
@@ -106,4 +106,5 @@ for _line in COMMANDS.strip().splitlines():
     _command, _where, _about, _example = _line.split(" | ")
     _of, _, _name = _command.rpartition(" ")
     _help = f"{_about}\n\nExample: inclinometry {_command} {_example}"
-    _groups.get(_of, app).command(f"inclinometry.cli.{_where}", name=_name, help=_help, help_format="plaintext")
+    _module = _where if _where.startswith("laboratory.") else f"cli.{_where}"
+    _groups.get(_of, app).command(f"inclinometry.{_module}", name=_name, help=_help, help_format="plaintext")

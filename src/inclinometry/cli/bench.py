@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
 from inclinometry.calibration.expected import (
@@ -24,13 +25,12 @@ from inclinometry.calibration.result import Calibration, rounded
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Flag, Json, Output
-from inclinometry.core.arrays import Array
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import InputError
-from inclinometry.io.atomic import write_text
-from inclinometry.io.datasheet_toml import read_nameplate
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.tool_json import read_tool, write_calibration
+from inclinometry.digest import digest_file
+from inclinometry.errors import InputError
+from inclinometry.files.datasheet_toml import read_nameplate
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.tool_json import read_tool, write_calibration
+from inclinometry.files.writing import write_text
 from inclinometry.workflow.calibrate import Comparison, Options, named_degrees, readings_at
 from inclinometry.workflow.calibrate import calibrate as calibrate_readings
 from inclinometry.workflow.calibrate import compare as compare_methods

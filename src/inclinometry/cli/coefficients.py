@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from inclinometry.cli import output
-from inclinometry.core.errors import InputError
-from inclinometry.io.atomic import write_text
-from inclinometry.io.coefficients import coefficients as read_coefficients
-from inclinometry.io.coefficients import coefficients_c, coefficients_csv, coefficients_json
+from inclinometry.errors import InputError
+from inclinometry.files.coefficients import coefficients as read_coefficients
+from inclinometry.files.coefficients import coefficients_c, coefficients_csv, coefficients_json
+from inclinometry.files.writing import write_text
 
 
 def coefficients(

@@ -7,11 +7,11 @@ from pathlib import Path
 from inclinometry.cli import output
 from inclinometry.cli.bench import show_parameters
 from inclinometry.cli.options import Flag, Json, Output
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import InputError
-from inclinometry.io.atomic import write_text
-from inclinometry.io.datasheet_toml import TEMPLATE, read_datasheet
-from inclinometry.io.tool_json import write_calibration
+from inclinometry.digest import digest_file
+from inclinometry.errors import InputError
+from inclinometry.files.datasheet_toml import TEMPLATE, read_datasheet
+from inclinometry.files.tool_json import write_calibration
+from inclinometry.files.writing import write_text
 
 
 def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag = False, json: Json = False) -> None:

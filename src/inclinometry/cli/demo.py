@@ -12,7 +12,7 @@ from inclinometry.cli import output
 from inclinometry.cli.bench import show_comparison
 from inclinometry.cli.options import Json
 from inclinometry.cli.survey import show_survey, show_verification
-from inclinometry.core.errors import FileError
+from inclinometry.errors import FileError
 from inclinometry.workflow.demo import (
     HOT_RUNS,
     HOT_SEED,

@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from inclinometry.attitude.conventions import Axes, axes_matrix
-from inclinometry.attitude.orientation import SWITCH
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Convention, Json, Output, angle
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import InputError
+from inclinometry.conventions import Axes, axes_matrix
+from inclinometry.digest import digest_file
 from inclinometry.earth.site import REFERENCES
-from inclinometry.io.allan_json import read_allan
-from inclinometry.io.atomic import write_text
-from inclinometry.io.run_file import checked_ending, open_run
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.errors import InputError
+from inclinometry.files.allan_json import read_allan
+from inclinometry.files.run_file import checked_ending, open_run
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.files.writing import write_text
 from inclinometry.motion.result import FLAGS, METHODS, DynamicRun
+from inclinometry.orientation import SWITCH
 from inclinometry.workflow.dynamic import (
     DEFAULT_WINDOW,
     DELAY_SIGMA,

@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Json
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 
 if TYPE_CHECKING:
     from inclinometry.workflow.field import PlaceField

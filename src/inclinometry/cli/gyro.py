@@ -10,14 +10,14 @@ import numpy as np
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json, Output, angle, gravity_sd
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import InputError
+from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.io.atomic import write_text
-from inclinometry.io.gyro_csv import read_gyro_run
-from inclinometry.io.scale_json import read_scale, write_scale
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.errors import InputError
+from inclinometry.files.gyro_csv import read_gyro_run
+from inclinometry.files.scale_json import read_scale, write_scale
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.files.writing import write_text
 from inclinometry.workflow.gyro import GyroOptions, GyroRun, north_run, write_run
 
 DEG_H = np.radians(1.0) / 3600.0

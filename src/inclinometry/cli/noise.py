@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from inclinometry.allan import NoiseRecord
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Json, Output
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
+from inclinometry.files.allan_json import allan_content, coefficients_of, units_of, write_allan
+from inclinometry.files.writing import write_text
 from inclinometry.gyro.planning import AZIMUTHS, GyroSetup, StandstillPlan, standstill_time
-from inclinometry.io.allan_json import allan_content, coefficients_of, units_of, write_allan
-from inclinometry.io.atomic import write_text
-from inclinometry.sensors.noise import NoiseRecord
 
 
 def allan(

@@ -17,7 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from inclinometry.core.errors import FileError
+from inclinometry.errors import FileError
 
 _WIDEST = 110  # columns the widest table needs; a narrower terminal wraps lines rather than cells
 

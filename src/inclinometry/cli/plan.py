@@ -9,8 +9,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Json, Output
-from inclinometry.io.bench_csv import write_bench
-from inclinometry.io.plan_csv import write_plan
+from inclinometry.files.bench_csv import write_bench, write_plan
 
 Range = Annotated[tuple[float, float] | None, Parameter(negative="")]
 
@@ -116,7 +115,7 @@ def readings(
     json
         Print a JSON summary.
     """
-    from inclinometry.io.plan_csv import read_plan
+    from inclinometry.files.bench_csv import read_plan
     from inclinometry.workflow.stations import readings_of_log
 
     output.claim({"--output": output_}, {"the log": log, "--plan": plan})

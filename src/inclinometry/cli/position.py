@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output
-from inclinometry.core.errors import InputError
+from inclinometry.errors import InputError
 
 Metres = Annotated[tuple[float, float, float] | None, Parameter(negative="")]
 
@@ -125,8 +125,8 @@ def _metres(values: Metres, option: str, low: float = -1e8) -> Metres:
 
 def _write(found: WellPosition, target: Path, report: Path | None, sources: Path | None) -> None:
     """All files, the report composed before the first is written."""
-    from inclinometry.io.atomic import write_text
-    from inclinometry.io.position_csv import write_position_csv, write_sources_csv
+    from inclinometry.files.position_csv import write_position_csv, write_sources_csv
+    from inclinometry.files.writing import write_text
 
     page = None
     if report is not None:
@@ -152,7 +152,7 @@ def _write(found: WellPosition, target: Path, report: Path | None, sources: Path
 
 def show_position(found: WellPosition, most: int = 10) -> None:
     """A few stations spread over the well, and the largest sources at the last, on the terminal."""
-    from inclinometry.io.position_csv import position_columns
+    from inclinometry.files.position_csv import position_columns
 
     columns = position_columns(found.path, found.uncertainty, found.survey.north)
     shown = ["md_m", "tvd_m", "north_m", "east_m", "dls_deg_30m"]
@@ -181,7 +181,7 @@ def _show_sources(found: WellPosition, most: int = 6) -> None:
 
 def _content(found: WellPosition, target: Path) -> dict[str, Any]:
     """Everything a machine asks for first: the last station, its covariance, ellipse and sources."""
-    from inclinometry.io.position_csv import position_columns
+    from inclinometry.files.position_csv import position_columns
 
     columns = position_columns(found.path, found.uncertainty, found.survey.north)
     last = {n: values if isinstance(values, str) else values[-1] for n, values in columns.items()}

@@ -9,10 +9,10 @@ import numpy as np
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json
-from inclinometry.io.limits import GYRO_REPEAT
-from inclinometry.io.site_toml import read_site
-from inclinometry.survey.checks import Check, worst
-from inclinometry.survey.gyro_runs import Comparison
+from inclinometry.files.limits import GYRO_REPEAT
+from inclinometry.files.site_toml import read_site
+from inclinometry.survey.flags import Check, worst
+from inclinometry.survey.gyro import Comparison
 from inclinometry.workflow.gyro_quality import check_json, compare_run_files, comparison_json, run_checks
 
 

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.rate_table import RateCalibration
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json, Output
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.io.gyro_csv import read_rate_steps
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.tool_json import write_calibration
+from inclinometry.constants import EARTH_RATE
+from inclinometry.files.gyro_csv import read_rate_steps
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.tool_json import write_calibration
 from inclinometry.workflow.rate_table import RateTable, calibrate_on_table
 
 

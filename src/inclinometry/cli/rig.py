@@ -10,12 +10,12 @@ import numpy as np
 from inclinometry.calibration.orient import RigOrientation, orient_rig
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Json
-from inclinometry.core.angles import wrap_positive
-from inclinometry.core.constants import COVERAGE_FACTOR
+from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.earth.site import Site
-from inclinometry.io.bench_csv import read_bench
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.files.bench_csv import read_bench
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.rotations import wrap_positive
 from inclinometry.workflow.field import completed
 
 

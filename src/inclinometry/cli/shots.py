@@ -9,7 +9,7 @@ from inclinometry.cli import output
 from inclinometry.cli.options import Convention, Flag, Json
 from inclinometry.cli.quality import show_checks
 from inclinometry.cli.six_axis import SixAxisForm
-from inclinometry.survey.checks import Check, worst
+from inclinometry.survey.flags import Check, worst
 from inclinometry.workflow.gyro_quality import check_json
 from inclinometry.workflow.shots import APART_M, depth_check, read_shots, repeat_checks, rotation_checks
 from inclinometry.workflow.six_axis import read_six_axis

@@ -10,11 +10,11 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Flag, Json, Output
-from inclinometry.core.constants import DIP, STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
-from inclinometry.io.bench_csv import write_bench
-from inclinometry.io.tool_json import write_truth
-from inclinometry.simulate.rig import Rig
+from inclinometry.constants import DIP, STANDARD_GRAVITY
+from inclinometry.errors import InputError
+from inclinometry.files.bench_csv import write_bench
+from inclinometry.files.tool_json import write_truth
+from inclinometry.simulate.bench import Rig
 from inclinometry.workflow import simulate as use
 from inclinometry.workflow.plan import plan_file
 

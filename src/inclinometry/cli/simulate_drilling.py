@@ -6,7 +6,7 @@ from pathlib import Path
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output, angle_or_none
-from inclinometry.io.atomic import write_text
+from inclinometry.files.writing import write_text
 from inclinometry.workflow import simulate_drilling as use
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output, angle
-from inclinometry.core.errors import InputError
-from inclinometry.io.atomic import write_text
+from inclinometry.errors import InputError
+from inclinometry.files.writing import write_text
 from inclinometry.workflow import simulate_gyro as use
 
 DEG_H = float(np.radians(1.0)) / 3600.0

@@ -11,12 +11,11 @@ from cyclopts import Parameter
 from inclinometry.cli import output
 from inclinometry.cli.options import Convention, Json, Output
 from inclinometry.cli.quality import show_checks
-from inclinometry.core.errors import InputError
-from inclinometry.io.atomic import write_text
-from inclinometry.io.corrections_json import write_corrections
-from inclinometry.io.limits import read_quality_limits
-from inclinometry.survey.quality import FieldQuality
-from inclinometry.survey.quality_words import QUANTITIES
+from inclinometry.errors import InputError
+from inclinometry.files.corrections_json import write_corrections
+from inclinometry.files.limits import read_quality_limits
+from inclinometry.files.writing import write_text
+from inclinometry.survey.quality import QUANTITIES, FieldQuality
 from inclinometry.workflow.gyro_quality import check_json
 from inclinometry.workflow.six_axis import Analysis, SixAxis, analyse, judge, read_six_axis
 

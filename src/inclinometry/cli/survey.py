@@ -8,18 +8,18 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.attitude.orientation import SWITCH
 from inclinometry.calibration.acceptance import JUDGED, OtherStand, Verification
 from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Convention, Json, Output, angle
 from inclinometry.cli.six_axis import SixAxisForm
-from inclinometry.core.errors import InputError
-from inclinometry.io.atomic import write_text
-from inclinometry.io.bench_csv import read_bench
-from inclinometry.io.limits import read_limits
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.errors import InputError
+from inclinometry.files.bench_csv import read_bench
+from inclinometry.files.limits import read_limits
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.files.writing import write_text
+from inclinometry.orientation import SWITCH
 from inclinometry.survey.reduce import Survey
 from inclinometry.workflow.six_axis import SixAxisSurvey
 from inclinometry.workflow.survey import survey_file, write_survey
@@ -100,9 +100,9 @@ def verify(
                 "--output writes what a certificate states, errors of inclination, azimuth and toolface; this tool has "
                 "none of them: use --report or --json"
             )
-        from inclinometry.workflow.issue_certificate import save_verification
+        from inclinometry.files.verification_json import write_verification
 
-        save_verification(found, bounds, tool, output_)
+        write_verification(output_, found, bounds, tool)
     if report is not None:
         from inclinometry.report.verification import verification_report
 

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, within
-from inclinometry.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY, STATED_GRAVITY_SD
+from inclinometry.arrays import Array, within
+from inclinometry.constants import GRAVITY_SPREAD, STANDARD_GRAVITY, STATED_GRAVITY_SD
 
 SEMI_MAJOR_AXIS: Final = 6378137.0
 """m (WGS84)."""

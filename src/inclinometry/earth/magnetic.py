@@ -14,10 +14,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, finite, frozen, within
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.earth.gravity import FLATTENING, SEMI_MAJOR_AXIS
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 
 # Synthesis of a main field from Schmidt semi-normalised Gauss coefficients; finite at the poles.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, within
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.arrays import Array, within
+from inclinometry.constants import EARTH_RATE
 
 
 def earth_rate(latitude: ArrayLike) -> Array:

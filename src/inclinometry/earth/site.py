@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, finite, within
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, finite, within
 from inclinometry.earth.gravity import GRAVITY_SIGMA, normal_gravity
+from inclinometry.errors import InputError
+from inclinometry.rotations import wrap_positive
 
 REFERENCES: Final = ("magnetic", "true", "grid")
 """The norths an azimuth may be counted from."""

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numba import types
 
-from inclinometry.attitude._kernels import compiled, inlined
-from inclinometry.core.arrays import Array
+from inclinometry.arrays import Array
+from inclinometry.compiled import compiled, inlined
 
 GRID: Final = 64  # azimuths at which every cost is laid out; valleys are never narrower than 40 deg apart from twins
 STEPS: Final = 40  # at most; six are enough away from singular places

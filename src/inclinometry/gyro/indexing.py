@@ -10,11 +10,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array, Index, Mask, finite, frozen, within
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, Index, Mask, finite, frozen, within
+from inclinometry.errors import InputError
 from inclinometry.gyro.result import IndexAverage
-from inclinometry.uncertainty.coverage import chi_square_tail
+from inclinometry.rotations import wrap_signed
+from inclinometry.uncertainty import chi_square_tail
 
 # Least squares for many stations at once: arrays in and out, no checks.
 

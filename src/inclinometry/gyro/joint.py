@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.angles import wrap_positive, wrap_signed
-from inclinometry.core.arrays import Array, Mask
-from inclinometry.gyro._input import covariances, per_station, vectors
+from inclinometry.arrays import Array, Mask
 from inclinometry.gyro.closed_form import expected_rates
+from inclinometry.gyro.result import covariances, per_station, vectors
+from inclinometry.rotations import wrap_positive, wrap_signed
 
 RIVAL = 25.0
 """Cost by which the second-best azimuth must be worse: five standard uncertainties."""

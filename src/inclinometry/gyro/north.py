@@ -7,12 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.angles import wrap_positive, wrap_signed
-from inclinometry.core.arrays import Array, Mask
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
-from inclinometry.gyro._input import covariances, one_value, per_station, vectors
-from inclinometry.gyro.closed_form import scale_condition
+from inclinometry.arrays import Array, Mask
+from inclinometry.constants import EARTH_RATE
+from inclinometry.errors import InputError
+from inclinometry.gyro.closed_form import Tilt, scale_condition, settle_vertical, tilt, upward
 from inclinometry.gyro.joint import (
     LARGEST,
     RIVAL,
@@ -23,9 +21,9 @@ from inclinometry.gyro.joint import (
     posterior_sd,
     solve_joint,
 )
-from inclinometry.gyro.result import North
-from inclinometry.gyro.tilt import Tilt, settle_vertical, tilt, upward
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.gyro.result import North, covariances, one_value, per_station, vectors
+from inclinometry.rotations import wrap_positive, wrap_signed
+from inclinometry.uncertainty import UNKNOWN
 
 HOLES = ("down", "up")
 MISFIT = 16.0

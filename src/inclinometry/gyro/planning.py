@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inclinometry.core.arrays import Array, Mask, frozen, within
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
+from inclinometry.allan import FLAT
+from inclinometry.arrays import Array, Mask, frozen, within
+from inclinometry.constants import EARTH_RATE
+from inclinometry.errors import InputError
 from inclinometry.gyro.closed_form import expected_rates
-from inclinometry.sensors.noise import FLAT
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN
 
 VERTICAL = float(np.radians(1.0))
 """Inclination nearer to the vertical than which azimuth is no use and the gyro toolface is planned for, rad."""

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, Mask, finite, frozen, within
-from inclinometry.core.errors import InputError
-from inclinometry.gyro._input import covariances, one_value, per_station, vectors
+from inclinometry.arrays import Array, Mask, finite, frozen, within
+from inclinometry.errors import InputError
 from inclinometry.gyro.joint import LARGEST, SCALES, JointBatch, solve_joint
+from inclinometry.gyro.result import covariances, one_value, per_station, vectors
 
 SPAN = 100.0
 """degC by which temperature is divided, so that coefficients are of one size."""

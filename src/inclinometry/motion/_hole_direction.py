@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.arrays import Array
+from inclinometry.uncertainty import UNKNOWN
 
 AZIMUTH_KNOWN = 0.3
 """Standard deviation of the turn about the vertical, rad, beyond which a row's azimuth is no measurement."""

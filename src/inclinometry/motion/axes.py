@@ -7,17 +7,15 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.attitude.conventions import AXES, axes_matrix, named
-from inclinometry.attitude.mapping import Mapping, find_mapping
-from inclinometry.attitude.orientation import dip_angle
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.conventions import AXES, Mapping, axes_matrix, find_mapping, named
 from inclinometry.earth.site import Site
-from inclinometry.motion.dip_check import FieldOff
-from inclinometry.motion.finding import Finding
-from inclinometry.motion.samples import Samples
+from inclinometry.errors import InputError
+from inclinometry.motion.reference import FieldOff
+from inclinometry.motion.result import Finding, Samples
 from inclinometry.motion.turning import LEAST_TURNS, Harmonics, Turning
+from inclinometry.orientation import dip_angle
 
 ENOUGH: Final = 3
 """Windows that must agree."""

@@ -8,18 +8,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.core.arrays import within
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import within
 from inclinometry.earth.site import Site
-from inclinometry.motion.dip_check import azimuth_doubt, widened
+from inclinometry.errors import InputError
 from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth, named
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
-from inclinometry.motion.inertial.settings import InertialSettings
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import MagneticStream
-from inclinometry.motion.reference import to_magnetic
-from inclinometry.motion.result import BITS, METHODS, Attitude, joined, refusals
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.inertial.state import InertialSettings
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import MagneticStream
+from inclinometry.motion.reference import azimuth_doubt, to_magnetic, widened
+from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined, refusals
 from inclinometry.motion.static import StaticSettings, static_attitude
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.motion.window_smoother import Standby, single
@@ -313,7 +311,7 @@ def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, s
 
     Examples
     --------
-    >>> from inclinometry.attitude.orientation import fields
+    >>> from inclinometry.orientation import fields
     >>> time = np.arange(4000) / 200.0
     >>> g, b = fields(np.full(4000, 1.0), 0.5, 9.0 * time, 1.1)
     >>> rows = choose_attitude(Samples(time, 0.005, accel=9.81 * g, mag=50_000.0 * b))

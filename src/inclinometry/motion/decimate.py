@@ -9,11 +9,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, Index, finite
-from inclinometry.core.errors import InputError
-from inclinometry.motion.finding import Finding
-from inclinometry.motion.magnetic.blocks import Held
-from inclinometry.motion.samples import CHANNELS, Samples
+from inclinometry.arrays import Array, Index, finite
+from inclinometry.errors import InputError
+from inclinometry.motion.magnetic.demodulate import Held
+from inclinometry.motion.result import CHANNELS, Finding, Samples
 from inclinometry.motion.turning import Turning
 
 # Sampling too slow for the rotation.

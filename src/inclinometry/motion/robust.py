@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, finite, within
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, finite, within
+from inclinometry.errors import InputError
 
 
 def huber_weight(t: ArrayLike, k: float = 1.345) -> Array:

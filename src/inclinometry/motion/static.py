@@ -10,20 +10,19 @@ from typing import Annotated, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.orientation import dip_angle, dip_jacobian, inclination_toolface
-from inclinometry.attitude.rotations import cross_matrix, dcm, quaternion_from_dcm
-from inclinometry.attitude.wahba import VectorAttitude, solve_davenport, solve_svd, solve_triad
-from inclinometry.core.arrays import Array, Mask
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
-from inclinometry.core.settings import Range, Settings
+from inclinometry.arrays import Array, Mask
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 from inclinometry.motion.reference import COVERAGE, DIP_SIGMA, STRENGTH_SIGMA, departure
-from inclinometry.motion.result import BITS, METHODS, Attitude, joined, refusals
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined, refusals
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.motion.window_smoother import batch_means, covariance_of_mean, rounding_variance
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.orientation import dip_angle, dip_jacobian, inclination_toolface
+from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm
+from inclinometry.settings import Range, Settings
+from inclinometry.uncertainty import UNKNOWN
+from inclinometry.wahba import VectorAttitude, solve_davenport, solve_svd, solve_triad
 
 # One window of a still tool: means, their covariance, the attitude, and whether it may be believed.
 
@@ -428,7 +427,7 @@ def static_attitude(samples: Samples, settings: StaticSettings | None = None, si
 
     Examples
     --------
-    >>> from inclinometry.attitude.orientation import fields
+    >>> from inclinometry.orientation import fields
     >>> g, b = fields(np.radians(60.0), np.radians(30.0), np.radians(100.0), np.radians(65.0))
     >>> noise = np.random.default_rng(0)
     >>> still = Samples(np.arange(1000) / 100.0, 0.01, accel=9.81 * g + noise.normal(0, 0.03, (1000, 3)),
@@ -493,7 +492,7 @@ def north_seeking_attitude(
 
     Examples
     --------
-    >>> from inclinometry.attitude.rotations import dcm
+    >>> from inclinometry.rotations import dcm
     >>> from inclinometry.earth.rate import earth_rate
     >>> c = dcm(1.0, 0.5, 2.0)
     >>> still = Samples(np.arange(64.0), 1.0, accel=np.tile(9.81 * c[:, 2], (64, 1)),

@@ -13,10 +13,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, Index, Mask, finite, within
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, Index, Mask, finite, within
+from inclinometry.errors import InputError
 from inclinometry.motion.decimate import MOST_JITTER, NOBODY, Grid, fit_grid
-from inclinometry.motion.samples import CHANNELS, Samples
+from inclinometry.motion.result import CHANNELS, Samples
 from inclinometry.motion.window_filter import columns_of, joined_columns
 
 # What was found in a run's time stamps, and the sentences that say so.

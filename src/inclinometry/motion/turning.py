@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.core.angles import TAU, wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.motion.samples import Samples
+from inclinometry.arrays import Array
+from inclinometry.motion.result import Samples
 from inclinometry.motion.window_smoother import batch_means
+from inclinometry.rotations import TAU, wrap_signed
 
 SMOOTHED_S: Final = 0.1
 """Speeds are means over this time: torsional vibration and noise of single samples do not count as speed."""

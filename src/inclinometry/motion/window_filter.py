@@ -8,10 +8,8 @@ from typing import Annotated, Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from inclinometry.attitude.rotations import dcm_from_quaternion, quaternion_from_dcm
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
-from inclinometry.core.settings import Range, Settings
+from inclinometry.arrays import Array
+from inclinometry.errors import InputError
 from inclinometry.motion._hole_direction import (
     Seen,
     azimuth_unknown,
@@ -22,7 +20,7 @@ from inclinometry.motion._hole_direction import (
     turned,
     with_azimuth,
 )
-from inclinometry.motion.result import BITS, METHODS, Attitude
+from inclinometry.motion.result import BITS, CHANNELS, METHODS, MOST_JITTER, Attitude, Samples
 from inclinometry.motion.robust import (
     fading_factor,
     huber_weight,
@@ -32,8 +30,9 @@ from inclinometry.motion.robust import (
     yang_factor_three,
     yang_factor_two,
 )
-from inclinometry.motion.samples import CHANNELS, MOST_JITTER, Samples
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.rotations import dcm_from_quaternion, quaternion_from_dcm
+from inclinometry.settings import Range, Settings
+from inclinometry.uncertainty import UNKNOWN
 
 # Equal windows of a stream of samples, the same however the stream is cut into blocks.
 

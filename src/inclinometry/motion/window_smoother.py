@@ -8,11 +8,10 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import IdentifiabilityError
+from inclinometry.arrays import Array
+from inclinometry.errors import IdentifiabilityError
 from inclinometry.motion._hole_direction import carried, offset_of, rolled, turned
-from inclinometry.motion.result import BITS, Attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import BITS, Attitude, Samples
 from inclinometry.motion.window_filter import (
     Belief,
     RobustStream,
@@ -24,7 +23,7 @@ from inclinometry.motion.window_filter import (
     process,
     transition,
 )
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN
 
 # A filter that is only run where it is wanted: the windows before are kept, and it catches up with them first.
 

@@ -10,14 +10,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.orientation import angles, angles_jacobian, axis_jacobian, fields
-from inclinometry.core.arrays import Array, Index, finite, within
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, Index, finite, within
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.position.sources import MatrixSource
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, angles_jacobian, axis_jacobian, fields
+from inclinometry.position.propagation import MatrixSource
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey
-from inclinometry.sensors.tool import Tool
+from inclinometry.sensors import Tool
 from inclinometry.survey.from_stations import NOISE
 from inclinometry.survey.from_tool import KINDS, stations_from_tool
 from inclinometry.survey.path import directions
@@ -73,7 +73,7 @@ def error_model(
     --------
     >>> from inclinometry.position.propagation import propagate
     >>> from inclinometry.position.well import well_survey
-    >>> from inclinometry.sensors.triad import Triad
+    >>> from inclinometry.sensors import Triad
     >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(KINDS, (9.81, 5e4))}
     >>> tool = Tool("1", triads, np.diag(np.tile([0.0, 0.0, 0.0, 1e-6], 6)))  # offsets: 0.001 of each field
     >>> site = Site(g=9.81, b=5e4, dip=np.radians(60.0), declination=0.0)
@@ -350,7 +350,7 @@ def fits_certificate(code: ToolCode) -> None:
     >>> drift = term("GB1", 0.1, "deg/hr", "systematic", ("0", "0", "1 / EarthRate"))
     >>> fits_certificate(ToolCode(name="gyro", terms=(drift,), source="example"))
     Traceback (most recent call last):
-    inclinometry.core.errors.InputError: tool code gyro is of a gyro; ...
+    inclinometry.errors.InputError: tool code gyro is of a gyro; ...
     """
     if any(one.unit in _GYRO_UNITS for one in code.terms):
         raise InputError(

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles, fields, inclination_toolface
+from inclinometry.arrays import Array
 from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.expected import (
     ANGLES,
@@ -21,15 +21,12 @@ from inclinometry.calibration.expected import (
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import COVERAGE_FACTOR, DEG_PER_HOUR, STANDARD_GRAVITY
-from inclinometry.report.content import Table, TableRow
-from inclinometry.report.digits import plain, significant, with_uncertainty
-from inclinometry.report.words import DIALS, Test, strongest_correlations
-from inclinometry.sensors.classical import classical_view
-from inclinometry.sensors.tool import Tool, parameter_names, parameter_vector, triad_from_vector
-from inclinometry.sensors.triad import Triad
+from inclinometry.constants import COVERAGE_FACTOR, DEG_PER_HOUR, STANDARD_GRAVITY
+from inclinometry.orientation import angles, fields, inclination_toolface
+from inclinometry.report.page import Table, TableRow
+from inclinometry.report.words import DIALS, Test, plain, significant, strongest_correlations, with_uncertainty
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import Tool, Triad, classical_view, parameter_names, parameter_vector, triad_from_vector
 
 # Rows of tables, plain data for every face: label, value, standard uncertainty, unit.
 

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from inclinometry.arrays import Array, finite
 from inclinometry.calibration.comparison import TwoCalibrations
 from inclinometry.calibration.expected import FROM_CALIBRATION
 from inclinometry.calibration.result import rounded
-from inclinometry.core.arrays import Array, finite
-from inclinometry.core.errors import InputError
-from inclinometry.report.calibration_figures import log_scale
-from inclinometry.report.content import CONVENTIONS, Table, TableRow, picture
+from inclinometry.errors import InputError
+from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import DASHES, INK, MARKERS, SERIES, new_figure, styled
-from inclinometry.report.page import render
+from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from markupsafe import Markup, escape
 
-from inclinometry.io.atomic import write_bytes
+from inclinometry.files.writing import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,9 +6,8 @@ import numpy as np
 
 from inclinometry.earth.site import Site
 from inclinometry.position.well import WellSurvey, well_survey
-from inclinometry.report.content import Picture, Table, TableRow, picture
-from inclinometry.report.position import chain_table
-from inclinometry.report.position_figures import north_figure, spread_of_norths
+from inclinometry.report.page import Picture, Table, TableRow, picture
+from inclinometry.report.position import chain_table, north_figure, spread_of_norths
 from inclinometry.survey.reduce import Survey
 
 

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
+from html import unescape
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from inclinometry.report.figure import inline_svg
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
+    from matplotlib.figure import Figure
 
 MOST_ROWS = 500
 """Rows a table shows; the files hold the rest."""
@@ -47,3 +55,114 @@ def _version() -> str:
         return version("inclinometry")
     except PackageNotFoundError:
         return "source"
+
+
+CONVENTIONS = (
+    "Conventions: azimuth clockwise from north seen from above; inclination 0 pointing down, 90 deg level; toolface "
+    "clockwise looking down hole from high side to the tool's x axis; tool axes x at the index mark, y 90 deg "
+    "clockwise of it looking down hole, z down hole; fields are the fields themselves (gravity points down); dip "
+    "positive below the horizon; a sensor reports N a + U0 for a field along the unit vector a. u: standard "
+    "uncertainty (k = 1); U = k u: expanded."
+)
+
+
+class TableRow(NamedTuple):
+    """Cells of ready text; `state` "", "warn" or "bad" colours the row."""
+
+    cells: Sequence[str]
+    state: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; the first `text_columns` columns are text, the others numbers."""
+
+    caption: str
+    head: Sequence[str]
+    body: Sequence[TableRow]
+    note: str = ""
+    text_columns: int = 1
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawing and what stands above it."""
+
+    caption: str
+    svg: Markup
+
+
+@dataclass(frozen=True)
+class Section:
+    """What stands under one heading of a page; an empty one is left out."""
+
+    heading: str
+    sentences: Sequence[str] = ()
+    tables: Sequence[Table | None] = ()
+    pictures: Sequence[Picture] = ()
+    steps: Sequence[str] = ()
+
+    @property
+    def filled(self) -> bool:
+        """Whether anything stands there."""
+        return bool(self.sentences or any(self.tables) or self.pictures or self.steps)
+
+
+def picture(figure: Figure, name: str, caption: str) -> Picture:
+    """A figure as it goes into a page; `name` is unique there."""
+    return Picture(caption, inline_svg(figure, name, caption))
+
+
+def cut(table: Table) -> Table:
+    """No more rows than a page bears; what is left out is said."""
+    if len(table.body) <= MOST_ROWS:
+        return table
+    note = f"The first {MOST_ROWS} of {len(table.body)} rows; the data files hold all. {table.note}".strip()
+    return Table(table.caption, table.head, table.body[:MOST_ROWS], note, table.text_columns)
+
+
+_VERDICT: Final = re.compile(
+    r'<section class="verdict (\w*)"[^>]*>\s*<p class="badge">(.*?)</p>\s*<p class="sentence">(.*?)</p>', re.DOTALL
+)
+_FIGURE: Final = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
+
+
+class Entry(NamedTuple):
+    """A report of the index: what it says in its verdict box, and one figure of it, a file beside it or its SVG."""
+
+    title: str
+    href: str
+    state: str = ""
+    badge: str = ""
+    sentence: str = ""
+    picture: str = ""
+    svg: str = ""
+
+
+def entry_of(title: str, href: str, report: str, picture: str = "") -> Entry:
+    """Entry of a report: the verdict as its page words it, so that the index cannot say anything else.
+
+    Examples
+    --------
+    >>> page = '<section class="verdict good"><p class="badge">PASS</p><p class="sentence">a &lt; b</p></section>'
+    >>> entry_of("Bench", "bench/report.html", page)[2:5]
+    ('good', 'PASS', 'a < b')
+    """
+    verdict, figure = _VERDICT.search(report), _FIGURE.search(report)
+    state, badge, sentence = ["", "", ""] if verdict is None else [unescape(text.strip()) for text in verdict.groups()]
+    svg = "" if picture or figure is None else figure.group()
+    return Entry(title, href, state, badge, sentence, picture, svg)
+
+
+def index_page(heading: str, entries: Sequence[Entry]) -> str:
+    """Entries as one HTML page.
+
+    Examples
+    --------
+    >>> "a &lt;b&gt;</a>" in index_page("Reports", [Entry("a <b>", "a/report.html")])
+    True
+    """
+    from markupsafe import Markup
+
+    entries = [one._replace(svg=Markup(one.svg)) for one in entries]
+    return render("index.html", title=heading, kind="Overview", heading=heading, conventions=CONVENTIONS, pages=entries)

@@ -3,25 +3,277 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array
+from inclinometry.arrays import Array, Index
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.position.ellipse import ellipsoid, hole_sigmas, horizontal_ellipse
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
-from inclinometry.position.well import WellSurvey
-from inclinometry.report import position_figures as draw
-from inclinometry.report.content import CONVENTIONS, Picture, Table, TableRow, cut, picture
-from inclinometry.report.digits import plain, rounded, significant
-from inclinometry.report.page import render
-from inclinometry.report.position_figures import PROBABILITY
+from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
+from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
+from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, cut, picture, render
 from inclinometry.report.survey_figures import thinned
+from inclinometry.report.words import plain, rounded, significant
+from inclinometry.rotations import wrap_positive
 from inclinometry.survey.path import Path, dogleg_severity_deg
-from inclinometry.uncertainty.coverage import coverage_factor, ellipsoid_factor
+from inclinometry.uncertainty import coverage_factor, ellipsoid_factor
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PROBABILITY: Final = 0.95
+"""That an ellipse or ellipsoid of the report holds the true position."""
+VIEW: Final = (np.radians(110.0), np.radians(25.0))
+"""From where the view in space looks at first: azimuth clockwise of the well's, and how far from above."""
+PLAN: Final = np.eye(3)[:2][::-1]
+"""East to the right, north up."""
+_TURN: Final = np.linspace(0.0, 2.0 * np.pi, 73)
+
+
+def section_azimuth(path: Path) -> float:
+    """Azimuth of the section, rad: from the first station to the one farthest from it."""
+    north, east = path.north - path.north[0], path.east - path.east[0]
+    far = int(np.argmax(np.hypot(north, east)))
+    return float(wrap_positive(np.arctan2(east[far], north[far])))
+
+
+def first_view(path: Path) -> tuple[float, float]:
+    """Azimuth that the view in space looks from, and how far from above, rad."""
+    return float(wrap_positive(section_azimuth(path) + VIEW[0])), float(VIEW[1])
+
+
+def section_axes(direction: float) -> Array:
+    """Axes (2, 3) of a vertical section: along an azimuth to the right, down as it is."""
+    return np.array([[np.cos(direction), np.sin(direction), 0.0], [0.0, 0.0, 1.0]])
+
+
+def view_axes(azimuth: float, elevation: float) -> Array:
+    """Axes (2, 3) of a view in space, right and up, looking from an azimuth and from above.
+
+    Examples
+    --------
+    >>> view_axes(np.pi, np.pi / 2).round(9) + 0.0  # from straight above, standing south: the plan
+    array([[0., 1., 0.],
+           [1., 0., 0.]])
+    """
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    up = np.array([-np.sin(elevation) * c, -np.sin(elevation) * s, -np.cos(elevation)])
+    return np.stack([np.array([s, -c, 0.0]), up])
+
+
+def ellipse_points(covariance: Array, axes: Array, factor: float) -> Array:
+    """Outline (m, 2) of the ellipsoid's shadow on a plane: the ellipse of P C P^T."""
+    values, vectors = np.linalg.eigh(axes @ covariance @ axes.T)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(factor * np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1) @ root.T)
+
+
+def ellipse_rows(covariance: Array, most: int = 12) -> Index:
+    """Stations whose ellipses are drawn: the last, and others spread over the well."""
+    rows = np.unique(np.linspace(0, len(covariance) - 1, most + 1).astype(np.intp))
+    return np.asarray(rows[np.trace(covariance[rows], axis1=1, axis2=2) > 0.0])
+
+
+def magnification(path: Path, covariance: Array | None) -> float:
+    """How much larger than life ellipses must be drawn to be seen: 1, 2, 5, 10 and so on.
+
+    The largest is then some twelfth of the well.
+    """
+    if covariance is None or not (covariance != 0.0).any():
+        return 1.0
+    span = max(float(np.ptp(x)) for x in (path.north, path.east, path.tvd))
+    largest = ellipsoid_factor(PROBABILITY, 2) * float(np.sqrt(np.linalg.eigvalsh(covariance).max()))
+    wanted = span / 12.0 / largest
+    if wanted <= 1.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1.0 + 1e-12)))
+
+
+def _points(path: Path) -> Array:
+    return np.stack([path.north, path.east, path.tvd], axis=1)
+
+
+def _drawn(axes: Axes, path: Path, covariance: Array | None, plane: Array, factor: float) -> None:
+    """The path and its ellipses on a plane."""
+    rows = thinned(len(path))
+    along = _points(path)[rows] @ plane.T
+    axes.plot(along[:, 0], along[:, 1], color=SERIES[0], zorder=3)
+    if covariance is not None:
+        for row in ellipse_rows(covariance):
+            outline = _points(path)[row] @ plane.T + ellipse_points(covariance[row], plane, factor)
+            axes.fill(outline[:, 0], outline[:, 1], facecolor=SERIES[1], alpha=0.18, linewidth=0.0)
+            axes.plot(outline[:, 0], outline[:, 1], color=SERIES[1], linewidth=0.9)
+    for row, mark in ((0, "o"), (-1, "s")):
+        axes.plot(along[row, 0], along[row, 1], marker=mark, color=INK, zorder=4, markersize=5.0)
+
+
+def _scaled(axes: Axes) -> None:
+    """One metre is as long either way, and the picture is filled."""
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.06)
+    axes.ticklabel_format(useOffset=False, style="plain")
+    axes.locator_params(nbins=6)
+
+
+@styled
+def plan_figure(path: Path, covariance: Array | None, north: str, magnify: float) -> Figure:
+    """The well from above, with horizontal ellipses."""
+    figure = new_figure(4.4)
+    axes = figure.add_subplot()
+    _drawn(axes, path, covariance, PLAN, magnify * ellipsoid_factor(PROBABILITY, 2))
+    _scaled(axes)
+    axes.set_xlabel("east, m")
+    axes.set_ylabel(f"north ({north}), m")
+    return figure
+
+
+@styled
+def section_figure(path: Path, covariance: Array | None, direction: float, magnify: float) -> Figure:
+    """The well from the side, with ellipses of the section's plane."""
+    figure = new_figure(4.4)
+    axes = figure.add_subplot()
+    _drawn(axes, path, covariance, section_axes(direction), magnify * ellipsoid_factor(PROBABILITY, 2))
+    _scaled(axes)
+    axes.invert_yaxis()
+    axes.set_xlabel(f"along azimuth {plain(float(np.degrees(direction)), 1)}°, m")
+    axes.set_ylabel("true vertical depth, m")
+    return figure
+
+
+@styled
+def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure:
+    """The well in space, for pages that are printed or run no script."""
+    figure = new_figure(4.4, width=6.4)
+    axes = figure.add_subplot()
+    plane = view_axes(*first_view(path))
+    corners = _points(path)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    # the floor of the box, and the well's shadow on it
+    floor = np.array([[x, y, high[2]] for x, y in _corners(low, high)]) @ plane.T
+    axes.plot(floor[:, 0], floor[:, 1], color=INK, alpha=0.35, linewidth=0.8)
+    shadow = np.column_stack([corners[:, :2], np.full(len(corners), high[2])])[thinned(len(path))] @ plane.T
+    axes.plot(shadow[:, 0], shadow[:, 1], color=INK, alpha=0.35, linewidth=1.0, linestyle=":")
+    for row in ellipse_rows(np.broadcast_to(np.eye(3), (len(path), 3, 3)), 8):
+        drop = np.stack([corners[row], [*corners[row, :2], high[2]]]) @ plane.T
+        axes.plot(drop[:, 0], drop[:, 1], color=INK, alpha=0.25, linewidth=0.7)
+    _drawn(axes, path, covariance, plane, magnify * ellipsoid_factor(PROBABILITY, 3))
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_axis_off()
+    return figure
+
+
+def _corners(low: Array, high: Array) -> list[tuple[float, float]]:
+    return [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]), (low[0], low[1])]
+
+
+@styled
+def source_figure(names: Sequence[str], sizes: Sequence[float], kinds: Sequence[str]) -> Figure:
+    """Bars, largest first: one standard deviation of each source, coloured by what shares it."""
+    figure = new_figure(0.9 + 0.235 * len(names))
+    axes = figure.add_subplot()
+    seen = list(dict.fromkeys(kinds))
+    places = np.arange(len(names))
+    for colour, kind in zip(SERIES, seen, strict=False):
+        chosen = np.array([k == kind for k in kinds])
+        axes.barh(places[chosen], np.asarray(sizes)[chosen], color=colour, height=0.72, label=kind)
+    axes.set_yticks(places, list(names))
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("one standard deviation along the major axis, m")
+    axes.legend(loc="lower right")
+    return figure
+
+
+@styled
+def severity_figure(md: Array, severity: Array) -> Figure:
+    """Dogleg severity of every interval over measured depth."""
+    figure = new_figure(2.8)
+    axes = figure.add_subplot()
+    rows = thinned(len(md))
+    axes.step(md[rows], severity[rows], where="pre", color=SERIES[0])
+    axes.fill_between(md[rows], severity[rows], step="pre", color=SERIES[0], alpha=0.2, linewidth=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("measured depth, m")
+    axes.set_ylabel("severity, deg/30 m")
+    return figure
+
+
+@styled
+def sigma_figure(md: Array, sigmas: Array, major: Array) -> Figure:
+    """Standard deviations along the axes of the hole and the major axis of the ellipse, over measured depth."""
+    figure = new_figure(2.8)
+    axes = figure.add_subplot()
+    rows = thinned(len(md))
+    curves = zip(("high side", "lateral", "along hole", "major axis"), [*sigmas.T, major], strict=True)
+    for n, (label, values) in enumerate(curves):
+        axes.plot(md[rows], values[rows], color=SERIES[n], linestyle=DASHES[n % len(DASHES)], label=label)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("measured depth, m")
+    axes.set_ylabel("σ, m")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0)
+    return figure
+
+
+def spread_of_norths(angles: Sequence[float]) -> float:
+    """How many times the angles between norths are exaggerated to be seen: 1, 2, 5 ... 100.
+
+    Examples
+    --------
+    >>> spread_of_norths([np.radians(3.0), 0.0]), spread_of_norths([np.radians(-40.0)]), spread_of_norths([0.0])
+    (10.0, 1.0, 1.0)
+    """
+    widest = max((abs(float(np.degrees(angle))) for angle in angles), default=0.0)
+    if widest == 0.0:
+        return 1.0
+    return max((step for step in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0) if step * widest <= 40.0), default=1.0)
+
+
+@styled
+def north_figure(norths: Sequence[tuple[str, float]], hole: float, exaggerated: float) -> Figure:
+    """Compass: true north up, the other norths east or west of it, the hole.
+
+    Parameters
+    ----------
+    norths : sequence of (name, angle east of true north in rad)
+    hole : float
+        Azimuth from true north, rad.
+    exaggerated : float
+        Angles between norths are drawn so many times as large; the hole's is not.
+    """
+    figure = new_figure(3.6)
+    axes = figure.add_subplot()
+    axes.plot(np.sin(_TURN), np.cos(_TURN), color=INK, alpha=0.3, linewidth=0.8)
+    together: dict[float, list[str]] = {}
+    for name, angle in sorted(norths, key=lambda pair: pair[1]):
+        together.setdefault(angle, []).append(name)
+    sides = {1: ("center",), 2: ("right", "left"), 3: ("right", "center", "left")}[len(together)]
+    colours = {"true": INK, "magnetic": SERIES[1], "grid": SERIES[2]}
+    for side, (angle, names) in zip(sides, together.items(), strict=True):
+        drawn = exaggerated * angle
+        _arrow(axes, drawn, 1.0, colours[names[-1]], 1.8)
+        text = " = ".join(names)
+        axes.text(1.1 * np.sin(drawn), 1.1 * np.cos(drawn), text, color=colours[names[-1]], ha=side, va="bottom")
+    _arrow(axes, hole, 0.8, SERIES[0], 2.6)
+    lift = "top" if np.cos(hole) < 0.0 else "bottom"
+    axes.text(0.88 * np.sin(hole), 0.88 * np.cos(hole), "hole", color=SERIES[0], ha="center", va=lift)
+    axes.text(1.06, 0.0, "east", alpha=0.7, va="center")
+    axes.text(-1.06, 0.0, "west", alpha=0.7, va="center", ha="right")
+    axes.set_aspect("equal")
+    axes.set_xlim(-1.75, 1.75)
+    axes.set_ylim(-1.1, 1.4)
+    axes.set_axis_off()
+    return figure
+
+
+def _arrow(axes: Axes, azimuth: float, length: float, colour: str, width: float) -> None:
+    tip = (length * float(np.sin(azimuth)), length * float(np.cos(azimuth)))
+    look = {"arrowstyle": "-|>", "color": colour, "linewidth": width, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", xy=tip, xytext=(0.0, 0.0), arrowprops=look)
+
 
 # Tables and sentences of a well's position.
 
@@ -296,7 +548,7 @@ def position_report(
     >>> "30.00 m" in position_report(minimum_curvature(*stations), well, None, azimuth_reference="true")
     True
     """
-    magnify = draw.magnification(path, None if uncertainty is None else uncertainty.covariance)
+    magnify = magnification(path, None if uncertainty is None else uncertainty.covariance)
     return render(
         "position.html",
         title="Position of the well",
@@ -339,12 +591,12 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
             "error model was given."
         )
     covariance = uncertainty.covariance[-1]
-    ellipse = horizontal_ellipse(covariance, draw.PROBABILITY)
+    ellipse = horizontal_ellipse(covariance, PROBABILITY)
     sigma = np.sqrt(np.diagonal(covariance))
     north, east, down = (
         rounded(float(x[-1]), float(u)) for x, u in zip((path.north, path.east, path.tvd), sigma, strict=True)
     )
-    vertical = float(coverage_factor(draw.PROBABILITY)) * float(sigma[2])
+    vertical = float(coverage_factor(PROBABILITY)) * float(sigma[2])
     return (
         f"At {path.md[-1]:.2f} m the well is at north {north} m, east {east} m, true vertical depth {down} m "
         f"({survey.north} north); with 95 % probability within a horizontal ellipse of "
@@ -355,11 +607,11 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
 
 def _plans(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | None, magnify: float) -> list[Picture]:
     covariance = None if uncertainty is None else uncertainty.covariance
-    direction = draw.section_azimuth(path)
+    direction = section_azimuth(path)
     what = "" if covariance is None else f"; 95 % ellipses{_drawn_at(magnify)}"
     return [
-        picture(draw.plan_figure(path, covariance, survey.north, magnify), "plan", f"Plan{what}"),
-        picture(draw.section_figure(path, covariance, direction, magnify), "section", f"Vertical section{what}"),
+        picture(plan_figure(path, covariance, survey.north, magnify), "plan", f"Plan{what}"),
+        picture(section_figure(path, covariance, direction, magnify), "section", f"Vertical section{what}"),
     ]
 
 
@@ -370,9 +622,9 @@ def _drawn_at(magnify: float) -> str:
 def _still(path: Path, uncertainty: PositionUncertainty | None, magnify: float) -> Picture:
     covariance = None if uncertainty is None else uncertainty.covariance
     what = "" if covariance is None else f" with the shadows of 95 % ellipsoids{_drawn_at(magnify)}"
-    turn, lift = np.degrees(draw.first_view(path))
+    turn, lift = np.degrees(first_view(path))
     view = f"seen from azimuth {turn:.0f}°, {lift:.0f}° from above"
-    return picture(draw.space_figure(path, covariance, magnify), "space", f"The well{what}, {view}")
+    return picture(space_figure(path, covariance, magnify), "space", f"The well{what}, {view}")
 
 
 def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, north: str) -> dict[str, Any]:
@@ -381,16 +633,16 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
     rows = thinned(len(path))
     bodies: list[list[float]] = []
     if uncertainty is not None:
-        for row in draw.ellipse_rows(uncertainty.covariance, MOST_ELLIPSOIDS):
+        for row in ellipse_rows(uncertainty.covariance, MOST_ELLIPSOIDS):
             c = uncertainty.covariance[row]
             upper = [float(f"{c[i, j]:.6g}") for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
             bodies.append([*columns[row].round(2).tolist(), *upper])
     return {
         "stations": columns[rows].round(2).tolist(),
         "bodies": bodies,
-        "factor": round(ellipsoid_factor(draw.PROBABILITY, 3), 6),
+        "factor": round(ellipsoid_factor(PROBABILITY, 3), 6),
         "magnify": magnify,
-        "view": [round(angle, 6) for angle in draw.first_view(path)],
+        "view": [round(angle, 6) for angle in first_view(path)],
         "north": north,
     }
 
@@ -399,7 +651,7 @@ def _sources_picture(uncertainty: PositionUncertainty | None) -> list[Picture]:
     if uncertainty is None:
         return []
     parts = contributions(uncertainty)[:MOST_SOURCES]
-    figure = draw.source_figure([p.name for p in parts], [p.major for p in parts], [p.propagation for p in parts])
+    figure = source_figure([p.name for p in parts], [p.major for p in parts], [p.propagation for p in parts])
     more = len(uncertainty.sources) - len(parts)
     return [picture(figure, "sources", f"The {len(parts)} largest sources" if more else "All sources")]
 
@@ -410,14 +662,14 @@ def _courses(path: Path, uncertainty: PositionUncertainty | None) -> list[Pictur
     if uncertainty is not None:
         sigmas = hole_sigmas(uncertainty.covariance, path.inclination, path.azimuth)
         major = horizontal_ellipse(uncertainty.covariance).major
-        found.append(picture(draw.sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
-    return [*found, picture(draw.severity_figure(path.md, severity), "severity", "Dogleg severity of each interval")]
+        found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
+    return [*found, picture(severity_figure(path.md, severity), "severity", "Dogleg severity of each interval")]
 
 
 def _compass(survey: WellSurvey) -> list[Picture]:
     known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
     norths = [(name, angle) for name, angle in known.items() if angle is not None]
     row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
-    times = draw.spread_of_norths([angle for _, angle in norths])
+    times = spread_of_norths([angle for _, angle in norths])
     caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
-    return [picture(draw.north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]
+    return [picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from inclinometry.core.arrays import Array, Mask
-from inclinometry.report.content import Picture, Table, TableRow, picture
-from inclinometry.report.digits import plain, significant
+from inclinometry.arrays import Array, Mask
 from inclinometry.report.figure import BAD, INK, SERIES, new_figure, styled
+from inclinometry.report.page import Picture, Table, TableRow, picture
 from inclinometry.report.survey_figures import thinned
-from inclinometry.survey.checks import Check
-from inclinometry.survey.quality import FieldQuality
-from inclinometry.survey.quality_words import QUANTITIES, Quantity
+from inclinometry.report.words import plain, significant
+from inclinometry.survey.flags import Check
+from inclinometry.survey.quality import QUANTITIES, FieldQuality, Quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

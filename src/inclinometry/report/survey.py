@@ -6,16 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import COVERAGE_FACTOR
+from inclinometry.arrays import Array
+from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.earth.site import Site
 from inclinometry.report import survey_figures as draw
-from inclinometry.report.content import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture
-from inclinometry.report.digits import plain, rounded, significant
 from inclinometry.report.norths import chain_of_norths, compass
-from inclinometry.report.page import render
+from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
 from inclinometry.report.quality import check_table, quality_pictures
-from inclinometry.report.words import listed
+from inclinometry.report.words import listed, plain, rounded, significant
 from inclinometry.survey.axial import SOURCE as AXIAL
 from inclinometry.survey.flags import FLAGS
 from inclinometry.survey.multistation import SOURCE as ANALYSIS
@@ -57,8 +55,8 @@ def survey_report(
 
     Examples
     --------
-    >>> from inclinometry.sensors.tool import Tool
-    >>> from inclinometry.sensors.triad import Triad
+    >>> from inclinometry.sensors import Tool
+    >>> from inclinometry.sensors import Triad
     >>> from inclinometry.survey.reduce import reduce_survey
     >>> kinds = ("accelerometer", "magnetometer")
     >>> tool = Tool("A7", {k: Triad(k, np.eye(3), np.zeros(3)) for k in kinds}, 1e-8 * np.eye(24))

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import COVERAGE_FACTOR
-from inclinometry.report.calibration_figures import MANY, log_scale
+from inclinometry.arrays import Array
+from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.report.calibration import MANY, log_scale
 from inclinometry.report.figure import BAD, DASHES, INK, SERIES, new_figure, styled
 from inclinometry.survey.reduce import Survey
 

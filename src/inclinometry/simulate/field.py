@@ -8,16 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.attitude.rotations import dcm, rotation_exp, rotation_z
-from inclinometry.core.arrays import Array, finite
-from inclinometry.core.constants import DIP, LATITUDE
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
-from inclinometry.simulate.bench import bench_reference
-from inclinometry.simulate.rig import field_direction
+from inclinometry.arrays import Array, finite
+from inclinometry.constants import DIP, LATITUDE
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, rotation_exp, rotation_z
+from inclinometry.sensors import Tool
+from inclinometry.simulate.bench import bench_reference, field_direction
 from inclinometry.simulate.sensing import sense, sense_batch
-from inclinometry.simulate.streams import Seed, Streams
-from inclinometry.simulate.tool import ToolBatch, random_rotations
+from inclinometry.simulate.tool import Seed, Streams, ToolBatch, random_rotations
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.rotations import dcm, rotation_z
-from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, Index, finite, within
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, Index, finite, within
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.rate import earth_rate, horizontal_rate
-from inclinometry.simulate.drift import flicker_rate, white_rate
-from inclinometry.simulate.streams import Seed, Streams
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, rotation_z, wrap_positive
+from inclinometry.simulate.tool import Seed, Streams, flicker_rate, white_rate
 
 FOUR_POSITIONS = tuple(np.radians([0.0, 90.0, 180.0, 270.0]).tolist())
 """Index angles 0, 90, 180, 270 deg, rad."""

@@ -9,15 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.attitude.rotations import dcm
-from inclinometry.core.angles import wrap_positive
-from inclinometry.core.arrays import Array, finite
-from inclinometry.core.constants import EARTH_RATE, LATITUDE
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
-from inclinometry.simulate.rig import field_direction
+from inclinometry.arrays import Array, finite
+from inclinometry.constants import EARTH_RATE, LATITUDE
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, wrap_positive
+from inclinometry.sensors import Tool
+from inclinometry.simulate.bench import field_direction
 from inclinometry.simulate.sensing import Characteristic, sense
-from inclinometry.simulate.streams import Seed, Streams
+from inclinometry.simulate.tool import Seed, Streams
 
 
 @dataclass(frozen=True)

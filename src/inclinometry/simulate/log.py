@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.attitude.rotations import dcm, rotation_exp, rotation_log
-from inclinometry.core.arrays import Array, finite, within
-from inclinometry.core.constants import DIP, EARTH_RATE, LATITUDE, STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
-from inclinometry.simulate.rig import field_direction
+from inclinometry.arrays import Array, finite, within
+from inclinometry.constants import DIP, EARTH_RATE, LATITUDE, STANDARD_GRAVITY
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm, rotation_exp, rotation_log
+from inclinometry.sensors import Tool
+from inclinometry.simulate.bench import field_direction
 from inclinometry.simulate.sensing import sense
-from inclinometry.simulate.streams import Seed, Streams
+from inclinometry.simulate.tool import Seed, Streams
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.core.arrays import Array, finite
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
-from inclinometry.simulate.streams import Streams
-from inclinometry.simulate.tool import FULL_SCALE, ToolBatch, digitise, signal_step
+from inclinometry.arrays import Array, finite
+from inclinometry.errors import InputError
+from inclinometry.sensors import Tool, Triad
+from inclinometry.simulate.tool import FULL_SCALE, Streams, ToolBatch, digitise, signal_step
 
 # The static characteristic of a real sensor: noise, a square law, hysteresis; and magnetometers by name.
 

@@ -2,21 +2,103 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final, TypedDict, Unpack
+from typing import Final, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.attitude.rotations import dcm_from_quaternion
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import DEG_PER_HOUR, EARTH_RATE, KINDS, STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
-from inclinometry.simulate.streams import Seed, Streams
+from inclinometry.arrays import Array
+from inclinometry.constants import DEG_PER_HOUR, EARTH_RATE, KINDS, STANDARD_GRAVITY
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm_from_quaternion
+from inclinometry.sensors import Tool, Triad
+
+Seed: TypeAlias = int | np.random.SeedSequence | np.random.Generator
+
+
+class Streams:
+    """Generators of one seed, each known by its name.
+
+    Parameters
+    ----------
+    seed : int, SeedSequence or Generator
+        A Generator is drawn from once; the same int always gives the same streams.
+    purpose : str
+        Keeps the streams of different simulations apart when they are given the same seed.
+
+    Examples
+    --------
+    >>> a, b = Streams(7, "bench"), Streams(7, "bench")
+    >>> _ = b["something else"].normal(size=100)
+    >>> bool(a["noise"].normal() == b["noise"].normal())
+    True
+    """
+
+    def __init__(self, seed: Seed, purpose: str) -> None:
+        self._purpose = purpose
+        if isinstance(seed, np.random.SeedSequence):
+            self._root = seed
+        elif isinstance(seed, np.random.Generator):
+            self._root = np.random.SeedSequence(seed.integers(0, 2**63, size=2).tolist())
+        else:
+            if isinstance(seed, bool) or int(seed) != seed or seed < 0:
+                raise InputError(f"seed is {seed!r}; allowed: an integer of 0 or more")
+            self._root = np.random.SeedSequence(int(seed))
+
+    def __getitem__(self, name: str) -> np.random.Generator:
+        # the name's checksum is a spawn key: streams do not depend on the order in which they are asked for
+        key = (*self._root.spawn_key, zlib.crc32(f"{self._purpose}.{name}".encode()))
+        return np.random.default_rng(np.random.SeedSequence(self._root.entropy, spawn_key=key))
+
+
+def white_rate(generator: np.random.Generator, shape: tuple[int, ...], arw: float, interval: float) -> Array:
+    """White rate noise averaged over `interval` s, rad/s; `arw` is the angle random walk, rad/sqrt(s).
+
+    Examples
+    --------
+    0.005 deg/sqrt(h) over one second is 0.3 deg/h:
+
+    >>> noise = white_rate(np.random.default_rng(1), (100000,), np.radians(0.005) / 60.0, 1.0)
+    >>> float(np.degrees(noise.std() * 3600.0).round(2))
+    0.3
+    """
+    return np.asarray(generator.standard_normal(shape) * (arw / np.sqrt(interval)))
+
+
+def flicker_rate(generator: np.random.Generator, shape: tuple[int, ...], instability: float) -> Array:
+    """Flicker (1/f) noise along the last axis, in the unit of `instability`.
+
+    Parameters
+    ----------
+    generator : Generator
+    shape : tuple of int
+    instability : float
+        Bias instability B of the density B^2/(2 pi f), whose Allan deviation is flat at sqrt(2 ln 2/pi) B = 0.664 B.
+
+    Notes
+    -----
+    White noise through the fractional filter (1 - z^-1)^-1/2, with as much history before the first sample as there are
+    samples: slower changes than that are bias. Kasdin N.J., "Discrete simulation of colored noise", Proc. IEEE 83,
+    1995, equation (116); IEEE Std 952-1997, annex C.
+
+    Examples
+    --------
+    >>> flicker_rate(np.random.default_rng(1), (2, 60), 1.0).shape
+    (2, 60)
+    """
+    length = shape[-1]
+    size = 2 * length
+    k = np.arange(1.0, size)
+    response = np.concatenate([[1.0], np.cumprod((k - 0.5) / k)])
+    padded = 1 << (2 * size - 1).bit_length()
+    white = generator.standard_normal((*shape[:-1], size))
+    shaped = np.fft.irfft(np.fft.rfft(white, padded) * np.fft.rfft(response, padded), padded)
+    return np.asarray(instability * shaped[..., length:size])
+
 
 # The analogue-to-digital converter: counts, steps, saturation.
 

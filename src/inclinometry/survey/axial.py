@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles_jacobian
-from inclinometry.core.arrays import Array, Mask, within
-from inclinometry.core.errors import InputError
-from inclinometry.survey.checks import Check
+from inclinometry.arrays import Array, Mask, within
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles_jacobian
+from inclinometry.survey.flags import Check
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
 
@@ -113,7 +113,7 @@ def axial_correction(
 
     Examples
     --------
-    >>> from inclinometry.attitude.orientation import fields
+    >>> from inclinometry.orientation import fields
     >>> g, b = fields(np.radians([30.0]), np.radians(50.0), 1.0, np.radians(70.0))
     >>> site = FieldReference(g=9.81, b=50_000.0, dip=np.radians(70.0), g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
     >>> done = axial_correction(Stations([0.0], 9.81 * g, 50_000.0 * b + [0.0, 0.0, 400.0]), site)

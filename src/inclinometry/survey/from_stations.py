@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
-from inclinometry.core.arrays import Array, within
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, within
+from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.sensors.tool import Tool
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
+from inclinometry.sensors import Tool
 from inclinometry.survey.flags import Magnitudes, reference_in, reversed_field, station_flags, summary
 from inclinometry.survey.from_tool import NOTHING_STATED
 from inclinometry.survey.reduce import BLOCK, Survey, turned_to_north
@@ -57,7 +57,7 @@ def survey_from_stations(
 
     Notes
     -----
-    J S C S' J', J of `inclinometry.attitude.orientation.angles_jacobian`, S a source's derivatives of the fields by its
+    J S C S' J', J of `inclinometry.orientation.angles_jacobian`, S a source's derivatives of the fields by its
     parameters and C their covariance.
 
     Examples

@@ -8,10 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, finite, within
-from inclinometry.core.errors import InputError
-from inclinometry.sensors.sensitivity import by_parameter
-from inclinometry.sensors.tool import Tool
+from inclinometry.arrays import Array, finite, within
+from inclinometry.errors import InputError
+from inclinometry.sensors import Tool, by_parameter
 from inclinometry.survey.reduce import tool_fields
 from inclinometry.survey.stations import Source, Stations
 
@@ -66,7 +65,7 @@ def stations_from_tool(
 
     Examples
     --------
-    >>> from inclinometry.sensors.triad import Triad
+    >>> from inclinometry.sensors import Triad
     >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(KINDS, (9.8, 5e4))}
     >>> tool = Tool("1", triads, 1e-8 * np.eye(24))
     >>> found = stations_from_tool([0.0], {"accelerometer": [[0, 0, 1.0]], "magnetometer": [[0.6, 0, 0.8]]}, tool)

@@ -3,16 +3,307 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import finite
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.earth.site import Site, azimuth_sigma, convert_azimuth
+from inclinometry.errors import InputError
 from inclinometry.gyro.result import FLAGS, North
-from inclinometry.survey.flags import summary
+from inclinometry.rotations import wrap_positive, wrap_signed
+from inclinometry.survey.flags import ROUNDING, Check, summary, worst
 from inclinometry.survey.reduce import Survey
+
+SAME_DEPTH = 1e-3
+"""Depths closer than this, m, are one depth: nothing is interpolated."""
+
+_SWING = np.pi / 2  # between two stations whose azimuths differ by more the shorter arc is a guess
+
+_COINCIDENCE = 3  # fewer stations may be alike by the rounding of their figures
+_SAME_ANGLE = 1e-9  # rad; what conversion and writing change
+
+
+class Stations(Protocol):
+    """What is compared: a `survey.reduce.Survey` has it too."""
+
+    @property
+    def md(self) -> Array: ...
+    @property
+    def inclination(self) -> Array: ...
+    @property
+    def azimuth(self) -> Array: ...
+    @property
+    def azimuth_reference(self) -> str: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Stations of one run: depth (n,) m, strictly increasing, angles (n,) rad; azimuth NaN where there is none."""
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    azimuth_reference: str = "true"
+
+
+@dataclass(frozen=True)
+class RepeatLimits:
+    """What two runs may differ by, rad.
+
+    inclination : at every station.
+    azimuth, azimuth_steep : at stations from `steep` inclination up, and nearer to the vertical than that.
+    stations : fewest stations compared.
+    interval : longest distance between out-run stations that is interpolated over, m.
+    """
+
+    name: str
+    source: str
+    inclination: float
+    azimuth: float
+    azimuth_steep: float
+    steep: float
+    stations: int
+    interval: float
+
+
+class Statistics(NamedTuple):
+    """Of out-run minus in-run, rad: mean, standard deviation, rms and largest size, over so many `stations`.
+
+    systematic : the mean is more than three of its standard deviations from zero.
+    """
+
+    stations: int
+    mean: float
+    sd: float
+    rms: float
+    largest: float
+    systematic: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Two runs compared at the m depths of the in-run that the out-run covers.
+
+    md : (m,) m.  rows : (m,) rows of the in-run, from 0.
+    inclination, azimuth : (m,) out-run minus in-run, rad; azimuth NaN where it cannot be compared.
+    interpolated : (m,) the out-run has no station at this depth.
+    verdicts : per station "pass", "fail" or, with too few of them, "not judged".
+    statistics : "inclination" and "azimuth".
+    """
+
+    md: Array
+    rows: Index
+    inclination: Array
+    azimuth: Array
+    interpolated: Mask
+    verdicts: Sequence[str]
+    statistics: dict[str, Statistics]
+    checks: Sequence[Check]
+    limits: RepeatLimits
+    notes: Sequence[str] = ()
+
+    @property
+    def verdict(self) -> str:
+        """On the whole: "pass", "fail", or "not judged" where no azimuth could be compared."""
+        found = worst(self.checks)
+        return "not judged" if found == "pass" and worst(self.checks[2:]) == "not judged" else found
+
+
+def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> Comparison:
+    """Compare two runs of one hole by depth.
+
+    Parameters
+    ----------
+    in_run, out_run : Stations
+        From the same north. The out-run is interpolated linearly to the in-run's depths, azimuth along the shorter
+        arc, only inside its range and not over more than `limits.interval`.
+    limits : RepeatLimits
+        Shipped ones: `inclinometry.files.limits.read_repeat_limits("gyro-repeat")`.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        Different norths, depths that do not increase, shapes, inclination out of range, one run given twice.
+
+    Notes
+    -----
+    A value on its limit passes. The inclination of the in-run decides which limit of azimuth holds. With fewer
+    stations than the limits ask for the verdict is "fail" and the stations themselves are not judged.
+
+    Examples
+    --------
+    >>> limits = RepeatLimits("mine", "contract", 0.004, 0.02, 0.09, 0.17, 10, 35.0)
+    >>> md = 30.0 * np.arange(12)
+    >>> one, two = (Run(md, np.full(12, i), np.full(12, 0.5 + i)) for i in (0.5, 0.501))
+    >>> found = compare_runs(one, two, limits)
+    >>> found.verdict, found.statistics["inclination"].systematic
+    ('pass', True)
+    """
+    if in_run.azimuth_reference != out_run.azimuth_reference:
+        norths = f"{in_run.azimuth_reference} and {out_run.azimuth_reference}"
+        raise InputError(f"the runs count azimuth from different norths ({norths}); bring both to one")
+    _checked(in_run, "in-run")
+    _checked(out_run, "out-run")
+    at = _interpolated(in_run.md, out_run, limits.interval)
+    rows = np.flatnonzero(at.covered)
+    inclination = at.inclination[rows] - in_run.inclination[rows]
+    azimuth = np.asarray(wrap_signed(at.azimuth[rows] - in_run.azimuth[rows]))
+    _not_one_run(inclination, azimuth)
+    tilt = np.minimum(in_run.inclination[rows], np.pi - in_run.inclination[rows])
+    steep = tilt < limits.steep - ROUNDING
+    checks, bad = _judged(rows, inclination, azimuth, steep, limits)
+    enough = len(rows) >= limits.stations
+    verdicts = tuple(("fail" if b else "pass") if enough else "not judged" for b in bad)
+    statistics = {"inclination": _statistics(inclination), "azimuth": _statistics(azimuth)}
+    between = at.between[rows]
+    notes = _notes(in_run, rows, between, np.isfinite(azimuth), statistics)
+    md = np.asarray(in_run.md)[rows]
+    return Comparison(md, rows, inclination, azimuth, between, verdicts, statistics, checks, limits, notes)
+
+
+def _judged(
+    rows: Index, inclination: Array, azimuth: Array, steep: Mask, limits: RepeatLimits
+) -> tuple[list[Check], Mask]:
+    """The checks, and which stations are beyond a limit."""
+    bad_inclination = np.abs(inclination) > limits.inclination + ROUNDING
+    bad_azimuth = np.abs(azimuth) > np.where(steep, limits.azimuth_steep, limits.azimuth) + ROUNDING
+    known, edge, enough = np.isfinite(azimuth), f"{np.degrees(limits.steep):g} deg", len(rows) >= limits.stations
+    every, above, below = np.ones(len(rows), dtype=bool), known & ~steep, known & steep
+    parts: tuple[tuple[str, Array, Mask, Mask, float], ...] = (
+        ("inclination", inclination, bad_inclination, every, limits.inclination),
+        (f"azimuth, inclination from {edge} up", azimuth, bad_azimuth, above, limits.azimuth),
+        (f"azimuth, inclination below {edge}", azimuth, bad_azimuth, below, limits.azimuth_steep),
+    )
+    checks = [_check(*part, rows, enough) for part in parts]
+    return [_count_check(len(rows), limits), *checks], bad_inclination | bad_azimuth
+
+
+class _At(NamedTuple):
+    inclination: Array
+    azimuth: Array
+    covered: Mask
+    between: Mask
+
+
+def _checked(run: Stations, name: str) -> None:
+    """InputError where a run cannot be compared."""
+    md = finite(run.md, f"md of the {name}", (None,))
+    back = np.flatnonzero(np.diff(md) <= 0.0)
+    if back.size:
+        row = int(back[0])
+        problem = f"md of the {name} goes from {md[row]:g} to {md[row + 1]:g} m at station {row + 2}"
+        raise InputError(f"{problem}; sort the stations by depth and keep one of each")
+    within(run.inclination, f"inclination of the {name}", 0.0, np.pi, "rad")
+    for values, what in ((run.inclination, "inclination"), (run.azimuth, "azimuth")):
+        if np.shape(values) != md.shape or np.isinf(values).any():
+            raise InputError(f"{what} of the {name} has shape {np.shape(values)} or is infinite; md has {md.shape}")
+
+
+def _not_one_run(inclination: Array, azimuth: Array) -> None:
+    """InputError where the runs do not differ at all: no two runs repeat every station to the last figure."""
+    known = np.isfinite(azimuth)
+    difference, what = (azimuth[known], "azimuth") if known.any() else (inclination, "inclination")
+    if len(difference) >= _COINCIDENCE and (np.abs(difference) <= _SAME_ANGLE).all():
+        raise InputError(
+            f"in-run and out-run have the same {what} at all {len(difference)} stations compared; "
+            "the same run twice proves nothing: give the two runs"
+        )
+
+
+def _interpolated(md: Array, run: Stations, interval: float) -> _At:
+    """The out-run at other depths; not covered outside its range and over gaps longer than `interval`."""
+    if not len(run.md):
+        nothing, none = np.full(len(md), np.nan), np.zeros(len(md), dtype=bool)
+        return _At(nothing, nothing, none, none)
+    last = len(run.md) - 1
+    after = np.clip(np.searchsorted(run.md, md), min(1, last), last)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(run.md[before] - md) <= np.abs(run.md[after] - md), before, after)
+    same = np.abs(run.md[nearest] - md) <= SAME_DEPTH
+    inside = (md > run.md[0]) & (md < run.md[-1])
+    covered = same | (inside & (run.md[after] - run.md[before] <= interval + SAME_DEPTH))
+    span = np.where(after > before, run.md[after] - run.md[before], 1.0)
+    share = (md - run.md[before]) / span
+    turn = wrap_signed(run.azimuth[after] - run.azimuth[before])
+    turn = np.where(np.abs(turn) > _SWING, np.nan, turn)
+    inclination = run.inclination[before] + share * (run.inclination[after] - run.inclination[before])
+    azimuth = wrap_positive(run.azimuth[before] + share * turn)
+    return _At(
+        np.where(same, run.inclination[nearest], inclination),
+        np.where(same, run.azimuth[nearest], azimuth),
+        covered,
+        covered & ~same,
+    )
+
+
+def _statistics(difference: Array) -> Statistics:
+    """Of the differences that are known."""
+    known = difference[np.isfinite(difference)]
+    count = len(known)
+    if not count:
+        return Statistics(0, np.nan, np.nan, np.nan, np.nan, False)
+    mean, rms = float(known.mean()), float(np.sqrt(np.mean(known**2)))
+    sd = float(known.std(ddof=1)) if count > 1 else float("nan")
+    systematic = bool(count > 1 and abs(mean) > 3.0 * sd / np.sqrt(count) + ROUNDING)
+    return Statistics(count, mean, sd, rms, float(np.abs(known).max()), systematic)
+
+
+def _count_check(count: int, limits: RepeatLimits) -> Check:
+    """Whether there are stations enough."""
+    name, reason = "common stations", f"{count} stations can be compared, {limits.stations} are needed"
+    if count >= limits.stations:
+        return Check(name, "pass", count, limits.stations, (), reason, unit="stations")
+    action = "survey the out-run over the depths of the in-run, at stations close enough to interpolate between"
+    return Check(name, "fail", count, limits.stations, (), reason, action, "stations")
+
+
+def _check(name: str, difference: Array, bad: Mask, judged: Mask, limit: float, rows: Index, enough: bool) -> Check:
+    """One angle at the stations it is judged at."""
+    if not judged.any() or not enough:
+        reason = "too few stations to judge" if judged.any() else "no such station whose angle both runs know"
+        value = float(np.abs(difference[judged]).max()) if judged.any() else float("nan")
+        return Check(name, "not judged", value, limit, (), reason)
+    sizes = np.where(judged, np.abs(difference), -1.0)
+    row, failed = int(np.argmax(sizes)), np.flatnonzero(judged & bad)
+    found, allowed = np.degrees(difference[row]), np.degrees(limit)
+    reason = (
+        f"{len(failed)} of {int(judged.sum())} stations off; largest difference {found:+.3f} deg "
+        f"at station {int(rows[row]) + 1} of the in-run, allowed +-{allowed:g}"
+    )
+    if not len(failed):
+        return Check(name, "pass", float(sizes[row]), limit, (), reason)
+    # one bad station is an event, many are the tool: the remedies differ
+    action = (
+        "repeat these stations at rest; check depth and centralisation there"
+        if len(failed) <= 0.2 * judged.sum()
+        else "check depth correlation, centralisation, drift and temperature of the gyro between the runs; survey again"
+    )
+    return Check(name, "fail", float(sizes[row]), limit, tuple(int(r) for r in rows[failed]), reason, action)
+
+
+def _notes(
+    in_run: Stations, rows: Index, between: Mask, known: Mask, statistics: dict[str, Statistics]
+) -> tuple[str, ...]:
+    """What a reader of the verdict must know."""
+    notes = []
+    if between.any():
+        notes.append(f"the out-run was interpolated at {int(between.sum())} of {len(rows)} depths of the in-run")
+    if left := len(in_run.md) - len(rows):
+        notes.append(f"{left} stations of the in-run left out: outside the out-run, or in a gap of it")
+    if lost := int((~known).sum()):
+        notes.append(f"azimuth not compared at {lost} stations: unknown in a run, or swinging by over 90 deg around it")
+    for name, found in statistics.items():
+        if found.systematic:
+            mean, sd = np.degrees(found.mean), np.degrees(found.sd)
+            notes.append(f"{name} differs systematically: mean {mean:+.3f} deg, standard deviation {sd:.3f}")
+    return tuple(notes)
 
 
 def gyro_survey(

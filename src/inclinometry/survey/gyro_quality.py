@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, Index, Mask, finite, within
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.errors import InputError
-from inclinometry.survey.checks import Check
-from inclinometry.uncertainty.coverage import chi_square_limit, coverage_factor
+from inclinometry.arrays import Array, Index, Mask, finite, within
+from inclinometry.constants import EARTH_RATE
+from inclinometry.errors import InputError
+from inclinometry.survey.flags import Check
+from inclinometry.uncertainty import chi_square_limit, coverage_factor
 
 # Misfit of rates and gravity over latitude, azimuth and scale eliminated at each station; no checks in here.
 
@@ -364,8 +364,8 @@ def rate_checks(
 
     Examples
     --------
-    >>> from inclinometry.attitude.orientation import fields
-    >>> from inclinometry.core.constants import EARTH_RATE
+    >>> from inclinometry.orientation import fields
+    >>> from inclinometry.constants import EARTH_RATE
     >>> a = np.linspace(0.0, 5.0, 12)
     >>> d, w = fields(a, a / 6.0, 2.0 * a, -np.radians(60.0))
     >>> small = np.broadcast_to(np.eye(3), (12, 3, 3))

@@ -8,12 +8,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
-from inclinometry.core.angles import TAU
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import IdentifiabilityError, InputError
-from inclinometry.core.lsq import Fit, Normal, levenberg_marquardt
-from inclinometry.sensors.tool import Tool
+from inclinometry.arrays import Array
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.least_squares import Fit, Normal, levenberg_marquardt
+from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
+from inclinometry.rotations import TAU
+from inclinometry.sensors import Tool
 from inclinometry.survey.multistation_priors import (
     FieldReference,
     Priors,
@@ -21,8 +21,7 @@ from inclinometry.survey.multistation_priors import (
     published_priors,
 )
 from inclinometry.survey.stations import Source, Stations
-from inclinometry.uncertainty.coverage import chi_square_limit
-from inclinometry.uncertainty.propagation import correlation, standard_deviations
+from inclinometry.uncertainty import chi_square_limit, correlation, standard_deviations
 
 
 class Linear(NamedTuple):
@@ -344,7 +343,7 @@ def multistation(
 
     Examples
     --------
-    >>> from inclinometry.attitude.orientation import fields
+    >>> from inclinometry.orientation import fields
     >>> toolface, inclination = np.radians([0.0, 80.0, 160.0, 240.0, 320.0]), np.radians([30.0, 35.0, 40.0, 45.0, 50.0])
     >>> g, b = fields(np.radians(40.0), inclination, toolface, np.radians(70.0))
     >>> run = Stations(30.0 * np.arange(5.0), 9.81 * g, 50_000.0 * b + [0.0, 0.0, 600.0])

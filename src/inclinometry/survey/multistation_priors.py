@@ -11,13 +11,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.core.arrays import Array, finite, frozen, within
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.earth.magnetic import reference_errors
 from inclinometry.earth.site import Site
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
-from inclinometry.uncertainty.propagation import covariance_matrix
+from inclinometry.errors import InputError
+from inclinometry.sensors import Tool, Triad
+from inclinometry.uncertainty import covariance_matrix
 
 _KINDS: Final = ("accelerometer", "magnetometer")
 _AXIAL: Final = "axial interference"

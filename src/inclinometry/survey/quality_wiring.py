@@ -6,11 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.attitude.conventions import AXES, Axes
-from inclinometry.attitude.mapping import Mapping, find_mapping
-from inclinometry.core.arrays import within
-from inclinometry.survey.checks import Check
-from inclinometry.survey.quality_words import DECLINATION
+from inclinometry.arrays import within
+from inclinometry.conventions import AXES, Axes, Mapping, find_mapping
+from inclinometry.survey.flags import Check
+from inclinometry.survey.quality import DECLINATION
 from inclinometry.survey.stations import Stations
 
 FEWEST: Final = 4
@@ -48,7 +47,7 @@ def wiring_check(stations: Stations, dip: float) -> Check:
 
     Examples
     --------
-    >>> from inclinometry.attitude.orientation import fields
+    >>> from inclinometry.orientation import fields
     >>> g, b = fields([0.1, 1.0, 2.5, 4.0], [0.3, 1.2, 2.0, 0.8], [0.5, 3.0, 1.0, 5.0], 1.2)
     >>> wiring_check(Stations(np.arange(4.0), g, b[:, [1, 0, 2]]), 1.2).reason
     'dips are off by 53.7 deg (root mean square); they fit with magnetometer x and y swapped'

@@ -2,20 +2,332 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.orientation import inclination_toolface
-from inclinometry.attitude.rotations import cross_matrix, rotation_y, rotation_z
-from inclinometry.core.arrays import Array, finite, within
-from inclinometry.core.errors import InputError
-from inclinometry.survey._beam import Beam, Shape, bent
-from inclinometry.survey.bha import Bha
+from inclinometry.arrays import Array, Index, Mask, finite, within
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.errors import ConvergenceError, InputError
+from inclinometry.orientation import inclination_toolface
+from inclinometry.rotations import cross_matrix, rotation_y, rotation_z
 from inclinometry.survey.reduce import Survey
 from inclinometry.survey.stations import Source, Stations
+
+_TOUCH: Final = 1e-9  # m
+_PULL: Final = 1e-9  # of the largest load of a node: rounding
+_ROUNDS: Final = 2  # changes of contact for each degree of freedom before the slower way
+_PATIENCE: Final = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """Nodes and what lies between them.
+
+    x : (n,) m.  stiffness : (n - 1,) E I, N m^2.  load : (n - 1,) N/m across the hole where it is level.
+    gap : (n,) m between body and wall at the nodes; inf where no contact is possible.
+    clamped : whether the upper end lies on the low side along the hole.
+    """
+
+    x: Array
+    stiffness: Array
+    load: Array
+    gap: Array
+    clamped: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """The beam at rest, all (n,).
+
+    deflection : m.  slope : rad.  contact : 1 at the low side, -1 at the high side, 0 free.  force : on the wall, N.
+    """
+
+    x: Array
+    deflection: Array
+    slope: Array
+    contact: Array
+    force: Array
+
+
+def bent(beam: Beam, share: float, curvature: float, touching: Sequence[int] | Array) -> Shape:
+    """The shape of least energy within the walls.
+
+    Parameters
+    ----------
+    beam : Beam
+    share : float
+        Of the load that acts across the hole: the sine of inclination.
+    curvature : float
+        Of the hole, rad/m, positive where inclination increases down the hole.
+    touching : (n,) int
+        Contacts to start from.
+
+    Raises
+    ------
+    ConvergenceError
+        The contacts do not settle.
+    """
+    band, force = _assembled(beam, share, curvature)
+    bounded = np.zeros(2 * len(beam.x), dtype=bool)
+    bounded[::2] = np.isfinite(beam.gap)
+    wall = np.zeros(len(bounded))
+    wall[::2] = np.where(np.isfinite(beam.gap), beam.gap, 0.0)
+    # without play the low side and the high side are one place
+    held = bounded & (wall == 0.0)
+    side = np.zeros(len(bounded), dtype=np.intp)
+    side[::2] = np.where(bounded[::2], np.asarray(touching, dtype=np.intp), 0)
+    if beam.clamped:
+        held[-2:], side[-2] = True, 1
+    problem = _Problem(band, force, wall, bounded & ~held, held)
+    values, side = _settled(problem, side) or _descended(problem, side * held)
+    pressed = force - _times(band, values)
+    contact = np.where(held, np.sign(pressed), side)[::2]
+    return Shape(beam.x, values[::2], values[1::2], np.where(bounded[::2], contact, 0.0), pressed[::2])
+
+
+class _Problem(NamedTuple):
+    """Stiffness, load, walls (2n,), which deflections they bound, and what is held in place."""
+
+    band: Array
+    force: Array
+    wall: Array
+    bounded: Mask
+    held: Mask
+
+    def loosest(self, values: Array, side: Index) -> int | None:
+        """The contact that would have to pull hardest, None where all push."""
+        pull = np.where(self.bounded, -side * (self.force - _times(self.band, values)), 0.0)
+        worst = int(np.argmax(pull))
+        return worst if pull[worst] > _PULL * np.abs(self.force).max(initial=1e-12) else None
+
+
+def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
+    """Close the contact passed furthest, else open the one that pulls hardest; None where that goes in circles."""
+    side = start.copy()
+    for _ in range(_ROUNDS * len(side)):
+        values = _solved(problem.band, problem.force, problem.held | (side != 0), side * problem.wall)
+        past = np.where(problem.bounded, np.abs(values) - problem.wall, 0.0)
+        worst = int(np.argmax(past))
+        if past[worst] > _TOUCH:
+            side[worst] = 1 if values[worst] > 0.0 else -1
+            continue
+        loose = problem.loosest(values, side)
+        if loose is None:
+            return values, side
+        side[loose] = 0
+    return None
+
+
+def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
+    """The same by steps that stay between the walls and never gain energy: slower, but it ends."""
+    side, values = start.copy(), start * problem.wall
+    for _ in range(_PATIENCE * len(side)):
+        fixed = problem.held | (side != 0)
+        aim = _solved(problem.band, problem.force, fixed, values)
+        step = aim - values
+        beyond = problem.bounded & ~fixed & (np.abs(aim) > problem.wall + _TOUCH)
+        if beyond.any():
+            room = np.where(beyond, np.sign(aim) * problem.wall - values, 0.0)
+            share = np.divide(room, step, out=np.full(len(step), np.inf), where=beyond)
+            first = int(np.argmin(share))
+            values = values + share[first] * step
+            side[first] = int(np.sign(aim[first]))
+            values[first] = side[first] * problem.wall[first]
+            continue
+        values = aim
+        loose = problem.loosest(values, side)
+        if loose is None:
+            return values, side
+        side[loose] = 0
+    raise ConvergenceError(
+        "the contacts of the assembly with the wall do not settle; check diameters and positions of the stabilisers"
+    )
+
+
+def _assembled(beam: Beam, share: float, curvature: float) -> tuple[Array, Array]:
+    """Lower band (4, 2n) of the stiffness matrix and the load (2n,)."""
+    span = np.diff(beam.x)
+    size = 2 * len(beam.x)
+    band, force = np.zeros((4, size)), np.zeros(size)
+    one = np.ones_like(span)
+    block = np.array(
+        [
+            [12 * one, 6 * span, -12 * one, 6 * span],
+            [6 * span, 4 * span**2, -6 * span, 2 * span**2],
+            [-12 * one, -6 * span, 12 * one, -6 * span],
+            [6 * span, 2 * span**2, -6 * span, 4 * span**2],
+        ]
+    ) * (beam.stiffness / span**3)
+    first = 2 * np.arange(len(span))
+    for column in range(4):
+        for row in range(column, 4):
+            np.add.at(band[row - column], first + column, block[row, column])
+    weight = beam.load * share
+    # a curved hole is a straight beam's initial bend: E I (v'' - curvature)^2 / 2
+    moment = beam.stiffness * curvature
+    parts = (weight * span / 2, weight * span**2 / 12 - moment, weight * span / 2, -weight * span**2 / 12 + moment)
+    for place, part in enumerate(parts):
+        np.add.at(force, first + place, part)
+    return band, force
+
+
+def _times(band: Array, values: Array) -> Array:
+    total = band[0] * values
+    for step in range(1, len(band)):
+        total[step:] += band[step, :-step] * values[:-step]
+        total[:-step] += band[step, :-step] * values[step:]
+    return np.asarray(total)
+
+
+def _solved(band: Array, force: Array, fixed: Mask, values: Array) -> Array:
+    """Deflections and slopes with those of `fixed` given."""
+    from scipy.linalg import solveh_banded
+
+    right = np.where(fixed, values, force - _times(band, np.where(fixed, values, 0.0)))
+    reduced = band.copy()
+    # the fixed ones are taken out of the equations and put back as identities
+    reduced[0, fixed] = band[0].max()
+    right[fixed] *= band[0].max()
+    for step in range(1, len(band)):
+        reduced[step, :-step][fixed[:-step] | fixed[step:]] = 0.0
+    return np.asarray(solveh_banded(reduced, right, lower=True))
+
+
+class Material(NamedTuple):
+    """Young's modulus, Pa, and density, kg/m^3."""
+
+    young: float
+    density: float
+
+
+MATERIALS: Final[Mapping[str, Material]] = MappingProxyType(
+    {"steel": Material(2.06e11, 7850.0), "nonmagnetic": Material(1.93e11, 7850.0)}
+)
+"""Alloy steel, and austenitic steel of non-magnetic collars (28e6 psi); densities of steel in both."""
+
+_BIT: Final = 0.8  # of the hole's diameter; an under-reamer above opens a hole by less
+_BEYOND: Final = 25.0  # m above the last stabiliser; there any string has found the low side
+_MESH: Final = 0.4  # m; the elements are exact at nodes, the mesh only says where the body may touch the wall
+
+
+@dataclass(frozen=True, kw_only=True)
+class Element:
+    """A piece of the assembly: length, outer and inner diameter, m; weight in air, kg/m; Young's modulus; density."""
+
+    length: float
+    outer: float
+    inner: float
+    weight: float
+    young: float = MATERIALS["steel"].young
+    density: float = MATERIALS["steel"].density
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        label = self.name or "element"
+        within(self.length, f"length of {label}", 1e-3, 100.0, "m")
+        within(self.outer, f"outer diameter of {label}", 1e-2, 1.5, "m")
+        within(self.inner, f"inner diameter of {label}", 0.0, self.outer * 0.999, "m")
+        within(self.weight, f"weight of {label}", 0.1, 2e4, "kg/m")
+        within(self.young, f"Young's modulus of {label}", 1e9, 1e12, "Pa")
+        within(self.density, f"density of {label}", 1e3, 2e4, "kg/m^3")
+
+    @property
+    def stiffness(self) -> float:
+        """E I, N m^2."""
+        return float(self.young * np.pi / 64.0 * (self.outer**4 - self.inner**4))
+
+
+class Stabiliser(NamedTuple):
+    """Centre of the blades from the bit, m, and their diameter, m."""
+
+    position: float
+    outer: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bha:
+    """A bottom-hole assembly in its hole.
+
+    elements : from the bit up; the first is the bit, which touches the wall at its lower end only.
+    sensor : inclination sensors from the bit, m.
+    hole : nominal diameter of the hole, m, at least that of bit and blades.
+    over_gauge : how much wider the hole is than its nominal diameter, m. No drilled hole holds the bit without play,
+        and where a stabiliser stands near the bit each millimetre changes sag by some hundredths of a degree; measure
+        it with a caliper where that matters.
+    mud_density : kg/m^3.
+    hole_sigma (m), stiffness_sigma, weight_sigma (relative) : standard deviations for the uncertainty of sag.
+    """
+
+    elements: Sequence[Element]
+    stabilisers: Sequence[Stabiliser]
+    sensor: float
+    hole: float
+    mud_density: float
+    over_gauge: float = 1e-3
+    hole_sigma: float = 1e-3
+    stiffness_sigma: float = 0.05
+    weight_sigma: float = 0.05
+    name: str = ""
+    beam: Beam = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.elements:
+            raise InputError("the assembly has no elements; give at least the bit and a collar")
+        length = sum(one.length for one in self.elements)
+        within(self.sensor, "sensor", 0.0, length, "m from the bit")
+        within(self.mud_density, "mud_density", 0.0, 3e3, "kg/m^3")
+        within(self.hole_sigma, "hole_sigma", 0.0, 0.1, "m")
+        within(self.over_gauge, "over_gauge", 0.0, 0.5, "m")
+        for name in ("stiffness_sigma", "weight_sigma"):
+            within(getattr(self, name), name, 0.0, 0.5)
+        for blade in self.stabilisers:
+            within(blade.position, "stabiliser", 0.0, length, "m from the bit")
+        widest = max([*(e.outer for e in self.elements), *(b.outer for b in self.stabilisers)])
+        if not widest <= float(finite(self.hole, "hole")) <= 2.0:
+            raise InputError(
+                f"the hole is {self.hole:g} m wide, the assembly {widest:g} m; a hole is at least as wide as its bit"
+            )
+        if self.elements[0].outer < _BIT * self.hole:
+            raise InputError(
+                f"the first element is {self.elements[0].outer:g} m wide in a hole of {self.hole:g} m; it must be the "
+                f"bit, at least {_BIT:g} of the hole"
+            )
+        object.__setattr__(self, "beam", _mesh(self))
+
+    @property
+    def length(self) -> float:
+        """Of all elements, m."""
+        return float(sum(one.length for one in self.elements))
+
+
+def _mesh(bha: Bha) -> Beam:
+    """Nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be."""
+    ends = np.cumsum([0.0, *(one.length for one in bha.elements)])
+    ends[-1] = max(ends[-1], _BEYOND + max((blade.position for blade in bha.stabilisers), default=0.0))
+    # to the centimetre: much shorter pieces would be too stiff beside the others for the digits of a double
+    marks = np.unique(np.round([*ends, bha.sensor, *(blade.position for blade in bha.stabilisers)], 2))
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / _MESH)) + 1)[:-1] for a, b in pairwise(marks)]
+    x = np.concatenate([*pieces, marks[-1:]])
+    which = np.clip(np.searchsorted(ends, 0.5 * (x[1:] + x[:-1])) - 1, 0, len(bha.elements) - 1)
+    outer = np.array([one.outer for one in bha.elements])[which]
+    body = np.maximum(np.append(outer, 0.0), np.append(0.0, outer))
+    hole = bha.hole + bha.over_gauge
+    gap = (hole - body) / 2.0
+    # the bit guides by its lower end; its length would otherwise hold the slope
+    gap[(x > 0.0) & (x <= ends[1] + 1e-9)] = np.inf
+    for blade in bha.stabilisers:
+        at = int(np.argmin(np.abs(x - blade.position)))
+        gap[at] = min(gap[at], (hole - blade.outer) / 2.0)
+    stiffness = np.array([one.stiffness for one in bha.elements])[which]
+    weight = np.array([one.weight * (1.0 - bha.mud_density / one.density) for one in bha.elements])[which]
+    return Beam(x, stiffness, weight * STANDARD_GRAVITY, gap)
+
 
 SOURCE: Final = "sag correction"
 """Name of the source of error the correction leaves; its parameter is the error over its standard deviation."""
@@ -56,7 +368,7 @@ def deflection(bha: Bha, inclination: float, curvature: float = 0.0) -> Shape:
 
     Examples
     --------
-    >>> from inclinometry.survey.bha import Element, Stabiliser
+    >>> from inclinometry.survey.sag import Element, Stabiliser
     >>> collar = Element(length=45.0, outer=0.17, inner=0.07, weight=140.0)
     >>> blades = [Stabiliser(position, 0.2127) for position in (12.0, 24.0)]
     >>> bit = Element(length=0.3, outer=0.2159, inner=0.05, weight=170.0)
@@ -102,7 +414,7 @@ def sag_angles(bha: Bha, inclination: ArrayLike, curvature: ArrayLike = 0.0) -> 
 
     Examples
     --------
-    >>> from inclinometry.survey.bha import Element, Stabiliser
+    >>> from inclinometry.survey.sag import Element, Stabiliser
     >>> collar = Element(length=45.0, outer=0.17, inner=0.07, weight=140.0)
     >>> blades = [Stabiliser(position, 0.2127) for position in (12.0, 24.0)]
     >>> bit = Element(length=0.3, outer=0.2159, inner=0.05, weight=170.0)

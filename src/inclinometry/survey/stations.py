@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.core.arrays import Array, finite, frozen
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array, finite, frozen
+from inclinometry.errors import InputError
 
 
 class Source(NamedTuple):

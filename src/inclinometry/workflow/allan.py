@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from inclinometry.allan import SHORTEST, ChannelNoise, NoiseModel, NoiseRecord, allan_deviation, fit_noise
+from inclinometry.arrays import Array
 from inclinometry.calibration.stillness import still_intervals
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.log_csv import EvenLog, read_even_log
-from inclinometry.sensors.noise import SHORTEST, ChannelNoise, NoiseModel, NoiseRecord, allan_deviation, fit_noise
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.log_csv import EvenLog, read_even_log
 
 JUMP = 9.0
 """Change from one stretch to the next, in robust standard deviations of such changes, that noise does not make."""

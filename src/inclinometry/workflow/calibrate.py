@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.attitude.orientation import angles, fields
+from inclinometry.arrays import Array
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.direct import (
     calibrate_classical,
@@ -26,14 +26,14 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.norm import calibrate_norms
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import DIP, KINDS, SHORT_INCLINATIONS, STEPS
-from inclinometry.core.errors import InclinometryError, InputError
+from inclinometry.constants import DIP, KINDS, SHORT_INCLINATIONS, STEPS
 from inclinometry.earth.site import Site
-from inclinometry.io.bench_csv import read_bench
-from inclinometry.io.columns import KIND_PREFIX
-from inclinometry.sensors.tool import Tool
+from inclinometry.errors import InclinometryError, InputError
+from inclinometry.files.bench_csv import read_bench
+from inclinometry.files.columns import KIND_PREFIX
+from inclinometry.orientation import angles, fields
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import Tool
 
 # The one table of identification methods by name, and which of them a set of readings allows.
 

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
-from inclinometry.io.position_csv import WellStations
-from inclinometry.io.survey_csv import RawSurvey
+from inclinometry.errors import InputError
+from inclinometry.files.position_csv import WellStations
+from inclinometry.files.survey_csv import RawSurvey
 from inclinometry.position.certificate import (
     calibration_sources,
     error_model,
@@ -20,14 +20,12 @@ from inclinometry.position.certificate import (
     reference_sources,
     with_terms,
 )
-from inclinometry.position.ellipse import horizontal_ellipse
-from inclinometry.position.propagation import propagate
-from inclinometry.position.sources import MatrixSource
+from inclinometry.position.propagation import MatrixSource, propagate
 from inclinometry.position.tool_code import ToolCode
-from inclinometry.position.well import WellSurvey
-from inclinometry.sensors.tool import Tool
+from inclinometry.position.well import WellSurvey, horizontal_ellipse
+from inclinometry.sensors import Tool
 from inclinometry.survey.from_tool import stations_from_tool
-from inclinometry.survey.sensor_correction import SensorCorrection, apply_correction
+from inclinometry.survey.reduce import SensorCorrection, apply_correction
 
 TRIED = np.radians(np.arange(0.0, 360.0, 15.0))
 """Toolfaces of which the worst is taken where the survey states none."""

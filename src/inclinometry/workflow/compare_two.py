@@ -11,10 +11,10 @@ import numpy as np
 from inclinometry.calibration.comparison import TwoCalibrations, compare_calibrations
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.expected import ANGLES
-from inclinometry.core.errors import InputError
 from inclinometry.earth.site import Site
-from inclinometry.io.tool_json import read_calibration
-from inclinometry.sensors.tool import Tool
+from inclinometry.errors import InputError
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.sensors import Tool
 from inclinometry.workflow.calibrate import Options, calibrate, readings_at
 
 

@@ -14,10 +14,10 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from inclinometry.core.errors import FileError, InclinometryError, InputError
-from inclinometry.io.atomic import replacing
-from inclinometry.io.exchange import SurveyFile
-from inclinometry.io.survey_csv import OutColumn, columns_of
+from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_csv import OutColumn, columns_of
+from inclinometry.files.writing import replacing
 
 
 class Format(NamedTuple):

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from inclinometry.core.errors import FileError
-from inclinometry.io import p7, wits0
-from inclinometry.io.exchange import SurveyFile
+from inclinometry.errors import FileError
+from inclinometry.files import p7, wits0
+from inclinometry.files.exchange import SurveyFile
 
 RAW = ("M7", "G7")
 
@@ -58,7 +58,7 @@ def read_witsml(
     path: str | Path, *, convention: str = "iscwsa", azimuth_reference: str | None = None, sheet: str | None = None
 ) -> SurveyFile:
     """One trajectory of a WITSML document, by its uid or name (`sheet`); else as `io.witsml.read_witsml`."""
-    from inclinometry.io import witsml
+    from inclinometry.files import witsml
 
     return witsml.read_witsml(path, trajectory=sheet, convention=convention, azimuth_reference=azimuth_reference)
 

@@ -10,15 +10,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.core.errors import FileError, InputError
-from inclinometry.io.corrections_json import read_corrections
-from inclinometry.sensors.tool import Tool
-from inclinometry.survey.bha import Bha
-from inclinometry.survey.checks import Check
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.corrections_json import read_corrections
+from inclinometry.sensors import Tool
+from inclinometry.survey.flags import Check
 from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality_wiring import wiring_check
-from inclinometry.survey.sensor_correction import SensorCorrection
+from inclinometry.survey.reduce import SensorCorrection
+from inclinometry.survey.sag import Bha
 from inclinometry.survey.stations import Stations
 
 # Whether a run may be corrected, and whether the estimate of an analysis may be believed and used for this run.
@@ -55,7 +55,7 @@ def refuse_uncorrectable(stations: Stations, reference: FieldReference) -> None:
     >>> refuse_uncorrectable(run, reference)
     Traceback (most recent call last):
     ...
-    inclinometry.core.errors.InputError: median |g| of the stations is 1 m/s^2, the reference 9.81: more than 20 % off \
+    inclinometry.errors.InputError: median |g| of the stations is 1 m/s^2, the reference 9.81: more than 20 % off \
 is no error a correction may take off; check the unit and the reference
     """
     for name, unit, fields, wanted in (
@@ -100,7 +100,7 @@ def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
     >>> refuse_beyond({"ABZ": Parameter(0.47, 0.001, 0.004, "m/s^2")})
     Traceback (most recent call last):
     ...
-    inclinometry.core.errors.InputError: the analysis puts ABZ at +0.47 m/s^2, 118 times its prior of 0.004; beyond 10 \
+    inclinometry.errors.InputError: the analysis puts ABZ at +0.47 m/s^2, 118 times its prior of 0.004; beyond 10 \
 times it is no sensor error: check units, axes and signs of the channels, and the site's g, b and dip
     """
     out = {name: abs(p.value) / p.prior for name, p in parameters.items() if p.prior > 0.0}

@@ -11,8 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.attitude.orientation import angles
-from inclinometry.attitude.rotations import dcm, dcm_from_quaternion, quaternion_from_dcm
+from inclinometry.arrays import Array
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import Verification, verify
 from inclinometry.calibration.field import calibrate_field
@@ -20,31 +19,30 @@ from inclinometry.calibration.norm import NormFit, calibrate_norm, calibrate_nor
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
 from inclinometry.earth.site import Site
-from inclinometry.io.atomic import write_text
-from inclinometry.io.bench_csv import read_bench, write_bench
-from inclinometry.io.position_csv import write_position_csv
-from inclinometry.io.raw_csv import write_raw_survey
-from inclinometry.io.run_file import open_run
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.survey_csv import read_raw_survey
-from inclinometry.io.tool_json import read_calibration, write_calibration, write_truth
+from inclinometry.files.bench_csv import read_bench, write_bench, write_raw_survey
+from inclinometry.files.position_csv import write_position_csv
+from inclinometry.files.run_file import open_run
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.survey_csv import read_raw_survey
+from inclinometry.files.tool_json import read_calibration, write_calibration, write_truth
+from inclinometry.files.writing import write_text
 from inclinometry.motion.result import DynamicRun
-from inclinometry.position.ellipse import horizontal_ellipse
+from inclinometry.orientation import angles
+from inclinometry.position.well import horizontal_ellipse
 from inclinometry.report.calibration import calibration_report
-from inclinometry.report.digits import significant
-from inclinometry.report.dynamic_figures import Found, errors_of, methods_figure, rms_of
+from inclinometry.report.dynamic import Found, errors_of, methods_figure, rms_of
 from inclinometry.report.gyro import gyro_report, scale_report
-from inclinometry.report.index import Entry, entry_of, index_page
+from inclinometry.report.page import Entry, entry_of, index_page
 from inclinometry.report.survey import survey_report
 from inclinometry.report.verification import verification_report
-from inclinometry.sensors.tool import Tool
+from inclinometry.report.words import significant
+from inclinometry.rotations import dcm, dcm_from_quaternion, quaternion_from_dcm, wrap_signed
+from inclinometry.sensors import Tool
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.drilling import DrillingSimulation, simulate_drilling
 from inclinometry.simulate.gyro import hot_run
 from inclinometry.simulate.hole import SurveySimulation
-from inclinometry.simulate.rig import Rig
 from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.path import minimum_curvature
 from inclinometry.survey.reduce import Survey, reduce_survey
@@ -312,7 +310,7 @@ def well_sentences(found: DemoWell) -> list[str]:
 
 
 def _stored(analysis: Analysis, path: Path) -> str:
-    from inclinometry.io.corrections_json import write_corrections
+    from inclinometry.files.corrections_json import write_corrections
 
     write_corrections(analysis.correction, path)
     return str(path)
@@ -525,7 +523,7 @@ def _magnetised(demo: Demo) -> None:
 
 def _hot_run(demo: Demo) -> None:
     from inclinometry.report.figure import save_png
-    from inclinometry.report.gyro_figures import hot_run_figure
+    from inclinometry.report.gyro import hot_run_figure
 
     folder = demo.folder / "gyro"
     folder.mkdir(parents=True, exist_ok=True)

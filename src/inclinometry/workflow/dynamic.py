@@ -11,35 +11,35 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from inclinometry.attitude.conventions import AXES, Axes, axes_matrix, named
-from inclinometry.attitude.orientation import SWITCH, Angles, angles_jacobian, fields
-from inclinometry.attitude.rotations import dcm_from_quaternion, quaternion_from_dcm, rotation_z
+from inclinometry.arrays import Array, Mask, within
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.angles import TAU
-from inclinometry.core.arrays import Array, Mask, within
-from inclinometry.core.constants import DIP
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.constants import DIP
+from inclinometry.conventions import AXES, Axes, axes_matrix, named
 from inclinometry.earth.site import REFERENCES, Site
-from inclinometry.io.attitude_file import write_attitude
-from inclinometry.io.columns import KIND_PREFIX
-from inclinometry.io.run_file import BLOCK, RunFile
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.attitude_file import write_attitude
+from inclinometry.files.columns import KIND_PREFIX
+from inclinometry.files.run_file import BLOCK, RunFile
 from inclinometry.motion.decimate import unit_doubt
 from inclinometry.motion.result import (
     BITS,
+    CHANNELS,
     Attitude,
     AttitudeRows,
     DynamicRun,
     Envelope,
     Excerpt,
     RunCounts,
+    Samples,
     Spectrogram,
     Vibration,
 )
-from inclinometry.motion.samples import CHANNELS, Samples
 from inclinometry.motion.timing import Piece, StretchCutter, rejoined
-from inclinometry.sensors.sensitivity import angle_sensitivity
+from inclinometry.orientation import SWITCH, Angles, angles_jacobian, fields
+from inclinometry.rotations import TAU, dcm_from_quaternion, quaternion_from_dcm, rotation_z
+from inclinometry.sensors import angle_sensitivity
 from inclinometry.survey.reduce import turned_to_north
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN
 from inclinometry.workflow.dynamic_methods import (
     LONGEST,
     METHODS,
@@ -424,7 +424,7 @@ class DynamicOptions:
     --------
     >>> DynamicOptions("psychic")
     Traceback (most recent call last):
-    inclinometry.core.errors.InputError: method is 'psychic'; allowed: auto, static, quaternion,
+    inclinometry.errors.InputError: method is 'psychic'; allowed: auto, static, quaternion,
     magnetic, gyro, filter, robust, smoother, complementary
     """
 
@@ -603,7 +603,7 @@ def attitude_stream(
 
     Examples
     --------
-    >>> from inclinometry.motion.samples import Samples
+    >>> from inclinometry.motion.result import Samples
     >>> stream = attitude_stream(Site(b=44721.0, dip=1.1071), DynamicOptions("static", 1.0))
     >>> still = Samples(np.arange(250) / 100.0, 0.01, accel=[[0.0, 0.0, 9.81]] * 250, mag=[[2e4, 0.0, 4e4]] * 250)
     >>> [len(stream.push(still.part(start, start + 50))) for start in range(0, 250, 50)]

@@ -10,22 +10,21 @@ from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
+from inclinometry.arrays import Array, Index
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.arrays import Array, Index
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 from inclinometry.motion.axes import FAR_DIP, expected_dip
 from inclinometry.motion.choose import AttitudeChooser, ChooserSettings
 from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream
-from inclinometry.motion.dip_check import RunDip
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
-from inclinometry.motion.inertial.settings import InertialSettings
 from inclinometry.motion.inertial.smoother import smoothed_attitude
-from inclinometry.motion.magnetic.settings import MagneticSettings
-from inclinometry.motion.magnetic.stream import MagneticStream
-from inclinometry.motion.result import BITS, Attitude, joined, refusals
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.inertial.state import InertialSettings
+from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.window import MagneticStream
+from inclinometry.motion.reference import RunDip
+from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
 from inclinometry.motion.static import NorthSeekingStream, StaticSettings, StaticStream
 from inclinometry.motion.timing import rejoined
 from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings

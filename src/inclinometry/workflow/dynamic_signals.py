@@ -10,23 +10,21 @@ from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
+from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import UNSTATED, Calibration, same_units
-from inclinometry.core.arrays import Array, Mask
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.io.columns import KIND_PREFIX
-from inclinometry.io.log_csv import TO_SI
-from inclinometry.io.run_file import RunBlock, RunFile
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.columns import KIND_PREFIX
+from inclinometry.files.log_csv import TO_SI
+from inclinometry.files.run_file import RunBlock, RunFile
 from inclinometry.motion.axes import FAR_DIP, expected_dip
 from inclinometry.motion.choose import TURNING
-from inclinometry.motion.dip_check import RunDip, azimuth_doubt, widened
-from inclinometry.motion.finding import Finding
 from inclinometry.motion.health import HealthCheck, WindowHealth, named
-from inclinometry.motion.result import BITS, Attitude, Envelope, Spectrogram, joined
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.reference import RunDip, azimuth_doubt, widened
+from inclinometry.motion.result import BITS, Attitude, Envelope, Finding, Samples, Spectrogram, joined
 from inclinometry.motion.window_filter import WindowBuffer
-from inclinometry.sensors.triad import Triad
+from inclinometry.sensors import Triad
 
 # Single values of a run that no sensor reads: markers of other programs for a missing value, and broken bytes.
 

@@ -8,10 +8,10 @@ from importlib.resources import files
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.stillness import StillIntervals, sd_of_mean, stations_from_log
-from inclinometry.core.arrays import Array
-from inclinometry.core.digest import digest_bytes
+from inclinometry.digest import digest_bytes
 
 _DATA = "demo_data"
 CAVE_INSTRUMENTS = ("BB", "CF", "FG", "HC")

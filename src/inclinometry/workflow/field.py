@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array
 from inclinometry.earth.magnetic import (
     MagneticField,
     Model,
@@ -21,7 +19,9 @@ from inclinometry.earth.magnetic import (
 )
 from inclinometry.earth.rate import earth_rate, horizontal_rate
 from inclinometry.earth.site import Site
-from inclinometry.io.grid import grid_convergence, out_of_area
+from inclinometry.errors import InputError
+from inclinometry.files.site_toml import grid_convergence, out_of_area
+from inclinometry.rotations import wrap_signed
 
 _FIELD = ("b", "dip", "declination")
 _PLACE = ("latitude", "longitude", "date")

@@ -10,15 +10,17 @@ from typing import Final
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY, STATED_GRAVITY_SD
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.earth.gravity import relative_gravity, stated_gravity_sd
 from inclinometry.earth.site import Site
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
+from inclinometry.files.scale_json import ScaleRecord
+from inclinometry.gyro.closed_form import tilt, upward
 from inclinometry.gyro.north import to_high_side
 from inclinometry.gyro.result import North
-from inclinometry.gyro.tilt import tilt, upward
 from inclinometry.gyro.tracking import (
     MOST,
     ScaleBelief,
@@ -30,10 +32,7 @@ from inclinometry.gyro.tracking import (
     walking_belief,
     widened,
 )
-from inclinometry.io.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
-from inclinometry.io.scale_json import ScaleRecord
-from inclinometry.survey.checks import Check
-from inclinometry.survey.flags import HEAT_MARGIN
+from inclinometry.survey.flags import HEAT_MARGIN, Check
 from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.gyro_quality import rate_unit_suspect
 from inclinometry.survey.reduce import Survey

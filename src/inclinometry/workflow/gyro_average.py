@@ -7,16 +7,16 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.attitude.rotations import rotation_z
+from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.core.arrays import Array, Mask
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.columns import KIND_PREFIX
+from inclinometry.files.gyro_csv import GyroReadings
 from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.gyro.result import IndexAverage
-from inclinometry.io.columns import KIND_PREFIX
-from inclinometry.io.gyro_csv import GyroReadings
-from inclinometry.sensors.triad import Triad
+from inclinometry.rotations import rotation_z
+from inclinometry.sensors import Triad
 from inclinometry.workflow.gyro_doubt import field_doubt, reading_variance
 
 TO_SI: Final = {

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.errors import InputError
 from inclinometry.gyro.result import North
-from inclinometry.survey.checks import Check
+from inclinometry.survey.flags import Check
 from inclinometry.survey.gyro_quality import rate_checks
 from inclinometry.workflow.gyro_average import LIGHTEST
 from inclinometry.workflow.gyro_methods import Known, Stations, solve

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.sensors.tool import Tool
+from inclinometry.arrays import Array
+from inclinometry.sensors import Tool
 
 
 def reading_variance(tool: Tool, kind: str, powers: Array) -> Array:

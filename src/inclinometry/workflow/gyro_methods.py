@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE
+from inclinometry.arrays import Array
+from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
 from inclinometry.gyro.closed_form import CHANGE, solve_patent
 from inclinometry.gyro.north import estimate_north, estimate_north_fixed

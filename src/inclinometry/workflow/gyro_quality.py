@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.arrays import Array
+from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.limits import GYRO_REPEAT, read_repeat_limits
+from inclinometry.files.survey_csv import read_survey_csv
 from inclinometry.gyro.result import FLAGS as GYRO_FLAGS
-from inclinometry.io.limits import GYRO_REPEAT, read_repeat_limits
-from inclinometry.io.survey_csv import read_survey_csv
-from inclinometry.survey.checks import Check
-from inclinometry.survey.flags import FLAGS
-from inclinometry.survey.gyro_runs import Comparison, Run, compare_runs
+from inclinometry.survey.flags import FLAGS, Check
+from inclinometry.survey.gyro import Comparison, Run, compare_runs
 
 MEANING = {**FLAGS, **GYRO_FLAGS}
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.arrays import Array
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.gyro.closed_form import solve_fixed_arctan2, solve_patent
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.result import North
 from inclinometry.gyro.tracking import ScaleTrack, quadratic_belief, smooth_scale
+from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.gyro import HotRun, hot_run
 
 GRAVITY_SD = 1e-5

@@ -10,8 +10,8 @@ import numpy as np
 from inclinometry.calibration import plans
 from inclinometry.calibration.design import CRITERIA, RIG_SD, optimal_plan
 from inclinometry.calibration.plans import FIRST_INCLINATION, Plan
-from inclinometry.core.constants import DIP, INCLINATION_RANGE
-from inclinometry.core.errors import InputError
+from inclinometry.constants import DIP, INCLINATION_RANGE
+from inclinometry.errors import InputError
 from inclinometry.workflow.simulate import PLANS, plan_named
 
 LEAST_INCLINATION = np.radians(1.0)

@@ -9,23 +9,23 @@ from pathlib import Path
 import numpy as np
 
 from inclinometry.calibration.result import Calibration
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import FileError, InputError
+from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.io.position_csv import WellStations, read_well
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.survey_csv import RawSurvey, read_raw_survey
-from inclinometry.io.table import Progress
-from inclinometry.io.tool_code_json import load_tool_code
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.position_csv import WellStations, read_well
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
+from inclinometry.files.table import Progress
+from inclinometry.files.tool_code_json import load_tool_code
+from inclinometry.files.tool_json import read_calibration
 from inclinometry.position.propagation import PositionUncertainty, propagate
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
+from inclinometry.rotations import wrap_signed
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
-from inclinometry.survey.sensor_correction import SensorCorrection
+from inclinometry.survey.reduce import SensorCorrection
 from inclinometry.workflow.certificate import CertificateModel, certificate_model
 from inclinometry.workflow.corrections import matching_correction
 from inclinometry.workflow.field import completed, field_at, model_of

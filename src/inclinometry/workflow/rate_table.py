@@ -8,19 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from inclinometry.attitude.rotations import dcm
+from inclinometry.arrays import Array
 from inclinometry.calibration.rate_table import RateCalibration, calibrate_rates, table_rates
 from inclinometry.calibration.result import UNSTATED, Calibration, Residuals, Rig
 from inclinometry.calibration.temperature import soaks
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import EARTH_RATE
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import FileError, IdentifiabilityError, InputError
+from inclinometry.constants import EARTH_RATE
+from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.io.gyro_csv import RateSteps
-from inclinometry.io.tool_json import read_calibration
-from inclinometry.sensors.tool import Tool
-from inclinometry.sensors.triad import Triad
+from inclinometry.errors import FileError, IdentifiabilityError, InputError
+from inclinometry.files.gyro_csv import RateSteps
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.rotations import dcm
+from inclinometry.sensors import Tool, Triad
 
 # Gross mistakes in a run on a rate table: units, signs, axes. Found by the scale, the tensor and the Earth's own rate.
 #

@@ -10,14 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import FileError, InputError
-from inclinometry.io._quantities import is_number, meaning
-from inclinometry.io.columns import channel
-from inclinometry.io.table import Table, read_table
-from inclinometry.survey.checks import Check
-from inclinometry.survey.quality_repeats import dual_depth, repeated_stations, rotation_shots
+from inclinometry.arrays import Array
+from inclinometry.digest import digest_file
+from inclinometry.errors import FileError, InputError
+from inclinometry.files._quantities import is_number, meaning
+from inclinometry.files.columns import channel
+from inclinometry.files.table import Table, read_table
+from inclinometry.survey.flags import Check
+from inclinometry.survey.quality import dual_depth, repeated_stations, rotation_shots
 from inclinometry.workflow.convert import format_of
 from inclinometry.workflow.six_axis import SixAxis, read_six_axis
 

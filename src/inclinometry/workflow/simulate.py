@@ -9,23 +9,21 @@ from typing import Any
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration import plans
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.core.arrays import Array
-from inclinometry.core.constants import DIP
-from inclinometry.core.errors import InputError
-from inclinometry.io.datasheet_toml import read_nameplate
-from inclinometry.io.plan_csv import read_plan
-from inclinometry.io.raw_csv import write_log as write_log_csv
-from inclinometry.io.raw_csv import write_raw_survey
-from inclinometry.io.survey_csv import write_survey_csv
-from inclinometry.io.tool_json import read_extras, read_tool
-from inclinometry.sensors.tool import Tool
-from inclinometry.simulate.bench import BenchSimulation, simulate_bench
+from inclinometry.constants import DIP
+from inclinometry.errors import InputError
+from inclinometry.files.bench_csv import read_plan, write_raw_survey
+from inclinometry.files.bench_csv import write_log as write_log_csv
+from inclinometry.files.datasheet_toml import read_nameplate
+from inclinometry.files.survey_csv import write_survey_csv
+from inclinometry.files.tool_json import read_extras, read_tool
+from inclinometry.sensors import Tool
+from inclinometry.simulate.bench import BenchSimulation, Misread, Rig, simulate_bench
 from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
 from inclinometry.simulate.log import LogSimulation, simulate_log
-from inclinometry.simulate.rig import Misread, Rig
 from inclinometry.simulate.sensing import MAGNETOMETERS, Characteristic, signal_of
 from inclinometry.simulate.tool import has_step, random_tool, realistic_tool
 

@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
-from inclinometry.io._write import degrees, number
-from inclinometry.io.run_file import OutField, writing
+from inclinometry.arrays import Array
+from inclinometry.errors import InputError
+from inclinometry.files.run_file import OutField, writing
+from inclinometry.files.writing import degrees, number
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, drilling_blocks
 from inclinometry.simulate.drilling.scenario import Hole
 

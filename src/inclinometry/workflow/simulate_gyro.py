@@ -8,14 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array
 from inclinometry.earth.gravity import normal_gravity
-from inclinometry.io import _json
-from inclinometry.io.atomic import write_bytes
-from inclinometry.io.gyro_csv import write_gyro_run
+from inclinometry.errors import InputError
+from inclinometry.files import json_codec
+from inclinometry.files.gyro_csv import write_gyro_run
+from inclinometry.files.writing import write_bytes
 from inclinometry.simulate.gyro import GyroSensors, GyroSimulation, HotRun, Spike, hot_run, simulate_gyro_run
-from inclinometry.simulate.streams import Streams
+from inclinometry.simulate.tool import Streams
 
 POSITIONS: Final = {
     "two": (0.0, 180.0),
@@ -132,4 +132,4 @@ def write_gyro_truth(run: GyroSimulation, seed: int, path: str | Path) -> None:
             "scale": run.scale,
         },
     }
-    write_bytes(_json.canonical(content), path)
+    write_bytes(json_codec.canonical(content), path)

@@ -9,23 +9,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.attitude.orientation import fields
+from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.core.angles import wrap_signed
-from inclinometry.core.arrays import Array, Mask
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import FileError, InclinometryError, InputError
+from inclinometry.digest import digest_file
 from inclinometry.earth.magnetic import complete_site
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.io.columns import channel
-from inclinometry.io.exchange import SurveyFile
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.survey_csv import read_raw_survey
-from inclinometry.io.table import Progress, read_table
-from inclinometry.io.tool_code_json import load_tool_code
-from inclinometry.io.tool_json import read_calibration
-from inclinometry.sensors.tool import Tool
-from inclinometry.survey.checks import Check, worst
+from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.files.columns import channel
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.survey_csv import read_raw_survey
+from inclinometry.files.table import Progress, read_table
+from inclinometry.files.tool_code_json import load_tool_code
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.orientation import fields
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import Tool
+from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.from_stations import survey_from_stations
 from inclinometry.survey.from_tool import KINDS, stations_from_tool, stations_plain
 from inclinometry.survey.multistation import MultiStation, multistation
@@ -37,8 +37,7 @@ from inclinometry.survey.multistation_priors import (
 )
 from inclinometry.survey.quality import FieldLimits, FieldQuality, judge_fields, with_sensors
 from inclinometry.survey.quality_wiring import wiring_check
-from inclinometry.survey.reduce import Survey
-from inclinometry.survey.sensor_correction import SensorCorrection, apply_correction, correction_of
+from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correction, correction_of
 from inclinometry.survey.stations import Stations
 from inclinometry.workflow.convert import format_of, read_survey_file
 from inclinometry.workflow.corrections import (
@@ -439,7 +438,7 @@ def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tup
         raise InputError("--bha is given without the correction that needs it; add sag to --correct")
     assembly = None
     if bha is not None:
-        from inclinometry.io.bha_toml import read_bha
+        from inclinometry.files.sag_toml import read_bha
 
         assembly = read_bha(bha)
     if names and REBUILT in run.stations.history:

@@ -11,8 +11,8 @@ import numpy as np
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.stillness import StillIntervals, stations_from_log
-from inclinometry.core.errors import InputError
-from inclinometry.io.log_csv import read_log
+from inclinometry.errors import InputError
+from inclinometry.files.log_csv import read_log
 
 
 def readings_of_log(

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from inclinometry.attitude.orientation import SWITCH
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.core.digest import digest_file
-from inclinometry.core.errors import InputError
+from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.io._write import write_columns
-from inclinometry.io.site_toml import read_site
-from inclinometry.io.survey_csv import RawSurvey, read_raw_survey, survey_cells
-from inclinometry.io.table import Progress
-from inclinometry.io.tool_json import read_calibration
+from inclinometry.errors import InputError
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.survey_csv import RawSurvey, read_raw_survey, survey_cells
+from inclinometry.files.table import Progress
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.files.writing import write_columns
+from inclinometry.orientation import SWITCH
 from inclinometry.survey.from_tool import KINDS, stations_from_tool
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.workflow.field import completed

@@ -9,9 +9,9 @@ from datetime import UTC, datetime, timedelta
 from itertools import count
 from pathlib import Path
 
-from inclinometry.store.admin import create
-from inclinometry.store.exchange import export
-from inclinometry.store.ledger import Draft, Ledger
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.exchange import export
+from inclinometry.laboratory.ledger.ledger import Draft, Ledger
 
 TRIAD = {"units": "counts", "axes": ["x", "y", "z"]}
 SEALED = "sha256:2689367b205c16ce32ed4200942b8b8b1e262dfc70d9bc9fbc77c49699a4f1df"  # of b"ok"
@@ -35,7 +35,7 @@ def main(folder: Path) -> None:
     ticks = count()
     path = folder / "ledger-0001.sqlite"
     create(path).close()
-    clock = lambda: datetime(2026, 11, 21, 8, tzinfo=UTC) + timedelta(seconds=next(ticks))  # noqa: E731
+    clock = lambda: datetime(2026, 11, 21, 8, tzinfo=UTC) + timedelta(seconds=next(ticks))
     with Ledger(path, clock=clock) as ledger:
         session = ledger.append_all(DRAFTS, author="anna")[-1].id
         names = []

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from inclinometry.attitude._kernels import inlined
-from inclinometry.core.arrays import Array
+from inclinometry.arrays import Array
+from inclinometry.compiled import inlined
 
 STATES: Final = 12
 SWAY, SPEED, SLOPE, BIAS, FIELD = 0, 2, 4, 6, 9

@@ -9,11 +9,11 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from inclinometry.attitude._kernels import compiled, inlined
-from inclinometry.core.arrays import Array, Mask
+from inclinometry.arrays import Array, Mask
+from inclinometry.compiled import compiled, inlined
 from inclinometry.motion.complementary import _kernels as k
 from inclinometry.motion.result import BITS
-from inclinometry.uncertainty.propagation import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN
 
 # places in `first`: sums of the start (gravity, field, samples; strapdown axes), last good gravity, field and rate
 F_GRAVITY, F_FIELD, F_COUNT, F_ACCEL, F_MAG, F_GYRO, FIRST = 0, 3, 6, 7, 10, 13, 16

@@ -7,11 +7,10 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
-from inclinometry.core.settings import Range, Settings
-from inclinometry.motion.result import METHODS, Attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.arrays import Array
+from inclinometry.errors import InputError
+from inclinometry.motion.result import METHODS, Attitude, Samples
+from inclinometry.settings import Range, Settings
 
 # Settings of the filter in the almost-inertial frame.
 

@@ -16,8 +16,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from inclinometry.attitude._kernels import compiled, inlined
-from inclinometry.core.arrays import Array
+from inclinometry.arrays import Array
+from inclinometry.compiled import compiled, inlined
 
 STATES: Final = 16
 NOMINAL: Final = 20  # quaternion 0-3, then bias, scale, accelerometer bias, hard iron, dip; rest unused

@@ -7,17 +7,26 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.attitude.rotations import dcm_from_quaternion
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array
 from inclinometry.earth.site import Site
-from inclinometry.motion.inertial.settings import InertialSettings
-from inclinometry.motion.inertial.start import azimuth_variance, bent, blank, given, linearised, sought
-from inclinometry.motion.inertial.state import Model, State
-from inclinometry.motion.inertial.window import MISFIT, MOST_REFUSED, Seen, is_still, reduce_window
-from inclinometry.motion.result import BITS, METHODS, Attitude, joined, refusals
-from inclinometry.motion.samples import Samples
+from inclinometry.errors import InputError
+from inclinometry.motion.inertial.state import InertialSettings, Model, State
+from inclinometry.motion.inertial.window import (
+    MISFIT,
+    MOST_REFUSED,
+    Seen,
+    azimuth_variance,
+    bent,
+    blank,
+    given,
+    is_still,
+    linearised,
+    reduce_window,
+    sought,
+)
+from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined, refusals
 from inclinometry.motion.window_filter import LARGEST_BREAK, WindowBuffer
+from inclinometry.rotations import dcm_from_quaternion
 
 # A state of the filter as a row of the common result: flags and quality.
 
@@ -337,7 +346,7 @@ def inertial_attitude(
     One turn a second for 20 s, 30 deg from vertical:
 
     >>> import numpy as np
-    >>> from inclinometry.attitude.rotations import dcm
+    >>> from inclinometry.rotations import dcm
     >>> time = np.arange(2000) / 100.0
     >>> turned = dcm(np.radians(60.0), np.radians(30.0), 2.0 * np.pi * time)
     >>> dip = np.radians(65.0)
@@ -393,7 +402,7 @@ def gyro_attitude(
     uncertainty, 0.02 m/s^2 of accelerometer bias, is what limits the azimuth:
 
     >>> import numpy as np
-    >>> from inclinometry.attitude.rotations import dcm
+    >>> from inclinometry.rotations import dcm
     >>> from inclinometry.earth.rate import earth_rate
     >>> site = Site(latitude=np.radians(50.0), g=9.81)
     >>> matrix = dcm(np.radians(60.0), np.radians(30.0), np.radians(100.0))

@@ -7,17 +7,26 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.attitude.rotations import dcm_from_quaternion, rotation_log
-from inclinometry.core.arrays import Array
-from inclinometry.core.errors import InputError
+from inclinometry.arrays import Array
 from inclinometry.earth.site import Site
+from inclinometry.errors import InputError
 from inclinometry.motion.inertial.filter import SETTLED, Engine, Node, row
-from inclinometry.motion.inertial.settings import InertialSettings
-from inclinometry.motion.inertial.state import NO_GATE, STATES, Ends, Model, State, Tape, blank_tape, carried, corrected
+from inclinometry.motion.inertial.state import (
+    NO_GATE,
+    STATES,
+    Ends,
+    InertialSettings,
+    Model,
+    State,
+    Tape,
+    blank_tape,
+    carried,
+    corrected,
+)
 from inclinometry.motion.inertial.window import reduce_window
-from inclinometry.motion.result import BITS, Attitude, joined, refusals
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
 from inclinometry.motion.window_filter import WindowBuffer
+from inclinometry.rotations import dcm_from_quaternion, rotation_log
 
 CLOSURE: Final = 4.0
 """Misclosure at the end station, in standard deviations (root mean square of three), that is flagged."""
@@ -58,7 +67,7 @@ def smoothed_attitude(
 
     Examples
     --------
-    >>> from inclinometry.attitude.orientation import fields
+    >>> from inclinometry.orientation import fields
     >>> g, b = fields(np.radians(60.0), np.radians(30.0), np.radians(100.0), np.radians(65.0))
     >>> noise = np.random.default_rng(0)
     >>> still = Samples(np.arange(2000) / 100.0, 0.01, accel=9.81 * g + noise.normal(0, 0.03, (2000, 3)),

@@ -10,8 +10,8 @@ from typing import Final
 
 from numba import types
 
-from inclinometry.attitude._kernels import compiled, inlined
-from inclinometry.core.arrays import Array
+from inclinometry.arrays import Array
+from inclinometry.compiled import compiled, inlined
 
 COLUMNS: Final = 9
 """Of `demodulated`: Re s, Im s, g_z, Re m, Im m, b_z, Re u, -Im u, weight; s, m: transverse gravity, field times u*."""

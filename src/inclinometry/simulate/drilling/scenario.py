@@ -22,13 +22,197 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Final
+from typing import Final, TypeAlias
 
-from inclinometry.core.constants import STANDARD_GRAVITY
-from inclinometry.core.errors import InputError
-from inclinometry.simulate.drilling.checks import inside
-from inclinometry.simulate.drilling.faults import Fault
-from inclinometry.simulate.drilling.instrument import Instrument, TriadErrors
+from inclinometry.arrays import within
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.errors import InputError
+
+
+def inside(settings: object, low: float, high: float, /, **units: str) -> None:
+    """Every named field of `settings` must be a number in [low, high]; the keyword's value is the unit in the message.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> inside(SimpleNamespace(rate=-1.0), 0.0, 10.0, rate="Hz")
+    Traceback (most recent call last):
+    inclinometry.errors.InputError: rate is -1 Hz; allowed 0 to 10 Hz
+    """
+    for name, unit in units.items():
+        within(getattr(settings, name), name, low, high, unit)
+
+
+def triple(settings: object, *names: str) -> None:
+    """Every named field must be three finite numbers; it is kept as a tuple, so that settings stay hashable.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> triple(SimpleNamespace(bias=(0.0, 1.0)), "bias")
+    Traceback (most recent call last):
+    inclinometry.errors.InputError: bias is (0.0, 1.0); three finite numbers are needed, one for each axis
+    """
+    for name in names:
+        value = getattr(settings, name)
+        numbers = tuple(float(v) for v in value)
+        if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+            raise InputError(f"{name} is {value}; three finite numbers are needed, one for each axis")
+        object.__setattr__(settings, name, numbers)
+
+
+CHANNEL_NAMES = tuple(f"{kind}_{axis}" for kind in ("accel", "mag", "gyro") for axis in "xyz")
+
+
+@dataclass(frozen=True)
+class MagLag:
+    """The magnetometer is `delay` s behind the other triads, at most 50 ms."""
+
+    delay: float
+
+    def __post_init__(self) -> None:
+        inside(self, -0.05, 0.05, delay="s")
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Rows missing at random, `fraction` of them; the stamps of the others stay true."""
+
+    fraction: float
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, 0.9, fraction="")
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """Rows written twice with the same stamp, at random, `fraction` of them."""
+
+    fraction: float
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, 1.0, fraction="")
+
+
+@dataclass(frozen=True)
+class Jitter:
+    """Stamps that scatter by `sd` s; the sampling itself is even."""
+
+    sd: float
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, 10.0, sd="s")
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """One channel ("accel_x" to "gyro_z") that keeps its value from `start` to `stop`, s."""
+
+    channel: str
+    start: float = 0.0
+    stop: float = math.inf
+
+    def __post_init__(self) -> None:
+        if self.channel not in CHANNEL_NAMES:
+            raise InputError(f"channel is {self.channel!r}; allowed: {', '.join(CHANNEL_NAMES)}")
+        _ordered(self.start, self.stop)
+
+
+@dataclass(frozen=True)
+class Casing:
+    """Steel about the tool from `start` to `stop`, s: the field weakened to `left` of itself and `disturbance` (nT rms
+    on each axis) added, which changes over `period` s as the tool passes along the string.
+    """
+
+    start: float = 0.0
+    stop: float = math.inf
+    left: float = 0.3
+    disturbance: float = 20_000.0
+    period: float = 20.0
+
+    def __post_init__(self) -> None:
+        inside(self, 0.0, 1.0, left="of the field")
+        inside(self, 0.0, 1e6, disturbance="nT")
+        inside(self, 0.01, 1e6, period="s")
+        _ordered(self.start, self.stop)
+
+
+Fault: TypeAlias = MagLag | Dropped | Repeated | Jitter | Stuck | Casing
+
+
+def _ordered(start: float, stop: float) -> None:
+    if not start < stop:
+        raise InputError(f"a fault from {start} s to {stop} s lasts no time; start must come before stop")
+
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class TriadErrors:
+    """What is wrong with a triad, in its own unit (m/s^2, nT or rad/s); perfect when nothing is given.
+
+    noise : sd of one sample written, white.
+    bias : of each axis at the first temperature; bias_per_kelvin : its change.
+    scale : relative error of each axis.
+    walk : unit/sqrt(s), random walk of the bias.
+    reach : end of the range, of both signs; the element clips, before the filter.
+    step : of the converter; 0 for none.
+    """
+
+    noise: float = 0.0
+    bias: Triple = (0.0, 0.0, 0.0)
+    bias_per_kelvin: Triple = (0.0, 0.0, 0.0)
+    scale: Triple = (0.0, 0.0, 0.0)
+    walk: float = 0.0
+    reach: float = math.inf
+    step: float = 0.0
+
+    def __post_init__(self) -> None:
+        triple(self, "bias", "bias_per_kelvin", "scale")
+        inside(self, 0.0, 1e6, noise="", walk="", step="")
+        if not self.reach > 0.0:
+            raise InputError(f"reach is {self.reach}; the range of a sensor must be positive")
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Sampling and sensors.
+
+    rate : Hz, inside the tool; every `factor`-th sample is written.
+    taps, cutoff : length (odd) and cut-off (Hz) of the low-pass before the decimation, a Hamming-windowed sinc of
+        linear phase; 1 tap is no filter. Stamps are those of the middle of the filter.
+    lever : m, from the axis of rotation to the accelerometers, in tool axes.
+    hard_iron : nT in tool axes: transverse x, y and axial z.
+    """
+
+    rate: float = 2000.0
+    factor: int = 10
+    taps: int = 81
+    cutoff: float = 80.0
+    lever: Triple = (0.0, 0.0, 0.0)
+    hard_iron: Triple = (0.0, 0.0, 0.0)
+    accel: TriadErrors = field(default_factory=TriadErrors)
+    mag: TriadErrors = field(default_factory=TriadErrors)
+    gyro: TriadErrors = field(default_factory=TriadErrors)
+
+    def __post_init__(self) -> None:
+        triple(self, "lever", "hard_iron")
+        inside(self, 10.0, 100_000.0, rate="Hz")
+        inside(self, 1, 1000, factor="")
+        inside(self, 1, 4001, taps="")
+        if int(self.factor) != self.factor or int(self.taps) != self.taps:
+            raise InputError(f"factor is {self.factor} and taps is {self.taps}; both must be whole numbers")
+        if self.taps % 2 == 0:
+            raise InputError(f"taps is {self.taps}; a filter whose middle falls on a sample has an odd number")
+        if self.taps > 1 and not 0.0 < self.cutoff < 0.5 * self.rate:
+            raise InputError(f"cutoff is {self.cutoff} Hz; allowed above 0, below {0.5 * self.rate} Hz")
+
+    @property
+    def interval(self) -> float:
+        """s, between the samples written."""
+        return self.factor / self.rate
+
 
 MOST_SPEED: Final = 2000.0 * math.tau / 60.0
 """rad/s: 2000 rpm, several times what a motor and rotary table reach together."""

@@ -8,8 +8,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from inclinometry.attitude._kernels import compiled, inlined
-from inclinometry.core.arrays import Array, Mask
+from inclinometry.arrays import Array, Mask
+from inclinometry.compiled import compiled, inlined
 from inclinometry.motion.complementary import _kernels as k
 from inclinometry.motion.complementary import _recursions as f
 

@@ -7,11 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.attitude.rotations import dcm_from_quaternion
-from inclinometry.core.arrays import Array, Mask
+from inclinometry.arrays import Array, Mask
 from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream
-from inclinometry.motion.result import BITS, METHODS, Attitude
-from inclinometry.motion.samples import Samples
+from inclinometry.motion.result import BITS, METHODS, Attitude, Samples
+from inclinometry.rotations import dcm_from_quaternion
 
 PASSED: Final = np.uint32(BITS["start"] | BITS["drift"])
 """Flags of the forward pass that the backward pass removes."""

@@ -1,0 +1,82 @@
+"""The one gate for shape and finiteness: public functions pass their arrays through here, kernels do not check."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from inclinometry.errors import InputError
+
+Array: TypeAlias = NDArray[np.float64]
+Index: TypeAlias = NDArray[np.intp]
+Mask: TypeAlias = NDArray[np.bool_]
+
+
+def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None = None) -> Array:
+    """Return `value` as a float64 array of the given trailing shape, every element finite.
+
+    Parameters
+    ----------
+    value : array_like
+    name : str
+        What the caller calls it, for the message.
+    shape : tuple, optional
+        Required trailing dimensions; None where any length will do. Leading dimensions are free.
+
+    Raises
+    ------
+    InputError
+        Naming the argument, the first offending index and its value.
+
+    Examples
+    --------
+    >>> finite([[0, 0, 1]], "g", (3,)).shape
+    (1, 3)
+    >>> finite([0, float("nan"), 1], "g", (3,))
+    Traceback (most recent call last):
+    inclinometry.errors.InputError: g[1] is nan; every value must be finite
+    """
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as numbers: {error}") from None
+    if shape is not None:
+        trailing = array.shape[max(array.ndim - len(shape), 0) :]
+        fits = len(trailing) == len(shape) and all(
+            want is None or want == have for want, have in zip(shape, trailing, strict=True)
+        )
+        if not fits:
+            wanted = ", ".join("any" if n is None else str(n) for n in shape)
+            raise InputError(f"{name} has shape {array.shape}; expected (..., {wanted})")
+    good = np.isfinite(array)
+    if not good.all():
+        where = tuple(int(i) for i in np.argwhere(~good)[0])
+        at = f"[{', '.join(map(str, where))}]" if where else ""
+        raise InputError(f"{name}{at} is {array[where]}; every value must be finite")
+    return array
+
+
+def within(value: ArrayLike, name: str, low: float, high: float, unit: str = "") -> Array:
+    """Return `value` as finite float64, every element in [low, high].
+
+    Examples
+    --------
+    >>> within(0.3, "dip", -1.6, 1.6, "rad")
+    array(0.3)
+    """
+    array = finite(value, name)
+    bad = (array < low) | (array > high)
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        at = f"[{', '.join(map(str, where))}]" if where else ""
+        raise InputError(f"{name}{at} is {array[where]:.10g} {unit}; allowed {low:g} to {high:g} {unit}".rstrip())
+    return array
+
+
+def frozen(value: Any) -> Array:
+    """Return a read-only float64 copy, for the fields of frozen results."""
+    array = np.array(value, dtype=np.float64)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,263 @@
+"""What a column of a survey file holds, by its name and unit; the names are data in survey_columns.toml."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.errors import InputError
+from inclinometry.files.columns import channel, closest
+
+EXTRA = "extra_"
+"""Begins the name of a column the house does not read, where it would be taken for one the house reads."""
+
+_BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]\s*")
+Candidates: TypeAlias = tuple[tuple[str, str | None], ...]
+"""Keys a name may mean, each with the north the name says."""
+
+_BETWEEN = re.compile(r"[\s_\-.]+")
+
+
+class Unit(NamedTuple):
+    """value in SI (rad, nT, degC) = factor * value + offset."""
+
+    label: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity of a survey file.
+
+    key : place in SurveyFile, e.g. "md", "g.0", "reference.dip", "covariance.01".
+    column : the house's column name, with its unit.
+    unit : the unit of that column.
+    las : mnemonic in LAS.
+    low, high : what the column may hold, in the house's unit.
+    """
+
+    key: str
+    column: str
+    unit: Unit
+    dimension: str
+    las: str
+    low: float
+    high: float
+
+
+class Meaning(NamedTuple):
+    """What a column is: a number in a unit, or text (`key` says which), perhaps with a north in its name."""
+
+    key: str
+    unit: Unit | None
+    north: str | None = None
+
+
+@lru_cache(maxsize=1)
+def _data() -> Mapping[str, Any]:
+    return tomllib.loads(files("inclinometry.files").joinpath("survey_columns.toml").read_text(encoding="utf-8"))
+
+
+@lru_cache(maxsize=1)
+def quantities() -> Mapping[str, Quantity]:
+    """Every numeric quantity by its key, in the order files are written in.
+
+    Examples
+    --------
+    >>> quantities()["g.0"].column, quantities()["g.0"].las
+    ('gx_m_s2', 'GX')
+    """
+    found = {}
+    for key, entry in _data()["column"].items():
+        dimension = entry["dimension"]
+        own = _data()["units"][dimension]
+        column = f"{entry['names'][0]}_{own['suffix']}"
+        unit = next(u for u in _units(dimension).values() if u.label == own["house"])
+        found[key] = Quantity(key, column, unit, dimension, entry["las"], entry["low"], entry["high"])
+    return found
+
+
+@lru_cache(maxsize=16)
+def _units(dimension: str) -> Mapping[str, Unit]:
+    """Spelling -> unit; a spelling that begins with = keeps its case."""
+    entries = {k: v for k, v in _data()["units"][dimension].items() if isinstance(v, dict)}
+    return {
+        word: Unit(label, entry["factor"], entry.get("offset", 0.0))
+        for label, entry in entries.items()
+        for word in entry["spelled"]
+    }
+
+
+def _unit(text: str, dimension: str) -> Unit | None:
+    known = _units(dimension)
+    plain = text.strip().replace("²", "2").replace("º", "°")
+    return known.get(f"={plain}") or known.get(re.sub(r"[\s_/^*.]+", "", plain).lower())
+
+
+@lru_cache(maxsize=1)
+def _names() -> Mapping[str, Candidates]:
+    """Squashed name -> (key, north) of all that go by it."""
+    found: dict[str, Candidates] = {}
+    for key, entry in _data()["column"].items():
+        for name in dict.fromkeys(map(_squashed, entry["names"])):
+            found[name] = (*found.get(name, ()), (key, None))
+    for north, names in _data()["north"].items():
+        for name in names:
+            found[name] = (("azimuth", north),)
+    return found
+
+
+@lru_cache(maxsize=1)
+def _texts() -> Mapping[str, str]:
+    return {name: key for key, names in _data()["text"].items() for name in names}
+
+
+def _squashed(name: str) -> str:
+    return _BETWEEN.sub("", name).lower()
+
+
+def _split(name: str, stated: str | None) -> tuple[Candidates, str | None] | None:
+    """Candidates and the unit as written; None where no beginning of the name is known.
+
+    The longest beginning whose remainder is a unit of its quantity counts: az_m_s2 is az in m/s^2, not azm in s2.
+    """
+    bracketed = _BRACKETED.fullmatch(name)
+    if bracketed:
+        candidates = _names().get(_squashed(bracketed["name"]))
+        return None if candidates is None else (candidates, bracketed["unit"])
+    words = [word for word in _BETWEEN.split(name.strip()) if word]
+    found = []
+    for count in range(len(words), 0, -1):
+        candidates = _names().get("".join(words[:count]).lower())
+        if candidates is not None:
+            found.append((candidates, "_".join(words[count:]) or None))
+    fit = (one for one in found if any(_unit(one[1] or stated or "", quantities()[key].dimension) for key, _ in one[0]))
+    return next(fit, found[0] if found else None)
+
+
+def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) -> Meaning | None:
+    """What a column is, by its name and, where it stands apart, its unit; None for a column the house does not read.
+
+    Parameters
+    ----------
+    name : str
+        As in the file, the unit perhaps within it.
+    stated : str, optional
+        Unit stated apart from the name.
+    beside : collection of str
+        The other columns; they tell a table of the house's, whose contract fixes some units.
+
+    Raises
+    ------
+    InputError
+        A known name whose unit is missing, unknown or of something else; a name that is nearly a known one.
+
+    Examples
+    --------
+    >>> meaning("GX(g)").key, meaning("MD (ft)").unit.factor, meaning("AZ", "g").key, meaning("AZ", "deg").key
+    ('g.0', 0.3048, 'g.2', 'azimuth')
+    >>> meaning("operator") is None
+    True
+    >>> meaning("Gx")
+    Traceback (most recent call last):
+    inclinometry.errors.InputError: column 'Gx' has no unit; write gx_m_s2 or the like
+    """
+    if name.startswith(EXTRA) or name in ("flags", "toolface_type"):
+        return None
+    if _squashed(name) in _texts():
+        return Meaning(_texts()[_squashed(name)], None)
+    split = _split(name, stated)
+    if split is None:
+        near = closest(name, [q.column for q in quantities().values()], 0.9)
+        if near:
+            raise InputError(f"column {name!r} is not known; did you mean {near}?")
+        return None
+    candidates, written = split
+    if written is not None and written.endswith("sd") and channel(name) is not None:
+        return None  # the standard deviation of a channel
+    written = _one_unit(name, written, stated)
+    if written is None and _contract(name, beside):
+        written = _contract(name, beside)
+    return _chosen(name, candidates, written)
+
+
+def _one_unit(name: str, written: str | None, stated: str | None) -> str | None:
+    """The unit from the name or from beside it; both may state it, if they agree."""
+    stated = stated.strip() if stated else None
+    if not (written and stated):
+        return written or stated or None
+    if not same_unit(written, stated):
+        raise InputError(f"column {name!r} has the unit {stated!r}, which its name contradicts; correct one of them")
+    return stated
+
+
+def same_unit(one: str, other: str) -> bool:
+    """Whether two spellings are the same unit of some quantity.
+
+    Examples
+    --------
+    >>> same_unit("F", "ft"), same_unit("m", "ft")
+    (True, False)
+    """
+    return one == other or any(_unit(one, d) == _unit(other, d) is not None for d in _data()["units"])
+
+
+def _contract(name: str, beside: Collection[str]) -> str | None:
+    for start, entry in _data()["contract"].items():
+        if (name == start or name.startswith(f"{start}_")) and all(other in beside for other in entry["beside"]):
+            return str(entry["unit"])
+    return None
+
+
+def _chosen(name: str, candidates: Candidates, written: str | None) -> Meaning:
+    """The one candidate whose dimension has the unit."""
+    known = quantities()
+    columns = " or ".join(known[key].column for key, _ in candidates)
+    if written is None:
+        raise InputError(f"column {name!r} has no unit; write {columns} or the like")
+    fits = [(key, north, _unit(written, known[key].dimension)) for key, north in candidates]
+    fits = [fit for fit in fits if fit[2] is not None]
+    if len(fits) != 1:
+        allowed = dict.fromkeys(unit for key, _ in candidates for unit in _labels(known[key].dimension))
+        raise InputError(
+            f"column {name!r} has the unit {written!r}; allowed: {', '.join(allowed)} (if it is something else, "
+            f"rename it to {EXTRA}{_BETWEEN.sub('_', name)})"
+        )
+    return Meaning(*fits[0][:1], fits[0][2], fits[0][1])
+
+
+def _labels(dimension: str) -> list[str]:
+    return list(dict.fromkeys(unit.label for unit in _units(dimension).values()))
+
+
+def is_number(name: str) -> bool:
+    """Whether a column will be read as numbers; a name that will be refused need not be.
+
+    Examples
+    --------
+    >>> is_number("Gx (m/s2)"), is_number("azimuth_reference"), is_number("Gx")
+    (True, False, False)
+    """
+    beside = [other for entry in _data()["contract"].values() for other in entry["beside"]]
+    try:
+        found = meaning(name, beside=beside)
+    except InputError:
+        return False
+    return found is not None and found.unit is not None
+
+
+def from_si(values: Array, quantity: Quantity) -> Array:
+    """Values in the unit of the house's column; what was turned is rounded to 1e-10, so that 120 deg prints as 120."""
+    unit = quantity.unit
+    if unit.factor == 1.0 and unit.offset == 0.0:
+        return values
+    return np.asarray(np.round((values - unit.offset) / unit.factor, 10) + 0.0)

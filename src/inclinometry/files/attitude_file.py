@@ -1,0 +1,197 @@
+"""Attitude of a moving tool as a table: one row a window, blank where it was refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.earth.site import REFERENCES
+from inclinometry.errors import FileError
+from inclinometry.files import writing
+from inclinometry.files.run_file import checked_ending
+from inclinometry.files.table import read_table
+from inclinometry.files.writing import replacing
+from inclinometry.motion.result import BITS, METHODS, AttitudeRows
+from inclinometry.orientation import SWITCH
+from inclinometry.rotations import dcm, quaternion_from_dcm
+
+COLUMNS: Final = (
+    "time_s", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "u_inclination_deg",
+    "u_azimuth_deg", "u_toolface_deg", "rpm", "method", "quality", "flags", "q_w", "q_x", "q_y", "q_z",
+    "magnetic_toolface_deg", "u_magnetic_toolface_deg", "toolface_type",
+)  # fmt: skip
+"""The contract of the attitude file, in its order; what follows `flags` is absent from older files."""
+_FIRST: Final = COLUMNS[: COLUMNS.index("flags") + 1]
+
+SCHEMA: Final = "inclinometry/attitude"
+_TEXT: Final = ("azimuth_reference", "method", "flags", "toolface_type")
+_QUATERNION: Final = ("q_w", "q_x", "q_y", "q_z")
+_ROUND: Final = ("azimuth_deg", "toolface_deg", "magnetic_toolface_deg")
+_DEGREES: Final = {name: name.removesuffix("_deg") for name in COLUMNS if name.endswith("_deg")}
+_RPM: Final = 30.0 / np.pi
+
+
+def write_attitude(
+    rows: AttitudeRows, path: str | Path, header: Mapping[str, str] | None = None, *, switch: float = SWITCH
+) -> None:
+    """Write attitude.csv or attitude.parquet, by the ending of the name, whole or not at all.
+
+    Parameters
+    ----------
+    rows : AttitudeRows
+    path : str or Path
+    header : name -> text, optional
+        Digests of the inputs and the like: metadata `inclinometry.header` of a Parquet file; CSV has no place for it.
+    switch : float
+        rad, inclination below which `toolface_type` says magnetic, from there on gravity.
+
+    Raises
+    ------
+    FileError
+        Another ending; the file cannot be written.
+
+    Examples
+    --------
+    See `read_attitude`.
+    """
+    columns = _columns(rows, switch)
+    if checked_ending(path) == ".csv":
+        cells = [writing.column(v) if isinstance(v, np.ndarray) else v for v in columns.values()]
+        writing.write_columns(COLUMNS, cells, path)
+        return
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    fields, arrays = [], []
+    for name, values in columns.items():
+        kind = pa.string() if name in _TEXT else pa.float64()
+        unit = "deg" if name in _DEGREES else {"time_s": "s", "rpm": "1/min"}.get(name)
+        fields.append(pa.field(name, kind, metadata={"unit": unit} if unit else None))
+        arrays.append(pa.array(values, kind, from_pandas=True))
+    text = json.dumps({"schema": SCHEMA, "version": "1", **(header or {})}, ensure_ascii=False).encode()
+    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={b"inclinometry.header": text}))
+    with replacing(path) as stream:
+        pq.write_table(table, stream, compression="zstd", compression_level=1, write_page_checksum=True)
+
+
+def _columns(rows: AttitudeRows, switch: float) -> dict[str, Array | list[str]]:
+    """Columns of the contract, texts as lists."""
+    found: dict[str, Array | list[str]] = {}
+    for name in COLUMNS:
+        if name in _DEGREES:
+            values = writing.degrees(getattr(rows, _DEGREES[name]))
+            found[name] = np.where(values == 360.0, 0.0, values) if name in _ROUND else values
+    names = {code: "|".join(_named(int(code))) for code in np.unique(rows.flags)}
+    found |= {
+        "time_s": np.asarray(np.round(rows.time, 9) + 0.0),
+        "azimuth_reference": [REFERENCES[n] for n in rows.north],
+        "rpm": np.asarray(np.round(rows.rate * _RPM, 6) + 0.0),
+        "method": [METHODS[n] for n in rows.method],
+        "quality": np.asarray(np.round(rows.quality, 6) + 0.0),
+        "flags": [names[code] for code in rows.flags],
+        "toolface_type": [
+            "" if lost else ("magnetic" if steep else "gravity")
+            for lost, steep in zip(rows.refused, rows.steep(switch), strict=True)
+        ],
+        **{name: np.asarray(np.round(rows.quaternion[:, k], 12) + 0.0) for k, name in enumerate(_QUATERNION)},
+    }
+    return {name: found[name] for name in COLUMNS}
+
+
+def _named(bits: int) -> list[str]:
+    return [name for name, bit in BITS.items() if bits & bit]
+
+
+def read_attitude(path: str | Path) -> AttitudeRows:
+    """Read what `write_attitude` has written.
+
+    Raises
+    ------
+    FileError
+        Not found or no such table; a column of the contract is missing; a method, flag or reference nobody knows.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> one, none = np.ones(1), np.full(1, np.nan)
+    >>> small = np.zeros(1, dtype=np.uint8)
+    >>> rows = AttitudeRows(5 * one, none, none, none, none, none, none, one, 0 * one,
+    ...                     np.array([1], dtype=np.uint32), small, small, np.full((1, 4), np.nan), none, none)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_attitude(rows, Path(folder, "a.parquet"))
+    ...     back = read_attitude(Path(folder, "a.parquet"))
+    >>> back.names(0), bool(back.refused[0]), round(float(back.rate[0]), 6)
+    (('clipped',), True, 1.0)
+    """
+    where = Path(path)
+    columns = _parquet_columns(where) if checked_ending(where) == ".parquet" else _csv_columns(where)
+    angles = {name: np.radians(columns[column]) for column, name in _DEGREES.items()}
+    north = _places(columns["azimuth_reference"], REFERENCES, where, "azimuth_reference")
+    flags = [sum(_bit(where, name) for name in text.split("|") if name) for text in columns["flags"]]
+    return AttitudeRows(
+        time=columns["time_s"],
+        **angles,
+        rate=columns["rpm"] / _RPM,
+        quality=columns["quality"],
+        flags=np.array(flags, dtype=np.uint32),
+        method=_places(columns["method"], METHODS, where, "method").astype(np.uint8),
+        north=north.astype(np.uint8),
+        quaternion=np.stack([columns[name] for name in _QUATERNION], axis=1),
+    )
+
+
+def _csv_columns(path: Path) -> dict[str, Any]:
+    table = read_table(path, numeric=lambda name: name in COLUMNS and name not in _TEXT, gaps=COLUMNS)
+    table.require(_FIRST)
+    there = [name for name in COLUMNS if name in table.header]
+    return _later({name: table.text(name) if name in _TEXT else table.number(name) for name in there})
+
+
+def _parquet_columns(path: Path) -> dict[str, Any]:
+    from inclinometry.files.parquet import _table
+
+    table = _table(path)
+    missing = next((name for name in _FIRST if name not in table.column_names), None)
+    if missing is not None:
+        raise FileError(f"column {missing!r} is missing; columns found: {', '.join(table.column_names)}", path=path)
+    return _later(
+        {
+            name: table.column(name).to_pylist()
+            if name in _TEXT
+            else np.array(table.column(name).to_numpy(), dtype=float)
+            for name in COLUMNS
+            if name in table.column_names
+        }
+    )
+
+
+def _later(columns: dict[str, Any]) -> dict[str, Any]:
+    """With the columns that older files have not: the quaternion of the angles; nothing is known of the toolface."""
+    blank = np.full(len(columns["time_s"]), np.nan)
+    if not set(_QUATERNION) <= set(columns):
+        angles = [np.radians(columns[f"{name}_deg"]) for name in ("azimuth", "inclination", "toolface")]
+        known = np.isfinite(angles).all(axis=0)
+        quaternion = np.full((len(blank), 4), np.nan)
+        if known.any():
+            quaternion[known] = quaternion_from_dcm(dcm(*(one[known] for one in angles)))
+        columns |= dict(zip(_QUATERNION, quaternion.T, strict=True))
+    return {name: blank for name in COLUMNS if name.endswith("magnetic_toolface_deg")} | columns
+
+
+def _places(texts: Any, known: tuple[str, ...], path: Path, column: str) -> Any:
+    place = {name: n for n, name in enumerate(known)}
+    lost = next((text for text in texts if text not in place), None)
+    if lost is not None:
+        raise FileError(f"{column} is {lost!r}; allowed: {', '.join(known)}", path=path)
+    return np.array([place[text] for text in texts], dtype=np.int64)
+
+
+def _bit(path: Path, name: str) -> int:
+    if name not in BITS:
+        raise FileError(f"flag {name!r} is not known; allowed: {', '.join(BITS)}", path=path)
+    return BITS[name]

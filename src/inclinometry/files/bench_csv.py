@@ -1,0 +1,615 @@
+"""Bench readings: `station, azimuth_deg, inclination_deg, toolface_deg, temperature_degC, accel_x, ..` and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inclinometry.arrays import Array
+from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import writing
+from inclinometry.files.columns import ANGLES, BENCH, KIND_PREFIX, PLAN, REFERENCES, UNIT_LABELS, numbers_among
+from inclinometry.files.table import (
+    Progress,
+    Signals,
+    Table,
+    need_settings,
+    read_settings,
+    read_signals,
+    read_table,
+    read_temperature,
+)
+from inclinometry.rotations import dcm, wrap_signed
+
+
+def read_plan(path: str | Path) -> Plan:
+    """Read a plan; its name is the file's without the ending.
+
+    Raises
+    ------
+    FileError
+        As `table.read_table`; an angle column is missing, out of range, or looks like radians.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "mine.csv").write_text("azimuth_deg,inclination_deg,toolface_deg\\n0,90,0\\n")
+    ...     read_plan(Path(folder, "mine.csv")).name
+    'mine'
+    """
+    table = read_table(path, numeric=numbers_among(PLAN))
+    table.unknown(PLAN)
+    settings = need_settings(table)
+    roll_set = table.text("roll_set") if "roll_set" in table else ()
+    return Plan(Path(path).stem, *settings, roll_set if any(roll_set) else ())
+
+
+def write_plan(plan: Plan, path: str | Path) -> None:
+    """Write a plan, angles rounded to 1e-10 deg; stations are numbered from 1."""
+    columns = [[str(i + 1) for i in range(len(plan))]]
+    columns += [writing.column(writing.degrees(a)) for a in (plan.azimuth, plan.inclination, plan.toolface)]
+    names = ["station", *ANGLES]
+    if plan.roll_set:
+        names.append("roll_set")
+        columns.append(list(plan.roll_set))
+    writing.write_columns(names, columns, path)
+
+
+# Equal extremes that the attitudes alone do not give away: judged by noise, and by the field's direction.
+
+IMPROBABLE = 1e-3
+FLAT = 0.1  # share of a channel's largest sensitivity to attitude below which its scatter is that of the sensor
+_SWEEPS = 30
+
+
+def field_basis(values: Array, cosines: Array) -> Array:
+    """What a linear sensor sees of one field fixed in the rig, and a one: (n, 4).
+
+    The field's direction is the one that fits channels (n, m) best, found by turns with the sensors' axes.
+    """
+    turned = cosines.reshape(-1, 3, 3)
+    matrix, *_ = np.linalg.lstsq(np.column_stack([cosines, np.ones(len(cosines))]), values, rcond=1e-9)
+    field = np.linalg.svd(matrix[:9].T.reshape(-1, 3))[2][0]
+    for _ in range(_SWEEPS):
+        basis = np.column_stack([turned @ field, np.ones(len(turned))])
+        model, *_ = np.linalg.lstsq(basis, values, rcond=1e-9)
+        seen = np.einsum("im,nij->nmj", model[:3], turned).reshape(-1, 3)
+        field, *_ = np.linalg.lstsq(seen, (values - model[3]).ravel(), rcond=1e-9)
+        field /= np.linalg.norm(field) or 1.0
+    return np.column_stack([turned @ field, np.ones(len(turned))])
+
+
+def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: Array) -> bool:
+    """Whether the scatter between stations at one attitude makes it improbable that readings `at` agree exactly.
+
+    The scatter is pooled over all channels (n, m) and attitudes (rows of `basis` (n, 4)) at which an error of the
+    attitude matters as little as at these stations. That of n normal readings with standard deviation s, rounded to
+    steps d, all agree has the probability (d / (s sqrt(2 pi)))^(n - 1) / sqrt(n) at most.
+    """
+    attitudes, group = np.unique(basis.round(6) + 0.0, axis=0, return_inverse=True)
+    group = group.ravel()
+    model, *_ = np.linalg.lstsq(basis, values, rcond=1e-9)
+    slope = np.linalg.norm(np.cross(model[:3].T[None], attitudes[:, None, :3]), axis=-1)
+    there, size = np.unique(group[at]), np.bincount(group)
+    flat = slope <= np.maximum(FLAT * slope.max(axis=0), slope[there, channel].max())
+    flat[there, channel] = False
+    total = np.stack([np.bincount(group, column) for column in values.T], axis=1)
+    left = values - (total / size[:, None])[group]
+    squares = np.stack([np.bincount(group, column**2) for column in left.T], axis=1)
+    free = int(((size - 1)[:, None] * flat).sum())
+    steps = np.diff(np.unique(values))
+    if free < 2 or len(steps) == 0:
+        return False
+    spread, count = np.sqrt(squares[flat].sum() / free), int(at.sum()) - len(there)
+    step = steps[steps > 1e-9 * np.abs(values).max()].min(initial=np.inf)
+    if count < 2 or not spread > step:
+        return False
+    return bool((step / (spread * np.sqrt(2.0 * np.pi))) ** count / np.sqrt(count + 1.0) < IMPROBABLE)
+
+
+# Channels that cannot be right: stuck at one value, or resting on a rail.
+#
+# The rule for saturation. A channel's extreme value is named when at least three stations read exactly this value AND
+#
+# 1. it is the rail of a two's complement or unsigned converter: all readings are whole numbers, and the value is
+# 2^n - 1 (n >= 9; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where no channel of the
+# kind is ever negative, and the fit of rule 2 to the stations at neither extreme, if good to 0.2 % of the span, does
+# not expect this value; or
+# 2. the rig was set there to attitudes at which the other stations predict more: a linear fit of the channel on the
+# gravity direction (accelerometer) or on all nine direction cosines (other kinds) overshoots the value by five of its
+# own standard deviations and 2 % of half the span, at two or more of these stations; or
+# 3. there are no angles, five stations or more read it, and no other value of the channel occurs more than twice.
+#
+# Where the rig's angles are known, a weaker sentence names an extreme read at three stations or more when the other
+# stations predict more in the field direction that fits all channels (rule 2 with this basis; kinds other than the
+# accelerometer), or when stations at one gravity direction scatter so much that exact agreement is improbable.
+#
+# Equal extremes alone say nothing: a plan that returns to one attitude reads the same number again with a 12-bit
+# converter, and a pure roll repeats the axial reading at every station.
+
+Settings = tuple[Array, Array, Array]
+MOST = 20_000  # stations; the weaker sentence is for calibrations, which are not larger
+
+
+def constant_channel(values: Array, names: Sequence[str], settings: Settings | None) -> tuple[str, bool] | None:
+    """A channel (n, m) stuck at one value: what to say, and whether it is an error rather than a note."""
+    stuck = np.flatnonzero((values == values[0]).all(axis=0)) if len(values) >= 3 else np.empty(0, dtype=int)
+    if stuck.size == 0:
+        return None
+    name, value = names[int(stuck[0])], f"{values[0, int(stuck[0])]:.12g}"
+    said = f"{name} reads {value} at every station"
+    if settings is not None and all(np.ptp(angle) == 0.0 for angle in settings[:2]):
+        return f"{said}: right only for an axis along the hole, as inclination and azimuth never change", False
+    return f"{said}: a channel that never changes cannot be identified; check its wiring or remove its triad", True
+
+
+def saturation_notes(
+    kind: str, values: Array, names: Sequence[str], settings: Settings | None, station: NDArray[np.intp]
+) -> list[str]:
+    """One sentence for each channel of (n, m) readings that rests on a rail; the rule is in the module's docstring.
+
+    `station` (n,) tells which rows are one station, so that a repeated reading is not taken for a rail.
+    """
+    notes: list[str] = []
+    basis: Array | None = None
+    unsigned = bool(values.min() >= 0.0)  # of all channels: one alone may well lie on one side of zero
+    for index, (column, name) in enumerate(zip(values.T, names, strict=True)):
+        for extreme, sign in ((float(column.max()), 1.0), (float(column.min()), -1.0)):
+            at = column == extreme
+            count = len(np.unique(station[at])) if at.sum() >= 3 else 0
+            if count < 3 or at.all():
+                continue
+            if settings is not None and basis is None:
+                basis = _basis(kind, settings)
+            if basis is None:
+                lonely = count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
+                clipped = lonely or _is_rail(column, extreme, sign, unsigned)
+            else:
+                inner = (column > column.min()) & (column < column.max())
+                clipped = _predicted_beyond(column, at, ~at, basis, sign) is True or (
+                    _is_rail(column, extreme, sign, unsigned)
+                    and _predicted_beyond(column, at, inner, basis, sign) is not False
+                )
+            read = f"{name} reads exactly {extreme + 0.0:.12g} in {count} stations"
+            if clipped:
+                notes.append(f"{read}: saturated?")
+            elif basis is not None and len(values) <= MOST and _suspicious(values, index, at, basis, sign):
+                notes.append(f"{read}: saturation cannot be excluded")
+    return notes
+
+
+def _suspicious(values: Array, index: int, at: NDArray[np.bool_], basis: Array, sign: float) -> bool:
+    if basis.shape[1] == 4:
+        return improbably_equal(values, index, at, basis)
+    if len(np.unique(basis[at].round(6), axis=0)) < 3:
+        return False
+    return _predicted_beyond(values[:, index], at, ~at, field_basis(values, basis[:, :9]), sign) is True
+
+
+def _is_rail(column: Array, extreme: float, sign: float, unsigned: bool) -> bool:
+    if np.abs(column).max() >= 2.0**53 or (column != np.round(column)).any():
+        return False
+    if sign > 0.0:
+        size = extreme + 1.0
+        return size >= 512.0 and np.log2(size) % 1.0 == 0.0 and bool(column.min() >= -size)
+    if extreme == 0.0:
+        return unsigned and bool(column.max() >= 511.0)
+    return extreme <= -512.0 and np.log2(-extreme) % 1.0 == 0.0 and bool(column.max() <= -extreme - 1.0)
+
+
+def _basis(kind: str, settings: Settings) -> Array:
+    """What a linear sensor sees at each setting, and a one for its offset: (n, 4) for gravity, else (n, 10)."""
+    azimuth, inclination, toolface = settings
+    if kind == "accelerometer":
+        s, c = np.sin(inclination), np.cos(inclination)
+        columns = [-s * np.cos(toolface), s * np.sin(toolface), c]
+    else:
+        columns = list(dcm(azimuth, inclination, toolface).reshape(-1, 9).T)
+    return np.stack([*columns, np.ones_like(azimuth)], axis=1)
+
+
+def _predicted_beyond(
+    column: Array, at: NDArray[np.bool_], fitted: NDArray[np.bool_], basis: Array, sign: float
+) -> bool | None:
+    """Whether the stations `fitted` predict values beyond those read at `at`; None when they cannot tell."""
+    known, asked = basis[fitted], basis[at]
+    if len(known) < 4:
+        return None
+    inverse = np.linalg.pinv(known, rcond=1e-9)
+    free = len(known) - np.linalg.matrix_rank(known, tol=1e-9)
+    # bracketed so that nothing larger than the basis is held, however many stations there are
+    seen = np.linalg.norm(asked - asked @ (inverse @ known), axis=1) < 1e-6
+    if free < 3 or seen.sum() < 2:
+        return None
+    model, span = inverse @ column[fitted], np.ptp(column)
+    spread = np.sqrt(np.sum((known @ model - column[fitted]) ** 2) / free)
+    excess = sign * (asked[seen] @ model - column[at][seen])
+    if (excess > max(5.0 * spread, 0.01 * span)).sum() >= 2:
+        return True
+    return False if spread < 0.002 * span else None
+
+
+# Stations read more than once: found, checked for contradiction, averaged, and their scatter put to use.
+
+SAME_ANGLE = np.radians(1e-6)
+CONTRADICTION = np.radians(0.5)
+SAME_TEMPERATURE = 2.0
+ENOUGH_SCATTER = 6  # degrees of freedom from which a channel's own scatter is preferred to its triad's
+
+
+class Repeats(NamedTuple):
+    """Which rows are one station.
+
+    first : (k,) first row of each averaged station, in the file's order.
+    group : (n,) the averaged station each row belongs to.
+    size : (k,) rows in each.
+    notes : what was averaged.
+    """
+
+    first: NDArray[np.intp]
+    group: NDArray[np.intp]
+    size: NDArray[np.intp]
+    notes: tuple[str, ...]
+
+    def mean(self, values: Array) -> Array:
+        """Mean over the rows of each station: (n, ...) -> (k, ...)."""
+        total = np.zeros((len(self.first), *values.shape[1:]))
+        # deviations from the first reading, so that equal readings average to exactly themselves
+        np.add.at(total, self.group, values - values[self.first][self.group])
+        return np.asarray(values[self.first] + total / self.size.reshape(-1, *[1] * (values.ndim - 1)))
+
+    def sum(self, values: Array) -> Array:
+        """Sum over the rows of each station."""
+        total = np.zeros((len(self.first), *values.shape[1:]))
+        np.add.at(total, self.group, values)
+        return total
+
+    def sd_of_mean(self, values: Array, own: Array | None) -> Array | None:
+        """Standard deviation of each station's mean, (k, m).
+
+        The larger of what the file states (`own`, of each row's mean) and of the scatter between repeats, pooled over
+        the file, sqrt(sum (x - mean)^2 / sum (n_k - 1)) / sqrt(n_k). With few repeats the triad's channels are pooled
+        as well. None when there is neither.
+        """
+        size = self.size[:, None]
+        stated = None if own is None else np.sqrt(self.sum(own**2)) / size
+        free = len(self.group) - len(self.first)
+        if free == 0:
+            return stated
+        variance = np.sum((values - self.mean(values)[self.group]) ** 2, axis=0) / free
+        if free < ENOUGH_SCATTER:
+            variance = np.full_like(variance, variance.mean())
+        scatter = np.sqrt(variance) / np.sqrt(size)
+        if stated is None:
+            return scatter if variance.any() else None
+        return np.asarray(np.maximum(scatter, stated))
+
+
+def find_repeats(
+    table: Table,
+    station: Sequence[str],
+    settings: tuple[Array, Array, Array] | None,
+    temperature: Array | None,
+    roll_set: Sequence[str],
+) -> Repeats:
+    """Rows with one station name, one setting (1e-6 deg) and one temperature (2 degC) are one station.
+
+    Without settings nothing is averaged: the tool may have been held otherwise each time.
+
+    Raises
+    ------
+    FileError
+        One name with settings more than 0.5 deg apart, or in two roll sets; names both lines.
+    """
+    rows_of: dict[str, list[int]] = {}
+    for row, name in enumerate(station):
+        rows_of.setdefault(name, []).append(row)
+    group = np.arange(len(station))
+    notes: list[str] = []
+    for name, rows in rows_of.items():
+        if len(rows) == 1:
+            continue
+        if settings is None:
+            notes.append(f"station {name} appears {len(rows)} times; without rig angles each row is kept")
+            continue
+        _check(table, name, rows, settings, roll_set)
+        for cluster in _clusters(rows, settings, temperature):
+            group[cluster] = cluster[0]
+            if len(cluster) > 1:
+                notes.append(f"station {name} was read {len(cluster)} times; mean used")
+    first, group = np.unique(group, return_inverse=True)
+    return Repeats(first, group, np.bincount(group, minlength=len(first)), _shortened(notes))
+
+
+def _check(
+    table: Table, name: str, rows: list[int], settings: tuple[Array, Array, Array], roll_set: Sequence[str]
+) -> None:
+    def shown(row: int) -> str:
+        angles = ", ".join(f"{np.degrees(a[row]):.6g}" for a in settings)
+        return f"azimuth, inclination, toolface {angles} deg in line {table.lines[row]}"
+
+    index = np.array(rows)
+    apart = np.any([np.abs(wrap_signed(a[index] - a[rows[0]])) > CONTRADICTION for a in settings], axis=0)
+    if apart.any():
+        row = int(index[apart.argmax()])
+        problem = f"station {name!r} is repeated with contradictory angles: {shown(rows[0])}, {shown(row)}"
+        raise table.error(f"{problem}; correct one or rename it", row)
+    other = next((row for row in rows if roll_set and roll_set[row] != roll_set[rows[0]]), None)
+    if other is not None:
+        problem = f"station {name!r} is in roll set {roll_set[rows[0]]!r} in line {table.lines[rows[0]]}"
+        raise table.error(f"{problem} and in {roll_set[other]!r} here; correct one", other)
+
+
+def _clusters(rows: list[int], settings: tuple[Array, Array, Array], temperature: Array | None) -> list[list[int]]:
+    """Rows of one name that were taken at one setting and one temperature."""
+    clusters: list[list[int]] = []
+    left = np.array(rows)
+    while left.size:
+        near = np.all([np.abs(wrap_signed(a[left] - a[left[0]])) <= SAME_ANGLE for a in settings], axis=0)
+        if temperature is not None:
+            near &= np.abs(temperature[left] - temperature[left[0]]) <= SAME_TEMPERATURE
+        clusters.append(left[near].tolist())
+        left = left[~near]
+    return clusters
+
+
+def _shortened(notes: list[str], most: int = 10) -> tuple[str, ...]:
+    if len(notes) <= most:
+        return tuple(notes)
+    return (*notes[:most], f"and {len(notes) - most} more repeated stations likewise")
+
+
+_REFERENCE_LIMITS = {
+    "reference_g_m_s2": (9.5, 10.0, "m/s^2"),
+    "reference_b_nT": (1e3, 1e6, "nT"),
+    "reference_dip_deg": (-90.0, 90.0, "deg"),
+}
+
+
+def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchReadings:
+    """Read the stations of a calibration or verification run.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV as `table.read_table` understands it. Columns: `station`, `azimuth_deg`, `inclination_deg`, `toolface_deg`
+        (all three, or none for the field method), `temperature_degC`, any of the triads `accel_`, `mag_`, `gyro_` with
+        axes `x, y, z`, or `x, y`, or `1, 2, .. m`, optionally with a unit (`accel_x_m_s2`); `<channel>_sd` (standard
+        deviation of one reading), `count` (readings averaged in a row), `roll_set`, and the constants of the stand
+        `reference_g_m_s2`, `reference_b_nT`, `reference_dip_deg`.
+    progress : callable, optional
+        Called with the number of bytes read.
+
+    Returns
+    -------
+    BenchReadings
+        Repeated stations averaged; `sd` is that of the mean. `notes` names what was averaged, `warnings` what was
+        not used, and channels that look saturated.
+
+    Raises
+    ------
+    FileError
+        With file, line, value and remedy; see the rules of `table`, `_settings`, `_repeats` and `_clipping`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> rows = "station,accel_x,accel_y\\nA,1,2\\nB,3,1\\n"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "bench.csv").write_text(rows)
+    ...     readings = read_bench(Path(folder, "bench.csv"))
+    >>> readings.channels["accelerometer"]
+    array([[1., 2.],
+           [3., 1.]])
+    """
+    table = read_table(path, progress, numeric=numbers_among(BENCH))
+    unused = [f"column {name!r} is not known and was not used" for name in table.unknown(BENCH)]
+    signals, settings = read_signals(table), read_settings(table)
+    temperature, count = read_temperature(table), _count(table)
+    station, roll_set = _stations(table), table.text("roll_set") if "roll_set" in table else ()
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            repeats = find_repeats(table, station, settings, temperature, roll_set)
+            doubts = [*signals.notes, *unused, *_suspicions(table, signals, settings, repeats)]
+            return _merged(table, signals, settings, temperature, count, station, roll_set, repeats, doubts)
+    except (InputError, FloatingPointError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"these readings cannot be used: {error}", path=path) from None
+
+
+def _merged(
+    table: Table,
+    signals: Signals,
+    settings: Settings | None,
+    temperature: Array | None,
+    count: Array | None,
+    station: Sequence[str],
+    roll_set: Sequence[str],
+    repeats: Repeats,
+    warnings: Sequence[str],
+) -> BenchReadings:
+    averaged = len(repeats.first) < len(table)
+    if count is None and averaged:
+        count = np.ones(len(table))
+    sd: dict[str, Array] = {}
+    for kind, values in signals.values.items():
+        own = signals.sd.get(kind)
+        if own is not None and count is not None:
+            own = own / np.sqrt(count)[:, None]
+        spread = repeats.sd_of_mean(values, own)
+        if spread is not None:
+            sd[kind] = spread
+    azimuth, inclination, toolface = (None,) * 3 if settings is None else (a[repeats.first] for a in settings)
+    return BenchReadings(
+        {kind: repeats.mean(values) for kind, values in signals.values.items()},
+        azimuth,
+        inclination,
+        toolface,
+        [station[i] for i in repeats.first],
+        sd,
+        None if count is None else repeats.sum(count),
+        None if temperature is None else repeats.mean(temperature),
+        [roll_set[i] for i in repeats.first] if any(roll_set) else (),
+        signals.units,
+        _reference(table),
+        repeats.notes,
+        table.digest,
+        warnings=warnings,
+    )
+
+
+def _stations(table: Table) -> tuple[str, ...]:
+    if "station" not in table:
+        return tuple(str(i + 1) for i in range(len(table)))
+    names = table.text("station")
+    if "" in names:
+        raise table.error("station is empty; give it a name or remove the row", names.index(""))
+    return names
+
+
+def _count(table: Table) -> Array | None:
+    if "count" not in table:
+        return None
+    values = table.number("count")
+    bad = (values < 1.0) | (values != np.floor(values))
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise table.error(f"count is {values[row]:g}; it must be a whole number from 1", row)
+    return values
+
+
+def _reference(table: Table) -> dict[str, float]:
+    """The fields at the stand, SI (nT for b) and radians."""
+    reference: dict[str, float] = {}
+    for name, (low, high, unit) in _REFERENCE_LIMITS.items():
+        if name not in table:
+            continue
+        values = table.number(name)
+        value = float(values[0])
+        other = np.flatnonzero(values != value)
+        if other.size:
+            row = int(other[0])
+            problem = f"{name} is {value:.10g} in line {table.lines[0]} and {values[row]:.10g} here"
+            raise table.error(f"{problem}; it must be the same in the whole file", row)
+        if not low <= value <= high:
+            raise table.error(f"{name} is {value:.10g}; allowed {low:g} to {high:g} {unit}", 0)
+        key = {"reference_g_m_s2": "g", "reference_b_nT": "b", "reference_dip_deg": "dip"}[name]
+        reference[key] = float(np.radians(value)) if key == "dip" else value
+    return reference
+
+
+def _suspicions(table: Table, signals: Signals, settings: Settings | None, repeats: Repeats) -> list[str]:
+    """Notes on channels that rest on a rail; FileError for one that never changes."""
+    notes: list[str] = []
+    for kind, values in signals.values.items():
+        names = signals.names[kind]
+        stuck = constant_channel(values, names, settings)
+        if stuck is not None:
+            if stuck[1]:
+                raise table.error(stuck[0])
+            notes.append(stuck[0])
+        notes += saturation_notes(kind, values, names, settings, repeats.group)
+    return notes
+
+
+def write_bench(readings: BenchReadings, path: str | Path) -> None:
+    """Write readings so that `read_bench` gives them back.
+
+    Angles are rounded to 1e-10 deg; everything else is printed so that it reads back to the same bits. The standard
+    deviation is written as that of one reading.
+
+    Parameters
+    ----------
+    readings : BenchReadings
+    path : str or Path
+
+    Notes
+    -----
+    The unit stands in the channels' names (`accel_x_m_s2`) where it is one the reader knows; counts need none.
+    """
+    names, columns = ["station"], [list(readings.station)]
+    if readings.azimuth is not None:
+        for name, angle in zip(("azimuth_deg", "inclination_deg", "toolface_deg"), readings.dials, strict=True):
+            names.append(name)
+            columns.append(writing.column(writing.degrees(angle)))
+    if readings.temperature is not None:
+        names.append("temperature_degC")
+        columns.append(writing.column(readings.temperature))
+    _add_channels(readings, names, columns)
+    if readings.count is not None:
+        names.append("count")
+        columns.append(writing.column(readings.count))
+    if readings.roll_set:
+        names.append("roll_set")
+        columns.append(list(readings.roll_set))
+    for name, key in zip(REFERENCES, ("g", "b", "dip"), strict=True):
+        if key in readings.reference:
+            value = readings.reference[key]
+            names.append(name)
+            columns.append([writing.number(float(writing.degrees(value)) if key == "dip" else value)] * len(readings))
+    writing.write_columns(names, columns, path)
+
+
+def _add_channels(readings: BenchReadings, names: list[str], columns: list[list[str]]) -> None:
+    suffixes = {label: f"_{suffix}" for suffix, label in UNIT_LABELS.items() if label != "counts"}
+    repeats = np.ones(len(readings)) if readings.count is None else readings.count
+    for kind, values in readings.channels.items():
+        tail = suffixes.get(readings.units[kind], "")
+        channels = [f"{KIND_PREFIX[kind]}_{axis}{tail}" for axis in axes(values.shape[1])]
+        names += channels
+        columns += [writing.column(column) for column in values.T]
+        if kind in readings.sd:
+            names += [f"{name}_sd" for name in channels]
+            columns += [writing.column(column * np.sqrt(repeats)) for column in readings.sd[kind].T]
+
+
+def axes(count: int) -> list[str]:
+    """Names of a triad's axes: x, y, z for two or three, else 1..m.
+
+    Examples
+    --------
+    >>> axes(2), axes(4)
+    (['x', 'y'], ['1', '2', '3', '4'])
+    """
+    return ["x", "y", "z"][:count] if count <= 3 else [str(i + 1) for i in range(count)]
+
+
+def write_raw_survey(
+    path: str | Path, md: Array, channels: Mapping[str, Array], temperature: Array | None = None
+) -> None:
+    """Raw survey CSV: md_m, channels, temperature_degC.
+
+    Parameters
+    ----------
+    path : str or Path
+    md : (n,) m
+    channels : kind -> (n, m)
+    temperature : (n,) degC, optional
+    """
+    _write_against("md_m", md, channels, temperature, path)
+
+
+def write_log(path: str | Path, time: Array, channels: Mapping[str, Array], temperature: Array | None = None) -> None:
+    """Log CSV: time_s, channels, temperature_degC; parameters as `write_raw_survey`."""
+    _write_against("time_s", time, channels, temperature, path)
+
+
+def _write_against(
+    name: str, values: Array, channels: Mapping[str, Array], temperature: Array | None, path: str | Path
+) -> None:
+    names, columns = [name], [writing.column(values)]
+    for kind, signals in channels.items():
+        names += [f"{KIND_PREFIX[kind]}_{axis}" for axis in axes(signals.shape[1])]
+        columns += [writing.column(column) for column in signals.T]
+    if temperature is not None:
+        names.append("temperature_degC")
+        columns.append(writing.column(temperature))
+    writing.write_columns(names, columns, path)

@@ -1,0 +1,129 @@
+"""corrections.json: what a multi-station analysis has found of a run, to be looked at and to be used again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import json_codec
+from inclinometry.files.tool_json import covariance
+from inclinometry.files.writing import write_bytes
+from inclinometry.survey.multistation import Parameter
+from inclinometry.survey.multistation_priors import FieldReference
+from inclinometry.survey.reduce import SensorCorrection
+
+SCHEMA = "inclinometry/corrections"
+VERSION = 1
+_CHANNELS = ("gx", "gy", "gz", "bx", "by", "bz")
+_REFERENCE = ("g", "b", "dip", "g_sigma", "b_sigma", "dip_sigma", "g_random", "b_random", "dip_random")
+_KEYS = (
+    "g_m_s2", "b_nT", "dip_deg", "sigma_g_m_s2", "sigma_b_nT", "sigma_dip_deg", "random_g_m_s2", "random_b_nT",
+    "random_dip_deg",
+)  # fmt: skip
+
+
+def write_corrections(correction: SensorCorrection, path: str | Path) -> None:
+    """Write corrections.json; the same correction gives the same bytes.
+
+    Parameters are in SI units and rad, the reference in degrees where its key says so.
+    """
+    reference = {
+        key: float(np.degrees(getattr(correction.reference, name)))
+        if key.endswith("_deg")
+        else getattr(correction.reference, name)
+        for key, name in zip(_KEYS, _REFERENCE, strict=True)
+    }
+    names = list(correction.parameters)
+    content = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "tool": correction.tool,
+        "priors": correction.priors,
+        "inputs": dict(correction.inputs),
+        "model": "measured = field + sum of value * dT^power * (gain field + offset); field = gx gy gz bx by bz",
+        "parameters": [_entry(name, correction, row) for row, name in enumerate(names)],
+        "covariance": {"parameters": names, "matrix": correction.covariance},
+        "noise": correction.noise,
+        "reference": reference,
+        "run": {
+            "stations": correction.stations,
+            "first_md_m": correction.md[0],
+            "last_md_m": correction.md[1],
+            "chi_square": correction.chi_square,
+            "degrees_of_freedom": correction.freedom,
+        },
+        "warnings": list(correction.warnings),
+    }
+    write_bytes(json_codec.canonical(content), path)
+
+
+def _entry(name: str, correction: SensorCorrection, row: int) -> dict[str, Any]:
+    """One parameter; those of the reference act on no channel."""
+    p = correction.parameters[name]
+    entry = {"name": name, "unit": p.unit, "value": p.value, "u": p.u, "u_before": p.prior}
+    if row >= len(correction.offset):
+        return entry
+    gain = correction.gain[row]
+    places = [[int(i), int(j), float(gain[i, j])] for i, j in np.argwhere(gain)]
+    entry |= {"gain": places, "offset": correction.offset[row]}
+    if correction.power[row]:
+        entry["power"] = int(correction.power[row])
+        entry["reference_temperature_degC"] = float(correction.reference_temperature[row])
+    return entry
+
+
+def read_corrections(path: str | Path) -> SensorCorrection:
+    """Read corrections.json.
+
+    Raises
+    ------
+    FileError
+        Not such a file, a later version, a value out of place, with its JSON path.
+    """
+    content = json_codec.of_kind(json_codec.load(path), path, SCHEMA, version=VERSION)
+    entries, run = content["parameters"], content["run"]
+    names = [entry["name"] for entry in entries]
+    if content["covariance"]["parameters"] != names or len(set(names)) < len(names):
+        raise FileError("$.covariance.parameters are not the names of $.parameters, each once", path=path)
+    matrix = covariance(content["covariance"], path, "$.covariance")
+    noise = covariance({"parameters": list(_CHANNELS), "matrix": content["noise"]}, path, "$.noise")
+    sensors = [entry for entry in entries if "offset" in entry]
+    if entries[: len(sensors)] != sensors or len(entries) != len(sensors) + 3:
+        raise FileError("$.parameters must end in the three of the reference, which have no offset", path=path)
+    values = [
+        float(np.radians(content["reference"][key])) if key.endswith("_deg") else content["reference"][key]
+        for key in _KEYS
+    ]
+    try:
+        return SensorCorrection(
+            parameters={e["name"]: Parameter(e["value"], e["u"], e["u_before"], e["unit"]) for e in entries},
+            covariance=matrix,
+            gain=np.stack([_gain(entry["gain"]) for entry in sensors]),
+            offset=np.array([entry["offset"] for entry in sensors], dtype=np.float64),
+            power=np.array([entry.get("power", 0) for entry in sensors], dtype=np.float64),
+            reference_temperature=np.array([e.get("reference_temperature_degC", 0.0) for e in sensors]),
+            noise=noise,
+            reference=FieldReference(**dict(zip(_REFERENCE, values, strict=True))),
+            priors=content["priors"],
+            tool=content["tool"],
+            md=(run["first_md_m"], run["last_md_m"]),
+            stations=run["stations"],
+            chi_square=run["chi_square"],
+            freedom=run["degrees_of_freedom"],
+            warnings=tuple(content["warnings"]),
+            inputs=content["inputs"],
+        )
+    except InputError as error:
+        raise FileError(str(error), path=path) from None
+
+
+def _gain(places: Sequence[tuple[int, int, float]]) -> Array:
+    gain = np.zeros((6, 6))
+    for i, j, value in places:
+        gain[i, j] = value
+    return gain

@@ -1,0 +1,207 @@
+"""JSON with one spelling for one content, read strictly and checked against a shipped schema."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from inclinometry.errors import FileError, InputError
+
+if TYPE_CHECKING:
+    from jsonschema import Draft202012Validator
+
+Json = dict[str, Any]
+
+
+def canonical(content: Mapping[str, Any]) -> bytes:
+    r"""UTF-8 bytes that depend on the content alone.
+
+    Keys sorted, one space of indent, a list of plain values on one line, numbers as the shortest decimal that reads
+    back to the same float64, "\n" at the end. Numpy arrays and numbers are taken as lists and numbers.
+
+    Raises
+    ------
+    InputError
+        NaN or infinity, text that is not Unicode, a value JSON cannot hold; with its JSON path.
+
+    Examples
+    --------
+    >>> canonical({"b": np.eye(2), "a": 0.1})
+    b'{\n "a": 0.1,\n "b": [\n  [1.0, 0.0],\n  [0.0, 1.0]\n ]\n}\n'
+    """
+    text = _dump(content, "$", 0) + "\n"
+    try:
+        return text.encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise InputError(f"a text for the file is not Unicode ({error.reason})") from None
+
+
+def _dump(value: Any, path: str, depth: int) -> str:
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        keys = sorted(str(key) for key in value)
+        if len(set(keys)) < len(value) or any(not isinstance(key, str) for key in value):
+            raise InputError(f"{path}: the keys {list(value)} are not distinct texts")
+        cells = [
+            f"{json.dumps(key, ensure_ascii=False)}: {_dump(value[key], f'{path}.{key}', depth + 1)}" for key in keys
+        ]
+        return _wrap("{", cells, "}", depth)
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        cells = [_dump(item, f"{path}[{i}]", depth + 1) for i, item in enumerate(value)]
+        plain = all(not isinstance(item, Mapping | Sequence | np.ndarray) or isinstance(item, str) for item in value)
+        return f"[{', '.join(cells)}]" if plain else _wrap("[", cells, "]", depth)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{path} is {value}; a file holds finite numbers only")
+    if value is None or isinstance(value, str | float | int):
+        return json.dumps(value, ensure_ascii=False)
+    raise InputError(f"{path} is a {type(value).__name__}; numbers, texts, lists and mappings can be written")
+
+
+def _wrap(start: str, cells: list[str], end: str, depth: int) -> str:
+    if not cells:
+        return start + end
+    pad = "\n" + " " * (depth + 1)
+    return start + pad + f",{pad}".join(cells) + "\n" + " " * depth + end
+
+
+def load(path: str | Path) -> Json:
+    """The object in a JSON file; FileError for anything else, doubled keys and NaN included."""
+    try:
+        text = Path(path).read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise FileError("there is no such file; check the name", path=path) from None
+    except UnicodeDecodeError as error:
+        raise FileError(f"not UTF-8 text (byte {error.start}); a JSON file is needed", path=path) from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+    try:
+        content = parse(text)
+    except json.JSONDecodeError as error:
+        raise FileError(f"not JSON: {error.msg} (column {error.colno})", path=path, line=error.lineno) from None
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"not usable JSON: {error}", path=path) from None
+    if not isinstance(content, dict):
+        raise FileError(f"holds a JSON {type(content).__name__}; an object is needed", path=path)
+    return content
+
+
+def parse(text: str | bytes) -> Any:
+    """The value of a JSON text; ValueError for doubled keys, NaN and numbers too large, too."""
+    return json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant, parse_float=_finite_number)
+
+
+def _distinct(pairs: list[tuple[str, Any]]) -> Json:
+    found: Json = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"key {key!r} appears twice in one object; remove one")
+        found[key] = value
+    return found
+
+
+def _no_constant(text: str) -> Any:
+    raise ValueError(f"{text} is not a number JSON allows; every value must be finite")
+
+
+def _finite_number(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text} is too large; every value must be finite")
+    return value
+
+
+def schema(name: str) -> Json:
+    """A schema shipped with the package, e.g. "tool-1" (JSON Schema, draft 2020-12).
+
+    Examples
+    --------
+    >>> schema("tool-1")["$id"]
+    'urn:inclinometry:tool-1'
+    """
+    content: Json = json.loads(files("inclinometry.files").joinpath("schemas", f"{name}.json").read_text("utf-8"))
+    return content
+
+
+@cache
+def _validator(name: str) -> Draft202012Validator:
+    from jsonschema import Draft202012Validator
+
+    return Draft202012Validator(schema(name))
+
+
+def validate(content: Json, name: str, path: str | Path) -> None:
+    """Check against a shipped schema; FileError with the JSON path, the value found and what it must be."""
+    from jsonschema.exceptions import best_match
+
+    error = best_match(_validator(name).iter_errors(content))
+    if error is None:
+        return
+    where = "$" + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
+    if "propertyNames" in error.absolute_schema_path:
+        raise FileError(
+            f"{where} has {shown(error.instance)}; the names must be {error.schema['description']}", path=path
+        )
+    if error.validator == "required":
+        lost = next(key for key in error.validator_value if key not in error.instance)
+        raise FileError(f"{where} has no {shown(lost)}; add it", path=path)
+    if error.validator == "additionalProperties":
+        allowed = list(error.schema["properties"])
+        surplus = next(key for key in error.instance if key not in allowed)
+        raise FileError(f"{where} has {shown(surplus)}, which is not known; allowed: {', '.join(allowed)}", path=path)
+    wanted = str(error.schema.get("description", error.message)).removeprefix("must be ")
+    if error.validator == "uniqueItems":
+        twice = next(v for i, v in enumerate(error.instance) if v in error.instance[:i])
+        raise FileError(f"{where} has {shown(twice)} twice; it must be {wanted}", path=path)
+    raise FileError(f"{where} is {shown(error.instance)}; it must be {wanted}", path=path)
+
+
+_WRITERS: Final = {
+    "inclinometry/allan": "allan -o",
+    "inclinometry/certificate": "certificate --record",
+    "inclinometry/corrections": "msa -o",
+    "inclinometry/scale": "gyro scale -o",
+    "inclinometry/tool": "calibrate -o",
+    "inclinometry/truth": "simulate bench --truth",
+    "inclinometry/verification": "verify -o",
+}
+"""Command that writes a kind of file."""
+
+
+def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> Json:
+    """The content of a stored record, when it is one of these kinds and fits the schema of its version."""
+    kind, found = content.get("schema"), content.get("version")
+    if kind not in kinds:
+        wanted = " or ".join(f'"{k}"' for k in kinds)
+        problem = f"$.schema is {str(kind)[:60]!r}; a file with schema {wanted} is needed"
+        raise FileError(f"{problem}: the file that `{' or '.join(_WRITERS[k] for k in kinds)}` writes", path=where)
+    if isinstance(found, int) and found > version:
+        problem = f"$.version is {found}, written by a newer release; this one reads version {version}"
+        raise FileError(f"{problem}: update inclinometry", path=where)
+    validate(content, f"{kind.rpartition('/')[2]}-{version}", where)
+    return content
+
+
+def shown(value: Any) -> str:
+    """A JSON value on one short line; long lists and objects by their size.
+
+    Examples
+    --------
+    >>> shown([1, 2]), shown(list(range(100))), shown("x" * 90)[-5:]
+    ('[1, 2]', 'a list of 100 entries', 'x..."')
+    """
+    text = json.dumps(value)
+    if len(text) <= 60:
+        return text
+    if isinstance(value, str):
+        return f'{text[:56]}..."'
+    if isinstance(value, dict | list):
+        return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)} entries"
+    return f"{text[:57]}..."

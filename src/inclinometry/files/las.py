@@ -1,0 +1,378 @@
+"""Survey tables as LAS 2.0 (CWLS): curves with units; the data are read and written with every digit."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inclinometry.arrays import Array
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import writing
+from inclinometry.files._quantities import meaning, same_unit
+from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
+from inclinometry.files.survey_csv import OutColumn, columns_of
+from inclinometry.files.writing import number, write_text
+
+# The ~ASCII section of a LAS file: every row checked for its length and its numbers.
+
+_BLOCK = 1 << 16
+Numbered = Iterator[tuple[int, str]]
+
+
+def split_at_data(path: str | Path, text: str) -> tuple[str, Sequence[str], int]:
+    """The head of a LAS file, the lines of its data, and the number of the first of these.
+
+    Raises
+    ------
+    FileError
+        No section at all, no ~A section.
+    """
+    lines = text.splitlines()
+    start = next((i for i, line in enumerate(lines) if line.lstrip()[:2].upper() == "~A"), None)
+    if not any(line.lstrip().startswith("~") for line in lines):
+        raise FileError("not a LAS file: no section begins with ~", path=path)
+    if start is None:
+        raise FileError("no ~ASCII section with data; is the file truncated?", path=path, line=len(lines))
+    return "\n".join(lines[:start]) + "\n", lines[start + 1 :], start + 2
+
+
+def numbered(lines: Iterable[str], first: int) -> Numbered:
+    """Lines that are neither blank nor comments, with their numbers."""
+    for line_number, line in enumerate(lines, first):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield line_number, line
+
+
+def read_data(
+    path: Path, lines: Numbered, names: Sequence[str], units: Mapping[str, str], null: float, wrap: bool
+) -> tuple[dict[str, Column], NDArray[np.int64]]:
+    """Columns by mnemonic, `null` as NaN or empty, and the line each row stands in.
+
+    Raises
+    ------
+    FileError
+        A row with more or fewer values than curves, text where a number is needed, no data.
+    """
+    numeric = [_is_number(name, units) for name in names]
+    numbers: list[list[Array]] = [[] for _ in names]
+    texts: list[list[str]] = [[] for _ in names]
+    places: list[int] = []
+    for block in _blocks(_unwrapped(path, lines, len(names)) if wrap else _rows(path, lines, len(names))):
+        rows = [row for row, _ in block]
+        places += rows
+        for index, cells in enumerate(zip(*(cells for _, cells in block), strict=True)):
+            if numeric[index]:
+                numbers[index].append(_floats(path, cells, names[index], rows, null))
+            else:
+                texts[index] += [_as_written(cell, null) for cell in cells]
+    if not places:
+        raise FileError("there are no data after ~ASCII; is the file truncated?", path=path)
+    columns: dict[str, Column] = {
+        name: np.concatenate(numbers[i]) if numeric[i] else tuple(texts[i]) for i, name in enumerate(names)
+    }
+    return columns, np.array(places, dtype=np.int64)
+
+
+def _is_number(name: str, units: Mapping[str, str]) -> bool:
+    try:
+        what = meaning(name, units.get(name))
+    except InputError:
+        return False  # refused later, with the remedy
+    return what is not None and what.unit is not None
+
+
+def _rows(path: Path, lines: Numbered, width: int) -> Iterator[tuple[int, list[str]]]:
+    for place, line in lines:
+        cells = line.split()
+        if len(cells) != width:
+            problem = f"this row has {len(cells)} values, there are {width} curves; is the file truncated?"
+            raise FileError(problem, path=path, line=place)
+        yield place, cells
+
+
+def _unwrapped(path: Path, lines: Numbered, width: int) -> Iterator[tuple[int, list[str]]]:
+    """Rows of a wrapped file: the depth on a line of its own, then the others on as many lines as they take."""
+    row: list[str] = []
+    start = place = 0
+    for place, line in lines:
+        start = start if row else place
+        row += line.split()
+        if len(row) > width:
+            problem = f"the row that begins in line {start} has {len(row)} values, there are {width} curves"
+            raise FileError(problem, path=path, line=place)
+        if len(row) == width:
+            yield start, row
+            row = []
+    if row:
+        problem = f"the last row has {len(row)} values, there are {width} curves; is the file truncated?"
+        raise FileError(problem, path=path, line=place)
+
+
+def _blocks(rows: Iterator[tuple[int, list[str]]]) -> Iterator[list[tuple[int, list[str]]]]:
+    block: list[tuple[int, list[str]]] = []
+    for row in rows:
+        block.append(row)
+        if len(block) == _BLOCK:
+            yield block
+            block = []
+    if block:
+        yield block
+
+
+def _floats(path: Path, cells: Sequence[str], name: str, rows: Sequence[int], null: float) -> Array:
+    try:
+        values = np.fromiter(map(float, cells), np.float64, len(cells))
+    except ValueError:
+        values = np.array([_float(cell) for cell in cells])
+    wrong = ~np.isfinite(values)
+    if wrong.any() or "_" in "".join(cells):
+        at = int(np.argmax(wrong)) if wrong.any() else next(i for i, cell in enumerate(cells) if "_" in cell)
+        problem = f"{cells[at]!r} of curve {name!r} is not a finite number; correct it, or write {number(null)}"
+        raise FileError(problem, path=path, line=int(rows[at]))
+    return np.where(values == null, np.nan, values)
+
+
+def _float(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+def _as_written(cell: str, null: float) -> str:
+    return "" if _float(cell) == null else cell
+
+
+NULLS: Final = (-999.25, -9999.25, -99999.25, -999999.25)
+"""Values that may stand for nothing; the first that is no value of the survey's is taken."""
+_NORTH: Final = "AZIREF"
+_MARK: Final = "Head of the survey, one name and text a line:"
+_GRID: Final = ("STRT", "STOP", "STEP", "NULL")
+
+
+def read_las(path: str | Path, *, convention: str = "house", azimuth_reference: str | None = None) -> SurveyFile:
+    """Read a survey from LAS 1.2 or 2.0; mnemonics as the names of columns `six_axis.read_csv` knows.
+
+    Parameters
+    ----------
+    path : str or Path
+        Wrapped or not. The file's own NULL is unknown.
+    convention : str
+        As in `six_axis.read_csv`.
+    azimuth_reference : {"magnetic", "true", "grid"}, optional
+        Where the file has no parameter AZIREF.
+
+    Raises
+    ------
+    FileError
+        Not LAS or another version of it; a damaged header; a row of another length, text in a number's place; data that
+        do not reach STRT and STOP (truncated); else as `six_axis.read_csv`, with the line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_las(SurveyFile(md=[0, 30], tvd=[0, np.nan], inclination=[0, 0.1]), Path(folder, "a.las"))
+    ...     survey = read_las(Path(folder, "a.las"))
+    >>> survey.tvd
+    array([ 0., nan])
+    """
+    where = Path(path)
+    data, text = _text(where)
+    head, lines, first = split_at_data(where, text)
+    las = _header(where, head)
+    names = _mnemonics(where, las)
+    wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
+    units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
+    columns, rows = read_data(where, numbered(lines, first), names, units, _null(where, las), wrap)
+    _complete(where, las, columns[names[0]], units.get(names[0]), int(rows[-1]))
+    header, north = _head_texts(where, las)
+    sheet = Sheet(where, columns, rows, units, north=north, header=header, digest=digest_bytes(data))
+    return survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+
+
+def _text(path: Path) -> tuple[bytes, str]:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise FileError("there is no such file; check the name", path=path) from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+    if b"\0" in data[:100_000]:
+        raise FileError("not a LAS file (it holds zero bytes)", path=path)
+    try:
+        return data, data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data, data.decode("latin-1")  # older writers; what matters is ASCII
+
+
+def _header(path: Path, head: str) -> Any:
+    """The header as lasio reads it; LAS 1.2 and 2.0 only."""
+    import lasio
+
+    try:
+        with _quiet("lasio"):
+            las = lasio.read(io.StringIO(head), ignore_data=True, mnemonic_case="preserve")
+    except MemoryError:
+        raise
+    except Exception as error:  # LASHeaderError, but also key and index errors of what it did not foresee
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise FileError(f"the header is damaged ({reason[:200]}); write it again", path=path) from None
+    version = str(_value(las.version, "VERS") or "").strip()
+    if version not in ("1.2", "1.20", "2.0", "2", "2.00"):
+        raise FileError(f"LAS version {version or 'not stated'}; allowed 1.2 and 2.0: export it so", path=path)
+    if not len(las.curves):
+        raise FileError("no curves in the ~Curve section; a depth and one more are needed", path=path)
+    return las
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """A library's log silent; what it doubts is said here, in one place and with the file's name."""
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+def _value(section: Any, name: str) -> Any:
+    """Value of an item of a section, or None."""
+    return next((item.value for item in section if str(item.original_mnemonic).upper() == name), None)
+
+
+def _mnemonics(path: Path, las: Any) -> list[str]:
+    names = [str(curve.original_mnemonic).strip() for curve in las.curves]
+    for place, name in enumerate(names, 1):
+        if not name:
+            raise FileError(f"curve {place} has no mnemonic; name it", path=path)
+        if names.index(name) < place - 1:
+            raise FileError(f"curve {name!r} appears twice; remove one", path=path)
+    return names
+
+
+def _null(path: Path, las: Any) -> float:
+    value = _value(las.well, "NULL")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise FileError(
+            f"NULL is {value!r}; a number is needed in the ~Well section, e.g. -999.25", path=path
+        ) from None
+
+
+def _complete(path: Path, las: Any, depth: Column, index_unit: str | None, last: int) -> None:
+    """FileError where the data do not span STRT to STOP, as the header says they do."""
+    if isinstance(depth, tuple):
+        return
+    for item in las.well:
+        name, unit = str(item.original_mnemonic).upper(), str(item.unit).strip()
+        if name in ("STRT", "STOP") and unit and index_unit and not same_unit(unit, index_unit):
+            raise FileError(f"{name} is in {unit!r}, the depth curve in {index_unit!r}; correct one of them", path=path)
+    for name, found, line in (("STRT", depth[0], None), ("STOP", depth[-1], last)):
+        value = _value(las.well, name)
+        try:
+            wanted = float(value)
+        except (TypeError, ValueError):
+            raise FileError(f"{name} is {value!r}; the depth is needed in the ~Well section", path=path) from None
+        # headers are often printed with fewer digits than the data
+        if not abs(wanted - found) <= 0.006 + 1e-6 * abs(found):
+            problem = f"the header says {name} {wanted:.10g}, the data have {found:.10g}; is the file truncated?"
+            raise FileError(problem, path=path, line=line)
+
+
+def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:
+    """Texts of the head, and the north of the azimuths."""
+    north = _value(las.params, _NORTH)
+    north = str(north).strip().lower() if north not in (None, "") else None
+    lines = str(las.other).splitlines()
+    if _MARK in lines:
+        found: dict[str, str] = {}
+        for line in lines[lines.index(_MARK) + 1 :]:
+            try:
+                found |= {str(k): str(v) for k, v in json.loads(line).items()}
+            except (ValueError, AttributeError):
+                raise FileError(f"{line[:60]!r} in the ~Other section cannot be read; remove it", path=path) from None
+        return found, north
+    items = [*las.well, *las.params]
+    kept = [item for item in items if str(item.original_mnemonic).upper() not in (*_GRID, _NORTH)]
+    texts = {str(i.original_mnemonic): f"{i.value} {i.unit}".strip() for i in kept if str(i.value).strip()}
+    return texts, north
+
+
+def write_las(file: SurveyFile, path: str | Path) -> None:
+    """Write a survey as LAS 2.0, not wrapped; the head of `file` goes into the section ~Other.
+
+    LAS holds numbers only: `times` and those columns of `extra` that are not all numbers are not written.
+
+    Examples
+    --------
+    See `read_las`.
+    """
+    columns = [column for column in map(_curve, columns_of(file)) if column is not None]
+    everything = np.concatenate([np.asarray(column.values) for column in columns])
+    null = next(value for value in NULLS if not (everything == value).any())
+    gap = writing.number(null)
+    cells = [[text or gap for text in writing.column(np.asarray(column.values))] for column in columns]
+    rows = "\n".join(" ".join(row) for row in zip(*cells, strict=True))
+    write_text(f"{_header_text(file, columns, null)}{rows}\n", path)
+
+
+def _curve(column: OutColumn) -> OutColumn | None:
+    """A column as numbers under its mnemonic; None where it is text."""
+    if not isinstance(column.values, tuple):
+        return OutColumn(column.quantity.las if column.quantity else column.name, column.values, column.quantity)
+    if column.name == "azimuth_reference" or set(column.name) & set(" .:~#\t"):
+        return None
+    numbers = _all_numbers(column.values)
+    return None if numbers is None else OutColumn(column.name, numbers)
+
+
+def _all_numbers(texts: Sequence[str]) -> Array | None:
+    """Numbers that read back to the same texts, NaN where empty; else None."""
+    try:
+        numbers = np.array([float(text) if text else np.nan for text in texts])
+    except ValueError:
+        return None
+    return numbers if writing.column(numbers) == list(texts) else None
+
+
+def _header_text(file: SurveyFile, columns: Sequence[OutColumn], null: float) -> str:
+    """Everything up to the data, by lasio."""
+    import lasio
+
+    las = lasio.LASFile()
+    for column in columns:
+        unit = column.quantity.unit.label if column.quantity else ""
+        about = column.quantity.column if column.quantity else column.name
+        las.append_curve(column.name, np.asarray(column.values[:2], dtype=np.float64), unit=unit, descr=about)
+    las.well["NULL"].value = null
+    well = next((text for name, text in file.header.items() if name.lower() in ("well", "namewell")), "")
+    las.well["WELL"].value = " ".join(well.replace(":", " ").split())
+    if file.azimuth_reference is not None:
+        las.params[_NORTH] = lasio.HeaderItem(_NORTH, value=file.azimuth_reference, descr="NORTH AZIMUTHS ARE FROM")
+    if file.header:
+        las.other = "\n".join([_MARK, *_json_lines(file.header)])
+    steps = np.diff(file.md)
+    even = len(steps) > 0 and np.allclose(steps, steps[0], rtol=0.0, atol=1e-9)
+    stream = io.StringIO()
+    las.write(
+        stream, version=2.0, wrap=False, STRT=file.md[0], STOP=file.md[-1], STEP=steps[0] if even else 0.0, fmt="%.17g"
+    )
+    head, _, _ = split_at_data("", stream.getvalue())
+    return head + "~ASCII\n"
+
+
+def _json_lines(header: Mapping[str, str]) -> Iterator[str]:
+    return (json.dumps({name: text}, ensure_ascii=False) for name, text in header.items())

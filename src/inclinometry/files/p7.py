@@ -1,0 +1,368 @@
+"""IOGP P7/17 (report 483-7): raw survey records M7 (magnetic) and G7 (gyro); every other record is kept as text.
+
+The order of the fields is that of version 1.0. The axes of the format's own examples are those of SPE 67616, y along
+the index mark and x 90 deg before it, gravity positive down: convention "iscwsa" unless the caller says otherwise.
+Units: m/s^2, nT, deg/h, deg; depths and offsets in the unit that Survey Details names.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import writing
+from inclinometry.files._quantities import quantities
+from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
+from inclinometry.files.six_axis import to_vendor
+from inclinometry.files.survey_csv import columns_of
+from inclinometry.files.table import LineReader, NumberReader
+from inclinometry.files.writing import write_text
+
+# Fields of the P7/17 records M7 and G7, and what the header says of their units and north.
+
+_START: Final = ("version", "survey", "record", "time")
+_PLACE: Final = ("md", "inclination", "azimuth", "north", "east", "tvd", "g.0", "g.1", "g.2")
+FIELDS: Final = {
+    "M7": (
+        *_START, "transmitted", "used", *_PLACE, "b.0", "b.1", "b.2", "toolface", "magnetic_toolface",
+        "measured.g", "measured.b", "measured.dip", "reference.g", "reference.b", "reference.dip",
+        "reference.declination", "reference.convergence", "extension",
+    ),
+    "G7": (
+        *_START, "used", *_PLACE, "w.0", "w.1", "w.2", "toolface", "gyro_toolface",
+        "measured.g", "measured.latitude", "measured.earth_rate", "reference.g", "reference.latitude",
+        "reference.earth_rate", "reference.convergence", "extension",
+    ),
+}  # fmt: skip
+"""What follows the identifier: a quantity of `_quantities`, else text."""
+
+LENGTHS: Final = ("md", "north", "east", "tvd")
+UNITS: Final = {"1": "m", "5": "ft", "6": "ftUS"}
+"""Reference numbers of units of length a depth may be in (IOGP 483-7, table of format-defined units)."""
+NORTHS: Final = {"6": "magnetic", "7": "true", "8": "grid"}
+"""Types of azimuth (wellbore observables)."""
+AZIMUTH_NAMES: Final = {"magnetic": "AZIM_MAGN", "true": "AZIM_TRUE", "grid": "AZIM_GRID"}
+SURVEY_DETAILS: Final = ("H7", "1", "5", "1")
+
+_STAMP: Final = re.compile(r"(\d{4}):(\d\d):(\d\d):(\d\d:\d\d:\d\d(?:\.\d+)?)", re.ASCII)
+_ISO: Final = re.compile(r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d+)?)(?:Z|\+00:00)?", re.ASCII)
+
+
+def iso_time(text: str) -> str | None:
+    """ISO 8601 from a P7/17 date and time, which are in UTC; None where it is neither that nor empty.
+
+    Examples
+    --------
+    >>> iso_time("2014:09:17:13:15:22.0"), iso_time(""), iso_time("17 Sep 2014")
+    ('2014-09-17T13:15:22.0Z', '', None)
+    """
+    found = _STAMP.fullmatch(text)
+    return "" if not text else f"{found[1]}-{found[2]}-{found[3]}T{found[4]}Z" if found else None
+
+
+def p7_time(text: str) -> str | None:
+    """A P7/17 date and time from ISO 8601, UTC or without a zone; None where it is neither that nor empty.
+
+    Examples
+    --------
+    >>> p7_time("2014-09-17T13:15:22.0Z")
+    '2014:09:17:13:15:22.0'
+    """
+    found = _ISO.fullmatch(text)
+    return "" if not text else f"{found[1]}:{found[2]}:{found[3]}:{found[4]}" if found else None
+
+
+def survey_details(cells: list[str], line: int, path: str) -> tuple[int, str | None, str | None] | None:
+    """Survey number, unit of depth and north from a Survey Details record; None for any other record.
+
+    Raises
+    ------
+    FileError
+        Too few fields, or depths in no unit of length.
+    """
+    if tuple(cells[:4]) != SURVEY_DETAILS:
+        return None
+    if len(cells) < 14 or not cells[5].isdigit():
+        problem = f"Survey Details has {len(cells)} fields, survey number {cells[5:6]}; 23 and a number are needed"
+        raise FileError(problem, path=path, line=line)
+    unit = UNITS.get(cells[6])
+    if unit is None:
+        allowed = ", ".join(f"{k} ({v})" for k, v in UNITS.items())
+        raise FileError(f"the unit of depth is {cells[6]!r}; allowed: {allowed}", path=path, line=line)
+    return int(cells[5]), unit, NORTHS.get(cells[12])
+
+
+_TEXTS: Final = ("version", "record", "transmitted", "extension")
+_ASIDE: Final = "p7_"  # begins the names in SurveyFile.extra of fields that are no quantity
+
+
+@dataclass(frozen=True, eq=False)
+class P7File:
+    """A P7/17 file.
+
+    surveys : number of a survey -> its M7 or G7 records.
+    records : all other lines, in their order, as text; the first is the file's identification.
+    counts : identifier of a record (IOGP, HC, H7, CC, O7, P7, M7, G7, ...) -> how many there are.
+    """
+
+    surveys: Mapping[int, SurveyFile]
+    records: tuple[str, ...]
+    counts: Mapping[str, int]
+
+
+class _Row(NamedTuple):
+    line: int
+    cells: list[str]
+
+
+def read_p7(
+    path: str | Path,
+    *,
+    convention: str = "iscwsa",
+    depth_unit: str | None = None,
+    azimuth_reference: str | None = None,
+) -> P7File:
+    """Read the raw surveys of a P7/17 file.
+
+    Parameters
+    ----------
+    path : str or Path
+    convention : str
+        Axes and signs of the sensors: iscwsa (the format's), house, specific-force or z-up.
+    depth_unit : {"m", "ft", "ftUS"}, optional
+        Where the file has no Survey Details (H7,1,5,1); it may not contradict them.
+    azimuth_reference : {"magnetic", "true", "grid"}, optional
+        Likewise.
+
+    Returns
+    -------
+    P7File
+        Fields that are no quantity (record version and number, transmission flag, extension) are in `extra` of each
+        survey as `p7_version`, `p7_record`, `p7_transmitted`, `p7_extension`.
+
+    Raises
+    ------
+    FileError
+        No P7/17 file; no M7 or G7 record; a wrong number of fields; M7 and G7 in one survey; no unit of depth, two of
+        them; text or NaN in a number's place; depths that do not increase over the stations used; each with its line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> survey = SurveyFile(md=[9.0], g=[[0.0, -5.0, 8.4]], b=[[1e4, 2e4, 4e4]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_p7(p7_file(survey), Path(folder, "a.p717"))
+    ...     found = read_p7(Path(folder, "a.p717"))
+    >>> found.surveys[1].g, found.counts["M7"]
+    (array([[ 0. , -5. ,  8.4]]), 1)
+    """
+    others, rows, details, digest = _sorted_lines(Path(path))
+    if not rows:
+        raise FileError("no M7 or G7 record; the file has no raw survey data", path=path)
+    surveys = {}
+    for number, (kind, mine) in rows.items():
+        unit, north = details.get(number, (None, None))
+        unit = _agreed(path, mine[0].line, "unit of depth", unit, depth_unit)
+        sheet = _sheet(Path(path), kind, mine, unit, digest)
+        sheet = replace(sheet, north=north, header={"survey": str(number), "record": kind, "depth_unit": unit})
+        surveys[number] = _named_texts(survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference))
+    counts = Counter(line.split(",", 1)[0].strip() for line in others if line.strip())
+    for kind, mine in rows.values():
+        counts[kind] += len(mine)
+    return P7File(MappingProxyType(surveys), tuple(others), MappingProxyType(dict(counts)))
+
+
+def _sorted_lines(
+    path: Path,
+) -> tuple[list[str], dict[int, tuple[str, list[_Row]]], dict[int, tuple[str | None, str | None]], str]:
+    """Other lines, raw records by survey, unit and north by survey, digest."""
+    others: list[str] = []
+    rows: dict[int, tuple[str, list[_Row]]] = {}
+    details: dict[int, tuple[str | None, str | None]] = {}
+    reader = LineReader(path)
+    for block in reader.blocks():
+        for line, text in enumerate(block.lines, block.first):
+            cells = [cell.strip() for cell in text.split(",")]
+            if line == 1 and (cells[0] != "IOGP" or cells[2:3] != ["7"]):
+                shown = text[:40]
+                raise FileError(f"not a P7/17 file: begins {shown!r}; 'IOGP, ..., 7' is needed", path=path, line=1)
+            if cells[0] not in FIELDS:
+                others.append(text)
+                found = survey_details(cells, line, str(path))
+                if found is not None:
+                    details[found[0]] = found[1:]
+                continue
+            number = _survey_number(path, line, cells)
+            kind, mine = rows.setdefault(number, (cells[0], []))
+            if kind != cells[0]:
+                raise FileError(f"survey {number} has M7 and G7 records; give each its own", path=path, line=line)
+            mine.append(_Row(line, cells[1:]))
+    if not others:
+        raise FileError("the file is empty; 'IOGP, ..., 7' is needed in line 1", path=path)
+    return others, rows, details, reader.digest
+
+
+def _survey_number(path: Path, line: int, cells: list[str]) -> int:
+    wanted = len(FIELDS[cells[0]]) + 1
+    if len(cells) != wanted:
+        problem = f"{cells[0]} has {len(cells)} fields; {wanted} are needed: is the file truncated, or a draft's?"
+        raise FileError(problem, path=path, line=line)
+    used = cells[1 + FIELDS[cells[0]].index("used")]
+    if used not in ("0", "1"):
+        problem = f"the flag for used is {used!r}; 0 or 1 is needed (drafts of the format order the fields otherwise)"
+        raise FileError(problem, path=path, line=line)
+    if not (cells[2].isascii() and cells[2].isdigit()):
+        raise FileError(f"the survey's number is {cells[2]!r}; a whole number is needed", path=path, line=line)
+    return int(cells[2])
+
+
+def _agreed(path: str | Path, line: int, what: str, stated: str | None, given: str | None) -> str:
+    if stated and given and stated != given:
+        raise FileError(f"the {what} is {stated}, not {given}; leave one of them out", path=path, line=line)
+    if not (stated or given):
+        problem = f"no {what}: the survey has no Survey Details (H7,1,5,1); give the {what}: m, ft or ftUS"
+        raise FileError(problem, path=path, line=line)
+    return stated or given or ""
+
+
+def _sheet(path: Path, kind: str, rows: Sequence[_Row], unit: str, digest: str) -> Sheet:
+    """The records as columns by the house's names."""
+    lines = [row.line for row in rows]
+    numbers, known = NumberReader(path), quantities()
+    columns: dict[str, Column] = {}
+    units: dict[str, str] = {}
+    for place, key in enumerate(FIELDS[kind]):
+        cells = [row.cells[place] for row in rows]
+        if key not in known:
+            columns[f"{_ASIDE}{key}" if key in _TEXTS else key] = tuple(cells)
+            continue
+        name = key if key in LENGTHS else known[key].column
+        if key in LENGTHS:
+            units[name] = unit
+        columns[name] = numbers.convert(cells, name, lines, gaps=key != "md", plain=False)
+    columns["time"] = _times(path, columns.pop("time"), lines)
+    del columns["survey"]
+    return Sheet(path, columns, np.array(lines), units, digest=digest)
+
+
+def _times(path: Path, cells: Column, lines: Sequence[int]) -> tuple[str, ...]:
+    found = []
+    for line, text in zip(lines, cells, strict=True):
+        time = iso_time(str(text))
+        if time is None:
+            raise FileError(f"date and time is {text!r}; YYYY:MM:DD:hh:mm:ss is needed", path=path, line=line)
+        found.append(time)
+    return tuple(found)
+
+
+def _named_texts(survey: SurveyFile) -> SurveyFile:
+    """Extra texts that are the same empty text everywhere say nothing."""
+    return replace(survey, extra={name: cells for name, cells in survey.extra.items() if any(cells)})
+
+
+def p7_file(survey: SurveyFile, *, number: int = 1) -> P7File:
+    """A P7/17 file around one survey, with the least header its raw records need to be read; see `write_p7`.
+
+    A P7/17 file for exchange also describes structure, well, rig and coordinate system, which a survey does not know:
+    replace `records` by those.
+
+    Examples
+    --------
+    >>> p7_file(SurveyFile(md=[9.0], g=[[0, 0, 9.8]], b=[[1e4, 2e4, 4e4]])).records[0]
+    'IOGP,raw survey data,7,1.0,1,,,,'
+    """
+    north = survey.azimuth_reference
+    type_id = next((k for k, v in NORTHS.items() if v == north), "10")
+    type_name = AZIMUTH_NAMES[north] if north else "AZIM_NONE"
+    details = f"H7,1,5,1,{'Survey Details':<50},{number},1,4,MD-Other,1,Indicated Depth,1,{type_id},{type_name},1,"
+    records = ("IOGP,raw survey data,7,1.0,1,,,,", details + "Surveyed,,,,,,,")
+    counts = {"IOGP": 1, "H7": 1, _kind(survey): len(survey)}
+    return P7File(MappingProxyType({number: survey}), records, MappingProxyType(counts))
+
+
+def _kind(survey: SurveyFile) -> str:
+    if (survey.b is None) == (survey.w is None):
+        have = "neither b nor w" if survey.b is None else "both b and w"
+        raise InputError(f"the survey has {have}; M7 takes gravity with b, G7 with w: give one of them")
+    return "G7" if survey.b is None else "M7"
+
+
+def write_p7(file: P7File, path: str | Path, *, convention: str = "iscwsa") -> None:
+    """Write a P7/17 file: `records` as they are, then the raw records of each survey.
+
+    Numbers are the shortest text that reads back the same, angles and depths to 1e-10; what is unknown is empty. Field
+    covariances, temperatures, corrections, `valid` and other columns have no place in the format and are not written.
+
+    Parameters
+    ----------
+    file : P7File
+        As `read_p7` or `p7_file` give it.
+    path : str or Path
+    convention : str
+        Axes and signs to write the sensors in.
+
+    Raises
+    ------
+    InputError
+        A survey with both or neither of b and w; a time that is not ISO 8601 in UTC; a comma in a text; a survey
+        without Survey Details in `records`.
+    """
+    details = [survey_details([c.strip() for c in text.split(",")], 0, str(path)) for text in file.records]
+    units = {found[0]: found[1] for found in details if found is not None}
+    lines = list(file.records)
+    for number, survey in file.surveys.items():
+        unit = units.get(number)
+        if unit is None:
+            raise InputError(f"survey {number} has no Survey Details (H7,1,5,1) among the records; add it")
+        lines += _records(survey, number, unit, convention)
+    bad = next((text for text in lines if "\n" in text or "\r" in text), None)
+    if bad is not None:
+        raise InputError(f"the record {bad[:60]!r} has a line break; write it on one line")
+    write_text("".join(f"{text}\n" for text in lines), path)
+
+
+def _records(survey: SurveyFile, number: int, unit: str, convention: str) -> list[str]:
+    kind, size = _kind(survey), len(survey)
+    columns = {c.quantity.key: c.values for c in columns_of(to_vendor(survey, convention)) if c.quantity}
+    factor = {"m": 1.0, "ft": 0.3048, "ftUS": 1200.0 / 3937.0}[unit]
+    empty = np.full(size, np.nan)
+    cells: list[Sequence[str]] = []
+    for key in FIELDS[kind]:
+        if key in quantities():
+            values: Array = np.asarray(columns.get(key, empty))
+            if key in LENGTHS and unit != "m":
+                values = np.round(values / factor, 10) + 0.0
+            cells.append(writing.column(values))
+        else:
+            cells.append(_texts(survey, key, number))
+    return [",".join((kind, *row)) for row in zip(*cells, strict=True)]
+
+
+def _texts(survey: SurveyFile, key: str, number: int) -> Sequence[str]:
+    """One column of flags, numbers or texts."""
+    size = len(survey)
+    if key == "survey":
+        return [str(number)] * size
+    if key == "used":
+        return ["1"] * size if survey.used is None else ["1" if yes else "0" for yes in survey.used]
+    if key == "time":
+        stamps = [p7_time(text) for text in survey.times or ("",) * size]
+        if None in stamps:
+            wrong = (survey.times or ())[stamps.index(None)]
+            raise InputError(f"time {wrong!r} at station {stamps.index(None) + 1}; ISO 8601 in UTC is needed")
+        return [stamp or "" for stamp in stamps]
+    default = {"version": ["0"] * size, "record": [str(i + 1) for i in range(size)], "transmitted": ["0"] * size}
+    found = survey.extra.get(f"{_ASIDE}{key}", default.get(key, [""] * size))
+    comma = next((text for text in found if "," in text), None)
+    if comma is not None:
+        raise InputError(f"the text {comma!r} of {key} has a comma; P7/17 has no way to write it: use a semicolon")
+    return found

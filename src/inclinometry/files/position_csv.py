@@ -1,0 +1,225 @@
+"""Stations of a well in, positions with their uncertainty out, and every source of it at every station."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inclinometry.arrays import Array, frozen
+from inclinometry.constants import FOOT
+from inclinometry.earth.site import REFERENCES
+from inclinometry.files import writing
+from inclinometry.files.columns import SURVEY, numbers_among
+from inclinometry.files.survey_csv import check_increasing
+from inclinometry.files.table import Progress, Table, read_table
+from inclinometry.position.propagation import PositionUncertainty
+from inclinometry.position.well import hole_sigmas, horizontal_ellipse
+from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg
+from inclinometry.survey.path import Path as WellPath
+
+DEEPEST: Final = 20e3
+"""Measured depth, m, that no well reaches; the longest is 15 km, which is 50,000 ft."""
+COVARIANCES: Final = ("cov_nn", "cov_ee", "cov_vv", "cov_ne", "cov_nv", "cov_ev")
+"""Columns of a covariance, m^2; v is down."""
+POSITION: Final = (
+    "md_m", "tvd_m", "north_m", "east_m", "dls_deg_30m", *COVARIANCES, "semi_major_m", "semi_minor_m",
+    "major_azimuth_deg", "sigma_high_side_m", "sigma_lateral_m", "sigma_along_hole_m", "north_reference",
+)  # fmt: skip
+"""The contract of the position file, in its order; axes of the horizontal ellipse and sigmas are one standard
+deviation, the reference says which north they and the positions count from."""
+SOURCES: Final = ("md_m", "source", "propagation", *COVARIANCES)
+"""The contract of the file of sources."""
+
+_PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_USED: Final = ("md_m", "md_ft", "inclination_deg", "azimuth_deg", "toolface_deg", "temperature_degC")
+
+
+@dataclass(frozen=True, eq=False)
+class WellStations:
+    """n stations of a well, in the order of depth.
+
+    md : (n,) m, increasing.
+    inclination, azimuth : (n,) rad.
+    azimuth_reference : the north they count from.
+    toolface : (n,) rad, NaN where the file is silent; None without a column.
+    temperature : (n,) degC, or None.
+    lines, path, digest : as in `table.Table`.
+    """
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    azimuth_reference: str
+    toolface: Array | None
+    temperature: Array | None
+    lines: NDArray[np.int64]
+    path: Path
+    digest: str
+
+    def __len__(self) -> int:
+        return len(self.md)
+
+
+def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStations:
+    """Read `md_m` (or `md_ft`), `inclination_deg`, `azimuth_deg`, `azimuth_reference`; a survey file has them all.
+
+    Raises
+    ------
+    FileError
+        With the line: as `table.read_table`; an angle that is missing or out of range; an azimuth without reference or
+        from another north than the first; depths that do not increase, or both in metres and feet, or beyond any well;
+        a hole that turns by half a turn between two stations.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> text = "md_ft,inclination_deg,azimuth_deg,azimuth_reference\\n0,0,0,grid\\n100,3,45,grid\\n"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "survey.csv").write_text(text)
+    ...     well = read_well(Path(folder, "survey.csv"))
+    >>> float(well.md[1].round(9)), well.azimuth_reference
+    (30.48, 'grid')
+    """
+    others = [name for name in SURVEY if name not in ("md_m", "flags", "azimuth_reference")]
+    table = read_table(path, progress, numeric=numbers_among((*SURVEY, *_USED)), gaps=[*others, "temperature_degC"])
+    table.unknown((*SURVEY, *_USED, "toolface_type"))
+    md = _depth(table)
+    inclination, azimuth = _angle(table, "inclination_deg", 0.0, 180.0), _angle(table, "azimuth_deg", -360.0, 360.0)
+    reference = _reference(table)
+    _no_reversal(table, md, inclination, azimuth)
+    toolface = frozen(np.radians(table.number("toolface_deg"))) if "toolface_deg" in table else None
+    temperature = frozen(table.number("temperature_degC")) if "temperature_degC" in table else None
+    return WellStations(
+        md, inclination, azimuth, reference, toolface, temperature, table.lines, table.path, table.digest
+    )
+
+
+def _depth(table: Table) -> Array:
+    if "md_m" in table and "md_ft" in table:
+        raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
+    name = "md_ft" if "md_ft" in table else "md_m"
+    values = table.number(name)
+    check_increasing(table, name, values)
+    metres = values * FOOT if name == "md_ft" else values
+    wrong = (metres < 0.0) | (metres > DEEPEST)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        remedy = "depths in feet belong in a column md_ft" if name == "md_m" else "check the unit"
+        allowed = f"allowed 0 to {DEEPEST if name == 'md_m' else DEEPEST / FOOT:.0f}"
+        raise table.error(f"{name} is {values[row]:.10g}; {allowed} (no well is longer): {remedy}", row)
+    if len(metres) < 2:
+        raise table.error(f"the file has {len(metres)} station; a path needs two or more")
+    return frozen(metres)
+
+
+def _angle(table: Table, name: str, low: float, high: float) -> Array:
+    values = table.number(name)
+    wrong = ~((values >= low) & (values <= high))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        if np.isnan(values[row]):
+            raise table.error(f"{name} is empty; a path needs it at every station: give it or remove the row", row)
+        raise table.error(f"{name} is {values[row]:.10g}; allowed {low:g} to {high:g} deg", row)
+    return frozen(np.radians(values))
+
+
+def _reference(table: Table) -> str:
+    allowed = ", ".join(REFERENCES)
+    if "azimuth_reference" not in table:
+        raise table.error(
+            f"column 'azimuth_reference' is missing: which north azimuth_deg counts from is not guessed; add it with "
+            f"one of {allowed} in every row"
+        )
+    cells = [cell.strip() for cell in table.text("azimuth_reference")]
+    for row, cell in enumerate(cells):
+        if cell not in REFERENCES:
+            raise table.error(f"azimuth_reference is {cell!r}; allowed: {allowed}", row)
+        if cell != cells[0]:
+            above = f"{cells[0]!r} in line {table.lines[0]}"
+            raise table.error(f"azimuth_reference is {cell!r} after {above}; one north for all stations", row)
+    return cells[0]
+
+
+def _no_reversal(table: Table, md: Array, inclination: Array, azimuth: Array) -> None:
+    along = directions(inclination, azimuth)
+    # half the dogleg, without the digits that an arccosine loses
+    apart, together = (np.linalg.norm(x, axis=1) for x in (along[1:] - along[:-1], along[1:] + along[:-1]))
+    dogleg = 2.0 * np.arctan2(apart, together)
+    if dogleg.max() > np.pi - REVERSAL:
+        row = int(np.argmax(dogleg > np.pi - REVERSAL)) + 1
+        problem = f"the hole turns by {np.degrees(dogleg[row - 1]):.4f} deg from line {table.lines[row - 1]} to here"
+        span = f"md {md[row - 1]:.10g} to {md[row]:.10g} m"
+        raise table.error(f"{problem} ({span}); no arc can be chosen for half a turn: correct one of the two", row)
+
+
+def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, north: str) -> Mapping[str, Array | str]:
+    """Columns of the position file in degrees and metres; NaN where there is no uncertainty.
+
+    Parameters
+    ----------
+    path : inclinometry.survey.path.Path
+        Counted from `north`.
+    uncertainty : PositionUncertainty, optional
+    north : {"true", "grid"}
+    """
+    found: dict[str, Array | str] = {
+        "md_m": path.md,
+        "tvd_m": path.tvd,
+        "north_m": path.north,
+        "east_m": path.east,
+        "dls_deg_30m": dogleg_severity_deg(path),
+    }
+    unknown = np.full(len(path), np.nan)
+    found |= dict.fromkeys(POSITION[5:-1], unknown)
+    if uncertainty is not None:
+        covariance = uncertainty.covariance
+        ellipse = horizontal_ellipse(covariance)
+        sigmas = hole_sigmas(covariance, path.inclination, path.azimuth)
+        found |= _covariance_columns(covariance)
+        found |= {"semi_major_m": ellipse.major, "semi_minor_m": ellipse.minor}
+        found["major_azimuth_deg"] = writing.degrees(ellipse.direction)
+        found |= dict(zip(POSITION[-4:-1], sigmas.T, strict=True))
+    found["north_reference"] = north
+    return {name: found[name] for name in POSITION}
+
+
+def _covariance_columns(covariance: Array) -> dict[str, Array]:
+    return {name: covariance[:, i, j] + 0.0 for name, (i, j) in zip(COVARIANCES, _PAIRS, strict=True)}
+
+
+def write_position_csv(target: str | Path, path: WellPath, uncertainty: PositionUncertainty | None, north: str) -> None:
+    """Write positions of the stations; parameters as in `position_columns`.
+
+    Columns: `POSITION`. Without an uncertainty its cells are empty.
+    """
+    columns = position_columns(path, uncertainty, north)
+    cells: list[Sequence[str]] = [
+        [values] * len(path) if isinstance(values, str) else writing.column(values) for values in columns.values()
+    ]
+    writing.write_columns(list(columns), cells, target)
+
+
+def write_sources_csv(target: str | Path, uncertainty: PositionUncertainty) -> None:
+    """Write the covariance of every source at every station, one row each; their sum is the total.
+
+    Columns: `SOURCES`. A tie-on position that is itself uncertain is a source of that name.
+    """
+    size = len(uncertainty)
+    parts = [(name, one.propagation, one.covariance) for name, one in uncertainty.sources.items()]
+    tie = uncertainty.survey.tie
+    if tie.any():
+        parts.append(("tie-on", "systematic", np.broadcast_to(tie, (size, 3, 3))))
+    # the sources of a station stand together
+    stacked = np.stack([covariance for _, _, covariance in parts], axis=1).reshape(-1, 3, 3)
+    cells: list[Sequence[str]] = [
+        writing.column(np.repeat(uncertainty.survey.md, len(parts))),
+        [name for name, _, _ in parts] * size,
+        [kind for _, kind, _ in parts] * size,
+        *(writing.column(values) for values in _covariance_columns(stacked).values()),
+    ]
+    writing.write_columns(SOURCES, cells, target)

@@ -1,0 +1,154 @@
+"""bha.toml: a bottom-hole assembly in its hole, for the sag correction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import toml_keys
+from inclinometry.survey.sag import MATERIALS, Bha, Element, Stabiliser
+
+# key -> name in Bha, lowest, highest, needed
+_WHOLE = {
+    "sensor_to_bit_m": ("sensor", 0.0, 1e3, True),
+    "hole_diameter_m": ("hole", 0.03, 2.0, True),
+    "mud_density_kg_m3": ("mud_density", 0.0, 3e3, True),
+    "over_gauge_m": ("over_gauge", 0.0, 0.5, False),
+    "sigma_hole_m": ("hole_sigma", 0.0, 0.1, False),
+    "sigma_stiffness": ("stiffness_sigma", 0.0, 0.5, False),
+    "sigma_weight": ("weight_sigma", 0.0, 0.5, False),
+}
+_ELEMENT = {
+    "length_m": (1e-3, 100.0),
+    "od_m": (1e-2, 1.5),
+    "id_m": (0.0, 1.5),
+    "weight_kg": (1e-2, 1e5),
+    "density_kg_m3": (1e3, 2e4),
+    "young_gpa": (1.0, 1e3),
+}
+_STABILISER = {"to_bit_m": (0.0, 1e3), "blade_od_m": (1e-2, 2.0)}
+
+
+def read_bha(path: str | Path) -> Bha:
+    """Read an assembly.
+
+    Keys: `name`; `sensor_to_bit_m`, `hole_diameter_m`, `mud_density_kg_m3` (needed); `over_gauge_m` (0.001),
+    `sigma_hole_m` (0.001), `sigma_stiffness` and `sigma_weight` (relative, 0.05). From the bit up one `[[element]]`
+    each: `length_m`, `od_m`, `id_m` (needed), `weight_kg` of the whole element in air (else of solid metal between
+    the diameters), `material` ("steel" or "nonmagnetic"), `density_kg_m3` and `young_gpa` (the material's), `name`.
+    One `[[stabiliser]]` for each set of blades: `to_bit_m` (their middle), `blade_od_m`.
+
+    Raises
+    ------
+    FileError
+        Wrong syntax, an unknown or missing key, a value out of range, naming the element (counted from the bit).
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> text = '''
+    ... sensor_to_bit_m = 5.0
+    ... hole_diameter_m = 0.2159
+    ... mud_density_kg_m3 = 1200
+    ... [[element]]
+    ... length_m = 0.3
+    ... od_m = 0.2159
+    ... id_m = 0.05
+    ... weight_kg = 50
+    ... [[element]]
+    ... length_m = 18.0
+    ... od_m = 0.171
+    ... id_m = 0.071
+    ... [[stabiliser]]
+    ... to_bit_m = 9.0
+    ... blade_od_m = 0.2127
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "bha.toml").write_text(text)
+    ...     bha = read_bha(Path(folder, "bha.toml"))
+    >>> round(bha.elements[1].weight, 1), bha.stabilisers
+    (149.2, (Stabiliser(position=9.0, outer=0.2127),))
+    """
+    settings = toml_keys.load(path, ("name", *_WHOLE, "element", "stabiliser"))
+    values: dict[str, Any] = {}
+    for key, (name, low, high, needed) in _WHOLE.items():
+        value = settings.number(key, low, high)
+        if value is None and needed:
+            raise FileError(f"key {key!r} is missing; give it", path=path)
+        if value is not None:
+            values[name] = value
+    elements = tuple(_element(one, path, k + 1) for k, one in enumerate(_tables(settings, "element")))
+    if not elements:
+        raise FileError("there is no [[element]]; give one for each piece, from the bit up", path=path)
+    blades = tuple(_stabiliser(one, path, k + 1) for k, one in enumerate(_tables(settings, "stabiliser")))
+    try:
+        return Bha(elements=elements, stabilisers=blades, name=settings.text("name") or "", **values)
+    except InputError as error:
+        raise FileError(str(error), path=path) from None
+
+
+def _tables(settings: toml_keys.Settings, key: str) -> list[dict[str, Any]]:
+    """The tables [[key]] of a file."""
+    found = settings.content.get(key, [])
+    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
+        raise FileError(f"{key} is {found!r}; write [[{key}]] above the keys of each", path=settings.path)
+    return found
+
+
+def _numbers(
+    content: dict[str, Any],
+    path: str | Path,
+    label: str,
+    numbers: dict[str, tuple[float, float]],
+    texts: tuple[str, ...],
+) -> tuple[toml_keys.Settings, dict[str, float | None]]:
+    try:
+        settings = toml_keys.Settings(path, content, (*numbers, *texts))
+        return settings, {key: settings.number(key, *bounds) for key, bounds in numbers.items()}
+    except FileError as error:
+        raise FileError(f"{label}: {error.problem}", path=path) from None
+
+
+def _needed(values: dict[str, float | None], keys: tuple[str, ...], path: str | Path, label: str) -> list[float]:
+    found = []
+    for key in keys:
+        value = values[key]
+        if value is None:
+            raise FileError(f"{label}: key {key!r} is missing; give it", path=path)
+        found.append(value)
+    return found
+
+
+def _element(content: dict[str, Any], path: str | Path, place: int) -> Element:
+    label = f"element {place}"
+    settings, values = _numbers(content, path, label, _ELEMENT, ("name", "material"))
+    length, outer, inner = _needed(values, ("length_m", "od_m", "id_m"), path, label)
+    try:
+        material = MATERIALS[settings.text("material", MATERIALS) or "steel"]
+        name = settings.text("name") or label
+    except FileError as error:
+        raise FileError(f"{label}: {error.problem}", path=path) from None
+    density, young, weight = values["density_kg_m3"], values["young_gpa"], values["weight_kg"]
+    density = material.density if density is None else density
+    per_metre = density * np.pi / 4.0 * (outer**2 - inner**2) if weight is None else weight / length
+    try:
+        return Element(
+            length=length,
+            outer=outer,
+            inner=inner,
+            weight=per_metre,
+            young=material.young if young is None else young * 1e9,
+            density=density,
+            name=name,
+        )
+    except InputError as error:
+        raise FileError(f"{label}: {error}", path=path) from None
+
+
+def _stabiliser(content: dict[str, Any], path: str | Path, place: int) -> Stabiliser:
+    label = f"stabiliser {place}"
+    _, values = _numbers(content, path, label, _STABILISER, ())
+    return Stabiliser(*_needed(values, ("to_bit_m", "blade_od_m"), path, label))

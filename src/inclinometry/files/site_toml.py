@@ -1,0 +1,208 @@
+"""site.toml: where the survey is and what its fields should be, in degrees and nT."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import re
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.arrays import Array, within
+from inclinometry.earth.site import REFERENCES, Site
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import toml_keys
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+LARGEST_SCALE: Final = 100.0
+"""A point drawn larger than this is where the projection runs to infinity."""
+
+
+class Grid(NamedTuple):
+    """At points of shape (...): convergence, rad, positive where grid north is east of true; scale along grid north."""
+
+    convergence: Array
+    scale: Array
+
+
+def grid_convergence(crs: str, latitude: ArrayLike, longitude: ArrayLike) -> Grid:
+    """Convergence and scale factor of a map grid.
+
+    Parameters
+    ----------
+    crs : str
+        The grid as PROJ knows it: "EPSG:32632", WKT, a PROJ string.
+    latitude, longitude : (...) array_like
+        Geodetic, rad, in the grid's own datum. That of another datum, some hundred metres off, changes the convergence
+        by some thousandths of a degree.
+
+    Returns
+    -------
+    Grid
+        Convergence, rad, to be subtracted from true azimuths; scale, grid length over true length along the meridian.
+
+    Raises
+    ------
+    InputError
+        An unknown crs, one that is no map grid, a point the grid cannot show.
+
+    Notes
+    -----
+    PROJ's factors of the projection. For a transverse Mercator on a sphere tan(convergence) = tan(d) sin(latitude), d
+    being the longitude from the central meridian; on the ellipsoid it differs by some 1e-4 deg within a UTM zone.
+
+    Examples
+    --------
+    One degree east of the central meridian of UTM zone 32:
+
+    >>> found = grid_convergence("EPSG:32632", np.radians(60.0), np.radians(10.0))
+    >>> np.degrees(found.convergence).round(4), found.scale.round(6)
+    (np.float64(0.866), np.float64(0.999638))
+    """
+    from pyproj import Proj
+
+    phi = within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
+    lam = within(longitude, "longitude", -np.pi, 2.0 * np.pi, "rad")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        phi, lam = np.broadcast_arrays(phi, lam)
+        factors = Proj(map_grid(crs)).get_factors(lam, phi, radians=True, errcheck=False)
+    convergence, scale = np.radians(factors.meridian_convergence), np.asarray(factors.meridional_scale)
+    # where a projection runs to infinity PROJ may still give a number
+    good = np.isfinite(convergence) & (scale < LARGEST_SCALE)
+    if not good.all():
+        where = tuple(np.argwhere(~good)[0])
+        place = f"latitude {np.degrees(phi[where]):.6g}, longitude {np.degrees(lam[where]):.6g} deg"
+        raise InputError(f"{crs} cannot show {place}; check the zone of the grid and the sign of the longitude")
+    return Grid(np.asarray(convergence), scale)
+
+
+def map_grid(crs: str) -> CRS:
+    """The coordinate reference system of a name.
+
+    Raises
+    ------
+    InputError
+        PROJ does not know it, or it has no map grid (latitude and longitude, earth-centred).
+    """
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    with warnings.catch_warnings():
+        # hints on deprecated spellings, which still work
+        warnings.simplefilter("ignore")
+        try:
+            found = CRS.from_user_input(crs)
+        except CRSError:
+            raise InputError(f'crs {crs!r} is not known; write it as in crs = "EPSG:32632"') from None
+    if not found.is_projected:
+        raise InputError(f"crs {crs!r} ({found.name}) is no map grid and has no grid north; name a projected one")
+    return found
+
+
+def out_of_area(crs: str, latitude: float, longitude: float) -> str | None:
+    """A sentence when a point, rad, lies outside the area a grid is made for; None when it lies inside.
+
+    Examples
+    --------
+    >>> out_of_area("EPSG:32632", np.radians(60.0), np.radians(10.0)) is None
+    True
+    """
+    area: Any = map_grid(crs).area_of_use
+    if area is None:
+        return None
+    lat, lon = math.degrees(latitude), math.degrees(longitude)
+    west, east = area.west, area.east
+    # an area may reach over the 180th meridian
+    inside = (lon - west) % 360.0 <= ((east - west) % 360.0 or 360.0) and area.south <= lat <= area.north
+    if inside:
+        return None
+    reach = f"latitude {area.south:g} to {area.north:g}, longitude {west:g} to {east:g} deg"
+    return f"the site is outside the area of {crs} ({reach}): check the zone of the grid and the signs of the position"
+
+
+# key of the file -> name in Site, lowest and highest value in the file's unit
+_NUMBERS = {
+    "latitude_deg": ("latitude", -90.0, 90.0),
+    "longitude_deg": ("longitude", -180.0, 360.0),
+    "height_m": ("height_m", -12e3, 20e3),
+    "declination_deg": ("declination", -180.0, 180.0),
+    "convergence_deg": ("convergence", -180.0, 180.0),
+    "g": ("g", 9.5, 10.1),
+    "b_nT": ("b", 5e3, 2e5),
+    "dip_deg": ("dip", -90.0, 90.0),
+    "sigma_g": ("g_sigma", 0.0, 0.1),
+    "sigma_b_nT": ("b_sigma", 0.0, 1e4),
+    "sigma_dip_deg": ("dip_sigma", 0.0, 90.0),
+    "sigma_latitude_deg": ("latitude_sigma", 0.0, 90.0),
+    "sigma_declination_deg": ("declination_sigma", 0.0, 180.0),
+    "sigma_convergence_deg": ("convergence_sigma", 0.0, 180.0),
+}
+_KEYS = (*_NUMBERS, "date", "north_reference", "crs")
+
+
+def read_site(path: str | Path) -> Site:
+    """Read a site; every key is optional.
+
+    Keys: `latitude_deg`, `longitude_deg`, `height_m`, `date` (2024-05-01), `north_reference` ("magnetic", "true",
+    "grid"), `declination_deg` (east positive), `convergence_deg` (positive where grid north is east of true), `g`
+    (m/s^2), `b_nT`, `dip_deg` (positive down), their `sigma_g`, `sigma_b_nT`, `sigma_dip_deg`, `sigma_declination_deg`,
+    `sigma_convergence_deg`, and `crs`, the name of the grid ("EPSG:32632"), from which `grid_convergence` gives the
+    convergence.
+
+    Raises
+    ------
+    FileError
+        Wrong syntax, with its line; an unknown key, with the closest; a value out of range; a sigma without its value;
+        a crs that is not known or no map grid.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "site.toml").write_text("dip_deg = 70.0\\nb_nT = 50_000\\n")
+    ...     site = read_site(Path(folder, "site.toml"))
+    >>> round(site.dip, 6), site.b
+    (1.22173, 50000.0)
+    """
+    settings = toml_keys.load(path, _KEYS)
+    values: dict[str, Any] = {}
+    for key, (name, low, high) in _NUMBERS.items():
+        value = settings.number(key, low, high)
+        values[name] = float(np.radians(value)) if value is not None and key.endswith("_deg") else value
+    reference = settings.text("north_reference", REFERENCES)
+    try:
+        crs = _crs(settings)
+        return Site(date=_date(settings), north_reference=reference or "magnetic", crs=crs, **values)
+    except FileError:
+        raise
+    except InputError as error:
+        names = {name: key for key, (name, _, _) in _NUMBERS.items()}
+        problem = re.sub(r"\w+", lambda word: names.get(word[0], word[0]), str(error))
+        raise FileError(problem, path=path) from None
+
+
+def _crs(settings: toml_keys.Settings) -> str | None:
+    crs = settings.text("crs")
+    if crs is not None:
+        map_grid(crs)
+    return crs
+
+
+def _date(settings: toml_keys.Settings) -> datetime.date | None:
+    value = settings.content.get("date")
+    if isinstance(value, datetime.datetime):
+        return value.date()
+    if value is None or isinstance(value, datetime.date):
+        return value
+    try:
+        return datetime.date.fromisoformat(value)
+    except (TypeError, ValueError):
+        problem = f"date is {value!r}; year, month and day are needed, as in date = 2024-05-01"
+        raise FileError(problem, path=settings.path) from None

@@ -1,0 +1,658 @@
+"""The one path by which a CSV file is read: usual dialects in, exact columns out, or an error that names the place."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import hashlib
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inclinometry.arrays import Array
+from inclinometry.calibration.readings import LARGEST
+from inclinometry.constants import KINDS
+from inclinometry.errors import FileError
+from inclinometry.files.columns import (
+    ANGLES,
+    KIND_PREFIX,
+    KNOWN,
+    Channel,
+    advice,
+    channel,
+    channel_advice,
+    closest,
+    is_number,
+)
+from inclinometry.rotations import wrap_positive
+
+# Numbers as people write them: one strict rule for points, commas, blanks and text.
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_WITH_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
+# 12,345 may be twelve thousand or twelve and a bit; 0,345 or 1,5 can only be a decimal comma
+_PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+
+
+class NumberReader:
+    """Converts columns of text, block by block, and remembers which decimal mark the file uses."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._comma: tuple[int, str, str] | None = None  # line, column, text of the first number with a comma
+        self._point: tuple[int, str, str] | None = None
+        self._proved = False
+
+    def convert(self, cells: Sequence[str], name: str, lines: Sequence[int], *, gaps: bool, plain: bool) -> Array:
+        """Float64 of one column's cells; an empty cell is NaN where `gaps` are allowed, else FileError."""
+        values = self._fast(cells) if plain else None
+        if values is None:
+            values = self._careful(cells, name, lines, gaps)
+        elif self._point is None and "." in "".join(cells):
+            row = next(i for i, cell in enumerate(cells) if "." in cell)
+            self._point = (int(lines[row]), name, cells[row].strip())
+        good = np.isfinite(values)
+        if not good.all():
+            for row in np.flatnonzero(~good).tolist():
+                if not (gaps and not cells[row].strip()):
+                    raise self._refuse(cells[row].strip(), name, int(lines[row]))
+        return values
+
+    def finish(self) -> None:
+        """The verdict on the decimal mark, once the whole file is known; never a guess."""
+        if self._comma is None:
+            return
+        line, name, text = self._comma
+        if self._point is not None:
+            where = f"{self._point[2]!r} in line {self._point[0]} has a decimal point"
+            problem = f"{text!r} in column {name!r} has a decimal comma, but {where}; use one of them throughout"
+            raise FileError(problem, path=self._path, line=line)
+        if not self._proved:
+            problem = f"{text!r} in column {name!r} may mean {text.replace(',', '')} or {text.replace(',', '.')}"
+            raise FileError(f"{problem}; write numbers with a decimal point", path=self._path, line=line)
+
+    def _fast(self, cells: Sequence[str]) -> Array | None:
+        try:
+            return np.fromiter(map(float, cells), np.float64, len(cells))
+        except ValueError:
+            pass
+        if self._comma is None or not self._proved:
+            return None
+        joined = "\n".join(cells)
+        if "." in joined:
+            return None
+        try:
+            return np.fromiter(map(float, joined.replace(",", ".").split("\n")), np.float64, len(cells))
+        except ValueError:
+            return None
+
+    def _careful(self, cells: Sequence[str], name: str, lines: Sequence[int], gaps: bool) -> Array:
+        values = np.full(len(cells), np.nan)
+        for row, cell in enumerate(cells):
+            text = cell.strip()
+            if _NUMBER.fullmatch(text):
+                values[row] = float(text)
+                if self._point is None and "." in text:
+                    self._point = (int(lines[row]), name, text)
+            elif _WITH_COMMA.fullmatch(text):
+                values[row] = float(text.replace(",", "."))
+                self._comma = self._comma or (int(lines[row]), name, text)
+                self._proved = self._proved or not _PERHAPS_THOUSANDS.fullmatch(text)
+            elif text or not gaps:
+                raise self._refuse(text, name, int(lines[row]))
+        return values
+
+    def _refuse(self, text: str, name: str, line: int) -> FileError:
+        shown = text if len(text) <= 40 else text[:37] + "..."
+        if not text:
+            problem = f"column {name!r} is empty; fill it in or remove the row"
+        elif text.lower().lstrip("+-") in ("nan", "inf", "infinity") or _NUMBER.fullmatch(text):
+            problem = f"column {name!r} is {shown}; every value must be finite: correct it or remove the row"
+        elif "," in text and not set(text) - set("+-0123456789.,"):
+            problem = f"{shown!r} in column {name!r} has a thousands separator; write digits and one decimal point"
+        else:
+            problem = f"{shown!r} in column {name!r} is not a number; correct it or remove the row"
+        return FileError(problem, path=self._path, line=line)
+
+
+# From the bytes of a text file to blocks of lines: encoding, line ends, digest, progress; bounded memory.
+
+CHUNK = 1 << 20
+LONGEST_LINE = 1 << 20
+Progress = Callable[[int], None]
+
+_MAGIC = {
+    b"PK\x03\x04": "a zip archive (an Excel workbook?); save it as CSV",
+    b"\x1f\x8b": "compressed with gzip; unpack it first",
+    b"%PDF": "a PDF document; a CSV text is needed",
+    b"\x89HDF": "an HDF5 file; a CSV text is needed",
+    b"PAR1": "a Parquet file; a CSV text is needed",
+}
+
+
+class Block(NamedTuple):
+    """Consecutive lines without their ends; `plain` when ASCII without an underscore, so that float() is strict."""
+
+    first: int
+    lines: list[str]
+    plain: bool
+
+
+@dataclass
+class LineReader:
+    """Reads a file once; `digest` is complete when `blocks` is exhausted."""
+
+    path: Path
+    progress: Progress | None = None
+    _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
+
+    @property
+    def digest(self) -> str:
+        """Digest of the bytes read so far, as `core.digest.digest_file` gives for the whole file."""
+        return "sha256:" + self._hash.hexdigest()
+
+    def blocks(self) -> Iterator[Block]:
+        """Blocks of about one megabyte; FileError for what is not text."""
+        carry, line = "", 1
+        for text in self._texts():
+            *lines, carry = (carry + text).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+            if len(carry) > LONGEST_LINE:
+                raise FileError(
+                    f"this line is longer than {LONGEST_LINE} characters; no table", path=self.path, line=line
+                )
+            if lines:
+                yield _block(line, lines)
+                line += len(lines)
+        if carry:
+            yield _block(line, [carry])
+
+    def _texts(self) -> Iterator[str]:
+        """Decoded pieces that never end between a carriage return and its line feed."""
+        decoder: codecs.IncrementalDecoder | None = None
+        held, done, lines = "", 0, 1
+        for chunk in self._chunks():
+            decoder = decoder or codecs.getincrementaldecoder(_encoding(chunk, self.path))("strict")
+            done += len(chunk)
+            try:
+                text = held + decoder.decode(chunk, final=not chunk)
+            except UnicodeDecodeError as error:
+                raise _not_text(error, chunk, lines, self.path) from None
+            if "\0" in text:
+                raise FileError("not a text file (it holds zero bytes); save it as CSV, UTF-8", path=self.path)
+            held = "\r" if chunk and text.endswith("\r") else ""
+            lines += text.count("\n")
+            yield text[: len(text) - len(held)]
+            if self.progress is not None and chunk:
+                self.progress(done)
+
+    def _chunks(self) -> Iterator[bytes]:
+        """Raw pieces, an empty one last so that the decoder can finish."""
+        try:
+            with self.path.open("rb") as stream:
+                while chunk := stream.read(CHUNK):
+                    self._hash.update(chunk)
+                    yield chunk
+        except FileNotFoundError:
+            raise FileError("there is no such file; check the name", path=self.path) from None
+        except IsADirectoryError:
+            raise FileError("this is a folder; give the name of a file", path=self.path) from None
+        except (OSError, ValueError) as error:
+            raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=self.path) from None
+        yield b""
+
+
+def _block(first: int, lines: list[str]) -> Block:
+    text = "".join(lines)
+    return Block(first, lines, text.isascii() and "_" not in text)
+
+
+def _encoding(start: bytes, path: Path) -> str:
+    """UTF-8 unless a byte-order mark says otherwise."""
+    if start.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
+        raise FileError("UTF-32 text is not read; save it as UTF-8", path=path)
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    for magic, what in _MAGIC.items():
+        if start.startswith(magic):
+            raise FileError(f"this is {what}", path=path)
+    return "utf-8-sig"
+
+
+def _not_text(error: UnicodeDecodeError, chunk: bytes, line: int, path: Path) -> FileError:
+    """The error's position refers to the decoder's buffer, which may begin with bytes kept from the chunk before."""
+    piece = bytes(error.object)
+    line += piece[: error.start].count(b"\n")
+    value = f"byte 0x{piece[error.start]:02x}" if piece else "its end"
+    return FileError(f"not {error.encoding} text ({value}, {error.reason}); save it as UTF-8", path=path, line=line)
+
+
+Column: TypeAlias = Array | tuple[str, ...]
+_DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab"}
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What a CSV file holds.
+
+    path : where it was read.
+    header : column names in the file's order.
+    columns : name -> (n,) float64, or a tuple of text where the name is not one of the house's numbers.
+    lines : (n,) line of the file each row stands in, from 1.
+    header_line : line of the header.
+    digest : SHA-256 of the file's bytes.
+    """
+
+    path: Path
+    header: tuple[str, ...]
+    columns: MappingProxyType[str, Column]
+    lines: NDArray[np.int64]
+    header_line: int
+    digest: str
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def number(self, name: str) -> Array:
+        """A column of numbers; FileError when it is not there."""
+        self.require([name])
+        column = self.columns[name]
+        if isinstance(column, tuple):
+            raise self.error(f"column {name!r} is text; numbers are needed")
+        return column
+
+    def text(self, name: str) -> tuple[str, ...]:
+        """A column of text; FileError when it is not there."""
+        self.require([name])
+        column = self.columns[name]
+        return column if isinstance(column, tuple) else tuple(map(repr, column.tolist()))
+
+    def require(self, names: Iterable[str]) -> None:
+        """FileError for the first of `names` that is missing, with the likely remedy."""
+        for name in names:
+            if name not in self.columns:
+                hints = [(found, advice(found, [name])) for found in self.header]
+                hint = next((f" ({found!r}: {text})" for found, text in hints if text), "")
+                if not hint and (near := closest(name, [n for n in self.header if n not in KNOWN and not channel(n)])):
+                    hint = f" (is it {near!r}? then rename it)"
+                shown = ", ".join(self.header[:20]) + (", ..." if len(self.header) > 20 else "")
+                raise self.error(f"column {name!r} is missing{hint}; columns found: {shown}")
+
+    def unknown(self, known: Collection[str]) -> tuple[str, ...]:
+        """Columns neither known nor channels; FileError for one that is nearly a known name or lacks its unit."""
+        found = tuple(n for n in self.header if n not in known and channel(n) is None)
+        for name in found:
+            hint = advice(name, known)
+            if hint:
+                raise self.error(f"column {name!r} is not known; {hint}")
+            hint = channel_advice(name)
+            if hint:
+                raise self.error(f"column {name!r} is not known; {hint}")
+        return found
+
+    def error(self, problem: str, row: int | None = None) -> FileError:
+        """An error about one row, or about the header."""
+        line = self.header_line if row is None else int(self.lines[row])
+        return FileError(problem, path=self.path, line=line)
+
+
+def read_table(
+    path: str | Path,
+    progress: Progress | None = None,
+    *,
+    numeric: Callable[[str], bool] = is_number,
+    gaps: Collection[str] = (),
+) -> Table:
+    """Read a CSV file with one line of column names.
+
+    Comma, semicolon or tab (whichever the header uses); UTF-8 or UTF-16 with its mark; decimal point, or decimal comma
+    where it cannot be mistaken; blank lines, trailing spaces and separators, quoted cells, and comment lines that begin
+    with `#` are understood. What could be read in two ways is an error.
+
+    Parameters
+    ----------
+    path : str or Path
+    progress : callable, optional
+        Called with the number of bytes read so far.
+    numeric : callable, optional
+        Which column names hold numbers; the house's vocabulary when not given.
+    gaps : collection of str
+        Numeric columns whose cells may be empty (NaN).
+
+    Raises
+    ------
+    FileError
+        Not found, not text, empty, header only, duplicate or empty column names, rows of other length than the header,
+        text or nothing in a number's place, NaN and infinity, a comma that may be decimal or thousands.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "a.csv").write_text("station;azimuth_deg\\nA;12,5\\n")
+    ...     table = read_table(Path(folder, "a.csv"))
+    >>> table.text("station"), table.number("azimuth_deg")
+    (('A',), array([12.5]))
+    """
+    reader = LineReader(Path(path), progress)
+    body: _Body | None = None
+    for block in reader.blocks():
+        if body is None:
+            start = _header_row(block)
+            if start is None:
+                continue
+            body = _Body(reader.path, block.lines[start], block.first + start, numeric, gaps)
+            block = Block(block.first + start + 1, block.lines[start + 1 :], block.plain)
+        body.add(block)
+    if body is None:
+        raise FileError("the file is empty; a line of column names and rows of values are needed", path=path)
+    return body.table(reader.digest)
+
+
+def _header_row(block: Block) -> int | None:
+    """Index of the first line that is neither blank, nor a comment, nor the `sep=;` a spreadsheet puts on top."""
+    for index, line in enumerate(block.lines):
+        text = line.strip().lower()
+        if text and not text.startswith("#") and text not in ("sep=", "sep=,", "sep=;"):
+            return index
+    return None
+
+
+class _Body:
+    """Collects rows block by block under one header."""
+
+    def __init__(
+        self, path: Path, header: str, line: int, numeric: Callable[[str], bool], gaps: Collection[str]
+    ) -> None:
+        self.path, self.line = path, line
+        self.delimiter = self._find_delimiter(header)
+        names = [name.strip() for name in self._split([header], line)[0]]
+        while names and not names[-1]:
+            names.pop()  # a trailing separator
+        self._check_names(names)
+        self.names = tuple(names)
+        self.kinds = [(name, numeric(name), name in gaps) for name in self.names]
+        self.numbers = NumberReader(path)
+        self.parts: dict[str, list[Array]] = {name: [] for name, number, _ in self.kinds if number}
+        self.texts: dict[str, list[str]] = {name: [] for name, number, _ in self.kinds if not number}
+        self.lines: list[NDArray[np.int64]] = []
+
+    def _find_delimiter(self, header: str) -> str:
+        outside = "".join(header.split('"')[::2])
+        found = [mark for mark in _DELIMITERS if mark in outside]
+        if len(found) > 1:
+            kinds = " and ".join(_DELIMITERS[mark] for mark in found)
+            raise FileError(f"the column names are separated by {kinds}; use one", path=self.path, line=self.line)
+        return found[0] if found else ","
+
+    def _check_names(self, names: list[str]) -> None:
+        def error(problem: str) -> FileError:
+            return FileError(problem, path=self.path, line=self.line)
+
+        for place, name in enumerate(names, 1):
+            if not name:
+                raise error(f"column {place} has no name; give it one or remove it")
+            if names.index(name) < place - 1:
+                raise error(f"column {name!r} appears twice (columns {names.index(name) + 1} and {place}); remove one")
+        if all(name.lstrip("+-").replace(".", "", 1).isdigit() for name in names):
+            raise error(f"numbers ({', '.join(names[:3])}) stand where the column names should be; add a line of names")
+
+    def _split(self, lines: list[str], first: int) -> list[list[str]]:
+        """Cells of each line; a quoted cell must close on its line."""
+        try:
+            rows = list(csv.reader(lines, delimiter=self.delimiter, skipinitialspace=True))
+        except csv.Error as error:
+            raise FileError(f"cannot be split into cells ({error})", path=self.path, line=first) from None
+        if len(rows) != len(lines):
+            raise FileError("a quoted cell does not end on its line; close the quote", path=self.path,
+                            line=first + _open_quote(lines, self.delimiter))  # fmt: skip
+        return rows
+
+    def add(self, block: Block) -> None:
+        """Convert the rows of a block and keep them."""
+        rows: Sequence[Sequence[str]] = self._split(block.lines, block.first)
+        lines = np.arange(block.first, block.first + len(rows))
+        width = len(self.names)
+        regular = all(len(row) == width and row[0][:1] != "#" and row[0] for row in rows)
+        if not regular:
+            keep = [i for i in range(len(rows)) if self._is_row(rows[i], block.lines[i], block.first + i)]
+            rows, lines = [rows[i][:width] for i in keep], lines[keep]
+        if not rows:
+            return
+        self.lines.append(lines)
+        for (name, number, gaps), cells in zip(self.kinds, zip(*rows, strict=True), strict=True):
+            if number:
+                values = self.numbers.convert(cells, name, lines.tolist(), gaps=gaps, plain=block.plain)
+                self.parts[name].append(values)
+            else:
+                self.texts[name] += [cell.strip() for cell in cells]
+
+    def _is_row(self, row: Sequence[str], raw: str, line: int) -> bool:
+        """False for blank and comment lines; FileError for a row of another length."""
+        width = len(self.names)
+        if not any(cell.strip() for cell in row):
+            return False
+        if raw.lstrip().startswith("#"):
+            if len(row) == width > 1:
+                problem = "this comment has as many cells as a row; delete it, or quote the cell that begins with #"
+                raise FileError(problem, path=self.path, line=line)
+            return False
+        if len(row) < width or any(cell.strip() for cell in row[width:]):
+            problem = f"this row has {len(row)} cells and the header {width}; "
+            comma = self.delimiter == "," and len(row) > width
+            remedy = "with a decimal comma separate columns by semicolons" if comma else "complete or remove it"
+            raise FileError(problem + remedy, path=self.path, line=line)
+        return True
+
+    def table(self, digest: str) -> Table:
+        """Everything read, once the file has ended."""
+        if not self.lines:
+            raise FileError("there are column names but no rows of values", path=self.path, line=self.line)
+        self.numbers.finish()
+        columns: dict[str, Column] = {}
+        for name, number, _ in self.kinds:
+            columns[name] = np.concatenate(self.parts[name]) if number else tuple(self.texts[name])
+        for column in columns.values():
+            if not isinstance(column, tuple):
+                column.flags.writeable = False
+        lines = np.concatenate(self.lines)
+        return Table(self.path, self.names, MappingProxyType(columns), lines, self.line, digest)
+
+
+def _open_quote(lines: list[str], delimiter: str) -> int:
+    """Index of the first line whose quoted cell stays open."""
+    for index, line in enumerate(lines):
+        try:
+            list(csv.reader([line], delimiter=delimiter, skipinitialspace=True, strict=True))
+        except csv.Error:
+            return index
+    return 0
+
+
+COLDEST, HOTTEST = -100.0, 400.0
+
+
+class Signals(NamedTuple):
+    """Triads in a file.
+
+    values, sd : kind -> (n, m); `sd` is that of one reading and only there where the file has it.
+    units : kind -> label.
+    names : kind -> the m column names.
+    notes : what a person should know.
+    """
+
+    values: dict[str, Array]
+    sd: dict[str, Array]
+    units: dict[str, str]
+    names: dict[str, tuple[str, ...]]
+    notes: tuple[str, ...]
+
+
+def read_signals(table: Table) -> Signals:
+    """All channels of a table by kind; FileError for an incomplete or contradictory set of columns."""
+    found = [c for c in map(channel, table.header) if c is not None]
+    signals = Signals({}, {}, {}, {}, ())
+    notes: list[str] = []
+    for kind in KINDS:
+        ordered = _ordered(table, kind, [c for c in found if c.kind == kind and not c.sd])
+        if not ordered:
+            continue
+        signals.units[kind] = ordered[0].unit
+        signals.names[kind] = tuple(c.name for c in ordered)
+        signals.values[kind] = np.stack([_readings(table, c.name) for c in ordered], axis=1)
+        lacking = ["y", "z"][len(ordered) - 1 :] if ordered[0].axis == "x" else []
+        if lacking:
+            number = "one channel" if len(ordered) == 1 else "two channels"
+            without = " and ".join(f"{KIND_PREFIX[kind]}_{axis}" for axis in lacking)
+            notes.append(f"{kind}: {number} ({', '.join(signals.names[kind])}), no {without} in the file")
+        if any(c.kind == kind for c in found if c.sd):
+            signals.sd[kind] = _deviations(table, signals.names[kind])
+    _orphans(table, found)
+    if not signals.values:
+        shown = ", ".join(table.header[:20])
+        raise table.error(
+            f"no channels; add columns such as accel_x, accel_y, accel_z or mag_1; columns found: {shown}"
+        )
+    return signals._replace(notes=tuple(notes))
+
+
+def read_kind(table: Table, kind: str) -> Signals | None:
+    """Channels of one kind, where a single x will do; None where there is none."""
+    found = [c for c in map(channel, table.header) if c is not None and c.kind == kind]
+    _orphans(table, found)
+    channels = [c for c in found if not c.sd]
+    if not channels:
+        return None
+    ordered = channels if [c.axis for c in channels] == ["x"] else _ordered(table, kind, channels)
+    names = tuple(c.name for c in ordered)
+    values = {kind: np.stack([_readings(table, name) for name in names], axis=1)}
+    sd = {kind: _deviations(table, names)} if any(c.sd for c in found) else {}
+    return Signals(values, sd, {kind: ordered[0].unit}, {kind: names}, ())
+
+
+def _orphans(table: Table, found: Sequence[Channel]) -> None:
+    """FileError for a standard deviation without its channel."""
+    lost = next((c for c in found if c.sd and c.name.removesuffix("_sd") not in table), None)
+    if lost is not None:
+        raise table.error(f"column {lost.name!r} has no {lost.name.removesuffix('_sd')!r} beside it; add or remove it")
+
+
+def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]:
+    """The channels of a kind in the order x, y, z or 1..m, after checking that the set is complete."""
+    if not found:
+        return []
+    prefix, by_axis = KIND_PREFIX[kind], {c.axis: c for c in found}
+    units = sorted({c.unit for c in found})
+    if len(by_axis) < len(found) or len(units) > 1:
+        names = ", ".join(c.name for c in found)
+        raise table.error(f"{kind} columns {names} contradict each other; give each channel once, all in one unit")
+    letters = [a for a in "xyz" if a in by_axis]
+    if letters and len(letters) < len(by_axis):
+        raise table.error(f"{kind} columns mix letters and numbers; name them {prefix}_x.. or {prefix}_1.., not both")
+    wanted = ["x", "y", "z"][: "xyz".index(letters[-1]) + 1] if letters else []
+    wanted = wanted or [str(i + 1) for i in range(max(map(int, by_axis)))][:200]
+    tail = found[0].name.removeprefix(f"{prefix}_{found[0].axis}")
+    table.require(f"{prefix}_{axis}{tail}" for axis in wanted)
+    return [by_axis[axis] for axis in wanted]
+
+
+def _readings(table: Table, name: str) -> Array:
+    values = table.number(name)
+    if len(values) and max(values.max(), -values.min()) > LARGEST:
+        row = int(np.argmax(np.abs(values) > LARGEST))
+        problem = (
+            f"column {name!r} is {values[row]:g}; allowed -{LARGEST:g} to {LARGEST:g}: correct it or remove the row"
+        )
+        raise table.error(problem, row)
+    return values
+
+
+def _deviations(table: Table, names: Sequence[str]) -> Array:
+    sd = np.stack([_readings(table, f"{name}_sd") for name in names], axis=1)
+    if (sd < 0.0).any():
+        row, column = np.argwhere(sd < 0.0)[0].tolist()
+        raise table.error(f"{names[column]}_sd is {sd[row, column]:g}; a standard deviation is not negative", row)
+    return sd
+
+
+def read_temperature(table: Table) -> Array | None:
+    """Column temperature_degC within what an instrument survives, or None."""
+    if "temperature_degC" not in table:
+        return None
+    values = table.number("temperature_degC")
+    bad = (values < COLDEST) | (values > HOTTEST)
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        allowed = f"allowed {COLDEST:g} to {HOTTEST:g}"
+        raise table.error(f"temperature_degC is {values[row]:g}; {allowed}: is it in another unit?", row)
+    return values
+
+
+_LIMITS = {"azimuth_deg": 360.0, "inclination_deg": 180.0, "toolface_deg": 360.0}
+
+
+def read_settings(table: Table) -> tuple[Array, Array, Array] | None:
+    """Azimuth, inclination, toolface (n,), rad; None when the table has none of them. Errors as `need_settings`."""
+    return need_settings(table) if any(name in table for name in ANGLES) else None
+
+
+def need_settings(table: Table) -> tuple[Array, Array, Array]:
+    """Azimuth, inclination, toolface (n,), rad.
+
+    Raises
+    ------
+    FileError
+        One of the three is missing, values out of range, angles that look like radians.
+    """
+    dips = [name for name in table.header if name.lower() in ("dip", "dip_deg")]
+    if dips and "inclination_deg" not in table:
+        # in mines and caves dip is the angle of the tool below the horizon; here it is that of the magnetic field
+        raise table.error(
+            f"column 'inclination_deg' is missing; if {dips[0]!r} is the angle of the tool from the horizontal, name "
+            "it inclination_deg and state --inclination-from horizontal (positive downwards) or horizontal-up "
+            "(positive upwards); the dip of the magnetic field at the stand is reference_dip_deg"
+        )
+    table.require(ANGLES)
+    degrees = [table.number(name) for name in ANGLES]
+    for name, values in zip(ANGLES, degrees, strict=True):
+        limit = _LIMITS[name]
+        bad = np.abs(values) > limit
+        if bad.any():
+            row = int(np.flatnonzero(bad)[0])
+            raise table.error(f"{name} is {values[row]:g}; allowed {-limit:g} to {limit:g} deg", row)
+    if look_like_radians(*degrees):
+        reach = ", ".join(f"{n} {np.abs(v).max():.5g}" for n, v in zip(ANGLES, degrees, strict=True))
+        raise table.error(f"the angles look like radians (largest: {reach}); convert them to degrees")
+    azimuth, inclination, toolface = map(np.radians, degrees)
+    return azimuth, inclination, toolface
+
+
+def look_like_radians(azimuth: Array, inclination: Array, toolface: Array) -> bool:
+    """Whether columns said to be degrees hold radians.
+
+    True when nothing exceeds what radians can be (inclination pi, the others 2 pi), and read as radians the toolface or
+    the azimuth visits at least three quadrants, as a plan does. Settings in whole quarters of a degree are believed to
+    be degrees: a fine scan 0, 1, .. 6 deg near vertical is a real plan, and radians of a plan are never such numbers.
+
+    Examples
+    --------
+    >>> zero, turn = np.zeros(4), np.arange(4) * 90.0
+    >>> look_like_radians(zero, zero + 90.0, turn), look_like_radians(zero, zero + 1.5708, np.radians(turn))
+    (False, True)
+    """
+    if len(toolface) < 4 or np.abs(inclination).max() > 3.15:
+        return False
+    if max(np.abs(azimuth).max(), np.abs(toolface).max()) > 6.2833:
+        return False
+    quarters = 4.0 * np.concatenate([azimuth, inclination, toolface])
+    if (np.abs(quarters - np.round(quarters)) < 1e-9).all():
+        return False
+    return any(len(np.unique(np.floor(wrap_positive(a + 0.3) / (np.pi / 2.0)))) >= 3 for a in (azimuth, toolface))

@@ -1,0 +1,111 @@
+"""verify.json: the verdict of a verification with every position, as a certificate takes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.calibration.acceptance import JUDGED, Limits, Verification
+from inclinometry.calibration.result import Calibration
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import FileError
+from inclinometry.files import json_codec
+from inclinometry.files.tool_json import calibration_content
+from inclinometry.files.writing import program, write_bytes
+
+SCHEMA: Final = "inclinometry/verification"
+VERSION: Final = 1
+
+
+def calibration_digest(calibration: Calibration) -> str:
+    """What binds a verification to its calibration: the digest of its content, however the file was spelled."""
+    return digest_bytes(json_codec.canonical(calibration_content(calibration)))
+
+
+def write_verification(path: str | Path, found: Verification, limits: Limits | None, calibration: Calibration) -> None:
+    """Write verify.json, what a verification found of a calibration; the same one gives the same bytes.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    content = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "tool": calibration.tool.name,
+        "calibration": calibration_digest(calibration),
+        "verdict": found.verdict,
+        "limits": stated_limits(found, limits),
+        "report": judged_positions(found),
+        "inputs": found.inputs,
+        "program": program(),
+    }
+    write_bytes(json_codec.canonical(content), path)
+
+
+def judged_positions(found: Verification) -> dict[str, Any]:
+    """Position by position: dials, errors, expanded uncertainties, limits and decisions, degrees."""
+    rows = []
+    for place, station in enumerate(found.station):
+        row: dict[str, Any] = {"position": station}
+        row |= dict(zip(("azimuth_deg", "inclination_deg", "toolface_deg"), _degrees(found.dials[place]), strict=True))
+        for column, name in enumerate(JUDGED):
+            limit = found.limits[place, column]
+            row[name] = {
+                "error_deg": _degree(found.errors[place, column]),
+                "U_deg": _degree(found.coverage_factor * found.u[place, column]),
+                "limit_deg": _degree(limit),
+                "decision": found.decision[place][column],
+            }
+        rows.append(row)
+    return {
+        "coverage_factor": found.coverage_factor,
+        "positions": rows,
+        "reasons": [*found.reasons, *found.notes],
+        "warnings": list(found.warnings),
+    }
+
+
+def stated_limits(found: Verification, limits: Limits | None) -> dict[str, Any]:
+    """What the errors were held against, degrees, for records."""
+    stated: dict[str, Any] = {"name": found.limits_name, "source": found.limits_source}
+    if limits is not None:
+        stated["guard"] = limits.guard
+        stated["min_inclination_deg_for_azimuth"] = _degree(limits.min_inclination_for_azimuth)
+        for name in JUDGED:
+            value = getattr(limits, name)
+            stated[f"{name}_deg"] = None if value is None else _degree(value)
+    return stated
+
+
+def _degrees(values: Array) -> list[float]:
+    return [float(x) for x in np.degrees(values).round(9)]
+
+
+def _degree(value: float) -> float | None:
+    """In degrees; null where there is none."""
+    return float(np.degrees(value)) if np.isfinite(value) else None
+
+
+def read_verification(path: str | Path, calibration: Calibration) -> dict[str, Any]:
+    """Read verify.json of this calibration.
+
+    Raises
+    ------
+    FileError
+        Another kind of file, a newer version, content the schema refuses, a verification of another tool or of another
+        calibration.
+    """
+    content = json_codec.of_kind(json_codec.load(path), path, SCHEMA, version=VERSION)
+    if content["tool"] != calibration.tool.name:
+        raise FileError(
+            f"this verification is of tool {content['tool']!r:.60}, the calibration of {calibration.tool.name!r:.60}",
+            path=path,
+        )
+    if content["calibration"] != calibration_digest(calibration):
+        raise FileError("this verification was made with another calibration of the tool; verify again", path=path)
+    return content

@@ -1,0 +1,391 @@
+"""WITS level 0: a stream of numbered items, read and written by a map of items to quantities with units.
+
+The stream itself names neither quantity nor unit, and raw sensors live in spare items that each vendor fills as it
+likes; so nothing is read without a map. `record_7` is that of the survey record of the WITS specification.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.conventions import named
+from inclinometry.earth.site import REFERENCES
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import writing
+from inclinometry.files._quantities import Meaning, meaning
+from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
+from inclinometry.files.six_axis import to_vendor
+from inclinometry.files.survey_csv import columns_of
+from inclinometry.files.table import LineReader
+from inclinometry.files.toml_keys import load
+from inclinometry.files.writing import write_text
+
+# Frames of a WITS level 0 stream: && on a line, items of four digits and a value, !! on a line.
+
+BEGIN: Final = "&&"
+END: Final = "!!"
+_ITEM: Final = re.compile(r"([0-9]{4})(.*)")
+_LARGEST: Final = 10_000  # items of one frame; 25 records of 99 items are defined
+
+
+class Frame(NamedTuple):
+    """One frame: the line its && stands in, and item number -> value as text, with the line of each."""
+
+    line: int
+    items: dict[str, str]
+    lines: dict[str, int]
+
+
+class Broken(NamedTuple):
+    """A frame that cannot be used: the line it fails in and why."""
+
+    line: int
+    why: str
+
+
+class Frames(NamedTuple):
+    """All frames of a stream, those that are broken, and the digest of the file."""
+
+    whole: list[Frame]
+    broken: list[Broken]
+    digest: str
+
+
+def read_frames(path: str | Path) -> Frames:
+    r"""Split a stream into frames; what is broken is listed and left out. Lines between frames are not looked at.
+
+    Raises
+    ------
+    FileError
+        Not text; no frame at all.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "a.wits").write_text("&&\n07089.5\n!!\n&&\n070810\n&&\n070811\n!!\n")
+    ...     found = read_frames(Path(folder, "a.wits"))
+    >>> [frame.items for frame in found.whole], found.broken
+    ([{'0708': '9.5'}, {'0708': '11'}], [Broken(line=4, why='the frame does not end (!! is missing)')])
+    """
+    reader = LineReader(Path(path))
+    found = Frames([], [], "")
+    frame: Frame | None = None
+    why: Broken | None = None
+    for line, text in _lines(reader):
+        if text == BEGIN:
+            _close(found, frame, why or (frame and Broken(frame.line, "the frame does not end (!! is missing)")))
+            frame, why = Frame(line, {}, {}), None
+        elif text == END and frame is not None:
+            _close(found, frame, why)
+            frame, why = None, None
+        elif text == END:
+            found.broken.append(Broken(line, "the end of a frame (!!) without its beginning (&&)"))
+        elif frame is not None and text:
+            why = why or _take(frame, line, text)
+    _close(found, frame, why or (frame and Broken(frame.line, "the frame does not end (!! is missing): truncated?")))
+    if not found.whole and not found.broken:
+        raise FileError("no frame (&& to !!); this is no WITS level 0 stream", path=path)
+    return found._replace(digest=reader.digest)
+
+
+def _lines(reader: LineReader) -> Iterator[tuple[int, str]]:
+    for block in reader.blocks():
+        for line, text in enumerate(block.lines, block.first):
+            yield line, text.strip()
+
+
+def _take(frame: Frame, line: int, text: str) -> Broken | None:
+    """Add one item; what is wrong with it, or None."""
+    item = _ITEM.fullmatch(text)
+    if item is None:
+        return Broken(line, f"{text[:40]!r} is no item (four digits and a value)")
+    if item[1] in frame.items:
+        return Broken(line, f"item {item[1]} appears twice in one frame")
+    if len(frame.items) >= _LARGEST:
+        return Broken(line, f"more than {_LARGEST} items in one frame")
+    frame.items[item[1]] = item[2].strip()
+    frame.lines[item[1]] = line
+    return None
+
+
+def _close(found: Frames, frame: Frame | None, why: Broken | None) -> None:
+    if frame is None:
+        return
+    if why is not None:
+        found.broken.append(why)
+    elif frame.items:
+        found.whole.append(frame)
+    else:
+        found.broken.append(Broken(frame.line, "the frame is empty"))
+
+
+NOTHING: Final = ("-9999", "-8888")
+"""Values that stand for nothing: no value, and value not computed."""
+_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_NOTES: Final = 20  # broken frames named one by one; all are counted
+
+
+@dataclass(frozen=True)
+class Wits0Map:
+    """What the items of a stream are.
+
+    channels : item, four digits (record and item) -> column name with its unit, as in a survey table: "md_ft",
+        "inclination_deg", "gx_mg", "bx_nT". Times are read from items 05 (date) and 06 (time) of the depth's record.
+    convention : axes and signs of the sensors: house, iscwsa, specific-force or z-up.
+    azimuth_reference : "magnetic", "true" or "grid".
+
+    Raises
+    ------
+    InputError
+        An item that is not four digits; a name that is unknown or without a unit; a quantity twice; no depth.
+
+    Examples
+    --------
+    >>> Wits0Map({"0708": "md"})
+    Traceback (most recent call last):
+    inclinometry.errors.InputError: item 0708: column 'md' has no unit; write md_m or the like
+    """
+
+    channels: Mapping[str, str]
+    convention: str = "house"
+    azimuth_reference: str | None = None
+    meanings: Mapping[str, Meaning] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        named(self.convention)
+        if self.azimuth_reference not in (None, *REFERENCES):
+            raise InputError(f"azimuth reference {self.azimuth_reference!r}; allowed: {', '.join(REFERENCES)}")
+        found: dict[str, Meaning] = {}
+        for item, name in self.channels.items():
+            if not re.fullmatch(r"[0-9]{4}", item):
+                raise InputError(f"item {item!r} is not four digits; give record and item, e.g. 0713")
+            try:
+                what = meaning(name)
+            except InputError as error:
+                raise InputError(f"item {item}: {error}") from None
+            if what is None or what.unit is None:
+                raise InputError(f"item {item}: {name!r} is no quantity with a unit; write e.g. inclination_deg, gx_g")
+            twice = next((other for other, seen in found.items() if seen.key == what.key), None)
+            if twice is not None:
+                raise InputError(f"items {twice} and {item} both give {what.key}; remove one")
+            found[item] = what
+        if "md" not in [what.key for what in found.values()]:
+            raise InputError("the map has no depth; map an item to md_m or md_ft, e.g. 0708")
+        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+        object.__setattr__(self, "meanings", MappingProxyType(found))
+
+    @property
+    def depth_item(self) -> str:
+        """The item that is the measured depth."""
+        return next(item for item, what in self.meanings.items() if what.key == "md")
+
+
+def record_7(*, feet: bool = False) -> dict[str, str]:
+    """The standard survey items of WITS record 7, depths in metres or feet; add the vendor's own spare items.
+
+    Examples
+    --------
+    >>> Wits0Map(record_7() | {"0722": "gx_g", "0723": "gy_g", "0724": "gz_g"}).depth_item
+    '0708'
+    """
+    unit = "ft" if feet else "m"
+    dogleg = "dls_deg_100ft" if feet else "dls_deg_30m"
+    return {
+        "0708": f"md_{unit}", "0709": f"tvd_{unit}", "0713": "inclination_deg", "0715": "azimuth_deg",
+        "0716": "magnetic_toolface_deg", "0717": "toolface_deg", "0718": f"north_{unit}", "0719": f"east_{unit}",
+        "0720": dogleg,
+    }  # fmt: skip
+
+
+def read_wits0_map(path: str | Path) -> Wits0Map:
+    r"""Read a map from TOML: `convention`, `azimuth_reference` and the table `[channels]` of item = "column_unit".
+
+    Raises
+    ------
+    FileError
+        Not TOML, an unknown key, or what `Wits0Map` refuses.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "m.toml").write_text('[channels]\n0708 = "md_m"\n0713 = "inclination_deg"\n')
+    ...     read_wits0_map(Path(folder, "m.toml")).channels["0713"]
+    'inclination_deg'
+    """
+    settings = load(path, ("convention", "azimuth_reference", "channels"))
+    channels = settings.content.get("channels")
+    if not isinstance(channels, dict) or not all(isinstance(name, str) for name in channels.values()):
+        raise FileError('a table [channels] of lines like 0713 = "inclination_deg" is needed', path=path)
+    convention = settings.text("convention") or "house"
+    try:
+        return Wits0Map(channels, convention, settings.text("azimuth_reference", REFERENCES))
+    except InputError as error:
+        raise FileError(str(error), path=path) from None
+
+
+def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
+    r"""Read the survey stations of a WITS level 0 stream.
+
+    A frame with the depth and another mapped item is a station; a station sent again unchanged is one station. Other
+    frames are passed over. Broken frames do not stop the reading: they are counted and named in `notes`.
+
+    Parameters
+    ----------
+    path : str or Path
+    channels : Wits0Map
+
+    Returns
+    -------
+    SurveyFile
+        Items that are not mapped are in `extra` under their number; `header` has the counts of frames: `frames`,
+        `frames_broken`, `frames_passed_over`, `frames_repeated`.
+
+    Raises
+    ------
+    FileError
+        No frame; no station in any frame; depths that do not increase; a value out of range; with the line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "a.wits").write_text("&&\n070830\n07131.5\n!!\n&&\n070860\n07132.0\n!!\n")
+    ...     survey = read_wits0(Path(folder, "a.wits"), Wits0Map(record_7()))
+    >>> survey.md, np.degrees(survey.inclination).round(9)
+    (array([30., 60.]), array([1.5, 2. ]))
+    """
+    frames = read_frames(path)
+    stations: list[Frame] = []
+    broken, passed, again = list(frames.broken), 0, 0
+    for frame in frames.whole:
+        mine = [item for item in channels.meanings if _there(frame, item)]
+        wrong = next((item for item in mine if not _NUMBER.fullmatch(frame.items[item])), None)
+        if wrong is not None:
+            why = f"{frame.items[wrong][:40]!r} of item {wrong} ({channels.channels[wrong]}) is not a number"
+            broken.append(Broken(frame.lines[wrong], why))
+        elif channels.depth_item not in mine or len(mine) < 2:
+            passed += 1
+        elif any(_same(frame, other, channels) for other in stations[-1:]):
+            again += 1
+        else:
+            stations.append(frame)
+    if not stations:
+        reason = f"; the first broken one, line {broken[0].line}: {broken[0].why}" if broken else ""
+        problem = f"no frame has item {channels.depth_item} and another mapped item; {len(broken)} frames are broken"
+        raise FileError(problem + reason, path=path)
+    total = len(stations) + len(broken) + passed + again
+    counts = {"frames": total, "frames_broken": len(broken), "frames_passed_over": passed, "frames_repeated": again}
+    header = {name: str(count) for name, count in counts.items()}
+    sheet = _sheet(Path(path), stations, channels, header, frames.digest)
+    survey = survey_of(sheet, convention=channels.convention, azimuth_reference=channels.azimuth_reference)
+    return replace(survey, notes=(*survey.notes, *_broken_notes(sorted(broken))))
+
+
+def _there(frame: Frame, item: str) -> bool:
+    text = frame.items.get(item, "")
+    return bool(text) and not (_NUMBER.fullmatch(text) and f"{float(text):g}" in NOTHING)
+
+
+def _same(frame: Frame, other: Frame, channels: Wits0Map) -> bool:
+    """Whether two frames say the same, the time at which they were sent aside."""
+    return all(frame.items.get(item) == other.items.get(item) for item in channels.channels)
+
+
+def _broken_notes(broken: Sequence[Broken]) -> list[str]:
+    notes = [f"line {place.line}: broken frame left out: {place.why}" for place in broken[:_NOTES]]
+    if len(broken) > _NOTES:
+        notes.append(f"{len(broken) - _NOTES} more broken frames were left out")
+    return notes
+
+
+def _sheet(path: Path, stations: Sequence[Frame], channels: Wits0Map, header: Mapping[str, str], digest: str) -> Sheet:
+    """Stations as columns; every mapped item that occurs, and the others as text under their number."""
+    columns: dict[str, Column] = {}
+    for item, name in channels.channels.items():
+        values = [float(frame.items[item]) if _there(frame, item) else np.nan for frame in stations]
+        if not np.isnan(values).all():
+            columns[name] = np.array(values)
+    columns["time"] = tuple(_time(frame, channels.depth_item[:2]) for frame in stations)
+    stamps = {channels.depth_item[:2] + tail for tail in ("05", "06")} if any(columns["time"]) else set()
+    others = dict.fromkeys(item for frame in stations for item in frame.items)
+    for item in others:
+        if item not in channels.channels and item not in stamps:
+            columns[item] = tuple(frame.items.get(item, "") for frame in stations)
+    rows = np.array([frame.lines[channels.depth_item] for frame in stations])
+    return Sheet(path, columns, rows, header=header, digest=digest)
+
+
+def _time(frame: Frame, record: str) -> str:
+    """ISO 8601 from the record's date (YYMMDD) and time (HHMMSS); empty where they are not both there and valid."""
+    text = f"{frame.items.get(record + '05', '')} {frame.items.get(record + '06', '').zfill(6)}"
+    try:
+        return datetime.strptime(text, "%y%m%d %H%M%S").isoformat()
+    except ValueError:
+        return ""
+
+
+def write_wits0(survey: SurveyFile, path: str | Path, channels: Wits0Map) -> None:
+    """Write a survey as WITS level 0: one frame a station, with the items that are mapped and known.
+
+    Numbers are the shortest text that reads back the same, to 1e-10 of their unit. What is not mapped is not written;
+    items 05 and 06 of the depth's record carry the time.
+
+    Raises
+    ------
+    InputError
+        Azimuths counted from another north than the map says; nothing mapped besides the depth; a time that is not
+        ISO 8601.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     survey = SurveyFile(md=[30.0], inclination=np.radians([1.5]))
+    ...     write_wits0(survey, Path(folder, "a.wits"), Wits0Map(record_7(feet=True)))
+    ...     Path(folder, "a.wits").read_text().split()
+    ['&&', '070898.4251968504', '07131.5', '!!']
+    """
+    norths = (survey.azimuth_reference, channels.azimuth_reference)
+    azimuths = "azimuth" in [what.key for what in channels.meanings.values()] and survey.azimuth is not None
+    if azimuths and norths[0] != norths[1]:
+        raise InputError(f"azimuths are from {norths[0]} north, the map says {norths[1]}; convert one of them")
+    known = {c.quantity.key: c for c in columns_of(to_vendor(survey, channels.convention)) if c.quantity}
+    texts: dict[str, list[str]] = {}
+    for item, what in channels.meanings.items():
+        column = known.get(what.key)
+        if column is not None and column.quantity is not None and what.unit is not None:
+            own = column.quantity.unit
+            values: Array = np.asarray(column.values)
+            if own != what.unit:
+                values = (values * own.factor + own.offset - what.unit.offset) / what.unit.factor
+                values = np.round(values, 10) + 0.0
+            texts[item] = writing.column(values)
+    if len(texts) < 2:
+        raise InputError("nothing that is mapped besides the depth is in the survey; map one of its quantities")
+    frames = []
+    for row in range(len(survey)):
+        items = [f"{item}{cells[row]}" for item, cells in sorted(texts.items()) if cells[row]]
+        frames.append("\n".join((BEGIN, *_stamp(survey, row, channels.depth_item[:2]), *items, END)))
+    write_text("\n".join(frames) + "\n", path)
+
+
+def _stamp(survey: SurveyFile, row: int, record: str) -> list[str]:
+    text = survey.times[row] if survey.times else ""
+    if not text:
+        return []
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        raise InputError(f"time {text!r} at station {row + 1}; ISO 8601 is needed") from None
+    return [f"{record}05{time:%y%m%d}", f"{record}06{time:%H%M%S}"]

@@ -1,0 +1,554 @@
+"""WITSML 1.4.1.1 trajectories: stations with raw data, corrections, checks and covariance, read and written.
+
+The standard names the sensors' axes axial, tran1 and tran2 and says no more than that they are at right angles. Here
+they are taken as a vendor's z, x and y, in the convention the caller names: "iscwsa" (SPE 67616: y along the index
+mark, x 90 deg before it) unless told otherwise. Inclination and azimuth do not depend on which of the conventions with
+z down hole and gravity positive down it is; the toolface does, and a note says so where the toolface of the raw data
+contradicts `gtf`.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from datetime import datetime
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.conventions import named
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import writing
+from inclinometry.files._quantities import quantities
+from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
+from inclinometry.files.six_axis import corrections_to_house, to_vendor
+from inclinometry.files.survey_csv import columns_of
+from inclinometry.files.writing import write_bytes
+from inclinometry.rotations import wrap_signed
+
+# What is known of WITSML 1.4.1.1 trajectories: elements, their order and units, from witsml_1411.toml.
+
+GROUPS: Final = ("rawData", "corUsed", "valid", "matrixCov")
+NORTHS: Final = {"magnetic north": "magnetic", "true north": "true", "grid north": "grid"}
+
+
+class Element(NamedTuple):
+    """A quantity's element: its key in `_quantities`, the kind of its unit, the unit written ("" when only read)."""
+
+    key: str
+    kind: str
+    written: str
+
+
+@lru_cache(maxsize=1)
+def _data() -> Mapping[str, Any]:
+    return tomllib.loads(files("inclinometry.files").joinpath("witsml_1411.toml").read_text(encoding="utf-8"))
+
+
+def _version() -> str:
+    """The version of the schema."""
+    return str(_data()["version"])
+
+
+def _namespace() -> str:
+    """The XML namespace."""
+    return str(_data()["namespace"])
+
+
+def _order(parent: str) -> tuple[str, ...]:
+    """The children of trajectory or trajectoryStation, as the schema orders them."""
+    return tuple(_data()["order"][parent])
+
+
+@lru_cache(maxsize=8)
+def _elements(parent: str) -> Mapping[str, Element]:
+    """Element -> quantity, of "station" or of one of `GROUPS`.
+
+    Examples
+    --------
+    >>> _elements("rawData")["gravAxialRaw"]
+    Element(key='g.2', kind='acceleration', written='m/s2')
+    """
+    return {name: Element(*entry) for name, entry in _data()[parent].items()}
+
+
+def _station_texts() -> tuple[str, ...]:
+    """Elements of a station that are kept as text."""
+    return tuple(_data()["texts"]["station"])
+
+
+def _factor(kind: str, uom: str | None) -> float:
+    """SI (rad, nT) of one unit.
+
+    Raises
+    ------
+    InputError
+        No unit, or one that is not of this kind; units are never assumed.
+
+    Examples
+    --------
+    >>> _factor("length", "ft")
+    0.3048
+    """
+    known = _data()["uom"][kind]
+    if uom is None:
+        raise InputError(f"has no uom; add one of {', '.join(known)}")
+    if uom not in known:
+        raise InputError(f"has uom {uom!r}; allowed: {', '.join(known)}")
+    return float(known[uom])
+
+
+LARGEST: Final = 256 * 1024 * 1024
+"""Bytes of a file that are parsed; 10,000 stations with everything have some 24 MB."""
+_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+def load(path: Path) -> tuple[Any, bytes]:
+    """The root element `trajectorys`, checked for namespace and version, and the bytes of the file."""
+    from lxml import etree
+
+    data = _bytes(path)
+    # a document type is where entities are declared; no WITSML document has one
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        line = data[: max(data.find(b"<!DOCTYPE"), data.find(b"<!ENTITY"))].count(b"\n") + 1
+        raise FileError("a document type or entity is declared; remove it, WITSML has none", path=path, line=line)
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True, remove_pis=True
+    )
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        line = error.lineno or 1
+        raise FileError(f"not well-formed XML: {error.msg}; is the file truncated?", path=path, line=line) from None
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise FileError("a document type is declared; remove it, WITSML has none", path=path, line=1)
+    _check_root(path, root)
+    return root, data
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        size = path.stat().st_size
+        if size > LARGEST:
+            problem = f"the file has {size} bytes; allowed: up to {LARGEST}: split it by trajectory"
+            raise FileError(problem, path=path)
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise FileError("there is no such file; check the name", path=path) from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+
+
+def _check_root(path: Path, root: Any) -> None:
+    wanted = f"{{{_namespace()}}}trajectorys"
+    if root.tag != wanted:
+        problem = f"the root is {root.tag!r}; {wanted!r} (WITSML {_version()}) is needed"
+        raise FileError(problem, path=path, line=root.sourceline)
+    if root.get("version") != _version():
+        found = root.get("version")
+        problem = f"version is {found!r}; {_version()!r} is needed: export it so"
+        raise FileError(problem, path=path, line=root.sourceline)
+
+
+def children(element: Any) -> Iterator[tuple[str, Any]]:
+    """Children in WITSML's namespace, by name."""
+    start = f"{{{_namespace()}}}"
+    for child in element:
+        if isinstance(child.tag, str) and child.tag.startswith(start):
+            yield child.tag[len(start) :], child
+
+
+def text_of(element: Any) -> str:
+    """Text on one line."""
+    return " ".join((element.text or "").split())
+
+
+def quantity_of(path: Path, name: str, element: Any, kind: str) -> float:
+    """Value in SI (rad, nT); FileError naming element and line for what is no finite number or has no such unit."""
+    text = text_of(element)
+    if not _NUMBER.fullmatch(text):
+        problem = f"{name} is {text[:40]!r}; a finite number is needed: correct it or remove the element"
+        raise FileError(problem, path=path, line=element.sourceline)
+    try:
+        return float(text) * _factor(kind, element.get("uom"))
+    except InputError as error:
+        raise FileError(f"{name} {error}", path=path, line=element.sourceline) from None
+
+
+# From a survey to the bytes of a WITSML 1.4.1.1 document.
+
+_NAMES: Final = ("nameWell", "nameWellbore", "name")
+_XSD_TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)", re.ASCII)
+_AZI_REF: Final = {north: text for text, north in NORTHS.items()}
+
+
+def document(survey: SurveyFile, convention: str) -> bytes:
+    """The whole document, UTF-8."""
+    from lxml import etree
+
+    root = etree.Element(_tag("trajectorys"), nsmap={None: _namespace()})  # type: ignore[dict-item]
+    root.set("version", _version())
+    trajectory = etree.SubElement(root, _tag("trajectory"))
+    for name, default in (("uidWell", "well"), ("uidWellbore", "wellbore"), ("uid", "trajectory")):
+        _set(trajectory, name, survey.header.get(name, default))
+    _write_head(trajectory, survey)
+    turned = to_vendor(survey, convention)
+    cells = {c.quantity.key: writing.column(c.values) for c in columns_of(turned) if c.quantity}  # type: ignore[arg-type]
+    uids = survey.extra.get("uid") or tuple(str(i + 1) for i in range(len(survey)))
+    if len(set(uids)) < len(uids) or not all(uids):
+        raise InputError("the stations' uids are not each another; correct extra['uid'] or remove it")
+    for row, uid in enumerate(uids):
+        station = etree.SubElement(trajectory, _tag("trajectoryStation"))
+        _set(station, "uid", uid)
+        _write_station(station, survey, row, {key: texts[row] for key, texts in cells.items() if texts[row]})
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _tag(name: str) -> str:
+    return f"{{{_namespace()}}}{name}"
+
+
+def _set(element: Any, name: str, text: str) -> None:
+    try:
+        element.set(name, text)
+    except ValueError:
+        raise InputError(f"{name} {text[:40]!r} holds characters XML cannot; remove them") from None
+
+
+def _add(parent: Any, name: str, text: str, uom: str = "") -> None:
+    from lxml import etree
+
+    child = etree.SubElement(parent, _tag(name))
+    try:
+        child.text = text
+    except ValueError:
+        raise InputError(f"{name} {text[:40]!r} holds characters XML cannot; remove them") from None
+    if uom:
+        child.set("uom", uom)
+
+
+def _write_head(trajectory: Any, survey: SurveyFile) -> None:
+    well = next((survey.header[name] for name in ("well", "Well", "WELL") if name in survey.header), "unknown")
+    for name in _NAMES:
+        _add(trajectory, name, survey.header.get(name) or (well if name == "nameWell" else "unknown"))
+    for name, value in (("mdMn", survey.md.min()), ("mdMx", survey.md.max())):
+        _add(trajectory, name, writing.number(float(value)), "m")
+    if survey.header.get("serviceCompany"):
+        _add(trajectory, "serviceCompany", survey.header["serviceCompany"])
+    if survey.azimuth_reference:
+        _add(trajectory, "aziRef", _AZI_REF[survey.azimuth_reference])
+
+
+def _write_station(station: Any, survey: SurveyFile, row: int, cells: Mapping[str, str]) -> None:
+    """The elements of one station, in the order of the schema."""
+    texts = _texts(survey, row)
+    for name in _order("trajectoryStation"):
+        if name in GROUPS:
+            _group(station, name, cells)
+        elif name in texts:
+            _add(station, name, texts[name])
+        elif (element := _elements("station").get(name)) and element.key in cells:
+            _add(station, name, cells[element.key], element.written)
+
+
+def _group(station: Any, name: str, cells: Mapping[str, str]) -> None:
+    from lxml import etree
+
+    found = [(n, e) for n, e in _elements(name).items() if e.written and e.key in cells]
+    if found:
+        group = etree.SubElement(station, _tag(name))
+        for child, element in found:
+            _add(group, child, cells[element.key], element.written)
+
+
+def _texts(survey: SurveyFile, row: int) -> dict[str, str]:
+    """Texts of a station by element; the type of the station is required by the schema."""
+    found = {name: cells[row] for name in _station_texts() if (cells := survey.extra.get(name)) and cells[row]}
+    if "typeTrajStation" not in found:
+        kind = "gyro north seeking" if survey.w is not None else "magnetic MWD" if survey.b is not None else "unknown"
+        found["typeTrajStation"] = kind
+    if survey.times and survey.times[row]:
+        found["dTimStn"] = _time(survey.times[row], row)
+    if survey.used is not None:
+        said = found.get("statusTrajStation", "position")
+        found["statusTrajStation"] = (said if said != "rejected" else "position") if survey.used[row] else "rejected"
+    return found
+
+
+def _time(text: str, row: int) -> str:
+    """Date and time as the schema has them: always both, with T between and a zone; UTC where none is stated."""
+    if _XSD_TIME.fullmatch(text):
+        return text
+    try:
+        time = datetime.fromisoformat(text)
+        return time.isoformat() + ("Z" if time.tzinfo is None else "")
+    except ValueError:
+        raise InputError(f"time {text!r} at station {row + 1}; ISO 8601 is needed") from None
+
+
+_APART: Final = 5.0  # deg between two toolfaces that a turned convention, 90 deg or more, exceeds and noise does not
+_ENDS: Final[Mapping[str, Callable[[list[float]], float]]] = MappingProxyType({"mdMn": min, "mdMx": max})
+_OF_ALL: Final = {"magDeclUsed": "stnMagDeclUsed", "gridConUsed": "stnGridConUsed", "gridCorUsed": "stnGridCorUsed"}
+
+
+def read_witsml(
+    path: str | Path,
+    *,
+    trajectory: str | None = None,
+    convention: str = "iscwsa",
+    azimuth_reference: str | None = None,
+) -> SurveyFile:
+    """Read one trajectory of a WITSML 1.4.1.1 document.
+
+    Parameters
+    ----------
+    path : str or Path
+    trajectory : str, optional
+        uid or name, where the document has more than one.
+    convention : str
+        Axes and signs of the sensors: tran1, tran2 and axial are this convention's x, y and z.
+    azimuth_reference : {"magnetic", "true", "grid"}, optional
+        Where `aziRef` is missing or unknown.
+
+    Returns
+    -------
+    SurveyFile
+        A station of status "rejected" is not used. `corrections` is the sum of drill string and multi-station
+        corrections. Convergence, from stnGridConUsed or the deprecated stnGridCorUsed, is positive where true north is
+        west of grid north, as in the house. Texts of stations are in `extra`, those of the trajectory in `header`.
+
+    Raises
+    ------
+    FileError
+        Not well-formed; a document type or entity; another namespace or version; no station; a uom that is missing or
+        unknown, naming the element; an element twice; text, NaN or infinity in a number's place; depths that do not
+        increase, that are in several units or not what mdMn and mdMx say; azimuths without a north; each with its line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> survey = SurveyFile(md=[9.0], inclination=[0.1], azimuth=[1.0], azimuth_reference="grid")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_witsml(survey, Path(folder, "a.xml"))
+    ...     read_witsml(Path(folder, "a.xml")).azimuth_reference
+    'grid'
+    """
+    where = Path(path)
+    root, data = load(where)
+    chosen = _chosen(where, root, trajectory)
+    header, north, shared = _head(where, chosen)
+    stations = [_station(where, child) for name, child in children(chosen) if name == "trajectoryStation"]
+    if not stations:
+        raise FileError("the trajectory has no trajectoryStation", path=path, line=chosen.sourceline)
+    sheet = _sheet(where, stations, shared, convention)
+    sheet = replace(sheet, north=north, header=header, digest=digest_bytes(data))
+    survey = survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+    _depth_units(where, chosen, stations)
+    unread = sorted({name for station in stations for name in station.unread})
+    notes = [f"not read: {', '.join(unread)}"] if unread else []
+    return replace(survey, notes=(*survey.notes, *notes, *_toolface_notes(survey, convention)))
+
+
+def _chosen(path: Path, root: Any, wanted: str | None) -> Any:
+    """The trajectory asked for; FileError listing what there is."""
+    found = [child for name, child in children(root) if name == "trajectory"]
+    names = [
+        (child.get("uid", ""), next((text_of(e) for n, e in children(child) if n == "name"), "")) for child in found
+    ]
+    fits = [child for child, name in zip(found, names, strict=True) if wanted is None or wanted in name]
+    if len(fits) != 1:
+        there = ", ".join(f"{uid!r} ({name})" for uid, name in names[:20]) or "none"
+        problem = f"trajectory {wanted!r} fits {len(fits)}; give the uid of one. There are: {there}"
+        raise FileError(problem, path=path, line=root.sourceline)
+    return fits[0]
+
+
+def _head(path: Path, trajectory: Any) -> tuple[dict[str, str], str | None, dict[str, float]]:
+    """Texts of the trajectory, the north of its azimuths, and the values it states for all stations."""
+    header = {name: str(trajectory.get(name)) for name in ("uid", "uidWell", "uidWellbore") if trajectory.get(name)}
+    north, shared = None, {}
+    for name, child in children(trajectory):
+        if name == "trajectoryStation" or len(child):
+            continue
+        if name in header:
+            raise FileError(f"{name} appears twice in the trajectory; remove one", path=path, line=child.sourceline)
+        header[name] = f"{text_of(child)} {child.get('uom', '')}".strip()
+        if name == "aziRef":
+            known = (*NORTHS, "unknown")
+            if text_of(child) not in known:
+                problem = f"aziRef is {text_of(child)!r}; allowed: {', '.join(known)}"
+                raise FileError(problem, path=path, line=child.sourceline)
+            north = NORTHS.get(text_of(child))
+        if name in _OF_ALL:
+            shared[_OF_ALL[name]] = quantity_of(path, name, child, "angle")
+    return header, north, shared
+
+
+class _Station:
+    """One station: values in SI by element, texts by element, the elements nobody reads."""
+
+    def __init__(self, line: int, uid: str) -> None:
+        self.line = line
+        self.values: dict[str, float] = {}
+        self.texts: dict[str, str] = {"uid": uid}
+        self.unread: set[str] = set()
+        self.md_uom, self.md_line = "", line
+
+
+def _station(path: Path, element: Any) -> _Station:
+    station = _Station(element.sourceline, element.get("uid", ""))
+    kept = {*_station_texts(), "dTimStn"}
+    for name, child in children(element):
+        if name in station.texts or name in station.values:
+            raise FileError(f"{name} appears twice in a station; remove one", path=path, line=child.sourceline)
+        if name in GROUPS:
+            _quantities_of(path, station, name, children(child))
+        elif name in kept:
+            station.texts[name] = text_of(child)
+        else:
+            _quantities_of(path, station, "station", [(name, child)])
+            if name == "md":
+                station.md_uom, station.md_line = child.get("uom", ""), child.sourceline
+    if "md" not in station.values:
+        raise FileError("a station without md; add it or remove the station", path=path, line=station.line)
+    return station
+
+
+def _quantities_of(path: Path, station: _Station, group: str, found: Any) -> None:
+    known = _elements(group)
+    for name, child in found:
+        if name not in known:
+            station.unread.add(name)
+        elif name in station.values:
+            raise FileError(f"{name} appears twice in a station; remove one", path=path, line=child.sourceline)
+        else:
+            station.values[name] = quantity_of(path, name, child, known[name].kind)
+
+
+def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
+    """FileError where one trajectory's depths are in two units, or its mdMn and mdMx are not its stations'."""
+    first = stations[0]
+    for count, station in enumerate(stations, 1):
+        if station.md_uom != first.md_uom:
+            problem = f"md of station {count} is in {station.md_uom!r}, of the first in {first.md_uom!r}"
+            raise FileError(f"{problem}; use one unit in a trajectory", path=path, line=station.md_line)
+    unit = _factor("length", first.md_uom)
+    kept = [station.values["md"] for station in stations if station.texts.get("statusTrajStation") != "rejected"]
+    for name, child in children(chosen):
+        if name in _ENDS:
+            stated = quantity_of(path, name, child, "length")
+            # of all stations or of those not rejected: programs differ
+            ends = [_ENDS[name](depths) for depths in (kept, [s.values["md"] for s in stations]) if depths]
+            found = min(ends, key=lambda end: abs(end - stated))
+            # a head may be rounded to whole units; a wrong unit is far beyond that
+            if abs(stated - found) > 0.501 * unit + 1e-3 * abs(found):
+                said = (
+                    f"{name} is {text_of(child)} {child.get('uom')}, the stations' {found / unit:.10g} {first.md_uom}"
+                )
+                problem = f"{said}: is a unit wrong, is the file cut? Correct {name} or remove it"
+                raise FileError(problem, path=path, line=child.sourceline)
+
+
+def _sheet(path: Path, stations: list[_Station], shared: dict[str, float], convention: str) -> Sheet:
+    """Stations as columns of the house's."""
+    found: dict[str, Array] = {}
+    for group in ("station", *GROUPS):
+        for name, element in _elements(group).items():
+            default = shared.get(name, np.nan)
+            values = np.array([station.values.get(name, default) for station in stations])
+            if not np.isnan(values).all():
+                before = found.get(element.key)
+                found[element.key] = values if before is None else _joined(path, stations, name, before, values)
+    known = quantities()
+    columns: dict[str, Column] = {}
+    for key, values in _turned(found, convention).items():
+        own = known[key].unit
+        # rad to deg and back would cost a digit; what is whole in degrees stays so
+        columns[known[key].column] = values if own.factor == 1.0 else np.round(values / own.factor, 12) + 0.0
+    for key in _lacking(found):
+        columns[known[key].column] = np.full(len(stations), np.nan)
+    for name in ("uid", *_station_texts()):
+        texts = tuple(station.texts.get(name, "") for station in stations)
+        if any(texts):
+            columns[name] = texts
+    columns["time"] = tuple(station.texts.get("dTimStn", "") for station in stations)
+    status = [station.texts.get("statusTrajStation", "") for station in stations]
+    if any(status):
+        columns["used"] = tuple("no" if text == "rejected" else "yes" for text in status)
+    return Sheet(path, columns, np.array([station.line for station in stations]))
+
+
+def _joined(path: Path, stations: list[_Station], name: str, before: Array, values: Array) -> Array:
+    """Two elements for one quantity: corrections add up; two convergences must agree."""
+    both = ~(np.isnan(before) | np.isnan(values))
+    if name.startswith("mag"):
+        return np.where(both, before + values, np.where(np.isnan(before), values, before))
+    apart = both & (np.abs(before - values) > 1e-9)
+    if apart.any():
+        line = stations[int(np.argmax(apart))].line
+        problem = f"{name} contradicts its deprecated form; they have one sign: remove one of them"
+        raise FileError(problem, path=path, line=line)
+    return np.where(np.isnan(values), before, values)
+
+
+def _turned(found: dict[str, Array], convention: str) -> dict[str, Array]:
+    """Corrections in the house's axes; the fields themselves are turned with the columns."""
+    start = "corrections."
+    corrections = {key.removeprefix(start): values for key, values in found.items() if key.startswith(start)}
+    house = corrections_to_house(corrections, named(convention))
+    rest = {key: values for key, values in found.items() if not key.startswith(start)}
+    return rest | {f"{start}{name}": values for name, values in house.items()}
+
+
+def _lacking(found: dict[str, Array]) -> list[str]:
+    """Axes of a triad and elements of a covariance that no station has, where others are there."""
+    groups = {key.partition(".")[0] for key in found} & {"g", "b", "covariance"}
+    return [key for key in quantities() if key.partition(".")[0] in groups and key not in found]
+
+
+def _toolface_notes(survey: SurveyFile, convention: str) -> list[str]:
+    """A note where the raw data's toolface is not the one stated."""
+    if survey.g is None or survey.toolface is None:
+        return []
+    apart = np.degrees(np.abs(wrap_signed(np.arctan2(survey.g[:, 1], -survey.g[:, 0]) - survey.toolface)))
+    tilted = np.hypot(survey.g[:, 0], survey.g[:, 1]) > 0.5  # below 3 deg the toolface is noise
+    apart = apart[tilted & np.isfinite(apart)]
+    if not apart.size or float(np.median(apart)) < _APART:
+        return []
+    return [
+        f"the toolfaces of the raw data are {float(np.median(apart)):.0f} deg (median) from gtf: are their axes in "
+        f"another convention than {convention!r}?"
+    ]
+
+
+def write_witsml(survey: SurveyFile, path: str | Path, *, convention: str = "iscwsa") -> None:
+    """Write a survey as a WITSML 1.4.1.1 trajectory, elements in the order of the schema.
+
+    Units are m, dega, m/s2, nT, dega/30m and m2; numbers the shortest text that reads back the same, angles to 1e-10
+    deg. uid, uidWell, uidWellbore, nameWell, nameWellbore, name, serviceCompany come from `header`, station uids and
+    texts such as typeTrajStation from `extra`; a time without a zone is written as UTC. Rotation rates, temperature,
+    gyro toolface, `valid`, and other columns have no element in this version and are not written.
+
+    Parameters
+    ----------
+    survey : SurveyFile
+    path : str or Path
+    convention : str
+        Axes and signs to write the sensors in, as in `read_witsml`.
+
+    Raises
+    ------
+    InputError
+        A text that XML cannot hold; a station uid twice; a time that is not ISO 8601.
+    """
+    write_bytes(document(survey, convention), path)

@@ -1,0 +1,164 @@
+"""Writing a file whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import secrets
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.arrays import Array
+from inclinometry.errors import FileError, InputError
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[BinaryIO]:
+    """Open a binary stream that becomes `path` only when the block ends without an exception.
+
+    The bytes go to a temporary name in the same folder (a rename across file systems is not atomic), are flushed to the
+    disk and renamed. On any exception, KeyboardInterrupt included, the temporary file is removed and what stood at
+    `path` before is untouched. A device or pipe (/dev/stdout) cannot be renamed over and is written directly.
+
+    Raises
+    ------
+    FileError
+        The folder does not exist or cannot be written, the disk is full, `path` is a folder.
+    """
+    target = _resolve(path)
+    if target.exists() and not target.is_file():
+        with _readable(path), target.open("wb") as stream:
+            yield stream
+        return
+    scratch = target.with_name(f".{secrets.token_hex(8)}.part")
+    mode = target.stat().st_mode & 0o777 if target.exists() else None
+    try:
+        with _readable(path):
+            with scratch.open("xb") as stream:
+                yield stream
+                stream.flush()
+                os.fsync(stream.fileno())
+            if mode is not None:
+                scratch.chmod(mode)
+            scratch.replace(target)
+    except BaseException:
+        with suppress(OSError):
+            scratch.unlink(missing_ok=True)
+        raise
+    _sync_folder(target.parent)
+
+
+def _resolve(path: str | Path) -> Path:
+    """The file a link points to, so that the link survives; the errors a person can act on."""
+    try:
+        target = Path(path).resolve()
+        if target.is_dir():
+            raise FileError("this is a folder; give the name of a file", path=path)
+        if not target.parent.is_dir():
+            raise FileError(f"folder {str(target.parent)!r} does not exist; create it first", path=path)
+    except (OSError, ValueError, RuntimeError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"cannot be written ({error}); choose another name", path=path) from None
+    return target
+
+
+@contextmanager
+def _readable(path: str | Path) -> Iterator[None]:
+    """Turn an operating system's error into one line that names the file asked for, not the temporary one."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileError(f"cannot be written ({reason}); choose a folder you may write to", path=path) from None
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the rename itself durable where the system can."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def write_bytes(data: bytes, path: str | Path) -> None:
+    """Write `data` to `path`, whole or not at all; see `replacing`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_bytes(b"ok", f"{folder}/a.txt")
+    ...     Path(folder, "a.txt").read_bytes()
+    b'ok'
+    """
+    with replacing(path) as stream:
+        stream.write(data)
+
+
+def write_text(text: str, path: str | Path) -> None:
+    r"""Write `text` as UTF-8 with "\n" line ends on every system; see `replacing`."""
+    try:
+        data = text.encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise FileError(f"the text cannot be written as UTF-8 ({error.reason})", path=path) from None
+    write_bytes(data, path)
+
+
+def number(value: float) -> str:
+    """Shortest text that reads back to the same float64; empty for NaN.
+
+    Examples
+    --------
+    >>> number(90.0), number(0.1), number(float("nan"))
+    ('90', '0.1', '')
+    """
+    if value != value:
+        return ""
+    text = repr(float(value))
+    return text.removesuffix(".0")
+
+
+def degrees(angle: ArrayLike) -> Array:
+    """Radians to degrees rounded to 1e-10, so that 120 does not print as 119.99999999999999."""
+    # adding zero turns -0.0 into 0.0
+    return np.asarray(np.round(np.degrees(np.asarray(angle, dtype=np.float64)), 10) + 0.0)
+
+
+def column(values: Array) -> list[str]:
+    """One column of numbers as text."""
+    return list(map(number, values.tolist()))
+
+
+def write_columns(names: Sequence[str], columns: Sequence[Iterable[str]], path: str | Path) -> None:
+    """Write a table of text columns of one length as comma-separated UTF-8, whole or not at all.
+
+    Everything is quoted when a first cell begins with `#`, which would be a comment unquoted. A line break inside a
+    cell is an InputError, as the reader takes one line for one row.
+    """
+    cells = [list(column) for column in columns]
+    if any("\n" in cell or "\r" in cell for column in cells for cell in column):
+        raise InputError("a text for a table has a line break; write it on one line")
+    ambiguous = any(cell.startswith("#") for cell in cells[0])
+    with replacing(path) as stream:
+        text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=False)
+        try:
+            writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if ambiguous else csv.QUOTE_MINIMAL)
+            writer.writerow(names)
+            writer.writerows(zip(*cells, strict=True))
+        finally:
+            text.detach()
+
+
+def program() -> str:
+    """Name and version of this program, for records."""
+    return f"inclinometry {version('inclinometry')}"

@@ -1,0 +1,1 @@
+"""What a calibration certificate says, and the forms it is issued in: record, PDF, digital certificate (DCC)."""

@@ -1,0 +1,521 @@
+"""Digital calibration certificate: PTB's DCC 3.2.1 with D-SI 2.1.0, written from a certificate's record, read back."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from lxml import etree
+
+from inclinometry.arrays import Array
+from inclinometry.errors import FileError, InputError
+from inclinometry.laboratory.certificate.record import record_digest
+
+# Units as the D-SI writes them.
+
+DEGREE: Final = r"\degree"
+_UNITS: Final = {
+    "counts": r"\one",
+    "V": r"\volt",
+    "mV": r"\milli\volt",
+    "uV": r"\micro\volt",
+    "µV": r"\micro\volt",
+    "A": r"\ampere",
+    "mA": r"\milli\ampere",
+    "Hz": r"\hertz",
+    "kHz": r"\kilo\hertz",
+    "T": r"\tesla",
+    "mT": r"\milli\tesla",
+    "uT": r"\micro\tesla",
+    "µT": r"\micro\tesla",
+    "nT": r"\nano\tesla",
+    "m/s2": r"\metre\second\tothe{-2}",
+    "m/s^2": r"\metre\second\tothe{-2}",
+    "rad/s": r"\radian\second\tothe{-1}",
+    "deg/s": r"\degree\second\tothe{-1}",
+    "deg/h": r"\degree\hour\tothe{-1}",
+}
+
+
+def unit(text: str) -> str | None:
+    r"""The D-SI form of a unit of the house; None for one the SI does not know, which a reader must be told.
+
+    Examples
+    --------
+    >>> unit("mV/K^2")
+    '\\milli\\volt\\kelvin\\tothe{-2}'
+    >>> unit("g") is None
+    True
+    """
+    main, power = text, 0
+    found = re.fullmatch(r"(.+?)/K(?:\^(\d))?", text)
+    if found is not None:
+        main, power = found[1], int(found[2] or 1)
+    known = _UNITS.get(main)
+    if known is None or not power:
+        return known
+    heat = rf"\kelvin\tothe{{-{power}}}"
+    return heat if known == r"\one" else known + heat
+
+
+def product(one: str, other: str) -> str:
+    r"""The unit of a product.
+
+    Examples
+    --------
+    >>> product("\\volt", "\\one"), product("\\volt", "\\volt")
+    ('\\volt', '\\volt\\volt')
+    """
+    parts = [part for part in (one, other) if part != r"\one"]
+    return "".join(parts) or r"\one"
+
+
+# The parts of a digital calibration certificate: elements in the order PTB's schema 3.2.1 asks for.
+
+DCC: Final = "https://ptb.de/dcc"
+SI: Final = "https://ptb.de/si"
+NSMAP: Final = {"dcc": DCC, "si": SI}
+PREFIX: Final = "inclinometry_"
+"""Of the refTypes that are ours; the others are PTB's."""
+
+Element = Any
+Record = Mapping[str, Any]
+
+
+def element(parent: Element, name: str, text: str | None = None, **attributes: str) -> Element:
+    """A new child; `name` as "dcc:item", text with single blanks."""
+    prefix, _, local = name.partition(":")
+    made = etree.SubElement(parent, f"{{{NSMAP[prefix]}}}{local}", attributes)
+    if text is not None:
+        made.text = " ".join(text.split())
+    return made
+
+
+def named(parent: Element, name: str, text: str, *, lang: str | None = None, **attributes: str) -> Element:
+    """A child with content in it, for texts that a person reads."""
+    made = element(parent, name, **attributes)
+    element(made, "dcc:content", text, **({} if lang is None else {"lang": lang}))
+    return made
+
+
+def english(parent: Element, name: str, text: str) -> Element:
+    """One of our own fixed texts."""
+    return named(parent, name, text, lang="en")
+
+
+def number(value: float) -> str:
+    """The shortest decimal that reads back to the same number."""
+    return repr(float(value))
+
+
+def factor(k: float) -> str:
+    """A coverage factor, without exponent."""
+    return f"{k:.9f}".rstrip("0").rstrip(".")
+
+
+def values(parent: Element, given: Sequence[float], units: Sequence[str], names: Sequence[str] = ()) -> Element:
+    """A list of values with its unit, one for all or one each."""
+    made = element(parent, "si:realListXMLList")
+    if names:
+        element(made, "si:labelXMLList", " ".join(names))
+    element(made, "si:valueXMLList", " ".join(map(number, given)))
+    element(made, "si:unitXMLList", " ".join(units))
+    return made
+
+
+def expanded(made: Element, spread: Sequence[float], k: float) -> None:
+    """Expanded uncertainties of a list."""
+    part = element(made, "si:expandedUncXMLList")
+    element(part, "si:uncertaintyXMLList", " ".join(map(number, spread)))
+    element(part, "si:coverageFactorXMLList", factor(k))
+    element(part, "si:coverageProbabilityXMLList", f"{math.erf(k / math.sqrt(2.0)):.4f}")
+    element(part, "si:distributionXMLList", "normal")
+
+
+def covariance(made: Element, matrix: Sequence[Sequence[float]], units: Sequence[str]) -> None:
+    """The covariance matrix of a list, as the region that holds all values together with 95 %."""
+    from scipy.special import gammaincinv
+
+    region = element(made, "si:ellipsoidalRegionXMLList")
+    whole = element(region, "si:covarianceMatrix")
+    for column, first in zip(zip(*matrix, strict=True), units, strict=True):
+        place = element(whole, "si:column")
+        for value, second in zip(column, units, strict=True):
+            cell = element(place, "si:covariance")
+            element(cell, "si:value", number(value))
+            element(cell, "si:unit", product(first, second))
+    k = math.sqrt(2.0 * float(gammaincinv(len(units) / 2.0, 0.95)))
+    element(region, "si:coverageFactor", factor(k))
+    element(region, "si:coverageProbability", "0.95")
+    element(region, "si:distribution", "normal")
+
+
+def quantity(parent: Element, name: str, ref: str) -> Element:
+    """A quantity with its name."""
+    made = element(parent, "dcc:quantity", refType=ref)
+    english(made, "dcc:name", name)
+    return made
+
+
+def result(parent: Element, name: str, ref: str, description: str = "") -> Element:
+    """A result; returns where its data go."""
+    made = element(parent, "dcc:result", refType=PREFIX + ref)
+    english(made, "dcc:name", name)
+    if description:
+        english(made, "dcc:description", description)
+    return element(made, "dcc:data")
+
+
+def uncertainty_result(parent: Element, table: Record) -> None:
+    """U of each angle over inclination."""
+    k = table["coverage_factor"]
+    about = f"Expanded uncertainty of one reading, k = {k:g}, at the worst azimuth and toolface of each inclination."
+    data = element(result(parent, "Uncertainty over inclination", "uncertainty", about), "dcc:list")
+    made = quantity(data, "inclination", PREFIX + "inclination")
+    values(made, table["inclination_deg"], [DEGREE])
+    for name in ("inclination", "azimuth", "toolface"):
+        if f"U_{name}_deg" in table:
+            made = quantity(data, f"expanded uncertainty of {name}", f"{PREFIX}U_{name}")
+            values(made, table[f"U_{name}_deg"], [DEGREE])
+
+
+def parameter_result(parent: Element, results: Record) -> None:
+    """Every parameter with its expanded uncertainty, and their covariance matrix."""
+    rows = results["parameters"]
+    known = [unit(row["unit"]) for row in rows]
+    strange = sorted({row["unit"] for row, found in zip(rows, known, strict=True) if found is None})
+    units = [r"\one" if found is None else found for found in known]
+    about = "Signal of a sensor = N a + U0 for a field along the unit vector a in tool axes."
+    data = result(parent, "Parameters of the sensors", "parameters", about)
+    made = quantity(data, "tensors and offsets", PREFIX + "parameters")
+    listed = values(made, [row["value"] for row in rows], units, [row["name"] for row in rows])
+    if all(row["u"] is not None for row in rows):
+        expanded(listed, [2.0 * row["u"] for row in rows], 2.0)
+        covariance(listed, results["covariance"]["matrix"], units)
+    if strange:
+        meta = element(element(made, "dcc:measurementMetaData"), "dcc:metaData")
+        said = f"The unit one stands for units the SI does not know: {', '.join(strange)}"
+        english(meta, "dcc:declaration", said)
+        element(meta, "dcc:nonSIUnit", ", ".join(strange))
+
+
+CONFORMITY: Final = {"pass": "pass", "fail": "fail", "inconclusive": "noPass"}
+"""Decision of a position -> DCC; inconclusive means that a guarded acceptance cannot say pass."""
+
+
+def verification_result(parent: Element, found: Record, name: str) -> None:
+    """Errors of one angle at the positions where it was judged, with limits and decisions."""
+    report = found["report"]
+    rows = [row for row in report["positions"] if row[name]["decision"] != "not judged"]
+    if not rows:
+        return
+    about = "Angle measured by the tool minus angle set."
+    data = element(result(parent, f"Verification of {name}", f"verification_{name}", about), "dcc:list")
+    for dial in ("azimuth", "inclination", "toolface"):
+        made = quantity(data, f"{dial} set", "basic_referenceValue" if dial == name else f"{PREFIX}{dial}_set")
+        values(made, [row[f"{dial}_deg"] for row in rows], [DEGREE])
+    made = quantity(data, f"error of {name}", "basic_measurementError")
+    listed = values(made, [row[name]["error_deg"] for row in rows], [DEGREE])
+    expanded(listed, [row[name]["U_deg"] for row in rows], report["coverage_factor"])
+    meta = element(element(made, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_conformity")
+    element(meta, "dcc:conformityXMLList", " ".join(CONFORMITY[row[name]["decision"]] for row in rows))
+    limits = element(meta, "dcc:data")
+    for side, sign in (("Lower", -1.0), ("Upper", 1.0)):
+        bound = quantity(limits, f"{side.lower()} limit", f"basic_toleranceLimit{side}")
+        values(bound, [sign * row[name]["limit_deg"] for row in rows], [DEGREE])
+
+
+SCHEMA_VERSION: Final = "3.2.1"
+LARGEST: Final = 50_000_000
+_RULES: Final = {
+    "simple": ("JCGM 106:2012", "8.2", "Simple acceptance."),
+    "guarded": ("JCGM 106:2012", "8.3", "Guarded acceptance, guard band U."),
+}
+ONLY_ITEM: Final = "The results relate only to the item calibrated, at the time of calibration."
+
+
+def dcc_bytes(record: Record) -> bytes:
+    """A certificate's record as DCC XML; the same record gives the same bytes.
+
+    Parameters
+    ----------
+    record : mapping
+        As `inclinometry.laboratory.certificate.record.certificate_record` makes it.
+
+    Raises
+    ------
+    InputError
+        No laboratory, no country or no date of the work, which every DCC states.
+    """
+    laboratory, dates = record["laboratory"], record["dates"]
+    lost = [
+        what
+        for what, there in (
+            ("the laboratory", laboratory),
+            ("the laboratory's country", (laboratory or {}).get("country")),
+            ("the date of the calibration (performed_from)", dates["performed_from"]),
+        )
+        if not there
+    ]
+    if lost:
+        raise InputError(f"a digital certificate states {lost[0]}; give it in lab.toml (--laboratory)")
+    root = etree.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion=SCHEMA_VERSION, nsmap=NSMAP)
+    _administration(element(root, "dcc:administrativeData"), record)
+    _measurement(element(element(root, "dcc:measurementResults"), "dcc:measurementResult"), record)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def identifier(record: Record, number: str) -> str:
+    """What identifies a certificate of a laboratory in the whole world: laboratory and number."""
+    return f"{record['laboratory']['country']} {record['laboratory']['name']} {number}"
+
+
+def _administration(parent: Any, record: Record) -> None:
+    program, _, release = record["program"].partition(" ")
+    software = element(element(parent, "dcc:dccSoftware"), "dcc:software")
+    named(software, "dcc:name", program)
+    element(software, "dcc:release", release or "unknown")
+    element(software, "dcc:type", "application")
+    _core(element(parent, "dcc:coreData"), record)
+    item = record["item"]
+    listed = element(element(parent, "dcc:items"), "dcc:item")
+    named(listed, "dcc:name", item["name"] or "inclinometer")
+    if item["manufacturer"]:
+        named(element(listed, "dcc:manufacturer"), "dcc:name", item["manufacturer"])
+    _identified(element(listed, "dcc:identifications"), "manufacturer", item["serial"] or "not stated", "serial number")
+    _people(parent, record)
+    _statements(element(parent, "dcc:statements"), record)
+
+
+def _core(core: Any, record: Record) -> None:
+    dates = record["dates"]
+    element(core, "dcc:countryCodeISO3166_1", record["laboratory"]["country"])
+    element(core, "dcc:usedLangCodeISO639_1", "en")
+    element(core, "dcc:mandatoryLangCodeISO639_1", "en")
+    element(core, "dcc:uniqueIdentifier", identifier(record, record["number"]))
+    names = element(core, "dcc:identifications")
+    _identified(names, "calibrationLaboratory", record["number"], "certificate number", "number")
+    _identified(names, "calibrationLaboratory", record_digest(record), "SHA-256 of the record", "digest")
+    if record["head"]:
+        _identified(names, "calibrationLaboratory", record["head"], "head of the ledger at issue", "head")
+    if record["customer"]["reference"]:
+        _identified(names, "customer", record["customer"]["reference"], "order")
+    if dates["received"]:
+        element(core, "dcc:receiptDate", dates["received"])
+    element(core, "dcc:beginPerformanceDate", dates["performed_from"])
+    element(core, "dcc:endPerformanceDate", dates["performed_to"])
+    element(core, "dcc:performanceLocation", "laboratory")
+    element(core, "dcc:issueDate", dates["issued"])
+    if record["supersedes"]:
+        change = element(core, "dcc:reportAmendedSubstituted")
+        element(change, "dcc:typeOfChange", "substituted")
+        element(change, "dcc:replacedUniqueIdentifier", identifier(record, record["supersedes"]))
+
+
+def _identified(parent: Any, issuer: str, value: str, name: str, ref: str = "") -> None:
+    made = element(parent, "dcc:identification", **({"refType": PREFIX + ref} if ref else {}))
+    element(made, "dcc:issuer", issuer)
+    element(made, "dcc:value", value)
+    english(made, "dcc:name", name)
+
+
+def _people(parent: Any, record: Record) -> None:
+    laboratory, customer = record["laboratory"], record["customer"]
+    house = element(parent, "dcc:calibrationLaboratory")
+    if laboratory["accreditation"]:
+        element(house, "dcc:calibrationLaboratoryCode", laboratory["accreditation"])
+    contact = element(house, "dcc:contact")
+    named(contact, "dcc:name", laboratory["name"])
+    for tag, key in (("eMail", "email"), ("phone", "phone")):
+        if laboratory[key]:
+            element(contact, f"dcc:{tag}", laboratory[key])
+    where = element(contact, "dcc:location")
+    element(where, "dcc:countryCode", laboratory["country"])
+    _lines(where, laboratory["address"])
+    person = element(element(parent, "dcc:respPersons"), "dcc:respPerson")
+    named(element(person, "dcc:person"), "dcc:name", laboratory["authoriser"] or "not stated")
+    if laboratory["authoriser_role"]:
+        element(person, "dcc:role", laboratory["authoriser_role"])
+    element(person, "dcc:mainSigner", "true")
+    who = element(parent, "dcc:customer")
+    named(who, "dcc:name", customer["name"] or "not stated")
+    _lines(element(who, "dcc:location"), customer["address"] or "not stated")
+
+
+def _lines(parent: Any, text: str) -> None:
+    lines = [line for line in text.split("\n") if line.strip()]
+    if lines:
+        further = element(parent, "dcc:further")
+        for line in lines:
+            element(further, "dcc:content", line)
+
+
+def _statements(parent: Any, record: Record) -> None:
+    english(element(parent, "dcc:statement"), "dcc:declaration", ONLY_ITEM)
+    if record["item"]["condition"]:
+        made = element(parent, "dcc:statement")
+        english(made, "dcc:name", "condition of the item")
+        named(made, "dcc:declaration", record["item"]["condition"])
+    if record["laboratory"]["traceability"]:
+        made = element(parent, "dcc:statement", refType="basic_traceability")
+        named(made, "dcc:declaration", record["laboratory"]["traceability"])
+    if record["method"].get("rig_traceability"):
+        made = element(parent, "dcc:statement", refType="basic_traceability")
+        named(made, "dcc:name", record["method"]["rig"] or "rig")
+        named(made, "dcc:declaration", record["method"]["rig_traceability"])
+    if record["interval_months"] is not None:
+        made = element(parent, "dcc:statement", refType="basic_recalibration")
+        english(made, "dcc:declaration", "Interval agreed with the customer.")
+        element(made, "dcc:period", f"P{record['interval_months']}M")
+    rule = _RULES.get(str(record["conformity"]["rule"]))
+    if rule is not None:
+        limits = record["verification"]["limits"]
+        made = element(parent, "dcc:statement", refType="basic_conformity")
+        element(made, "dcc:norm", rule[0])
+        element(made, "dcc:reference", rule[1])
+        named(
+            made, "dcc:declaration", f"{rule[2]} Limits: {limits['name']}. Source: {limits['source']}{_scope(record)}"
+        )
+        element(made, "dcc:conformity", record["conformity"]["statement"])
+
+
+def _scope(record: Record) -> str:
+    """The protocol, and to which angles and inclinations a statement of conformity applies."""
+    judged, protocol = record["conformity"].get("judged", {}), record["verification"]["report"].get("protocol")
+    said = (
+        f". Protocol: {protocol['name']}, {protocol['taken']} of {protocol['positions']} positions" if protocol else ""
+    )
+    parts = [
+        "{} at {} positions, inclination {:g} to {:g} deg".format(name, one["positions"], *one["inclination_deg"])
+        for name, one in judged.items()
+    ]
+    return f"{said}. Applies to: {'; '.join(parts) or 'nothing'}."
+
+
+def _measurement(parent: Any, record: Record) -> None:
+    method = record["method"]
+    english(parent, "dcc:name", "Calibration of an inclinometer")
+    used = element(element(parent, "dcc:usedMethods"), "dcc:usedMethod")
+    named(used, "dcc:name", method["name"])
+    named(used, "dcc:description", f"Plan: {method['plan'] or 'not stated'}; positions: {method['positions']}")
+    if method["rig"]:
+        rig = element(element(parent, "dcc:measuringEquipments"), "dcc:measuringEquipment")
+        named(rig, "dcc:name", method["rig"])
+    _conditions(parent, record["environment"])
+    results = element(parent, "dcc:results")
+    if record["results"]["uncertainty"] is not None:
+        uncertainty_result(results, record["results"]["uncertainty"])
+    parameter_result(results, record["results"])
+    if record["verification"] is not None:
+        for name in ("inclination", "azimuth", "toolface"):
+            verification_result(results, record["verification"], name)
+
+
+def _conditions(parent: Any, about: Record) -> None:
+    kinds = (
+        ("temperature", "temperature_degC", r"\degreecelsius"),
+        ("humidityRelative", "humidity_percent", r"\percent"),
+    )
+    known = [kind for kind in kinds if about[kind[1]] is not None]
+    if not known:
+        return
+    listed = element(parent, "dcc:influenceConditions")
+    for name, key, unit in known:
+        made = element(listed, "dcc:influenceCondition", refType=f"basic_{name}")
+        english(made, "dcc:name", "temperature" if name == "temperature" else "relative humidity")
+        data = element(made, "dcc:data")
+        for side, value in zip(("Min", "Max"), about[key], strict=True):
+            one = quantity(data, side.lower(), f"basic_{name}{side}")
+            real = element(one, "si:real")
+            element(real, "si:value", number(value))
+            element(real, "si:unit", unit)
+
+
+class Dcc(NamedTuple):
+    """The numbers of a DCC that this package wrote.
+
+    number, digest : of the certificate and its record.
+    serial : of the item.
+    uncertainty : "inclination", "U_inclination", "U_azimuth", "U_toolface" -> (n,) deg.
+    parameters : name -> (value, expanded uncertainty, NaN where none is stated).
+    covariance : (p, p) of the parameters; empty where none is stated.
+    errors : angle -> (n, 2) error and expanded uncertainty at the judged positions, deg.
+    """
+
+    number: str
+    digest: str
+    serial: str
+    uncertainty: dict[str, Array]
+    parameters: dict[str, tuple[float, float]]
+    covariance: Array
+    errors: dict[str, Array]
+
+
+def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
+    """Read the numbers back; entities and everything outside the file are refused.
+
+    Raises
+    ------
+    FileError
+        Not XML, not a DCC, not written by this package.
+    """
+    if len(data) > LARGEST:
+        raise FileError(f"{len(data)} bytes; a digital certificate has at most {LARGEST}", path=where)
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise FileError(f"not XML: {error.msg}", path=where) from None
+    if root.tag != f"{{{DCC}}}digitalCalibrationCertificate" or root.getroottree().docinfo.internalDTD is not None:
+        raise FileError("not a digital calibration certificate", path=where)
+    try:
+        return _numbers(root)
+    except (IndexError, ValueError):
+        raise FileError(
+            "a digital certificate of another program; its numbers are not known here", path=where
+        ) from None
+
+
+def _numbers(root: Any) -> Dcc:
+    def find(path: str, below: Any = root) -> list[Any]:
+        found: list[Any] = below.xpath(path, namespaces=NSMAP)
+        return found
+
+    def listed(path: str, below: Any = root) -> Array:
+        return np.array(find(path, below)[0].text.split(), dtype=float)
+
+    def identified(ref: str) -> str:
+        return str(find(f"//dcc:identification[@refType='{PREFIX}{ref}']/dcc:value")[0].text)
+
+    table = {}
+    for name in ("inclination", "U_inclination", "U_azimuth", "U_toolface"):
+        path = f"//dcc:result[@refType='{PREFIX}uncertainty']//dcc:quantity[@refType='{PREFIX}{name}']"
+        if find(path):
+            table[name] = listed(f"{path}//si:valueXMLList")
+    block = find(f"//dcc:quantity[@refType='{PREFIX}parameters']/si:realListXMLList")[0]
+    names, values = block[0].text.split(), listed("si:valueXMLList", block)
+    spread = np.full(len(names), np.nan)
+    if find("si:expandedUncXMLList", block):
+        spread = listed("si:expandedUncXMLList/si:uncertaintyXMLList", block)
+    cells = [float(cell.text) for cell in find(".//si:covariance/si:value", block)]
+    size = len(names) if cells else 0
+    errors = {}
+    for name in ("inclination", "azimuth", "toolface"):
+        where = f"//dcc:result[@refType='{PREFIX}verification_{name}']"
+        path = f"{where}//dcc:quantity[@refType='basic_measurementError']/si:realListXMLList"
+        if find(path):
+            rows = find(path)[0]
+            errors[name] = np.stack([listed("si:valueXMLList", rows), listed(".//si:uncertaintyXMLList", rows)], axis=1)
+    return Dcc(
+        identified("number"),
+        identified("digest"),
+        str(find("//dcc:item/dcc:identifications/dcc:identification/dcc:value")[0].text),
+        table,
+        {n: (float(v), float(s)) for n, v, s in zip(names, values, spread, strict=True)},
+        np.array(cells).reshape(size, size).T,  # written column by column
+        errors,
+    )

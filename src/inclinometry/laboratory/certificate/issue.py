@@ -1,0 +1,101 @@
+"""A certificate from the files that calibrate and verify write, without a ledger."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+
+from inclinometry.calibration.result import Calibration
+from inclinometry.digest import digest_bytes, digest_file
+from inclinometry.errors import InputError
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.files.verification_json import read_verification
+from inclinometry.files.writing import program
+from inclinometry.laboratory.certificate.laboratory_toml import Order, read_laboratory
+from inclinometry.laboratory.certificate.record import certificate_record
+
+UNNAMED = ("", "unnamed")
+
+
+def record_from_files(
+    tool: Path,
+    *,
+    verification: Path | None = None,
+    laboratory: Path | None = None,
+    previous: Path | None = None,
+    number: str | None = None,
+    language: str = "en",
+    today: date | None = None,
+) -> dict[str, Any]:
+    """The record of a certificate; the digest of every file is in it.
+
+    Parameters
+    ----------
+    tool : Path
+        tool.json
+    verification : Path, optional
+        verify.json of that calibration.
+    laboratory : Path, optional
+        lab.toml
+    previous : Path, optional
+        tool.json of the calibration before.
+    number : str, optional
+        Unique to this certificate; year and eight digits of the inputs' digest when not given.
+    today : date, optional
+        Date of issue where lab.toml has none; the clock's when not given.
+
+    Raises
+    ------
+    InputError
+        Files that do not belong together, in one sentence.
+    """
+    calibration = read_calibration(tool)
+    if calibration.method == "datasheet":
+        raise InputError(
+            f"{tool} was entered from a data sheet, nothing was measured: calibrate the tool to certify it"
+        )
+    who, order = (None, Order()) if laboratory is None else read_laboratory(laboratory)
+    order = _completed(order, calibration, today)
+    judged = None if verification is None else read_verification(verification, calibration)
+    before = None if previous is None else read_calibration(previous)
+    if before is not None and before.tool.name != calibration.tool.name:
+        raise InputError(f"the previous calibration is of {before.tool.name!r:.60}, this one of {order.serial!r:.60}")
+    given = {"tool.json": tool, "verify.json": verification, "lab.toml": laboratory, "previous tool.json": previous}
+    inputs = {name: digest_file(path) for name, path in given.items() if path is not None}
+    if judged is not None:
+        inputs |= {f"verification {n}": d for n, d in judged["inputs"].items() if not n.startswith("calibration ")}
+    return certificate_record(
+        calibration,
+        who,
+        order,
+        number=_number(number, order, inputs),
+        program=program(),
+        language=language,
+        verification=judged,
+        previous=before,
+        previous_from=_named(before, previous),
+        inputs=inputs,
+    )
+
+
+def _completed(order: Order, calibration: Calibration, today: date | None) -> Order:
+    name = calibration.tool.name
+    if order.serial and name not in UNNAMED and order.serial != name:
+        raise InputError(f"the order is for {order.serial!r:.60}, the calibration of {name!r:.60}")
+    issued = order.issued or today or datetime.now(UTC).date()
+    return replace(order, serial=order.serial or ("" if name in UNNAMED else name), issued=issued)
+
+
+def _named(before: Calibration | None, path: Path | None) -> str:
+    return "" if before is None or path is None else f"{path.name} ({before.method})"
+
+
+def _number(given: str | None, order: Order, inputs: dict[str, str]) -> str:
+    if given is None:
+        year = "" if order.issued is None else f"{order.issued.year}-"
+        return year + digest_bytes(repr(sorted(inputs.items())).encode()).removeprefix("sha256:")[:8]
+    if not (1 <= len(given) <= 60 and given.isprintable() and given == given.strip()):
+        raise InputError(f"--number is {given!r:.80}; 1 to 60 printable characters are needed")
+    return given

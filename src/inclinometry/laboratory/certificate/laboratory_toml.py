@@ -1,0 +1,174 @@
+"""lab.toml: who calibrates and for whom, the facts of a certificate that no measurement gives."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import toml_keys
+
+LONGEST = 500
+"""Characters of one text."""
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """A calibration laboratory as its certificates name it.
+
+    name, address : of the laboratory; lines of the address separated by line ends.
+    country : two capital letters (ISO 3166-1).
+    place : where the calibration was performed; the address when empty.
+    accreditation : body and number; empty when the laboratory is not accredited.
+    authoriser, authoriser_role : who answers for the certificate.
+    traceability : how the rig's angles and the fields are traced to the SI.
+    """
+
+    name: str
+    address: str = ""
+    country: str = ""
+    place: str = ""
+    accreditation: str = ""
+    email: str = ""
+    phone: str = ""
+    authoriser: str = ""
+    authoriser_role: str = ""
+    traceability: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name.strip():
+            raise InputError("the laboratory has no name; a certificate names it")
+        code = self.country
+        if code and not (len(code) == 2 and code.isascii() and code.isalpha() and code.isupper()):
+            raise InputError(f"country is {code!r:.40}; two capital letters are needed, as DE (ISO 3166-1)")
+
+
+@dataclass(frozen=True)
+class Order:
+    """What was ordered, in which state it came, under what conditions it was done.
+
+    received, performed_from, performed_to, issued : dates; None where not known.
+    temperature_degC, humidity_percent : lowest and highest during the work; None where not measured.
+    rig_traceability, rig_place : how the rig's angles are traced to the SI, where it stands.
+    interval_months : until the next calibration, only where it was agreed with the customer.
+    """
+
+    customer: str = ""
+    customer_address: str = ""
+    reference: str = ""
+    item: str = ""
+    manufacturer: str = ""
+    serial: str = ""
+    condition: str = ""
+    plan: str = ""
+    rig: str = ""
+    rig_traceability: str = ""
+    rig_place: str = ""
+    environment: str = ""
+    received: datetime.date | None = None
+    performed_from: datetime.date | None = None
+    performed_to: datetime.date | None = None
+    issued: datetime.date | None = None
+    temperature_degC: tuple[float, float] | None = None
+    humidity_percent: tuple[float, float] | None = None
+    interval_months: int | None = None
+
+    def __post_init__(self) -> None:
+        days = [d for d in (self.received, self.performed_from, self.performed_to, self.issued) if d is not None]
+        if days != sorted(days):
+            said = ", ".join(day.isoformat() for day in days)
+            raise InputError(f"received, performed_from, performed_to, issued are {said}: none may be before the last")
+        if self.interval_months is not None and not 1 <= self.interval_months <= 120:
+            raise InputError(f"interval_months is {self.interval_months}; allowed 1 to 120, or none")
+
+
+_LABORATORY = tuple(Laboratory.__dataclass_fields__)
+_ORDER = tuple(Order.__dataclass_fields__)
+_DATES = ("received", "performed_from", "performed_to", "issued")
+_RANGES = {"temperature_degC": (-100.0, 300.0), "humidity_percent": (0.0, 100.0)}
+
+
+def read_laboratory(path: str | Path) -> tuple[Laboratory, Order]:
+    """Read lab.toml: the laboratory's keys, and a table [order] with those of the order.
+
+    Raises
+    ------
+    FileError
+        Wrong syntax, with its line; an unknown key, with the closest; no name; a value of the wrong kind.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "lab.toml").write_text('name = "Stand 1"\\ncountry = "DE"\\n[order]\\ncustomer = "A"\\n')
+    ...     laboratory, order = read_laboratory(Path(folder, "lab.toml"))
+    >>> laboratory.country, order.customer
+    ('DE', 'A')
+    """
+    settings = toml_keys.load(path, (*_LABORATORY, "order"))
+    about = settings.content.get("order", {})
+    if not isinstance(about, dict):
+        raise FileError(f"order is {about!r:.40}; a table [order] is needed", path=path)
+    order = toml_keys.Settings(path, about, _ORDER)
+    try:
+        return Laboratory(**_texts(settings, _LABORATORY)), Order(**_order(order))
+    except FileError:
+        raise
+    except TypeError:
+        raise FileError("key 'name' is missing; a certificate names the laboratory", path=path) from None
+    except InputError as error:
+        raise FileError(str(error), path=path) from None
+
+
+def laboratory_from(about: dict[str, Any]) -> Laboratory:
+    """The laboratory in a mapping of texts, as a site of the ledger holds it; keys it does not know are left out."""
+    return Laboratory(**{"name": ""} | {key: str(about[key]) for key in _LABORATORY if about.get(key)})
+
+
+def _texts(settings: toml_keys.Settings, keys: tuple[str, ...]) -> dict[str, str]:
+    found = {}
+    for key in keys:
+        text = settings.text(key)
+        if text is not None:
+            if len(text) > LONGEST:
+                raise FileError(f"{key} has {len(text)} characters; allowed {LONGEST}", path=settings.path)
+            found[key] = text.strip()
+    return found
+
+
+def _order(settings: toml_keys.Settings) -> dict[str, Any]:
+    plain = tuple(key for key in _ORDER if key not in (*_DATES, *_RANGES, "interval_months"))
+    found: dict[str, Any] = dict(_texts(settings, plain))
+    for key in _DATES:
+        if key in settings.content:
+            found[key] = _date(settings, key)
+    for key, limits in _RANGES.items():
+        if key in settings.content:
+            found[key] = _range(settings, key, *limits)
+    months = settings.number("interval_months", 1, 120)
+    if months is not None:
+        if months != int(months):
+            raise FileError(f"interval_months is {months:g}; whole months are needed", path=settings.path)
+        found["interval_months"] = int(months)
+    return found
+
+
+def _date(settings: toml_keys.Settings, key: str) -> datetime.date:
+    value = settings.content[key]
+    if isinstance(value, datetime.datetime):
+        return value.date()
+    if isinstance(value, datetime.date):
+        return value
+    raise FileError(f"{key} is {value!r:.40}; a date is needed, as {key} = 2026-05-01", path=settings.path)
+
+
+def _range(settings: toml_keys.Settings, key: str, low: float, high: float) -> tuple[float, float]:
+    value = settings.content[key]
+    numbers = isinstance(value, list) and len(value) == 2 and all(type(x) in (int, float) for x in value)
+    if not numbers or not (all(map(math.isfinite, value)) and low <= value[0] <= value[1] <= high):
+        wanted = f"lowest and highest are needed, within {low:g} to {high:g}, as {key} = [21.5, 23.0]"
+        raise FileError(f"{key} is {value!r:.40}; {wanted}", path=settings.path)
+    return float(value[0]), float(value[1])

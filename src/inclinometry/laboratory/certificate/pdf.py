@@ -1,0 +1,305 @@
+"""The calibration certificate as a PDF/A document, made from its record alone."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, date, datetime
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from inclinometry.errors import InputError
+from inclinometry.laboratory.certificate import record as tables
+from inclinometry.laboratory.certificate.record import LETTERS, NARROW, Words, families, record_digest, words
+from inclinometry.report.words import plain, significant
+
+if TYPE_CHECKING:
+    import typst
+
+STANDARD: Final = "a-2b"
+"""PDF/A-2b: what archives accept; every font is inside, nothing outside is needed."""
+COLOURS: Final = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
+LONGEST_WORD: Final = 24
+_CONFORMITY: Final = {
+    ("pass", "consistency"): "consistent",
+    ("fail", "consistency"): "inconsistent",
+    ("pass", "simple"): "pass",
+    ("pass", "guarded"): "pass",
+    ("fail", "simple"): "fail",
+    ("fail", "guarded"): "fail",
+}
+
+Content = dict[str, Any]
+
+
+def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = ()) -> bytes:
+    """A certificate as PDF/A-2b: every page numbered, drawings inside, a square code with number and digest.
+
+    Parameters
+    ----------
+    record : mapping
+        As `inclinometry.laboratory.certificate.record.certificate_record` makes it.
+    fonts : sequence of path
+        Folders with further fonts.
+
+    Returns
+    -------
+    bytes
+        The same record gives the same bytes with the same version of typst and matplotlib.
+
+    Raises
+    ------
+    InputError
+        A letter that no font on this computer shows.
+    """
+    import typst
+
+    content = _view(dict(record))
+    data = json.dumps(content, ensure_ascii=False)
+    chosen = families(data, fonts)
+    content |= {"fonts": list(chosen), "mono": ["DejaVu Sans Mono", *chosen]}
+    day = date.fromisoformat(record["dates"]["issued"])
+    try:
+        made = typst.compile(
+            _template(),
+            sys_inputs={"data": json.dumps(content, ensure_ascii=False)},
+            pdf_standards=STANDARD,
+            timestamp=datetime(day.year, day.month, day.day, tzinfo=UTC),
+            font_paths=_fonts(len(chosen) > NARROW, tuple(str(folder) for folder in fonts)),
+        )
+    except typst.TypstError as error:
+        lost = re.search(r"the text (.*) could not be displayed", error.message)
+        if lost is None:
+            raise
+        raise InputError(
+            f"no font on this computer shows {lost[1].replace('`', '')}; write it in other letters, or install a font"
+        ) from None
+    if not isinstance(made, bytes):
+        raise TypeError("typst returned no document")
+    return made
+
+
+@cache
+def _template() -> bytes:
+    return files("inclinometry.laboratory.certificate").joinpath("templates", "certificate.typ").read_bytes()
+
+
+@cache
+def _fonts(system: bool, folders: tuple[str, ...]) -> typst.Fonts:
+    """Fonts of typst and matplotlib, the same on every computer; those of the system only where letters need them."""
+    import matplotlib
+    import typst
+
+    own = str(Path(matplotlib.get_data_path(), "fonts", "ttf"))
+    return typst.Fonts(include_system_fonts=system, font_paths=[own, *folders])
+
+
+def qr_text(number: str, digest: str) -> str:
+    """What the square code on a certificate says.
+
+    Examples
+    --------
+    >>> qr_text("2026-0001", "sha256:ab")
+    'inclinometry certificate 2026-0001 sha256:ab'
+    """
+    return f"inclinometry certificate {number} {digest}"
+
+
+def _qr(text: str) -> str:
+    import segno
+
+    stream = io.BytesIO()
+    segno.make(text, error="m", micro=False).save(stream, kind="svg", border=1, xmldecl=False, svgns=True)
+    return stream.getvalue().decode("utf-8")
+
+
+def _view(record: Content) -> Content:
+    """Ready texts for the template."""
+    say, number, digest = words(record["language"]), record["number"], record_digest(record)
+    laboratory = record["laboratory"] or {}
+    day = date.fromisoformat(record["dates"]["issued"])
+    statement = record["conformity"]["statement"]
+    # whoever reads the box alone reads what speaks against relying on it
+    doubts = [] if statement == "not assessed" else [*record["verification"]["report"]["warnings"], *record["warnings"]]
+    sections = [
+        tables.uncertainty_section(record, say),
+        tables.parameter_section(record, say),
+        tables.classical_section(record, say),
+        tables.residual_section(record, say),
+        tables.verification_section(record, say),
+        _remarks(record, say),
+        _inputs(record, say),
+    ]
+    view = {
+        "language": record["language"],
+        "document_title": f"{say('title')} {number}",
+        "author": laboratory.get("name", ""),
+        "digest": digest,
+        "date": [day.year, day.month, day.day],
+        "title": say("title"),
+        "number_line": say("number", number=number),
+        "header": f"{say('title')} {number}",
+        "footer": say("only_item"),
+        "page": say("page", page="{page}", pages="{pages}"),
+        "laboratory": laboratory.get("name", say("laboratory") + ": " + say("not_stated")),
+        "letterhead": _letterhead(laboratory, say),
+        "incomplete": "" if record["laboratory"] else say("incomplete"),
+        "facts": _facts(record, say),
+        "conformity_colour": COLOURS["doubted" if statement == "pass" and doubts else statement],
+        "conformity_head": say("conformity"),
+        "conformity": [*_conformity(record, say), *doubts],
+        "authorised": _authorised(laboratory, record, say),
+        "marks": _marks(record, digest, say),
+        "qr_says": qr_text(number, digest),
+        "sections": [part for part in sections if part is not None],
+        "end": say("end", number=number),
+    }
+    broken: Content = _breakable(view)
+    return broken | {"qr": _qr(qr_text(number, digest)), "digest": digest}
+
+
+def _letterhead(laboratory: Mapping[str, str], say: Words) -> list[str]:
+    lines = [*laboratory.get("address", "").split("\n"), laboratory.get("country", "")]
+    accreditation = laboratory.get("accreditation", "")
+    contact = " · ".join(filter(None, (laboratory.get("email"), laboratory.get("phone"))))
+    return [line for line in (*lines, contact, accreditation and f"{say('accreditation')}: {accreditation}") if line]
+
+
+def _facts(record: Content, say: Words) -> list[list[str]]:
+    item, customer, dates, method = record["item"], record["customer"], record["dates"], record["method"]
+    laboratory = record["laboratory"] or {}
+    who = ", ".join(filter(None, (customer["name"], customer["address"].replace("\n", ", "))))
+    sensors = ", ".join(f"{say(t['kind'])} ({t['sensors']}, {t['unit']})" for t in item["triads"])
+    performed = " – ".join(dict.fromkeys(filter(None, (dates["performed_from"], dates["performed_to"]))))
+    pairs = [
+        ("customer", who),
+        ("reference", customer["reference"]),
+        ("item", item["name"]),
+        ("manufacturer", item["manufacturer"]),
+        ("serial", item["serial"]),
+        ("sensors", sensors),
+        ("range", _range(item, say)),
+        ("condition", item["condition"]),
+        ("received", dates["received"]),
+        ("performed", performed),
+        ("issued", dates["issued"]),
+        (
+            "place",
+            laboratory.get("place") or method.get("rig_place") or laboratory.get("address", "").replace("\n", ", "),
+        ),
+        ("method", say.method(method["name"])),
+        ("plan", _plan(method, say)),
+        ("rig", _rig(method, say)),
+        ("environment", _environment(record["environment"], say)),
+        ("traceability", _traceability(laboratory, method, say)),
+    ]
+    optional = ("reference", "manufacturer", "range")
+    rows = [[say(key), text or say("not_stated")] for key, text in pairs if text or key not in optional]
+    if record["interval_months"] is not None:
+        rows.append(["", say("interval", months=record["interval_months"])])
+    if record["supersedes"]:
+        rows.append([say("supersedes"), record["supersedes"]])
+    return rows
+
+
+def _range(item: Content, say: Words) -> str:
+    if item["temperature_range_degC"] is None:
+        return ""
+    low, high = item["temperature_range_degC"]
+    return say("range_of", low=plain(low, 1), high=plain(high, 1))
+
+
+def _plan(method: Content, say: Words) -> str:
+    if not method["plan"]:
+        return say("positions", count=method["positions"])
+    return say("plan_positions", plan=method["plan"], count=method["positions"])
+
+
+def _rig(method: Content, say: Words) -> str:
+    sd = method["rig_sd_deg"]
+    said = say("rig_sd", **{name: significant(value) for name, value in sd.items()}) if any(sd.values()) else ""
+    return "; ".join(filter(None, (method["rig"], said)))
+
+
+def _traceability(laboratory: Mapping[str, str], method: Content, say: Words) -> str:
+    """What the laboratory states and what is recorded of the rig's reference, each once."""
+    house, rig = laboratory.get("traceability", ""), method.get("rig_traceability", "")
+    return "; ".join(filter(None, (house, rig and rig != house and f"{say('rig')} {method['rig']}: {rig}")))
+
+
+def _environment(about: Content, say: Words) -> str:
+    parts = [about["text"]]
+    for key, name in (("temperature", "temperature_degC"), ("humidity", "humidity_percent")):
+        if about[name] is not None:
+            low, high = about[name]
+            parts.append(say(key, low=plain(low, 1), high=plain(high, 1)))
+    return "; ".join(filter(None, parts))
+
+
+def _conformity(record: Content, say: Words) -> list[str]:
+    statement, rule = record["conformity"]["statement"], record["conformity"]["rule"]
+    if rule is None:
+        return [say("not_assessed")]
+    limits = record["verification"]["limits"]
+    texts = [say(_CONFORMITY[statement, rule], limits=limits["name"]), *_applies(record, say)]
+    texts.append(f"{say('rule')}: {say(rule)}")
+    if rule != "consistency":
+        texts.append(f"{say('limits_source')}: {limits['source']}")
+    return texts
+
+
+def _applies(record: Content, say: Words) -> list[str]:
+    """To which results the statement applies (ISO/IEC 17025, 7.8.6.2): the protocol, angles and inclinations judged."""
+    judged = record["conformity"].get("judged", {})
+    parts = [
+        say(
+            "judged_at",
+            angle=say(name),
+            count=one["positions"],
+            low=plain(one["inclination_deg"][0], 2),
+            high=plain(one["inclination_deg"][1], 2),
+        )
+        for name, one in judged.items()
+    ]
+    left_out = [say(name) for name in LETTERS if name not in judged]
+    protocol = record["verification"]["report"].get("protocol")
+    return [
+        *([say("protocol", **protocol)] if protocol else []),
+        *([say("applies", parts="; ".join(parts))] if parts else []),
+        *([say("not_judged", angles=", ".join(left_out))] if left_out else []),
+    ]
+
+
+def _authorised(laboratory: Mapping[str, str], record: Content, say: Words) -> list[list[str]]:
+    who = ", ".join(filter(None, (laboratory.get("authoriser"), laboratory.get("authoriser_role"))))
+    dated = f"{record['dates']['issued']}    _____________________________"
+    return [[say("authorised"), who or say("not_stated")], [say("signature"), dated]]
+
+
+def _marks(record: Content, digest: str, say: Words) -> list[list[str]]:
+    rows = [[say("digest"), digest]]
+    return rows + ([[say("head"), record["head"]]] if record["head"] else [])
+
+
+def _remarks(record: Content, say: Words) -> Content | None:
+    return tables.section(say("remarks"), list=record["warnings"]) if record["warnings"] else None
+
+
+def _inputs(record: Content, say: Words) -> Content:
+    rows = [[name, digest] for name, digest in record["inputs"].items()]
+    head = [say("input"), "SHA-256"]
+    made = tables.table("", head, rows, left=2, size=7.0) | {"columns": ["auto", "fr"]}
+    return tables.section(say("inputs"), [record["program"]], tables=[made] if rows else [])
+
+
+def _breakable(value: Any) -> Any:
+    """Long words with places to break, so that no text leaves its column; drawings are left alone."""
+    if isinstance(value, str):
+        return re.sub(rf"(\S{{{LONGEST_WORD}}})(?=\S)", "\\1\u200b", value)
+    if isinstance(value, dict):
+        return {key: item if key == "svg" else _breakable(item) for key, item in value.items()}
+    return [_breakable(item) for item in value] if isinstance(value, list) else value

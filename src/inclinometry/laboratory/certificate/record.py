@@ -1,0 +1,761 @@
+"""The record of a calibration certificate: everything the certificate says, once, as plain JSON values in degrees.
+
+PDF, digital certificate and JSON file are made from it alone, so they cannot contradict each other.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.calibration.expected import ANGLES, expanded, expected_gravity_sd, expected_uncertainty
+from inclinometry.calibration.result import Calibration
+from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, INCLINATIONS
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import InputError
+from inclinometry.files import json_codec
+from inclinometry.files.json_codec import canonical
+from inclinometry.files.writing import write_bytes
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order
+from inclinometry.report.calibration import log_scale
+from inclinometry.report.calibration_tables import Row, classical_rows, differences, parameter_rows, sensor_names
+from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
+from inclinometry.report.words import plain, rounded, significant
+from inclinometry.rotations import wrap_signed
+from inclinometry.sensors import Tool
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LETTERS = {"inclination": "I", "azimuth": "A", "toolface": "T"}
+DASHES = ("-", "--", "-.")
+WIDTH = 6.8
+"""Width of a drawing, in, about that of the text on the page."""
+MANY = 60
+
+
+@styled
+def uncertainty_figure(table: Mapping[str, Any]) -> Figure:
+    """Expanded uncertainty of each angle over inclination."""
+    figure = new_figure(2.5, width=WIDTH)
+    axes = figure.add_subplot()
+    x, lowest, highest = table["inclination_deg"], np.inf, 0.0
+    for place, (name, letter) in enumerate(LETTERS.items()):
+        values = table.get(f"U_{name}_deg")
+        if values is not None:
+            axes.plot(x, values, DASHES[place], marker=MARKERS[place], color=SERIES[place], label=f"U({letter})")
+            lowest, highest = min(lowest, *values), max(highest, *values)
+    log_scale(axes, max(lowest, 1e-6), max(highest, 1e-5))
+    axes.set_xlim(0.0, max(x))
+    axes.set_xlabel("I, °")
+    axes.set_ylabel("U, °")
+    axes.legend(loc="upper right", ncols=3)
+    return figure
+
+
+@styled
+def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
+    """Standardised residuals of one triad over the number of the station."""
+    values = np.array(standardised, dtype=float)
+    figure = new_figure(1.9, width=WIDTH)
+    axes = figure.add_subplot()
+    place = np.arange(1, len(values) + 1)
+    for sensor in range(values.shape[1]):
+        axes.plot(
+            place + 0.2 * (sensor - 1),
+            values[:, sensor],
+            linestyle="none",
+            marker=MARKERS[(0, 1, 2)[sensor % 3]],
+            color=SERIES[sensor % len(SERIES)],
+            markersize=4.0 if len(values) <= MANY else 2.0,
+        )
+    for level, colour in ((2.0, INK), (3.0, BAD)):
+        for sign in (1.0, -1.0):
+            axes.axhline(sign * level, color=colour, linewidth=0.8, linestyle="--" if level < 3.0 else "-")
+    reach = 1.1 * max(3.4, float(np.nanmax(np.abs(values), initial=0.0)))
+    axes.set_ylim(-reach, reach)
+    axes.set_xlim(0.3, len(values) + 0.7)
+    axes.set_ylabel("r / σ")
+    axes.set_xlabel("n")
+    return figure
+
+
+@styled
+def error_figure(
+    setting: Array, error: Array, u: Array, limit: Array, letter: str, *, by_place: bool = False
+) -> Figure:
+    """Errors of one angle over its setting, or position by position, with U and limits; degrees, judged ones only."""
+    figure = new_figure(1.9, width=WIDTH)
+    axes = figure.add_subplot()
+    axes.errorbar(setting, error, u, linestyle="none", marker="o", markersize=3.5, color=SERIES[0], elinewidth=0.9)
+    if limit.size and np.ptp(limit) < 1e-12:
+        for sign in (1.0, -1.0):
+            axes.axhline(sign * limit[0], color=BAD, linewidth=1.2)
+    else:
+        order = np.argsort(setting, kind="stable")
+        for sign in (1.0, -1.0):
+            axes.plot(setting[order], sign * limit[order], "_", color=BAD, markersize=7.0)
+    reach = 1.1 * float(max(np.max(np.abs(error) + u, initial=1e-6), np.max(limit, initial=0.0)))
+    axes.set_ylim(-reach, reach)
+    axes.axhline(0.0, color=INK, linewidth=0.7)
+    axes.set_xlabel("n" if by_place else f"{letter}, °")
+    axes.set_ylabel(f"Δ{letter}, °")
+    return figure
+
+
+def paper_svg(figure: Figure) -> str:
+    """SVG with letters as outlines, so that no font is asked for when it is printed; the same bytes every time."""
+    import matplotlib
+
+    width, height = (float(side) for side in figure.get_size_inches())
+    # margins that fit every drawing above: finding them anew takes as long as drawing
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position((0.75 / width, 0.5 / height, 1.0 - 0.97 / width, 1.0 - 0.6 / height))
+    with style():
+        matplotlib.rcParams["svg.fonttype"] = "path"
+        stream = io.StringIO()
+        figure.savefig(stream, format="svg", facecolor="white", metadata={"Date": None, "Creator": None})
+    return stream.getvalue()
+
+
+SCHEMA: Final = "inclinometry/certificate"
+VERSION: Final = 1
+
+
+def record_bytes(record: Mapping[str, Any]) -> bytes:
+    """The bytes of the JSON file; the same record gives the same bytes."""
+    return json_codec.canonical(record)
+
+
+def record_digest(record: Mapping[str, Any]) -> str:
+    """SHA-256 of the JSON file, as it is printed on the certificate.
+
+    Examples
+    --------
+    >>> record_digest({})[:15]
+    'sha256:ca3d163b'
+    """
+    return digest_bytes(record_bytes(record))
+
+
+def write_certificate(record: Mapping[str, Any], path: str | Path) -> None:
+    """Write the record; FileError where it cannot be written."""
+    write_bytes(record_bytes(record), path)
+
+
+def read_certificate(path: str | Path) -> dict[str, Any]:
+    """Read the record of a certificate.
+
+    Raises
+    ------
+    FileError
+        Not JSON, another kind of file, a newer version, or content the schema refuses, with the JSON path.
+    """
+    return checked(json_codec.load(path), path)
+
+
+def checked(content: dict[str, Any], where: str | Path) -> dict[str, Any]:
+    """The record, when it fits the schema of its version; FileError otherwise."""
+    return json_codec.of_kind(content, where, SCHEMA, version=VERSION)
+
+
+# The fixed texts of a certificate in its languages, and the fonts that can show them.
+
+CHINESE: Final = (
+    "Noto Sans SC",
+    "Noto Sans CJK SC",
+    "Noto Serif CJK SC",
+    "Source Han Sans SC",
+    "Source Han Sans CN",
+    "Microsoft YaHei",
+    "PingFang SC",
+    "Hiragino Sans GB",
+    "SimSun",
+    "SimHei",
+    "WenQuanYi Zen Hei",
+    "WenQuanYi Micro Hei",
+    "Droid Sans Fallback",
+    "AR PL UMing CN",
+)
+"""Fonts with Chinese letters that come with systems; none is small enough to come with a program."""
+SERIF: Final = "Libertinus Serif"
+"""Comes with typst; Latin, Greek, Cyrillic."""
+REST: Final = "DejaVu Sans"
+"""Comes with matplotlib; shows what the serif lacks."""
+NARROW: Final = 2
+"""How many fonts show everything but Chinese."""
+
+
+class Words:
+    """The texts of one language."""
+
+    def __init__(self, texts: Mapping[str, str]) -> None:
+        self._texts = texts
+
+    def __call__(self, key: str, **values: object) -> str:
+        """The text with its places filled in; the values are put in as they are."""
+        text = self._texts[key]
+        return text.format(**values) if values else text
+
+    def method(self, name: str) -> str:
+        """What a method of calibration is; its own name where there is no sentence."""
+        said = self._texts.get(f"m_{name}")
+        return name if said is None else f"{name}: {said}"
+
+
+@cache
+def words(language: str) -> Words:
+    """The texts of a language.
+
+    Examples
+    --------
+    >>> words("ru")("page", page=1, pages=3)
+    'Страница 1 из 3'
+    """
+    text = (
+        files("inclinometry.laboratory.certificate").joinpath("templates", "certificate_words.json").read_text("utf-8")
+    )
+    return Words(json.loads(text)[language])
+
+
+def needs_chinese(text: str) -> bool:
+    """Whether a text holds letters that only the large fonts have.
+
+    Examples
+    --------
+    >>> needs_chinese("Сертификат №1"), needs_chinese("校准证书")
+    (False, True)
+    """
+    return any("\u2e80" <= c <= "\u9fff" or "\uac00" <= c <= "\ud7af" or "\uf900" <= c <= "\uffef" for c in text)
+
+
+def chinese_font(folders: Sequence[str | Path] = ()) -> str | None:
+    """Name of the first font of this computer, or of these folders, with Chinese letters; None where there is none."""
+    import typst
+
+    known = set(typst.Fonts(include_system_fonts=True, font_paths=[str(f) for f in folders]).families())
+    return next((name for name in CHINESE if name in known), None)
+
+
+def families(text: str, folders: Sequence[str | Path] = ()) -> tuple[str, ...]:
+    """Fonts to set a text in, in order of preference.
+
+    Raises
+    ------
+    InputError
+        Chinese letters, and no font on this computer has them.
+    """
+    if not needs_chinese(text):
+        return (SERIF, REST)
+    found = chinese_font(folders)
+    if found is None:
+        raise InputError(
+            "this certificate has Chinese letters and no font on this computer shows them; install one "
+            f"({', '.join(CHINESE[:3])}, ...) or choose another language"
+        )
+    return (SERIF, REST, found)
+
+
+LANGUAGES: Final = ("en", "ru", "zh")
+RULES: Final = {"none": "simple", "expanded-uncertainty": "guarded"}
+
+Record = dict[str, Any]
+
+
+def certificate_record(
+    calibration: Calibration,
+    laboratory: Laboratory | None,
+    order: Order,
+    *,
+    number: str,
+    program: str,
+    language: str = "en",
+    verification: Mapping[str, Any] | None = None,
+    previous: Calibration | None = None,
+    previous_from: str = "",
+    inputs: Mapping[str, str] | None = None,
+    head: str | None = None,
+    supersedes: str | None = None,
+) -> Record:
+    """Everything a certificate says.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    laboratory : Laboratory or None
+        None leaves a certificate that names no laboratory and says so.
+    order : Order
+        With the date of issue.
+    number : str
+        Unique to this certificate.
+    verification : mapping, optional
+        "verdict", "limits" and "report" as a verification is recorded, degrees.
+    previous : Calibration, optional
+        Of the same tool, for the values before adjustment; `previous_from` says which.
+    inputs : mapping, optional
+        Name -> digest of every file or record this was made from, besides those the calibration names.
+    head : str, optional
+        Head of the ledger's chain when the certificate was issued.
+
+    Returns
+    -------
+    dict
+        JSON values that fit the schema "certificate-1".
+
+    Raises
+    ------
+    InputError
+        An unknown language, no date of issue, a previous calibration of other sensors.
+    """
+    if language not in LANGUAGES:
+        raise InputError(f"language is {language!r:.20}; allowed: {', '.join(LANGUAGES)}")
+    if order.issued is None:
+        raise InputError("a certificate needs its date of issue")
+    tool = calibration.tool
+    record: Record = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "number": number,
+        "language": language,
+        "laboratory": None if laboratory is None else dict(laboratory.__dict__),
+        "customer": {"name": order.customer, "address": order.customer_address, "reference": order.reference},
+        "item": _item(tool, order),
+        "dates": _dates(order),
+        "method": _method(calibration, order),
+        "environment": {
+            "text": order.environment,
+            "temperature_degC": order.temperature_degC,
+            "humidity_percent": order.humidity_percent,
+        },
+        "results": {
+            "uncertainty": _uncertainty(calibration),
+            "parameters": _parameters(tool),
+            "classical": _classical(tool),
+            "covariance": {"parameters": list(tool.parameter_names), "matrix": tool.covariance},
+            "residuals": _residuals(calibration),
+        },
+        "adjustment": None if previous is None else _adjustment(calibration, previous, previous_from),
+        "verification": None if verification is None else _verification(verification),
+        "conformity": _conformity(verification),
+        "interval_months": order.interval_months,
+        "warnings": [*calibration.warnings, *_two_accelerometers(calibration.tool)],
+        "inputs": {**{f"calibration {n}": d for n, d in calibration.inputs.items()}, **(inputs or {})},
+        "head": head,
+        "supersedes": supersedes,
+        "program": program,
+    }
+    clean: Record = json.loads(canonical(printable(_plain(record))))
+    return checked(clean, f"certificate {number}")
+
+
+def coverage_probability(k: float) -> float:
+    """Of an expanded uncertainty with factor k, normal distribution.
+
+    Examples
+    --------
+    >>> round(coverage_probability(2.0), 4)
+    0.9545
+    """
+    return math.erf(k / math.sqrt(2.0))
+
+
+def _item(tool: Tool, order: Order) -> Record:
+    return {
+        "name": order.item,
+        "manufacturer": order.manufacturer,
+        "serial": order.serial,
+        "condition": order.condition,
+        "triads": [
+            {
+                "kind": kind,
+                "sensors": triad.count,
+                "unit": triad.unit,
+                "degree": triad.degree,
+                "reference_temperature_degC": triad.reference_temperature,
+            }
+            for kind, triad in tool.triads.items()
+        ],
+        "temperature_range_degC": tool.temperature_range,
+    }
+
+
+def _dates(order: Order) -> Record:
+    days = {name: getattr(order, name) for name in ("received", "performed_from", "performed_to", "issued")}
+    if days["performed_to"] is None:
+        days["performed_to"] = days["performed_from"]
+    return {name: None if day is None else day.isoformat() for name, day in days.items()}
+
+
+def _two_accelerometers(tool: Tool) -> list[str]:
+    """The condition under which two accelerometers have an uncertainty of inclination."""
+    triad = tool.triads.get("accelerometer")
+    if triad is None or triad.rank != 2:
+        return []
+    sd = expected_gravity_sd(tool)
+    why = "two places of which nothing is known" if sd == GRAVITY_SPREAD else "stated at both places"
+    return [
+        "two accelerometers: the uncertainties of one reading hold where the strength of gravity is known to "
+        f"{100.0 * sd:.2g} % of that at the calibration ({why}) and the way the hole goes tells the sign of the "
+        "component across both; at the place of the calibration an error of that strength cancels. They grow without "
+        "bound toward gravity in the plane of the two"
+    ]
+
+
+def _method(calibration: Calibration, order: Order) -> Record:
+    rig = np.broadcast_to(np.degrees(calibration.rig.sd), (3,))
+    return {
+        "name": calibration.method,
+        "plan": order.plan,
+        "positions": len(calibration.residuals.station),
+        "rig": order.rig,
+        "rig_traceability": order.rig_traceability,
+        "rig_place": order.rig_place,
+        "rig_sd_deg": dict(zip(("azimuth", "inclination", "toolface"), rig.tolist(), strict=True)),
+    }
+
+
+def _uncertainty(calibration: Calibration) -> Record | None:
+    """Expanded uncertainty over inclination, worst azimuth and toolface; None where none is known."""
+    found = expected_uncertainty(calibration, INCLINATIONS)
+    if not found.angles:
+        return None
+    second = found.azimuth_from
+    table: Record = {
+        "coverage_factor": COVERAGE_FACTOR,
+        "coverage_probability": round(coverage_probability(COVERAGE_FACTOR), 4),
+        "azimuth_from": second,
+        "dip_deg": None if second is None else float(np.degrees(found.dip)),
+        "dip_assumed": second is not None and found.dip_from == "assumed",
+        "temperature_degC": found.temperature,
+        "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
+    }
+    one, alone = (np.degrees(expanded(u)) for u in (found.of_one_reading, found.from_calibration))
+    columns = {f"U_{name}_deg": ANGLES.index(name) for name in found.angles}
+    table |= {key: one[:, place].tolist() for key, place in columns.items()}
+    table["from_calibration"] = {key: alone[:, place].tolist() for key, place in columns.items()}
+    return table
+
+
+def _row(row: Row) -> Record:
+    return {"name": row.label, "value": row.value, "u": row.uncertainty, "unit": row.unit}
+
+
+def _parameters(tool: Tool) -> list[Record]:
+    return [_row(row) for kind in tool.triads for row in parameter_rows(tool, kind)]
+
+
+def _classical(tool: Tool) -> dict[str, list[Record]]:
+    return {kind: [_row(row) for row in classical_rows(tool, kind)] for kind in tool.triads}
+
+
+def _residuals(calibration: Calibration) -> list[Record]:
+    found = []
+    for kind, values in calibration.residuals.standardised.items():
+        seen = np.asarray(values)
+        known = seen[np.isfinite(seen)]
+        found.append(
+            {
+                "kind": kind,
+                "station": list(calibration.residuals.station),
+                "standardised": seen,
+                "rms": float(np.sqrt(np.mean(known**2))) if known.size else None,
+                "largest": float(np.abs(known).max()) if known.size else None,
+            }
+        )
+    return found
+
+
+def _adjustment(calibration: Calibration, previous: Calibration, previous_from: str) -> Record:
+    """The values before, and how far the old and the new coefficients are apart in the angles they give."""
+    tool, old = calibration.tool, previous.tool
+    if tool.parameter_names != old.parameter_names or any(
+        tool.triads[kind].unit != old.triads[kind].unit for kind in tool.triads
+    ):
+        raise InputError("the previous calibration is of other sensors or of another unit; leave it out")
+    apart = differences(tool, old, expected_uncertainty(calibration).dip)
+    return {
+        "previous": previous_from,
+        "parameters": _parameters(old),
+        "classical": _classical(old),
+        "largest_difference_deg": {name: float(np.degrees(abs(wrap_signed(x)))) for name, x in apart.items()},
+    }
+
+
+def _verification(verification: Mapping[str, Any]) -> Record:
+    return {name: verification[name] for name in ("verdict", "limits", "report")}
+
+
+def _conformity(verification: Mapping[str, Any] | None) -> Record:
+    if verification is None:
+        return {"statement": "not assessed", "rule": None}
+    guard = verification["limits"].get("guard")
+    rule = RULES.get(str(guard), "consistency")
+    return {"statement": verification["verdict"], "rule": rule, "judged": _scope(verification["report"]["positions"])}
+
+
+def _scope(positions: Sequence[Mapping[str, Any]]) -> Record:
+    """To which results the statement applies: angle -> how many positions, lowest and highest inclination."""
+    found: Record = {}
+    for name in ("inclination", "azimuth", "toolface"):
+        inclinations = [row["inclination_deg"] for row in positions if row[name]["decision"] != "not judged"]
+        if inclinations:
+            span = [min(inclinations), max(inclinations)]
+            found[name] = {"positions": len(inclinations), "inclination_deg": span}
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """Lists, mappings and numbers; what is not finite is null."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def printable(value: Any) -> Any:
+    """Texts without what no page shows: control characters, half characters, marks that turn the direction."""
+    if isinstance(value, str):
+        return "".join(c for c in value if c == "\n" or c.isprintable()).strip()
+    if isinstance(value, dict):
+        return {str(printable(key)): printable(item) for key, item in value.items()}
+    return [printable(item) for item in value] if isinstance(value, list) else value
+
+
+# Tables and figures of a certificate: ready texts, made from its record.
+
+Content = dict[str, Any]
+FEWEST_SETTINGS = 4
+"""Settings of an angle below which errors over it are drawn position by position."""
+UNDEFINED_DEG = 60.0
+"""Expanded uncertainty from which an angle is not worth printing."""
+
+
+def table(
+    caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1, size: float = 8.5
+) -> Content:
+    """A table as the template takes it; its first `left` columns are texts."""
+    columns = ["auto"] * left + ["fr"] * (len(head) - left)
+    shown = [[*row[:left], *(re.sub(r"-(?=[0-9])", "−", cell) for cell in row[left:])] for row in rows]
+    return {"caption": caption, "head": list(head), "rows": shown, "left": left, "size": size, "columns": columns}
+
+
+def section(title: str, texts: Sequence[str] = (), **parts: Any) -> Content:
+    """A section as the template takes it."""
+    return {"title": title, "texts": texts, "figures": [], "tables": [], "list": [], "new_page": False} | parts
+
+
+def figure(svg: str, caption: str, width: int = 100) -> Content:
+    """A drawing as the template takes it; its width in percent of the page."""
+    return {"svg": svg, "caption": caption, "width": width}
+
+
+def uncertainty_section(record: Content, say: Words) -> Content:
+    """U of each angle over inclination."""
+    found = record["results"]["uncertainty"]
+    title = say("uncertainty")
+    if found is None:
+        return section(title, [say("no_uncertainty")], new_page=True)
+    names = [name for name in LETTERS if f"U_{name}_deg" in found]
+    k, probability = found["coverage_factor"], 100.0 * found["coverage_probability"]
+    texts = [say("letters"), say("uncertainty_note", k=f"{k:g}", p=f"{probability:.0f}")]
+    if found["azimuth_from"] is not None:
+        key = "dip_assumed" if found["dip_assumed"] else "dip"
+        texts.append(say(key, triad=say(found["azimuth_from"]), dip=plain(found["dip_deg"], 2)))
+    if any(triad["degree"] for triad in record["item"]["triads"]):
+        texts.append(say("at_temperature", heat=plain(found["temperature_degC"], 1)))
+    alone = found.get("from_calibration")  # certificates of before state U of one reading only
+    blocks = [found] if alone is None else [found, alone]
+    rows = [
+        [f"{x:g}", *(_degrees(block[f"U_{name}_deg"][place], say) for block in blocks for name in names)]
+        for place, x in enumerate(found["inclination_deg"])
+    ]
+    head = ["I, °", *(f"{sign}({LETTERS[name]}), °" for sign in ("U", "Uc")[: len(blocks)] for name in names)]
+    if alone is not None:
+        texts.append(say("alone_note"))
+    picture = figure(paper_svg(uncertainty_figure(found)), say("curve_u"))
+    caption = f"U, k = {k:g}"
+    return section(title, texts, tables=[table(caption, head, rows)], figures=[picture], new_page=True)
+
+
+def _degrees(value: float | None, say: Words) -> str:
+    return say("undefined") if value is None or value > UNDEFINED_DEG else significant(value)
+
+
+def parameter_section(record: Content, say: Words) -> Content:
+    """Tensor and offset of each triad, as the tool uses them."""
+    results, tables = record["results"], []
+    texts = [say("parameters_note"), say("conventions")]
+    for triad in record["item"]["triads"]:
+        kind, count = triad["kind"], triad["sensors"]
+        found = [row for row in results["parameters"] if row["name"].startswith(f"{kind}.")]
+        if triad["degree"]:
+            said = say("temperature_terms", reference=plain(triad["reference_temperature_degC"]))
+            texts += [said] if said not in texts else []
+        names, rows = sensor_names(count), []
+        for start in range(0, len(found), 4):
+            power, sensor = divmod(start // 4, count)
+            label = names[sensor] + (f" · T{power}" if power else "")
+            rows.append([label, *(_expanded(row) for row in found[start : start + 4])])
+        caption = say("tensor", triad=say(kind), unit=triad["unit"])
+        tables.append(table(caption, [say("sensor"), "N x", "N y", "N z", "U0"], rows))
+    return section(say("parameters"), texts, tables=tables)
+
+
+def _expanded(row: Content) -> str:
+    """Value ± expanded uncertainty."""
+    if row["value"] is None:
+        return "–"
+    if not row["u"]:
+        return f"{row['value']:.8g}"
+    return f"{rounded(row['value'], COVERAGE_FACTOR * row['u'])} ± {significant(COVERAGE_FACTOR * row['u'])}"
+
+
+def classical_section(record: Content, say: Words) -> Content:
+    """Scale, bias and misalignment of each sensor, with the values before where a previous calibration is known."""
+    results, adjustment = record["results"], record["adjustment"]
+    tables = []
+    for kind, rows in results["classical"].items():
+        old = None if adjustment is None else {row["name"]: row for row in adjustment["classical"].get(kind, [])}
+        head = [say("quantity"), say("unit"), say("value")]
+        if old is not None:
+            head = [say("quantity"), say("unit"), say("before"), say("after"), say("change")]
+        body = [_classical_row(row, old, say) for row in rows]
+        tables.append(table(say("classical", triad=say(kind)), head, body, left=2))
+    texts = []
+    if adjustment is not None:
+        apart = adjustment["largest_difference_deg"].items()
+        said = ", ".join(f"{say(name)} {significant(value)}°" for name, value in apart) or "–"
+        texts.append(say("adjustment_note", previous=adjustment["previous"] or say("not_stated"), differences=said))
+    return section(say("classical_title" if adjustment is None else "adjustment"), texts, tables=tables)
+
+
+def _classical_row(row: Content, old: Mapping[str, Content] | None, say: Words) -> list[str]:
+    name, _, what = row["name"].partition(" ")
+    if what.startswith("toward "):
+        label = f"{name} {say('toward', axis=what.removeprefix('toward '))}"
+    else:
+        label = f"{name} {say(what)}"
+    cells = [label, "°" if row["unit"] == "deg" else row["unit"]]
+    if old is None:
+        return [*cells, _expanded(row)]
+    before = old.get(row["name"])
+    if before is None or before["value"] is None or row["value"] is None:
+        return [*cells, "–", _expanded(row), "–"]
+    spread = COVERAGE_FACTOR * np.hypot(row["u"] or 0.0, before["u"] or 0.0)
+    change = row["value"] - before["value"]
+    said = f"{rounded(change, spread)} ± {significant(spread)}" if spread else f"{change:.3g}"
+    return [*cells, _expanded(before), _expanded(row), said]
+
+
+def residual_section(record: Content, say: Words) -> Content:
+    """Standardised residuals of each triad, one drawing each."""
+    said, figures = [], []
+    for part in record["results"]["residuals"]:
+        triad = say(part["kind"])
+        idle = sum(value is None for row in part["standardised"] for value in row)
+        if part["rms"] is not None:
+            said.append(say("residuals_kind", triad=triad, rms=f"{part['rms']:.2f}", largest=f"{part['largest']:.2f}"))
+        if idle:
+            said.append(say("residuals_idle", triad=triad, number=idle))
+        if part["rms"] is None:
+            continue
+        svg = paper_svg(residual_figure(part["standardised"]))
+        figures.append(figure(svg, say("curve_residuals", triad=triad)))
+    return section(say("residuals"), [say("residuals_note", kinds="; ".join(said) or "–")], figures=figures)
+
+
+def verification_section(record: Content, say: Words) -> Content | None:
+    """Errors against limits: summary, curves, every position."""
+    found = record["verification"]
+    if found is None:
+        return None
+    report = found["report"]
+    k, positions = report["coverage_factor"], report["positions"]
+    probability = 100.0 * coverage_probability(k)
+    texts = [say("verification_note", k=f"{k:.3g}", p=f"{probability:.4g}")]
+    tables = [_summary(positions, say), _positions(positions, say)]
+    return section(
+        say("verification"),
+        texts,
+        tables=tables,
+        figures=_curves(positions, say),
+        new_page=True,
+        list=[*report["reasons"], *report["warnings"]],
+    )
+
+
+def _judged(positions: Sequence[Content], name: str) -> list[Content]:
+    return [row for row in positions if row[name]["decision"] != "not judged" and row[name]["limit_deg"] is not None]
+
+
+def _summary(positions: Sequence[Content], say: Words) -> Content:
+    rows = []
+    for name in LETTERS:
+        judged = _judged(positions, name)
+        if not judged:
+            rows.append([say(name), "0", "–", "–", "–", "–"])
+            continue
+        worst = max(judged, key=lambda row: abs(row[name]["error_deg"]))[name]
+        limits = [row[name]["limit_deg"] for row in judged]
+        own = max(limits) - min(limits) > 1e-12
+        passed = sum(row[name]["decision"] == "pass" for row in judged)
+        cells = [_signed(worst["error_deg"], worst["U_deg"]), significant(worst["U_deg"])]
+        rows.append([say(name), str(len(judged)), str(passed), *cells, say("own_u") if own else plain(limits[0], 6)])
+    head = [say("angle"), say("judged"), say("accepted"), f"{say('largest_error')}, °", "U, °", f"{say('limit')}, °"]
+    return table(say("conformity"), head, rows)
+
+
+def _signed(value: float, u: float) -> str:
+    text = rounded(value, u)
+    return text if text.startswith("-") else f"+{text}"
+
+
+def _positions(positions: Sequence[Content], say: Words) -> Content:
+    rows = []
+    for place, row in enumerate(positions, 1):
+        cells = [str(place), *(plain(row[f"{name}_deg"], 2) for name in ("azimuth", "inclination", "toolface"))]
+        verdicts = []
+        for name, letter in LETTERS.items():
+            one = row[name]
+            shown = one["U_deg"] is not None and one["U_deg"] <= UNDEFINED_DEG
+            cells.append(f"{_signed(one['error_deg'], one['U_deg'])} ± {significant(one['U_deg'])}" if shown else "–")
+            if one["decision"] in ("fail", "inconclusive"):
+                verdicts.append(f"{letter} {say('d_' + one['decision'])}")
+        judged = any(row[name]["decision"] != "not judged" for name in LETTERS)
+        cells.append(", ".join(verdicts) or (say("d_pass") if judged else say("d_none")))
+        rows.append(cells)
+    head = [say("position"), *(say(f"set_{name}") for name in ("azimuth", "inclination", "toolface"))]
+    head += [*(say(f"error_{name}") for name in LETTERS), say("result")]
+    made = table(f"{say('verification')}, °", head, rows, size=7.8)
+    made["columns"] = ["auto"] * 4 + ["fr"] * 4
+    return made
+
+
+def _curves(positions: Sequence[Content], say: Words) -> list[Content]:
+    figures = []
+    for name, letter in LETTERS.items():
+        judged = _judged(positions, name)
+        if judged:
+            setting = np.array([row[f"{name}_deg"] for row in judged], dtype=float)
+            error, u, limit = (
+                np.array([row[name][key] for row in judged], dtype=float) for key in ("error_deg", "U_deg", "limit_deg")
+            )
+            few = len(np.unique(setting.round(3))) < FEWEST_SETTINGS
+            place = np.array([n for n, row in enumerate(positions, 1) if row in judged], dtype=float)
+            svg = paper_svg(error_figure(place if few else setting, error, u, limit, letter, by_place=few))
+            figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name))))
+    return figures

@@ -1,0 +1,160 @@
+"""Command that opens the bench in a browser."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import ssl
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Flag
+from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+
+SIMULATED = "simulated"
+
+
+def bench(
+    *,
+    ledger: str | None = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    name: Annotated[Sequence[str], Parameter(negative="")] = (),
+    instrument: str | None = None,
+    protocol: str = "csv-line",
+    demo: Flag = False,
+    certificate: Path | None = None,
+    key: Path | None = None,
+) -> None:
+    """Open the bench in a browser: guided calibration, verification, certificates, ledger. Ctrl-C ends it.
+
+    Parameters
+    ----------
+    ledger
+        Path of a SQLite file, or postgresql://user:password@host/database; in the user's data folder when not given.
+    host
+        Address to listen at; anywhere but on this computer users have to log in.
+    port
+        Port to listen at; 0 chooses a free one.
+    name
+        Name by which browsers on other computers address this one; may be given more than once.
+    instrument
+        socket://host:port, COM3, /dev/ttyUSB0, or "simulated" for a simulated tool on a simulated stand.
+    protocol
+        Protocol of the instrument: csv-line, query-response, wits0, or a TOML file.
+    demo
+        Register a simulated tool that is half-way through its calibration.
+    certificate
+        TLS certificate, PEM, with --key.
+    key
+        Its private key, PEM.
+    """
+    if demo and instrument not in (None, SIMULATED):
+        raise InputError("--demo brings its own simulated instrument; leave --instrument out")
+    _check_secrets(certificate, key)
+    where = str(default_path()) if ledger is None else ledger
+    with ExitStack() as stack:
+        stack.enter_context(_endable())
+        opened = stack.enter_context(create(where))
+        listening = stack.enter_context(_listening(host, port))
+        feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
+        _serve(opened, listening, host, name, feed, rig, instrument or (SIMULATED if demo else ""), certificate, key)
+
+
+@contextmanager
+def _endable() -> Iterator[None]:
+    """SIGTERM ends the bench like Ctrl-C does: ledger and instrument are closed; exit status 0."""
+
+    def end(*_: object) -> None:
+        raise SystemExit(0)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _listening(host: str, port: int) -> Iterator[socket.socket]:
+    """The socket, opened before anything else is started."""
+    if not 0 <= port <= 65535:
+        raise InputError(f"--port is {port}; allowed 0 to 65535")
+    with ExitStack() as stack:
+        try:
+            family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+            made = stack.enter_context(socket.socket(family, socket.SOCK_STREAM))
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            made.bind((host, port))
+        except (OSError, UnicodeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise InputError(
+                f"cannot listen at {host} port {port} ({reason}); choose another --port or --host"
+            ) from None
+        yield made
+
+
+def _check_secrets(certificate: Path | None, key: Path | None) -> None:
+    """The files for TLS, before anything is started."""
+    if (certificate is None) != (key is None):
+        raise InputError("--certificate and --key are needed together, or neither of them")
+    if certificate is not None and key is not None:
+        try:
+            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+        except OSError as error:
+            reason = error.strerror or error
+            raise InputError(f"--certificate {certificate} with --key {key} cannot be used ({reason})") from None
+
+
+@contextmanager
+def _instrument(ledger: Ledger, url: str | None, protocol: str, demo: bool) -> Iterator[tuple[Any, Any]]:
+    """The live feed and the rig's driver; None for what there is not."""
+    from inclinometry.laboratory.instruments.protocol_toml import read_protocol
+    from inclinometry.laboratory.live import LiveFeed
+
+    if url is None:
+        yield None, None
+        return
+    with ExitStack() as stack:
+        rig = None
+        spoken = read_protocol(protocol)
+        if url == SIMULATED:
+            from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument
+
+            rig = SimulatedInstrument(spoken, seed=1)
+            if demo:
+                from inclinometry.laboratory.demonstration import half_way
+
+                with output.busy("preparing the demonstration"):
+                    half_way(ledger, rig)
+            url = stack.enter_context(rig).url
+        yield stack.enter_context(LiveFeed(url, spoken)), rig
+
+
+def _serve(
+    ledger: Ledger,
+    listening: socket.socket,
+    host: str,
+    names: Sequence[str],
+    feed: Any,
+    rig: Any,
+    instrument: str,
+    certificate: Path | None,
+    key: Path | None,
+) -> None:
+    from inclinometry.laboratory.web.app import create_app, is_loopback, run
+
+    app = create_app(ledger, host=host, names=(*names, host), feed=feed, rig=rig, instrument=instrument)
+    scheme = "http" if certificate is None else "https"
+    if not is_loopback(host) and certificate is None:
+        output.warnings(["passwords cross the network unencrypted; give --certificate and --key"])
+    shown = f"[{host}]" if ":" in host else host
+    sentence = f"the bench is at {scheme}://{shown}:{listening.getsockname()[1]}/ (Ctrl-C ends it)"
+    run(app, listening, certificate=certificate, key=key, ready=lambda: output.say(sentence))

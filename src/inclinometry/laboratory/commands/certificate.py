@@ -1,0 +1,103 @@
+"""Command: certificate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json, Output
+from inclinometry.files.writing import write_bytes
+from inclinometry.laboratory.certificate.issue import record_from_files
+from inclinometry.laboratory.certificate.record import record_bytes, record_digest
+
+
+def certificate(
+    tool: Path,
+    /,
+    *,
+    output_: Output,
+    verification: Path | None = None,
+    laboratory: Path | None = None,
+    previous: Path | None = None,
+    dcc: Path | None = None,
+    record: Path | None = None,
+    number: str | None = None,
+    language: Literal["en", "ru", "zh"] = "en",
+    fonts: Path | None = None,
+    json: Json = False,
+) -> None:
+    """Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON record.
+
+    Parameters
+    ----------
+    tool
+        tool.json, as calibrate writes it.
+    output_
+        PDF to write.
+    verification
+        verify.json, as verify writes it with --output.
+    laboratory
+        lab.toml: laboratory and order; without it the document says that it is no certificate.
+    previous
+        tool.json of the calibration before, for the values before adjustment.
+    dcc
+        Write the digital calibration certificate, XML; it needs the laboratory.
+    record
+        Write the record, JSON; its SHA-256 is printed on the certificate.
+    number
+        Unique number; year and a part of the inputs' digest when not given.
+    language
+        Of the fixed texts of the PDF.
+    fonts
+        Folder with further fonts, where a letter is missing.
+    json
+        Print a JSON summary.
+    """
+    output.claim(
+        {"--output": output_, "--dcc": dcc, "--record": record},
+        {"tool.json": tool, "--verification": verification, "--laboratory": laboratory, "--previous": previous},
+    )
+    made = record_from_files(
+        tool, verification=verification, laboratory=laboratory, previous=previous, number=number, language=language
+    )
+    files = {output_: _pdf(made, fonts)}
+    if dcc is not None:
+        from inclinometry.laboratory.certificate.dcc import dcc_bytes
+
+        files[dcc] = dcc_bytes(made)
+    if record is not None:
+        files[record] = record_bytes(made)
+    for path, data in files.items():
+        write_bytes(data, path)
+    output.warnings([*_lacking(made), *made["warnings"]])
+    digest, statement = record_digest(made), made["conformity"]["statement"]
+    if json:
+        summary = {"number": made["number"], "digest": digest, "conformity": statement, "written": list(files)}
+        output.print_json(summary)
+        return
+    output.say(f"certificate {made['number']}, conformity {statement}")
+    output.say(f"record {digest}")
+    output.say(f"written to {', '.join(map(str, files))}")
+
+
+def _lacking(record: dict[str, Any]) -> list[str]:
+    """What ISO/IEC 17025 asks for and lab.toml can give."""
+    if record["laboratory"] is None:
+        return ["no laboratory is named: this is not a certificate in the sense of ISO/IEC 17025; give --laboratory"]
+    stated = {
+        "authoriser": record["laboratory"]["authoriser"],
+        "traceability": record["laboratory"]["traceability"],
+        "customer in [order]": record["customer"]["name"],
+        "serial in [order]": record["item"]["serial"],
+        "performed_from in [order]": record["dates"]["performed_from"],
+    }
+    lost = [name for name, value in stated.items() if not value]
+    return [f"lab.toml does not state {', '.join(lost)}"] if lost else []
+
+
+def _pdf(record: dict[str, Any], fonts: Path | None) -> bytes:
+    from inclinometry.laboratory.certificate.pdf import certificate_pdf
+
+    with output.busy("setting the certificate"):
+        return certificate_pdf(record, fonts=() if fonts is None else (fonts,))

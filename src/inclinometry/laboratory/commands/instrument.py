@@ -1,0 +1,142 @@
+"""Command that is a live instrument: a TCP server with a simulated tool on a simulated rig."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json
+from inclinometry.errors import InputError
+from inclinometry.laboratory.instruments.simulated_instrument import (
+    SimulatedInstrument,
+    StandSettings,
+    from_truth,
+    parse_faults,
+)
+from inclinometry.workflow.simulate import plan_named
+
+
+def instrument(
+    *,
+    port: int = 7000,
+    rig_port: int | None = None,
+    host: str = "127.0.0.1",
+    protocol: str = "csv-line",
+    tool: Path | None = None,
+    seed: int = 1,
+    rate_hz: float = 10.0,
+    speed: float = 1.0,
+    plan: str | None = None,
+    dwell_s: float = 5.0,
+    turn_s: float = 2.0,
+    temperature: Annotated[float, Parameter(name="--temperature-degC")] = 20.0,
+    warming: Annotated[float, Parameter(name="--warming-degC-h")] = 0.0,
+    noise: float = 1.0,
+    faults: str = "",
+    duration_s: float | None = None,
+    json: Json = False,
+) -> None:
+    """Simulate a live instrument behind a TCP port, until Ctrl-C.
+
+    Parameters
+    ----------
+    port
+        Where the bench finds the instrument, as socket://127.0.0.1:7000; 0 chooses a free one and prints it.
+    rig_port
+        Also listen for SCPI commands of the rig: AZ 90;INC 45;TF 0 and POS?, *OPC?, *IDN?.
+    host
+        Address to listen on; other machines reach it only when this is not the loopback address.
+    protocol
+        csv-line, query-response, wits0, or a TOML file.
+    tool
+        truth.json of a simulated tool and its stand; a realistic tool drawn by the seed when not given.
+    seed
+        Decides tool, errors of the rig, noise and faults.
+    rate_hz
+        Samples a second of an instrument that sends by itself.
+    speed
+        Seconds of the simulation a second; 0 for as fast as the receiver takes them.
+    plan
+        The rig visits the positions of this plan by itself, over and over.
+    dwell_s
+        Time at each of them.
+    turn_s
+        Time that a turn takes.
+    temperature
+        At the start.
+    warming
+        By which it rises.
+    noise
+        Factor on the tool's own noise.
+    faults
+        As garbage=0.01,dropout=0.02,disconnect=60,misread=7:toolface:30; names: garbage, dropout, partial, encoding,
+        endless, repeat, outside, stuck (shares), disconnect, latency (s), misread.
+    duration_s
+        Stop after so many seconds.
+    json
+        Print where it listens as JSON.
+    """
+    if duration_s is not None and not 0.0 < duration_s <= 1e9:
+        raise InputError(f"--duration-s is {duration_s:g}; allowed more than 0")
+    settings = StandSettings(turn_s, temperature, warming, noise, None if plan is None else plan_named(plan), dwell_s)
+    true_tool, true_rig = (None, None) if tool is None else from_truth(tool)
+    server = SimulatedInstrument(
+        protocol,
+        tool=true_tool,
+        rig=true_rig,
+        seed=seed,
+        host=host,
+        port=port,
+        rig_port=rig_port,
+        rate=rate_hz,
+        speed=speed,
+        stand=settings,
+        faults=parse_faults(faults),
+    )
+    with server, _stop_signal() as stop:
+        _announce(server, json)
+        stop.wait(duration_s)
+    if not json:
+        output.say(f"stopped after {output.counted(server.sent, 'sample')}")
+
+
+def _announce(server: SimulatedInstrument, json: bool) -> None:
+    rig = None if server.rig_port is None else f"{server.host}:{server.rig_port}"
+    if json:
+        output.print_json({"url": server.url, "rig": rig, "protocol": server.protocol.name, "tool": server.tool.name})
+    else:
+        output.say(f"instrument at {server.url}, protocol {server.protocol.name}")
+        if rig is not None:
+            output.say(f"rig at {rig}, SCPI")
+        output.say("Ctrl-C stops it")
+    # whoever started this program may wait for the address in a pipe
+    sys.stdout.flush()
+
+
+@contextmanager
+def _stop_signal() -> Iterator[threading.Event]:
+    """Set by Ctrl-C and SIGTERM; both are an ordinary end of a server."""
+    stop = threading.Event()
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        stop.set()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    names = (signal.SIGINT, signal.SIGTERM)
+    before = {name: signal.signal(name, handle) for name in names}
+    try:
+        yield stop
+    finally:
+        for name, handler in before.items():
+            signal.signal(name, handler)

@@ -1,0 +1,319 @@
+"""Commands of the ledger: make, verify, export, import, back up, look into."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Flag, Json
+from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger import exchange
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.chain import parse_head
+from inclinometry.laboratory.ledger.exchange import restore
+from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+from inclinometry.laboratory.ledger.users import find_user, guard_last_administrator, put_user
+from inclinometry.laboratory.ledger.users import users as all_users
+from inclinometry.laboratory.ledger.verify import verify as verify_ledger
+from inclinometry.laboratory.results import History
+from inclinometry.laboratory.results import history as history_of
+
+Where = Annotated[str | None, Parameter(name="--ledger")]
+PASSWORD = "INCLINOMETRY_PASSWORD"
+
+
+def _where(given: str | None) -> str:
+    return str(default_path()) if given is None else given
+
+
+def init(where: str | None = None, /, *, clock: str | None = None) -> None:
+    """Make an empty ledger, or bring an old one up to date.
+
+    Parameters
+    ----------
+    where
+        Path of a SQLite file, or postgresql://user:password@host/database; in the user's data folder when not given.
+    clock
+        Reason for going on where the last record's time lies in the future, since the clock was wrong then; it is
+        recorded.
+    """
+    with create(_where(where)) as ledger:
+        if clock is not None:
+            ledger.correct_clock(clock, author=_who())
+        output.say(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
+
+
+def verify(*, ledger: Where = None, head: str | None = None, certificate: str | None = None, json: Json = False) -> int:
+    """Check every record against its digest and the chain: exit status 0 sound, 1 changed, 2 bad input.
+
+    Parameters
+    ----------
+    ledger
+        Path or address; the user's own when not given.
+    head
+        NUMBER:DIGITS as an earlier check or a certificate gave it; without it a tail cut off goes unnoticed.
+    certificate
+        Number of a certificate: its files, its record and its calibration are compared instead of the whole ledger.
+    json
+        Print a JSON summary.
+    """
+    if certificate is not None:
+        return _certificate(_where(ledger), certificate, head, json)
+    noted = None if head is None else parse_head(head)
+    with Ledger(_where(ledger), read_only=True) as opened, output.working("verifying") as progress:
+        found = verify_ledger(opened, head=noted, progress=progress)
+    if json:
+        output.print_json(
+            {
+                "ok": found.ok,
+                "records": found.records,
+                "documents": found.documents,
+                "head": str(found.head),
+                "faults": [{"table": f.table, "row": f.row, "problem": f.problem} for f in found.faults],
+            }
+        )
+        return 0 if found.ok else 1
+    for fault in found.faults:
+        output.say(str(fault))
+    if found.ok:
+        records, documents = output.counted(found.records, "record"), output.counted(found.documents, "document")
+        output.say(f"{records} and {documents} are sound")
+        output.say(f"head {found.head}")
+        return 0
+    output.say(f"{output.counted(len(found.faults), 'fault')}: this ledger was changed behind its back")
+    return 1
+
+
+def _certificate(where: str, number: str, head: str | None, json: bool) -> int:
+    """One certificate against the ledger."""
+    from inclinometry.laboratory.certificates import verify_certificate
+
+    if head is not None:
+        raise InputError("--head is of the whole ledger; leave out --head or --certificate")
+    with Ledger(where, read_only=True) as opened:
+        found = verify_certificate(opened, number)
+    if json:
+        output.print_json(
+            {"ok": found.ok, "state": found.standing.state, "digest": found.digest, "problems": found.problems}
+        )
+        return 0 if found.ok else 1
+    for problem in found.problems:
+        output.say(problem)
+    if found.ok:
+        output.say(f"certificate {number} ({found.standing.state}): files, record and calibration agree")
+    output.say(f"digest of its record {found.digest}; compare it with the one on paper")
+    return 0 if found.ok else 1
+
+
+def export(target: Path, /, *, ledger: Where = None) -> None:
+    """Write everything into one file, which another computer can import.
+
+    Parameters
+    ----------
+    target
+        File to write, a ZIP.
+    ledger
+        Path or address; the user's own when not given.
+    """
+    where = _where(ledger)
+    output.claim({"the export": target}, {"--ledger": _path(where)})
+    with Ledger(where, read_only=True) as opened, output.working("exporting") as progress:
+        head = exchange.export(opened, target, progress=progress)
+    output.say(f"{output.counted(head.seq, 'record')} written to {target}")
+    output.say(f"head {head}")
+
+
+def import_(source: Path, /, *, ledger: Where = None) -> None:
+    """Read an export into an empty ledger; everything is checked, and recorded as a whole or not at all.
+
+    Parameters
+    ----------
+    source
+        File that `ledger export` wrote.
+    ledger
+        Path or address of the empty ledger, made when it is not there; the user's own when not given.
+    """
+    where = _where(ledger)
+    path = _path(where)
+    made = path is not None and not path.exists()
+    try:
+        with create(where) as opened, output.working("importing") as progress:
+            head = restore(opened, source, progress=progress)
+            output.say(f"{output.counted(head.seq, 'record')} imported into {opened.shown}")
+            output.say(f"head {head}")
+    except BaseException:
+        if made and path is not None:  # nothing was imported: no empty ledger is left behind
+            for end in ("", "-wal", "-shm"):
+                path.with_name(path.name + end).unlink(missing_ok=True)
+        raise
+
+
+def backup(target: Path, /, *, ledger: Where = None) -> None:
+    """Copy the ledger as it is now into a new file; work may go on meanwhile.
+
+    Parameters
+    ----------
+    target
+        File to write; it must not be there yet.
+    ledger
+        Path of a SQLite ledger; the user's own when not given.
+    """
+    where = _where(ledger)
+    output.claim({"the backup": target}, {"--ledger": _path(where)})
+    with Ledger(where, read_only=True) as opened, output.busy("backing up"):
+        exchange.backup(opened, target)
+    output.say(f"{where} copied to {target}")
+
+
+def history(serial: str, /, *, ledger: Where = None, json: Json = False) -> None:
+    """How the parameters of a tool went from calibration to calibration.
+
+    Parameters
+    ----------
+    serial
+        Serial number of the tool.
+    ledger
+        Path or address; the user's own when not given.
+    json
+        Print JSON.
+    """
+    with Ledger(_where(ledger), read_only=True) as opened:
+        found = history_of(opened, serial)
+    if json:
+        output.print_json(
+            {
+                "serial": found.serial,
+                "created": found.created,
+                "calibrations": found.records,
+                "parameters": {name: {"value": found.values[name], "u": found.u[name]} for name in found.values},
+            }
+        )
+        return
+    _show(found)
+
+
+def _show(found: History) -> None:
+    days = [created[:10] for created in found.created]
+    rows = []
+    for name in found.values:
+        change, spread = found.change(name)
+        last = f"{change[-1]:+.3g}"
+        ratio = abs(change[-1]) / spread[-1] if len(found) > 1 and spread[-1] > 0.0 else 0.0
+        mark = "!" if ratio > 3.0 else ""
+        rows.append([name, f"{found.values[name][-1]:.7g}", f"{found.u[name][-1]:.2g}", last, f"{ratio:.1f}{mark}"])
+    output.table(
+        f"{found.serial}: {output.counted(len(found), 'calibration')}, {days[0]} to {days[-1]}",
+        ["parameter", "last", "u", "change", "change/u"],
+        rows,
+        caption="change since the first calibration; ! beyond three standard uncertainties",
+    )
+
+
+def users(
+    name: str | None = None,
+    /,
+    *,
+    ledger: Where = None,
+    role: Literal["operator", "metrologist", "auditor", "administrator"] | None = None,
+    full_name: str | None = None,
+    language: Literal["en", "ru", "zh"] | None = None,
+    password: Flag = False,
+    disable: Flag = False,
+    enable: Flag = False,
+    json: Json = False,
+) -> None:
+    """List the users, or add or change one; the password is asked for, or taken from INCLINOMETRY_PASSWORD.
+
+    Parameters
+    ----------
+    name
+        User to add or change; all are listed when not given.
+    ledger
+        Path or address; the user's own when not given.
+    role
+        operator captures, metrologist also issues certificates, administrator also keeps users, auditor reads.
+    full_name
+        As it stands on certificates.
+    language
+        Of the pages.
+    password
+        Ask for a new password.
+    disable
+        The user may no longer log in.
+    enable
+        The user may log in again.
+    json
+        Print JSON.
+    """
+    if disable and enable:
+        raise InputError("--disable and --enable exclude each other; give one of them")
+    with Ledger(_where(ledger), read_only=name is None) as opened:
+        if name is not None:
+            _put(opened, name, role, full_name, language, password, False if disable else (True if enable else None))
+        found = all_users(opened)
+    if json:
+        output.print_json(
+            [{"name": u.name, "role": u.role, "active": u.active, "full_name": u.full_name} for u in found]
+        )
+        return
+    rows = [[u.name, u.role, "yes" if u.active else "no", u.full_name] for u in found]
+    output.table("users", ["name", "role", "active", "full name"], rows)
+
+
+def _put(
+    ledger: Ledger,
+    name: str,
+    role: str | None,
+    full_name: str | None,
+    language: str | None,
+    password: bool,
+    active: bool | None,
+) -> None:
+    old = find_user(ledger, name)
+    if old is None and role is None:
+        raise InputError(f"{name!r} is a new user; give --role operator, metrologist, auditor or administrator")
+    new_role = role if role is not None or old is None else old.role
+    now_active = active if active is not None else (old is None or old.active)
+    if old is not None and old.may("administer"):
+        guard_last_administrator(ledger, name, str(new_role), now_active)
+    put_user(
+        ledger,
+        name,
+        role=str(new_role),
+        author=_who(),
+        password=_ask(name) if password or old is None else None,
+        full_name=full_name if full_name is not None else ("" if old is None else old.full_name),
+        active=now_active,
+        language=language if language is not None else ("en" if old is None else old.language),
+    )
+
+
+def _ask(name: str) -> str:
+    """A password that is nowhere on the command line, where others could read it."""
+    given = os.environ.get(PASSWORD)
+    if given is not None:
+        return given
+    if not sys.stdin.isatty():
+        raise InputError(f"no terminal to ask for a password on; put it into the environment as {PASSWORD}")
+    first = getpass.getpass(f"password of {name}: ")
+    if getpass.getpass("again: ") != first:
+        raise InputError("the two passwords differ; nothing was changed")
+    return first
+
+
+def _who() -> str:
+    """The user of this computer: whoever changes a ledger from the command line is recorded with it."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # no name for this user on the system
+        return f"uid {os.getuid()}" if hasattr(os, "getuid") else "command line"
+
+
+def _path(where: str) -> Path | None:
+    return None if "://" in where else Path(where)

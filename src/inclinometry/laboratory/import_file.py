@@ -1,0 +1,158 @@
+"""Files of the command line brought into the ledger: bench readings as a session, tool.json as a calibration."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.bench_csv import read_bench
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.files.writing import program
+from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
+from inclinometry.laboratory.registry import find_rig, find_tool
+from inclinometry.laboratory.results import expected_table, parameters, plain_content
+from inclinometry.laboratory.session import (
+    MOST_POSITIONS,
+    Capture,
+    close_session,
+    close_session_draft,
+    open_session,
+    reading_draft,
+)
+
+LARGEST: Final = 5_000_000
+"""Bytes of a file; a bench run of thousands of positions has less."""
+SHOWN: Final = "the file"
+
+
+def import_file(
+    ledger: Ledger, content: bytes, serial: str, rig: str, *, author: str, site: str = "", purpose: str = "calibrate"
+) -> Record:
+    """Record what a file holds: a CSV of bench readings, or tool.json.
+
+    What kind of file it is, is told from its content; no name that came with it is used.
+
+    Parameters
+    ----------
+    content : bytes
+    serial, rig, site : str
+        Tool, rig and site as registered; no site when empty. The file holds what the rig's dials say.
+    purpose : {"calibrate", "verify", "temperature"}
+        Of the session of readings.
+
+    Returns
+    -------
+    Record
+        A session, open, with all readings; or a calibration.
+
+    Raises
+    ------
+    FileError
+        Too large, empty, neither of the two, without rig angles; with line, value and remedy.
+    LedgerError
+        A tool or rig that is not registered.
+    """
+    if not 1 <= len(content) <= LARGEST:
+        raise FileError(f"{len(content)} bytes; allowed 1 to {LARGEST}", path=SHOWN)
+    if find_tool(ledger, serial) is None:
+        raise LedgerError(f"tool {serial!r} is not registered; register it first")
+    if find_rig(ledger, rig) is None:
+        raise LedgerError(f"rig {rig!r} is not registered; register it first")
+    settings: dict[str, Any] = {"site": site} if site else {}
+    settings["settings"] = {"imported": digest_bytes(content)}
+    found = _read(content)
+    if isinstance(found, Calibration):
+        return _calibration(ledger, found, serial, rig, settings, author)
+    return _session(ledger, found, serial, rig, settings, author, purpose)
+
+
+def _read(content: bytes) -> BenchReadings | Calibration:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "file")
+        path.write_bytes(content)
+        try:
+            if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
+                return read_calibration(path)
+            return read_bench(path)
+        except FileError as error:
+            raise FileError(error.problem, path=SHOWN, line=error.line) from None
+
+
+def _session(
+    ledger: Ledger,
+    readings: BenchReadings,
+    serial: str,
+    rig: str,
+    settings: Mapping[str, Any],
+    author: str,
+    purpose: str,
+) -> Record:
+    if readings.azimuth is None or readings.inclination is None or readings.toolface is None:
+        raise FileError("no rig angles; the columns azimuth_deg, inclination_deg, toolface_deg are needed", path=SHOWN)
+    if len(readings.station) > MOST_POSITIONS:
+        raise FileError(f"{len(readings.station)} stations; allowed {MOST_POSITIONS}", path=SHOWN)
+    plan = Plan("imported", readings.azimuth, readings.inclination, readings.toolface, readings.roll_set)
+    captures = [_capture(readings, row) for row in range(len(plan))]
+    session = open_session(
+        ledger, serial, plan, rig=rig, author=author, purpose=purpose, settings=settings, dialled=True
+    )
+    drafts = [reading_draft(session.id, number, taken) for number, taken in enumerate(captures, 1)]
+    try:
+        ledger.append_all(drafts, author=author)
+    except InputError as error:
+        close_session(ledger, session.id, "abandoned", author=author, reason="the file could not be recorded")
+        raise LedgerError(f"the readings cannot be recorded: {error}") from None
+    return ledger.get("session", session.id)
+
+
+def _capture(readings: BenchReadings, row: int) -> Capture:
+    count = 1.0 if readings.count is None else float(readings.count[row])
+    azimuth, inclination, toolface = (float(dial[row]) for dial in readings.dials)
+    notes = [f"station {readings.station[row]}", *((*readings.notes, *readings.warnings) if row == 0 else ())]
+    return Capture(
+        {kind: values[row] for kind, values in readings.channels.items()},
+        (azimuth, inclination, toolface),
+        count=max(1, round(count)),
+        sd={kind: values[row] * np.sqrt(count) for kind, values in readings.sd.items()},
+        units=dict(readings.units),
+        temperature=None if readings.temperature is None else float(readings.temperature[row]),
+        how="import",
+        note="; ".join(notes)[:10_000],
+    )
+
+
+def _calibration(
+    ledger: Ledger, found: Calibration, serial: str, rig: str, settings: Mapping[str, Any], author: str
+) -> Record:
+    """The calibration, with an empty session that says where it came from."""
+    plan = {"name": "imported", "positions_deg": []}
+    keys = {"serial": serial, "purpose": "calibrate"}
+    body = {
+        "tool_json": plain_content(found),
+        "method": found.method,
+        "readings": [],
+        "capability_deg": expected_table(found),
+        "summary": {
+            "rig": rig,
+            "plan": "imported",
+            "positions": len(found.residuals.station),
+            "warnings": list(found.warnings),
+            "parameters": [[name, *pair] for name, pair in parameters(found).items()],
+        },
+        "program": program(),
+    }
+    session = ledger.append("session", keys, {**settings, "plan": plan, "rig": rig}, author=author)
+    drafts = [
+        Draft("calibration", {"serial": serial, "session": session.id}, body),
+        close_session_draft(session.id, "finished", "imported"),
+    ]
+    return ledger.append_all(drafts, author=author)[0]

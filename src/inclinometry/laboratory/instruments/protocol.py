@@ -1,0 +1,756 @@
+"""What an instrument says and how it is asked, as data: nothing in a protocol is ever run."""
+
+from __future__ import annotations
+
+import binascii
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import xor
+from typing import Final
+
+import numpy as np
+
+from inclinometry.arrays import Array, finite, frozen
+from inclinometry.constants import KINDS
+from inclinometry.conventions import axes_matrix
+from inclinometry.errors import InputError
+from inclinometry.files.wits0 import BEGIN, END, Frame
+from inclinometry.files.wits0 import _take as take_item
+
+EVENTS: Final[Mapping[str, str]] = {
+    "connected": "the port is open",
+    "disconnected": "the port was lost",
+    "unreachable": "the port could not be opened",
+    "silent": "the port is open and nothing comes",
+    "garbage": "a line that is not of this protocol",
+    "partial": "a line whose beginning or end is missing",
+    "too-long": "bytes without the end of a line",
+    "checksum": "a line whose checksum is wrong",
+    "range": "a value outside the range the protocol allows",
+    "stuck": "the same values again and again",
+    "gap": "samples the instrument sent and we did not get",
+    "repeated": "a sample that was sent twice",
+    "restart": "the instrument counts from the beginning again",
+    "clock": "the instrument's clock or ours went back",
+    "listener": "a receiver of the samples failed",
+}
+"""Kinds of event and what each is."""
+FAULTS: Final = ("range", "stuck")
+"""Events that spoil a sample which is otherwise delivered: they stand in `Sample.faults`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One reading of all channels.
+
+    time : s, when it arrived, on the clock of the reader (never goes back).
+    channels : kind -> (m,) signals in the unit the protocol states, axes and signs mapped.
+    temperature : degC, where the instrument sends it.
+    sequence : number the instrument gave it, where it does.
+    instrument_time : s, on the instrument's own clock, where it sends it.
+    faults : of `FAULTS`, what is wrong with it; empty for a good one.
+    """
+
+    time: float
+    channels: Mapping[str, Array]
+    temperature: float | None = None
+    sequence: int | None = None
+    instrument_time: float | None = None
+    faults: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class InstrumentEvent:
+    """Something that happened to the stream: time, s, on the clock of the reader; kind, of `EVENTS`; a sentence."""
+
+    time: float
+    kind: str
+    sentence: str
+
+
+_ANCHOR: Final = time.time() - time.monotonic()
+
+
+def steady_clock() -> float:
+    """Unix time, s, that never jumps: the date when this program started plus the time since."""
+    return _ANCHOR + time.monotonic()
+
+
+# Checksums at the end of a line: an asterisk and hexadecimal digits, as NMEA 0183 writes them.
+
+_SUMS: Final[Mapping[str, tuple[Callable[[bytes], int], int]]] = {
+    "xor": (lambda data: reduce(xor, data, 0), 2),
+    "sum": (lambda data: sum(data) % 256, 2),
+    "crc16": (lambda data: binascii.crc_hqx(data, 0xFFFF), 4),
+}
+CHECKSUMS: Final = ("none", *_SUMS)
+"""none; exclusive or; sum modulo 256; CRC-16 with polynomial 0x1021 that starts at 0xFFFF (CCITT-FALSE)."""
+
+
+def checksum(kind: str, line: bytes) -> str:
+    """The checksum of a line, without the asterisk; a leading $ is not counted, as in NMEA 0183.
+
+    Parameters
+    ----------
+    kind : {"none", "xor", "sum", "crc16"}
+    line : bytes
+
+    Raises
+    ------
+    InputError
+        An unknown kind.
+
+    Examples
+    --------
+    >>> checksum("xor", b"$GPGLL,5057.970,N,00146.110,E,142451,A"), checksum("crc16", b"123456789")
+    ('27', '29B1')
+    """
+    if kind not in CHECKSUMS:
+        raise InputError(f"checksum is {kind!r}; allowed: {', '.join(CHECKSUMS)}")
+    if kind == "none":
+        return ""
+    work, digits = _SUMS[kind]
+    return f"{work(line.removeprefix(b'$')):0{digits}X}"
+
+
+def with_checksum(kind: str, line: str) -> str:
+    """The line with its asterisk and checksum; as it is for "none".
+
+    Examples
+    --------
+    >>> with_checksum("xor", "1,2"), with_checksum("none", "1,2")
+    ('1,2*2F', '1,2')
+    """
+    return line if kind == "none" else f"{line}*{checksum(kind, line.encode('ascii'))}"
+
+
+def without_checksum(kind: str, line: str) -> str | None:
+    """The line before its asterisk when the checksum is right; None when it is wrong or missing.
+
+    Examples
+    --------
+    >>> without_checksum("xor", "1,2*2F"), without_checksum("xor", "1,3*2F")
+    ('1,2', None)
+    """
+    if kind == "none":
+        return line
+    body, star, given = line.rpartition("*")
+    right = checksum(kind, body.encode("ascii", "replace"))
+    return body if star and given.strip().upper() == right else None
+
+
+FRAMINGS: Final = ("line", "wits0")
+LARGEST: Final = 1e15
+"""No reading may be larger, as in bench readings."""
+MOST_CHANNELS: Final = 64
+LONGEST_PATTERN: Final = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelMap:
+    """Fields of a line that are the sensors of one triad.
+
+    Parameters
+    ----------
+    fields : sequence of str
+        One name a sensor, in the order x, y, z where they are those.
+    unit : str
+        Of the signals after `scale`.
+    axes : sequence of str
+        For three sensors: which of them, with which sign, is the house's x, y, z; e.g. ("+y", "-x", "+z"). Empty
+        where the order of the fields is right.
+    scale : float or sequence of float
+        What a number of the line is multiplied by, one for all or one a field; negative turns a sign.
+    low, high : float
+        Allowed values, in `unit`; one outside is reported and spoils the sample.
+
+    Raises
+    ------
+    InputError
+        No field or too many, a field twice, axes that are none, a scale of 0, an empty range.
+
+    Examples
+    --------
+    >>> ChannelMap(("a", "b", "c"), axes=("+y", "-x", "+z"), scale=0.1).signals([10.0, 20.0, 30.0])
+    array([ 2., -1.,  3.])
+    """
+
+    fields: Sequence[str]
+    unit: str = "counts"
+    axes: Sequence[str] = ()
+    scale: float | Sequence[float] = 1.0
+    low: float = -LARGEST
+    high: float = LARGEST
+    _order: Array = field(init=False, repr=False)
+    _factor: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        put, count = object.__setattr__, len(self.fields)
+        put(self, "fields", tuple(self.fields))
+        if not 1 <= count <= MOST_CHANNELS or len(set(self.fields)) != count:
+            raise InputError(f"fields are {list(self.fields)}; give 1 to {MOST_CHANNELS} different names")
+        if self.axes and (count != 3 or len(self.axes) != 3):
+            raise InputError(
+                f"axes {list(self.axes)} for {count} fields; axes are for three sensors, else leave them out"
+            )
+        scale = np.broadcast_to(_scales(self.scale, count), (count,))
+        if (scale == 0.0).any() or not self.low < self.high:
+            raise InputError(f"scale {self.scale}, low {self.low:g}, high {self.high:g}: no scale is 0 and low < high")
+        matrix = axes_matrix((self.axes[0], self.axes[1], self.axes[2])) if self.axes else np.eye(count)
+        order = np.abs(matrix).argmax(axis=1)
+        put(self, "_order", order)
+        put(self, "_factor", frozen(matrix.sum(axis=1) * scale[order]))
+
+    def signals(self, numbers: Sequence[float]) -> Array:
+        """Signals (m,) from the numbers of the fields, in their order."""
+        values: Array = np.array(numbers)[self._order] * self._factor
+        return values
+
+    def numbers(self, signals: Array) -> Array:
+        """The numbers a line must hold for these signals; the reverse of `signals`."""
+        found = np.empty(len(self.fields))
+        found[self._order] = signals / self._factor
+        return found
+
+
+def _scales(scale: float | Sequence[float], count: int) -> Array:
+    found = finite(scale, "scale")
+    if found.shape not in ((), (count,)):
+        raise InputError(f"scale has {found.size} numbers for {count} fields; give one, or one a field")
+    return found
+
+
+@dataclass(frozen=True)
+class TemperatureMap:
+    """The field that is a temperature: degC = scale x number + offset, allowed from low to high."""
+
+    field: str
+    scale: float = 1.0
+    offset: float = 0.0
+    low: float = -100.0
+    high: float = 400.0
+
+    def __post_init__(self) -> None:
+        if self.scale == 0.0 or not self.low < self.high:
+            raise InputError(
+                f"temperature: scale {self.scale:g}, {self.low:g} to {self.high:g} degC; not 0, low < high"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """A protocol of lines.
+
+    Parameters
+    ----------
+    name : str
+    channels : mapping of kind to ChannelMap
+    framing : {"line", "wits0"}
+        A line is a sample; or a frame of WITS level 0 is, and fields are items of four digits.
+    columns, delimiter : sequence of str, str
+        Names of the cells of a line, parted by the delimiter (white space when it is a space). "" is a cell without
+        meaning.
+    pattern : str
+        Or a regular expression that the whole line fits, whose named groups are the fields.
+    terminator : bytes
+        End of a line. After "\\r\\n" a bare "\\n" does too.
+    query : bytes
+        What is sent to ask for a sample; empty for an instrument that sends by itself.
+    interval, answer : float
+        s, between queries, and how long an answer is waited for.
+    checksum : {"none", "xor", "sum", "crc16"}
+    sequence, modulus : str, int
+        Field that numbers the samples, and where it starts again from 0 (0: never).
+    time : str
+        Field with the instrument's own clock, s.
+    silence : float
+        s without a byte before it is reported.
+    stuck_after : int
+        Identical readings before they are called stuck; 0 never.
+    longest : int
+        Bytes of the longest line; more without an end are thrown away.
+    serial : mapping
+        baudrate, bytesize, parity, stopbits, rtscts, xonxoff for a serial port.
+    template : str
+        How a line looks, with the fields in braces; the simulated instrument writes it where there is a `pattern`.
+
+    Raises
+    ------
+    InputError
+        What does not go together, with the remedy.
+    """
+
+    name: str
+    channels: Mapping[str, ChannelMap]
+    framing: str = "line"
+    columns: Sequence[str] = ()
+    delimiter: str = ","
+    pattern: str = ""
+    terminator: bytes = b"\r\n"
+    query: bytes = b""
+    interval: float = 0.1
+    answer: float = 1.0
+    checksum: str = "none"
+    temperature: TemperatureMap | None = None
+    sequence: str = ""
+    modulus: int = 0
+    time: str = ""
+    silence: float = 3.0
+    stuck_after: int = 50
+    longest: int = 1024
+    serial: Mapping[str, object] = field(default_factory=dict)
+    template: str = ""
+    description: str = ""
+    source: str = ""
+    expression: re.Pattern[str] | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "expression", self._compiled())
+        if not self.channels or set(self.channels) - set(KINDS):
+            raise InputError(f"channels are {sorted(self.channels)}; allowed: one or more of {', '.join(KINDS)}")
+        ordered = {kind: self.channels[kind] for kind in KINDS if kind in self.channels}
+        object.__setattr__(self, "channels", ordered)
+        for name, allowed in (("framing", FRAMINGS), ("checksum", CHECKSUMS)):
+            if getattr(self, name) not in allowed:
+                raise InputError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
+        if not self.terminator or (self.framing == "wits0" and self.checksum != "none"):
+            raise InputError("a terminator is needed, e.g. \\r\\n; and WITS level 0 has no checksum")
+        for name, low, high in (("interval", 0.0, 3600.0), ("answer", 0.01, 600.0), ("silence", 0.1, 3600.0)):
+            if not low <= getattr(self, name) <= high:
+                raise InputError(f"{name} is {getattr(self, name):g} s; allowed {low:g} to {high:g} s")
+        for name, low, high in (("stuck_after", 0, 1e6), ("longest", 8, 1e6), ("modulus", 0, 1e12)):
+            if not low <= getattr(self, name) <= high:
+                raise InputError(f"{name} is {getattr(self, name)}; allowed {low:g} to {high:g}")
+        self._check_fields()
+
+    def _compiled(self) -> re.Pattern[str] | None:
+        given = [bool(self.columns), bool(self.pattern), self.framing == "wits0"]
+        if sum(given) != 1:
+            raise InputError("give one of columns and pattern (and neither for wits0)")
+        if self.columns and (not self.delimiter or len(self.columns) > 1000):
+            raise InputError(f"{len(self.columns)} columns, delimiter {self.delimiter!r}: at most 1000, and not empty")
+        if not self.pattern:
+            return None
+        if len(self.pattern) > LONGEST_PATTERN:
+            raise InputError(f"the pattern has {len(self.pattern)} characters; allowed {LONGEST_PATTERN}")
+        try:
+            return re.compile(self.pattern, re.ASCII)
+        except (re.error, RecursionError, OverflowError) as error:
+            raise InputError(f"the pattern is no regular expression: {error}") from None
+
+    def _check_fields(self) -> None:
+        """Every field that is used is one a line has, and is used once."""
+        used = self.used
+        twice = next((name for name in used if used.count(name) > 1), None)
+        if twice is not None:
+            raise InputError(f"field {twice!r} is used twice; each field is one thing")
+        known = set(self.columns) - {""} | set(self.expression.groupindex if self.expression else ())
+        if self.framing == "wits0":
+            unknown = next((name for name in used if not re.fullmatch(r"[0-9]{4}", name)), None)
+            remedy = "an item is four digits, record and item, e.g. 0722"
+        else:
+            unknown = next((name for name in used if name not in known), None)
+            remedy = f"there are {', '.join(sorted(known)) or 'none'}"
+        if unknown is not None:
+            raise InputError(f"field {unknown!r} is not in a line; {remedy}")
+        named = [name for name in self.columns if name]
+        if len(set(named)) != len(named):
+            raise InputError(f"columns {list(self.columns)} have a name twice")
+
+    @property
+    def used(self) -> list[str]:
+        """All fields with a meaning."""
+        found = [name for channel in self.channels.values() for name in channel.fields]
+        found += [self.temperature.field] if self.temperature else []
+        return found + [name for name in (self.sequence, self.time) if name]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Kind -> unit of its signals."""
+        return {kind: channel.unit for kind, channel in self.channels.items()}
+
+
+# Bytes to lines, within bounds whatever comes.
+
+
+class Lines:
+    r"""Collects bytes and gives out whole lines.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        Its terminator, and the longest line.
+
+    Examples
+    --------
+    >>> from inclinometry.laboratory.instruments.protocol_toml import read_protocol
+    >>> lines = Lines(read_protocol("csv-line"))
+    >>> list(lines.feed(b"1,2\r\n3,")), list(lines.feed(b"4\n")), lines.rest
+    ([b'1,2'], [b'3,4'], b'')
+    """
+
+    def __init__(self, protocol: Protocol) -> None:
+        # after \r\n a bare \n ends a line too: converters between the two are common
+        self._end = b"\n" if protocol.terminator.endswith(b"\n") else protocol.terminator
+        self._longest = protocol.longest
+        self._buffer = b""
+        self._skipping = False
+        self.overrun = 0
+        """How often bytes were thrown away because no line ended; the caller sets it back."""
+
+    @property
+    def rest(self) -> bytes:
+        """The beginning of a line whose end has not come."""
+        return self._buffer
+
+    def clear(self) -> None:
+        """Forget what has come; a new connection begins."""
+        self._buffer, self._skipping = b"", False
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Whole lines, without their ends and the white space around them; empty lines are passed over."""
+        pieces = (self._buffer + data).split(self._end)
+        self._buffer = pieces.pop()
+        for piece in pieces:
+            if self._skipping:
+                self._skipping = False
+            elif len(piece) > self._longest:
+                self.overrun += 1
+            elif line := piece.strip():
+                yield line
+        if len(self._buffer) > self._longest:
+            self.overrun += 0 if self._skipping else 1
+            self._buffer, self._skipping = self._buffer[-len(self._end) :], True
+
+
+# From a line, or a frame of WITS level 0, to the values of its fields as text.
+
+Fields = Mapping[str, str]
+
+
+class Refused(Exception):
+    """A line that cannot be used: kind of event, and why."""
+
+    def __init__(self, kind: str, why: str) -> None:
+        super().__init__(why)
+        self.kind, self.why = kind, why
+
+
+class FieldReader:
+    """Fields of one line after the other; remembers an open frame."""
+
+    def __init__(self, protocol: Protocol) -> None:
+        self._protocol = protocol
+        self._frame: Frame | None = None
+
+    def clear(self) -> None:
+        """A new connection begins."""
+        self._frame = None
+
+    def take(self, line: bytes) -> Fields | None:
+        """The fields of a line that completes a sample, None for one that does not.
+
+        Raises
+        ------
+        Refused
+            With the kind of event and the reason.
+        """
+        try:
+            text = line.decode("ascii")
+        except UnicodeDecodeError:
+            raise Refused("garbage", f"{shown(line)} is not ASCII") from None
+        if self._protocol.framing == "wits0":
+            return self._item(text)
+        body = without_checksum(self._protocol.checksum, text)
+        if body is None:
+            raise Refused("checksum", f"{shown(line)} has a wrong checksum ({self._protocol.checksum})")
+        if self._protocol.expression is not None:
+            match = self._protocol.expression.fullmatch(body.strip())
+            if match is None:
+                raise Refused("garbage", f"{shown(line)} does not fit the pattern")
+            return {name: value or "" for name, value in match.groupdict().items()}
+        cells = body.split(None if self._protocol.delimiter == " " else self._protocol.delimiter)
+        columns = self._protocol.columns
+        if len(cells) != len(columns):
+            raise Refused("garbage", f"{shown(line)} has {len(cells)} cells; {len(columns)} are expected")
+        return dict(zip(columns, cells, strict=True))
+
+    def _item(self, text: str) -> Fields | None:
+        frame = self._frame
+        if text == BEGIN:
+            self._frame = Frame(0, {}, {})
+            if frame is not None:
+                raise Refused("partial", "a frame does not end (!! is missing)")
+            return None
+        if frame is None:
+            if text == END:
+                raise Refused("partial", "the end of a frame (!!) without its beginning (&&)")
+            raise Refused("garbage", f"{shown(text.encode())} stands outside a frame")
+        if text != END:
+            wrong = take_item(frame, 0, text)
+            if wrong is not None:
+                self._frame = None
+                raise Refused("garbage", wrong.why)
+            return None
+        self._frame = None
+        mine = [name for name in self._protocol.used if name in frame.items]
+        if not mine:
+            return None  # a frame of another record
+        missing = next((name for name in self._protocol.used if name not in frame.items), None)
+        if missing is not None:
+            raise Refused("partial", f"a frame has no item {missing}")
+        return frame.items
+
+
+def shown(line: bytes) -> str:
+    r"""The beginning of a line as it can be printed.
+
+    Examples
+    --------
+    >>> shown(b"\xff12")
+    "'\\xff12'"
+    """
+    text = line[:40].decode("ascii", "backslashreplace").replace("'", "")
+    return (
+        "'"
+        + "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+        + ("..." if len(line) > 40 else "")
+        + "'"
+    )
+
+
+# The line an instrument would send for a sample: the reverse of reading one, for simulated instruments.
+
+
+def encode(protocol: Protocol, sample: Sample) -> bytes:
+    r"""A line, or a frame of WITS level 0, with its end.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    sample : Sample
+        With the channels of the protocol.
+
+    Raises
+    ------
+    InputError
+        A channel the protocol has is not in the sample; a pattern without a template.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from inclinometry.laboratory.instruments.protocol_toml import read_protocol
+    >>> channels = {"accelerometer": np.array([1.0, 2.0, 3.0]), "magnetometer": np.array([4.0, 5.0, 6.0])}
+    >>> encode(read_protocol("csv-line"), Sample(0.0, channels, 20.5, 7))
+    b'7,20.5,1,2,3,4,5,6\r\n'
+    """
+    values = _values(protocol, sample)
+    end = protocol.terminator
+    if protocol.framing == "wits0":
+        items = [f"{item}{value}" for item, value in sorted(values.items())]
+        return b"".join(text.encode("ascii") + end for text in (BEGIN, *items, END))
+    if protocol.columns:
+        line = protocol.delimiter.join(values.get(name, "0") for name in protocol.columns)
+    else:
+        if not protocol.template:
+            raise InputError(f"protocol {protocol.name!r} has a pattern and no template; add one to simulate it")
+        line = re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], "0"), protocol.template)
+    return with_checksum(protocol.checksum, line).encode("ascii") + end
+
+
+def _values(protocol: Protocol, sample: Sample) -> Mapping[str, str]:
+    values: dict[str, str] = {}
+    for kind, channel in protocol.channels.items():
+        signals = sample.channels.get(kind)
+        if signals is None or len(signals) != len(channel.fields):
+            have = "none" if signals is None else f"{len(signals)}"
+            raise InputError(
+                f"{kind}: the sample has {have} channels, protocol {protocol.name!r} {len(channel.fields)}"
+            )
+        numbers = channel.numbers(signals)
+        values.update((name, f"{x:.10g}") for name, x in zip(channel.fields, numbers.tolist(), strict=True))
+    if protocol.temperature is not None:
+        about, degrees = protocol.temperature, 20.0 if sample.temperature is None else sample.temperature
+        values[about.field] = f"{(degrees - about.offset) / about.scale:.6g}"
+    if protocol.sequence:
+        number = sample.sequence or 0
+        values[protocol.sequence] = str(number % protocol.modulus if protocol.modulus else number)
+    if protocol.time:
+        values[protocol.time] = f"{sample.instrument_time or 0.0:.3f}"
+    return values
+
+
+# Bytes to samples and events; knows no port and no thread.
+
+_NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?\s*", re.ASCII)
+_WHOLE: Final = re.compile(r"\s*\d{1,18}(\.0*)?\s*", re.ASCII)
+NOTHING: Final = (-9999.0, -8888.0)
+"""What WITS level 0 writes for no value."""
+
+
+class Decoder:
+    """Turns what comes through a port into samples, each delivered once, and says what was wrong with the rest.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    on_sample, on_event : callables
+        Called in the order in which things came.
+    clock : callable
+        s; where it goes back, times go on from where they were.
+
+    Notes
+    -----
+    The first line after connecting to an instrument that sends by itself is left out unless it has a checksum: it may
+    have lost its beginning, and "23.5" for "123.5" looks like any number. A sample with the number of the one before
+    is one sample. Neither is counted as lost.
+    """
+
+    def __init__(
+        self,
+        protocol: Protocol,
+        on_sample: Callable[[Sample], None],
+        on_event: Callable[[InstrumentEvent], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self._protocol, self._on_sample, self._on_event, self._clock = protocol, on_sample, on_event, clock
+        self._lines, self._fields = Lines(protocol), FieldReader(protocol)
+        self._doubt_first = not protocol.query and protocol.checksum == "none" and protocol.framing == "line"
+        self._first = self._doubt_first
+        self._time = float("-inf")
+        self._ahead = 0.0  # what is added to a clock that went back
+        self._sequence: int | None = None
+        self._instrument_time: float | None = None
+        self._same: tuple[str, ...] = ()
+        self._times_same = 0
+
+    def connected(self) -> None:
+        """A new connection begins: what is left of the last one is thrown away."""
+        if self._lines.rest:
+            self.event("partial", f"the connection ended within a line: {shown(self._lines.rest)}")
+        self._lines.clear()
+        self._fields.clear()
+        self._first = self._doubt_first
+
+    def feed(self, data: bytes) -> int:
+        """Take bytes as they come; the number of samples they completed."""
+        samples = 0
+        for line in self._lines.feed(data):
+            if self._first:
+                self._first = False
+                self.event("partial", f"the first line after connecting is left out, it may be a part: {shown(line)}")
+                continue
+            try:
+                fields = self._fields.take(line)
+                samples += fields is not None and self._sample(fields, line)
+            except Refused as refused:
+                self.event(refused.kind, refused.why)
+        if self._lines.overrun:
+            self._lines.overrun = 0
+            self._first = False
+            self.event("too-long", f"more than {self._protocol.longest} bytes without the end of a line; thrown away")
+        return samples
+
+    def event(self, kind: str, sentence: str) -> None:
+        """Report an event now."""
+        self._on_event(InstrumentEvent(self._now(), kind, sentence))
+
+    def _now(self) -> float:
+        self._time = max(self._time, self._clock() + self._ahead)
+        return self._time
+
+    def _sample(self, fields: Fields, line: bytes) -> bool:
+        protocol, faults = self._protocol, []
+        channels: dict[str, Array] = {}
+        for kind, channel in protocol.channels.items():
+            signals = channel.signals([_number(fields, name, line) for name in channel.fields])
+            channels[kind] = signals
+            if not channel.low <= signals.min() <= signals.max() <= channel.high:
+                faults.append("range")
+                bounds = f"{channel.low:g} to {channel.high:g} {channel.unit}"
+                self.event("range", f"{kind} reads {', '.join(f'{v:g}' for v in signals)}; allowed {bounds}")
+        temperature = self._temperature(fields, line, faults)
+        when = _number(fields, protocol.time, line) if protocol.time else None
+        number = _whole(fields, protocol.sequence, line) if protocol.sequence else None
+        now = self._read_clock()
+        if number is not None and not self._counted(number):
+            return False
+        self._check_instrument_clock(when)
+        if self._is_stuck(fields):
+            faults.append("stuck")
+        self._on_sample(Sample(now, channels, temperature, number, when, tuple(dict.fromkeys(faults))))
+        return True
+
+    def _read_clock(self) -> float:
+        now = self._clock() + self._ahead
+        if now < self._time:
+            back = self._time - now
+            self._ahead += back
+            self.event("clock", f"our clock went back by {back:.3g} s; times go on from where they were")
+        return self._now()
+
+    def _temperature(self, fields: Fields, line: bytes, faults: list[str]) -> float | None:
+        about = self._protocol.temperature
+        if about is None:
+            return None
+        degrees = about.scale * _number(fields, about.field, line) + about.offset
+        if not about.low <= degrees <= about.high:
+            faults.append("range")
+            self.event("range", f"temperature is {degrees:g} degC; allowed {about.low:g} to {about.high:g} degC")
+        return degrees
+
+    def _counted(self, number: int) -> bool:
+        """Whether a sample with this number is new; gaps and restarts are reported."""
+        last, self._sequence = self._sequence, number
+        if last is None:
+            return True
+        step = number - last
+        if self._protocol.modulus:
+            step %= self._protocol.modulus
+            if step > self._protocol.modulus // 2:
+                step -= self._protocol.modulus
+        if step == 0:
+            self.event("repeated", f"sample {number} came twice; the second one is left out")
+            return False
+        if step > 1:
+            self.event("gap", f"{step - 1} samples are missing before number {number}")
+        if step < 0:
+            self._instrument_time = None
+            self.event("restart", f"the instrument counts from {number} again, after {last}")
+        return True
+
+    def _check_instrument_clock(self, when: float | None) -> None:
+        before, self._instrument_time = self._instrument_time, when
+        if when is not None and before is not None and when < before:
+            self.event("clock", f"the instrument's clock went back from {before:g} s to {when:g} s")
+
+    def _is_stuck(self, fields: Fields) -> bool:
+        limit = self._protocol.stuck_after
+        if not limit:
+            return False
+        same = tuple(fields[name] for channel in self._protocol.channels.values() for name in channel.fields)
+        self._times_same = self._times_same + 1 if same == self._same else 1
+        self._same = same
+        if self._times_same == limit:
+            self.event("stuck", f"the same values came {limit} times in a row; is the converter alive?")
+        return self._times_same >= limit
+
+
+def _number(fields: Fields, name: str, line: bytes) -> float:
+    text = fields[name]
+    if not _NUMBER.fullmatch(text):
+        raise Refused("garbage", f"{name} is {text[:20]!r}, not a number, in {shown(line)}")
+    value = float(text)
+    if not -LARGEST <= value <= LARGEST or (value in NOTHING and name.isdigit()):
+        raise Refused("garbage", f"{name} is {text[:20]!r}, which stands for no value, in {shown(line)}")
+    return value
+
+
+def _whole(fields: Fields, name: str, line: bytes) -> int:
+    text = fields[name]
+    if not _WHOLE.fullmatch(text):
+        raise Refused("garbage", f"{name} is {text[:20]!r}, not the number of a sample, in {shown(line)}")
+    return int(float(text)) if "." in text else int(text)

@@ -1,0 +1,177 @@
+"""Protocols from TOML: shipped under a name, or a laboratory's own file; every key is checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any, Final
+
+from inclinometry.constants import KINDS
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import toml_keys
+from inclinometry.laboratory.instruments.protocol import LARGEST, ChannelMap, Protocol, TemperatureMap
+
+_TEXTS: Final = ("description", "source", "framing", "delimiter", "pattern", "checksum", "template", "sequence", "time")
+_BYTES: Final = ("terminator", "query")
+_NUMBERS: Final = {
+    "interval_s": ("interval", 0.0, 3600.0),
+    "answer_s": ("answer", 0.01, 600.0),
+    "silence_s": ("silence", 0.1, 3600.0),
+}
+_WHOLE: Final = {"stuck_after": 10**6, "longest": 10**6, "modulus": 10**12}
+_KEYS: Final = (*_TEXTS, *_BYTES, *_NUMBERS, *_WHOLE, "columns", "channels", "temperature", "serial")
+_SERIAL: Final[Mapping[str, tuple[Any, ...]]] = {
+    "baudrate": (300, 600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600),
+    "bytesize": (7, 8),
+    "parity": ("N", "E", "O"),
+    "stopbits": (1, 1.5, 2),
+    "rtscts": (True, False),
+    "xonxoff": (True, False),
+}
+
+
+def protocol_names() -> tuple[str, ...]:
+    """Names of the protocols shipped with the package.
+
+    Examples
+    --------
+    >>> protocol_names()
+    ('csv-line', 'query-response', 'wits0')
+    """
+    folder = files("inclinometry.laboratory.instruments").joinpath("protocols")
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
+
+
+def read_protocol(name_or_path: str | Path) -> Protocol:
+    """A protocol by the name of a shipped one, or from a TOML file.
+
+    Raises
+    ------
+    InputError
+        A name that is neither; lists the names.
+    FileError
+        Wrong syntax, an unknown key, a value out of range, fields that are not there.
+
+    Examples
+    --------
+    >>> protocol = read_protocol("query-response")
+    >>> protocol.query, protocol.units
+    (b'0SD\\r', {'accelerometer': 'counts', 'magnetometer': 'counts'})
+    """
+    if str(name_or_path) in protocol_names():
+        with as_file(
+            files("inclinometry.laboratory.instruments").joinpath("protocols", f"{name_or_path}.toml")
+        ) as path:
+            return _read(path)
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        names = ", ".join(protocol_names())
+        raise InputError(f"protocol {str(name_or_path)!r} is neither a .toml file nor one of those shipped: {names}")
+    return _read(path)
+
+
+def _read(path: Path) -> Protocol:
+    settings = toml_keys.load(path, _KEYS)
+    found: dict[str, Any] = {key: value for key in _TEXTS if (value := _text(settings, key)) is not None}
+    for key in _BYTES:
+        value = _text(settings, key)
+        if value is not None:
+            found[key] = _ascii(value, key, path)
+    for key, (name, low, high) in _NUMBERS.items():
+        number = settings.number(key, low, high)
+        if number is not None:
+            found[name] = number
+    for key, most in _WHOLE.items():
+        number = settings.number(key, 0, most)
+        if number is not None:
+            found[key] = int(number)
+    if "columns" in settings.content:
+        found["columns"] = _texts(settings.content["columns"], "columns", path)
+    found["serial"] = _serial(settings.content.get("serial", {}), path)
+    try:
+        found["channels"] = _channels(settings.content.get("channels"), path)
+        if "temperature" in settings.content:
+            found["temperature"] = _temperature(settings.content["temperature"], path)
+        return Protocol(path.stem, **found)
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(str(error), path=path) from None
+
+
+def _text(settings: toml_keys.Settings, key: str) -> str | None:
+    value = settings.content.get(key)
+    if value is not None and (not isinstance(value, str) or not value or len(value) > 4000):
+        raise FileError(f"{key} is {str(value)[:60]!r}; a text of 1 to 4000 characters is needed", path=settings.path)
+    return value
+
+
+def _ascii(value: str, key: str, path: Path) -> bytes:
+    try:
+        return value.encode("latin-1")
+    except UnicodeEncodeError:
+        raise FileError(f"{key} is {value!r}; only bytes up to \\u00ff can be sent", path=path) from None
+
+
+def _texts(value: Any, where: str, path: Path) -> tuple[str, ...]:
+    if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
+        raise FileError(f'{where} is {str(value)[:60]}; a list of names is needed, e.g. ["ax", "ay", "az"]', path=path)
+    return tuple(value)
+
+
+def _table(value: Any, where: str, keys: tuple[str, ...], path: Path) -> toml_keys.Settings:
+    if not isinstance(value, dict):
+        raise FileError(f"{where} is {str(value)[:60]}; a table [{where}] is needed", path=path)
+    try:
+        return toml_keys.Settings(path, value, keys)
+    except FileError as error:
+        raise FileError(f"{where}: {error.problem}", path=path) from None
+
+
+def _channels(value: Any, path: Path) -> dict[str, ChannelMap]:
+    found: dict[str, ChannelMap] = {}
+    for kind, entry in _table(value, "channels", KINDS, path).content.items():
+        where = f"channels.{kind}"
+        table = _table(entry, where, ("fields", "unit", "axes", "scale", "low", "high"), path)
+        content = table.content
+        more: dict[str, Any] = {"axes": _texts(content["axes"], f"{where}.axes", path)} if "axes" in content else {}
+        unit = _text(table, "unit")
+        if unit is not None:
+            more["unit"] = unit
+        for key in ("low", "high"):
+            number = table.number(key, -LARGEST, LARGEST)
+            if number is not None:
+                more[key] = number
+        if "scale" in content:
+            more["scale"] = _scale(table)
+        found[kind] = ChannelMap(_texts(content.get("fields"), f"{where}.fields", path), **more)
+    return found
+
+
+def _scale(table: toml_keys.Settings) -> float | list[float]:
+    value = table.content["scale"]
+    if not isinstance(value, list):
+        return table.number("scale", -LARGEST, LARGEST) or 0.0
+    if not value or any(isinstance(one, bool) or not isinstance(one, int | float) for one in value):
+        raise FileError(f"scale is {str(value)[:60]}; a number, or a list of one a field, is needed", path=table.path)
+    return [float(one) for one in value]
+
+
+def _temperature(value: Any, path: Path) -> TemperatureMap:
+    table = _table(value, "temperature", ("field", "scale", "offset_degC", "low_degC", "high_degC"), path)
+    name = _text(table, "field")
+    if name is None:
+        raise FileError("temperature: key 'field' is missing; name the field", path=path)
+    keys = {"scale": "scale", "offset_degC": "offset", "low_degC": "low", "high_degC": "high"}
+    given = {own: table.number(key, -1e6, 1e6) for key, own in keys.items()}
+    return TemperatureMap(name, **{own: number for own, number in given.items() if number is not None})
+
+
+def _serial(value: Any, path: Path) -> dict[str, object]:
+    table = _table(value, "serial", tuple(_SERIAL), path)
+    for key, given in table.content.items():
+        if given not in _SERIAL[key] or isinstance(given, bool) != isinstance(_SERIAL[key][0], bool):
+            allowed = ", ".join(str(one) for one in _SERIAL[key])
+            raise FileError(f"serial: {key} is {given!r}; allowed: {allowed}", path=path)
+    return dict(table.content)

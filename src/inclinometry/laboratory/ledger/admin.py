@@ -1,0 +1,76 @@
+"""Making a ledger and bringing an old one up to date."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import DBAPIError
+
+from inclinometry.laboratory.ledger.engine import LedgerError, engine, shown, translated, unprotected
+from inclinometry.laboratory.ledger.ledger import Ledger
+
+
+def create(where: str | Path) -> Ledger:
+    """Make an empty ledger, or bring an existing one up to date, and open it.
+
+    Raises
+    ------
+    LedgerError
+        A folder that cannot be written, a database that is not a ledger or of a newer program.
+    """
+    if "://" not in str(where):
+        path = Path(where)
+        try:
+            if path.is_dir():
+                raise LedgerError(f"{where} is a folder; name a file in it, e.g. {path / 'ledger.sqlite'}")
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except (OSError, UnicodeEncodeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise LedgerError(f"{where!r:.200}: the folder cannot be made ({reason})") from None
+    made = engine(where, create=True)
+    try:
+        with translated(shown(where)):
+            if made.dialect.name == "sqlite":
+                _write_ahead(made, where)
+            _migrate(made)
+            with made.connect() as connection:
+                bare = unprotected(connection)
+    finally:
+        made.dispose()
+    if bare:
+        raise LedgerError(
+            f"{shown(where)}: somebody removed the protection against changes of {', '.join(bare)}; run `inclinometry "
+            "ledger verify`, and move a ledger that is sound into a new one with `ledger export` and `ledger import`"
+        )
+    return Ledger(where)
+
+
+def _write_ahead(made: Engine, where: str | Path) -> None:
+    """Readers do not wait for a writer; the mode cannot be set inside a transaction."""
+    try:
+        raw = made.raw_connection()
+        try:
+            raw.cursor().execute("PRAGMA journal_mode = WAL")
+        finally:
+            raw.close()
+    except (sqlite3.Error, DBAPIError) as error:
+        reason = getattr(error, "orig", None) or error
+        raise LedgerError(
+            f"{where}: not a ledger, or not to be written ({reason}); check path and permissions, or name another file"
+        ) from None
+
+
+def _migrate(made: Engine, revision: str = "head") -> None:
+    from alembic import command
+    from alembic.config import Config
+    from alembic.util import CommandError
+
+    config = Config()
+    config.set_main_option("script_location", str(Path(__file__).parent / "migrations").replace("%", "%%"))
+    config.attributes["engine"] = made
+    try:
+        command.upgrade(config, revision)
+    except CommandError as error:
+        raise LedgerError(f"the ledger was made by a newer program ({error}); update inclinometry") from None

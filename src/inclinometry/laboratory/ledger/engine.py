@@ -1,0 +1,534 @@
+"""Reaching the database of a ledger: addresses, connections, and its errors as sentences."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    ForeignKey,
+    Integer,
+    LargeBinary,
+    MetaData,
+    Table,
+    Text,
+    UniqueConstraint,
+    column,
+    create_engine,
+    event,
+    inspect,
+    select,
+    table,
+)
+from sqlalchemy.engine import URL, Connection, Engine, make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError, IntegrityError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.pool import NullPool
+
+from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger import chain
+
+if TYPE_CHECKING:
+    from jsonschema import Draft202012Validator
+
+PATIENCE: Final = 20
+"""Seconds a writer waits for another one."""
+_WRITE_LOCK: Final = 0x1E_D6E7  # any number, the same for all writers of one PostgreSQL database
+_CACHE_KIB: Final = 65_536  # indexes of a million records in memory; the usual 2 MiB makes appending crawl
+_REMEDIES: Final = (
+    ("disk is full", "free some space on the disk, then try again; nothing was recorded"),
+    ("No space left", "free some space on the disk of the server, then try again; nothing was recorded"),
+    ("disk I/O", "check the disk and the space on it; nothing was recorded"),
+    ("readonly", "the file or its folder cannot be written; check its permissions"),
+    ("read-only", "the server does not let this user write; ask its administrator"),
+    ("unable to open", "check the path and its permissions"),
+    ("not a database", "this file is not a ledger"),
+    ("malformed", "the file is damaged; restore a backup"),
+    ("decode", "a text in it was changed; run `inclinometry ledger verify`"),
+    ("locked", "another program holds the ledger; close it, then try again"),
+    ("lock timeout", "another program holds the ledger; close it, then try again"),
+    ("append-only", "records are never changed"),
+    ("no such table", "the file was changed; run `inclinometry ledger verify`"),
+    ("password authentication failed", "check user and password of the address"),
+    ("does not exist", "check user and database of the address"),
+    ("could not translate host", "check the host of the address"),
+    ("failed to resolve host", "check the host of the address"),
+    ("connection failed", "check that the server runs and that the address is right"),
+    ("connection is bad", "check that the server runs and that the address is right"),
+)
+
+
+class LedgerError(InputError):
+    """The ledger refuses, or cannot be used: what happened and what to do."""
+
+
+class ConflictError(LedgerError):
+    """Somebody else recorded the same thing first; nothing was lost, look again."""
+
+
+def default_path() -> Path:
+    """Where the bench keeps its ledger when none is named: in the user's data folder."""
+    base = os.environ.get("LOCALAPPDATA") if os.name == "nt" else os.environ.get("XDG_DATA_HOME")
+    return Path(base or Path.home() / ".local" / "share") / "inclinometry" / "ledger.sqlite"
+
+
+def shown(where: str | Path) -> str:
+    """An address without its password.
+
+    Examples
+    --------
+    >>> shown("postgresql://anna:secret@host/lab"), shown("lab.sqlite")
+    ('postgresql://anna:***@host/lab', 'lab.sqlite')
+    """
+    text = str(where)
+    if "://" not in text:
+        return text
+    try:
+        url = make_url(text)
+        hidden = {key: "***" if "pass" in key else value for key, value in url.query.items()}
+        return url.set(query=hidden).render_as_string(hide_password=True)
+    except (ArgumentError, ValueError):  # what cannot be read is hidden up to the last @
+        return re.sub(r"(password=)[^&]*", r"\1***", re.sub(r"://.*@", "://***@", text))
+
+
+def engine(where: str | Path, *, create: bool = False, read_only: bool = False) -> Engine:
+    """The database engine of a path or an address.
+
+    Parameters
+    ----------
+    where : str or Path
+    create : bool
+        The file may be missing.
+    read_only : bool
+        Nothing will be written; a ledger in a folder that cannot be written can be read then.
+
+    Raises
+    ------
+    LedgerError
+        No such file (unless `create`), not a file, a kind of database that is not supported.
+    """
+    text = str(where)
+    return _server(text) if "://" in text else _file(text, create, read_only)
+
+
+def _file(text: str, create: bool, read_only: bool) -> Engine:
+    path = Path(text)
+    try:
+        os.fsencode(text)
+        if "\0" in text:
+            raise ValueError("a NUL character")
+        there, plain = path.exists(), path.is_file()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise LedgerError(f"{text!r:.200}: this cannot be the path of a ledger ({reason})") from None
+    if there and not plain:
+        kind = "a folder" if path.is_dir() else "a device or pipe"
+        raise LedgerError(f"{text} is {kind}, not a ledger; name a file")
+    if not there and not create:
+        raise LedgerError(f"{text}: there is no such ledger; make one with `inclinometry ledger init {text}`")
+    address = URL.create("sqlite", database=text)
+    if read_only and _sealed(path):
+        address = URL.create("sqlite", database=path.resolve().as_uri(), query={"immutable": "1", "uri": "true"})
+    made = create_engine(address, poolclass=NullPool if create else None)
+    event.listen(made, "connect", _prepare_sqlite)
+    event.listen(made, "begin", _begin_sqlite)
+    return made
+
+
+def _sealed(path: Path) -> bool:
+    """Whether SQLite could not make the files it needs beside the ledger, and nobody else works on it."""
+    folder = path.resolve().parent
+    beside = path.resolve().with_name(path.resolve().name + "-wal")
+    return not os.access(folder, os.W_OK) and not beside.exists()
+
+
+def _server(text: str) -> Engine:
+    try:
+        url = make_url(text)
+        backend = url.get_backend_name()
+        # the rest of a port or query that cannot be read comes to light here
+        made = create_engine(url.set(drivername="postgresql+psycopg"), pool_pre_ping=True)
+    except ModuleNotFoundError as error:
+        raise LedgerError(
+            f"{shown(text)}: {error.name} is not installed; PostgreSQL needs `pip install inclinometry[postgresql]`"
+        ) from None
+    except (ArgumentError, NoSuchModuleError, ValueError):
+        raise LedgerError(
+            f"{shown(text)}: this address cannot be used; write postgresql://user:password@host:5432/database, "
+            "characters such as @ and / in the password as %40 and %2F"
+        ) from None
+    if backend not in ("postgresql", "postgres"):
+        raise LedgerError(
+            f"{shown(text)}: a ledger is a file path (SQLite) or postgresql+psycopg://user:password@host/database"
+        )
+    if not url.database:
+        raise LedgerError(f"{shown(text)} names no database; write postgresql://user:password@host/database")
+    event.listen(made, "begin", _begin_postgresql)
+    return made
+
+
+def _prepare_sqlite(connection: Any, _: object) -> None:
+    connection.isolation_level = None  # SQLAlchemy's BEGIN below, not the driver's late one
+    cursor = connection.cursor()
+    for pragma in (
+        f"busy_timeout = {PATIENCE * 1000}",
+        "foreign_keys = ON",
+        "synchronous = FULL",
+        "trusted_schema = OFF",
+        f"cache_size = -{_CACHE_KIB}",
+    ):
+        cursor.execute(f"PRAGMA {pragma}")
+    cursor.close()
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    # a writer takes the lock at once: two that both read first and then write would exclude each other for ever
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if connection.get_execution_options().get("writing") else "BEGIN")
+
+
+def _begin_postgresql(connection: Connection) -> None:
+    if not connection.get_execution_options().get("writing"):
+        return
+    # one writer at a time, or two would take the same place in the chain; an acknowledged record is on the disk even
+    # where the server is set up to be quicker than that
+    connection.exec_driver_sql(
+        f"SET LOCAL lock_timeout = '{PATIENCE}s'; SELECT pg_advisory_xact_lock({_WRITE_LOCK}); "
+        "SELECT set_config('synchronous_commit', 'on', true) WHERE current_setting('synchronous_commit') = 'off'"
+    )
+
+
+@contextmanager
+def translated(where: str) -> Iterator[None]:
+    """Errors of the database as sentences."""
+    try:
+        yield
+    except IntegrityError as error:
+        cause = str(error.orig)
+        if "append-only" in cause:
+            raise LedgerError(f"{where}: {cause.splitlines()[0]}") from None
+        raise ConflictError(
+            f"{where}: somebody else has just recorded this; nothing was lost, load the page again"
+        ) from None
+    except DBAPIError as error:
+        cause = " ".join(str(error.orig).split())[:200]
+        remedy = next((text for mark, text in _REMEDIES if mark in cause), "nothing was recorded")
+        if error.connection_invalidated:
+            remedy = "the connection was lost; load the page again to see whether the last record was kept"
+        raise LedgerError(f"{where}: {cause}: {remedy}") from None
+    except SQLAlchemyError as error:
+        raise LedgerError(f"{where}: the ledger cannot be used ({error})") from None
+
+
+# The kinds of record a ledger holds: what they are found by, and what their body must contain.
+
+VERSION: Final = 1
+"""Version of the records written; records of older versions stay readable for ever."""
+INTEGERS: Final = range(2**31)
+"""Whole numbers a key may be: what both engines can keep."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of record.
+
+    name : of the kind and of its table.
+    keys : columns it is found by, name -> type; they are not repeated in the body.
+    unique : the keys that no two records may share; empty when a later record with the same keys is a new version.
+    """
+
+    name: str
+    keys: Mapping[str, type]
+    unique: tuple[str, ...] = ()
+
+
+KINDS: Final[Mapping[str, Kind]] = {
+    kind.name: kind
+    for kind in (
+        Kind("tool", {"serial": str}),
+        Kind("rig", {"name": str}),
+        Kind("site", {"name": str}),
+        Kind("session", {"serial": str, "purpose": str}),
+        Kind("reading", {"session": str, "position": int, "attempt": int}, ("session", "position", "attempt")),
+        Kind("calibration", {"serial": str, "session": str}),
+        Kind("verification", {"serial": str, "calibration": str}),
+        Kind("certificate", {"number": str, "serial": str}, ("number",)),
+        Kind("user", {"name": str}),
+        Kind("event", {"subject_kind": str, "subject": str, "action": str}),
+    )
+}
+"""A tool, rig, site or user is changed by a newer record of the same key; the others are never changed."""
+
+
+def _items(validator: Any, items: Any, instance: Any, schema: Any) -> Iterator[Any]:
+    """The keyword "items", without a validator for each number of a list of numbers: half the time of a reading."""
+    from jsonschema import Draft202012Validator
+
+    if items == {"type": "number"} and type(instance) is list and {*map(type, instance)} <= {float, int}:
+        return
+    yield from Draft202012Validator.VALIDATORS["items"](validator, items, instance, schema) or ()
+
+
+@cache
+def _validator(kind: str, version: int) -> Draft202012Validator:
+    from jsonschema import Draft202012Validator
+    from jsonschema.validators import extend
+
+    name = f"{kind}-{version}.json"
+    try:
+        text = files("inclinometry.laboratory.ledger").joinpath("schemas", name).read_text("utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{kind} records of version {version} are not known; update inclinometry") from None
+    made: Draft202012Validator = extend(Draft202012Validator, {"items": _items})(json.loads(text))  # type: ignore[no-untyped-call]
+    return made
+
+
+def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: int = VERSION) -> Kind:
+    """The kind, when keys and body fit it.
+
+    Raises
+    ------
+    InputError
+        An unknown kind, keys that are missing, surplus or of the wrong type, a body that does not fit the schema of the
+        kind; with the path of the value.
+
+    Examples
+    --------
+    >>> check("tool", {"serial": "IN-7"}, {"name": "steering tool", "triads": {}}).unique
+    ()
+    """
+    if kind not in KINDS:
+        raise InputError(f"record kind is {kind!r}; allowed: {', '.join(KINDS)}")
+    known = KINDS[kind]
+    if set(keys) != set(known.keys):
+        raise InputError(f"a {kind} record has the keys {', '.join(known.keys)}; given: {', '.join(keys) or 'none'}")
+    for name, wanted in known.keys.items():
+        value = keys[name]
+        fits = plain(value) if wanted is str else (type(value) is int and value in INTEGERS)
+        if not fits:
+            must = "a text of 1 to 200 printable characters"
+            must = must if wanted is str else f"a whole number, 0 to {INTEGERS[-1]}"
+            raise InputError(f"{kind}.{name} is {_shown(value)}; it must be {must}")
+    if type(version) is not int:
+        raise InputError(f"the version of a {kind} record is {version!r:.60}; it must be a whole number")
+    error = next(iter(_validator(kind, version).iter_errors(body)), None)
+    if error is not None:
+        where = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
+        raise InputError(f"the body of a {kind} record does not fit: {kind}{where}: {error.message[:200]}")
+    return known
+
+
+def plain(text: object) -> bool:
+    """Whether this is a text that both engines keep as it is: 1 to 200 printable characters, no blanks at its ends."""
+    return isinstance(text, str) and 1 <= len(text) <= 200 and text.isprintable() and text == text.strip()
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, int) and value.bit_length() > 64:
+        return f"a number of {value.bit_length()} bits"
+    return f"{value!r:.60}"
+
+
+# SQLite gives a rowid alias, which a range scan needs, to INTEGER only
+_SEQ: Final = BigInteger().with_variant(Integer(), "sqlite")
+METADATA: Final = MetaData()
+
+CHAIN: Final = Table(
+    "chain",
+    METADATA,
+    Column("seq", _SEQ, primary_key=True, autoincrement=False),
+    Column("kind", Text, nullable=False),
+    Column("record", Text, nullable=False, unique=True),
+    Column("created", Text, nullable=False),
+    Column("digest", Text, nullable=False),
+    Column("link", Text, nullable=False),
+)
+
+DOCUMENT: Final = Table(
+    "document",
+    METADATA,
+    Column("digest", Text, primary_key=True),
+    Column("media_type", Text, nullable=False),
+    Column("data", LargeBinary, nullable=False),
+)
+"""Files that records refer to by their SHA-256: certificates, uploaded logs."""
+
+
+def _table(kind: Kind) -> Table:
+    types = {str: Text, int: Integer}
+    columns: list[Column[Any]] = [Column(name, types[wanted], nullable=False) for name, wanted in kind.keys.items()]
+    extra = [UniqueConstraint(*kind.unique, name=f"uq_{kind.name}")] if kind.unique else []
+    return Table(
+        kind.name,
+        METADATA,
+        Column("seq", _SEQ, ForeignKey("chain.seq"), primary_key=True, autoincrement=False),
+        Column("id", Text, nullable=False, unique=True),
+        Column("created", Text, nullable=False),
+        Column("author", Text, nullable=False),
+        Column("version", Integer, nullable=False),
+        *columns,
+        Column("body", Text, nullable=False),
+        *extra,
+    )
+
+
+TABLES: Final = {name: _table(kind) for name, kind in KINDS.items()}
+"""Table of each kind of record."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One record, as stored.
+
+    kind, id, seq : what it is, its name, its place in the chain (from 1).
+    created : UTC, ISO 8601 with microseconds.
+    author : name of the user.
+    version : of its schema.
+    keys, body : what it is found by, and the rest.
+    digest : SHA-256 of all of this.
+    """
+
+    kind: str
+    id: str
+    seq: int
+    created: str
+    author: str
+    version: int
+    keys: Mapping[str, Any]
+    body: Mapping[str, Any]
+    digest: str = field(default="", compare=False)
+
+
+class Unless(NamedTuple):
+    """What must not be in the ledger yet when something is recorded: a kind, keys as for `Ledger.find`, what to say."""
+
+    kind: str
+    keys: Mapping[str, Any]
+    message: str
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A record to be appended: kind, keys and body, with the files it refers to (media type, bytes)."""
+
+    kind: str
+    keys: Mapping[str, Any]
+    body: Mapping[str, Any]
+    documents: Sequence[tuple[str, bytes]] = ()
+
+
+def row_digest(kind: str, row: Any) -> str:
+    """Digest of a row as it stands; "" when it holds what no record can (bytes in a text's place, broken UTF-8)."""
+    keys = {name: getattr(row, name) for name in KINDS[kind].keys}
+    try:
+        return chain.record_digest(kind, row.id, row.created, row.author, row.version, keys, row.body)
+    except InputError:
+        return ""
+
+
+def record_of(kind: str, row: Any) -> Record:
+    """The record of a row that was read together with its digest in the chain.
+
+    Raises
+    ------
+    LedgerError
+        The row was changed after it was recorded: what is computed from records is computed from sound ones.
+    """
+    if row_digest(kind, row) != row.digest:
+        raise LedgerError(
+            f"{kind} {row.seq} ({row.id}) was changed behind the back of the ledger and is not used; "
+            "run `inclinometry ledger verify`"
+        )
+    keys = {name: getattr(row, name) for name in KINDS[kind].keys}
+    return Record(kind, row.id, row.seq, row.created, row.author, row.version, keys, json.loads(row.body), row.digest)
+
+
+REVISIONS: Final = ("0001", "0002")
+"""Revisions of the tables this program reads and writes; the last one is what it makes."""
+_NAMES: Final = ("chain", "document", *TABLES)
+_FUNCTION: Final = " BEGIN RAISE EXCEPTION 'the ledger is append-only: %', TG_TABLE_NAME; END "
+_BEFORE_ANY_STATEMENT: Final = 2 + 8 + 16 + 32  # pg_trigger.tgtype: before, delete, update, truncate; for statements
+
+
+def readable(connection: Connection, where: str) -> None:
+    """Refuse what is not a ledger, and a ledger of a newer program.
+
+    Raises
+    ------
+    LedgerError
+    """
+    tables = set(inspect(connection).get_table_names())
+    if "chain" not in tables or "alembic_version" not in tables:
+        raise LedgerError(f"{where}: this is not a ledger; make one with `inclinometry ledger init`")
+    version = select(column("version_num", Text())).select_from(table("alembic_version"))
+    found: list[str] = list(connection.execute(version).scalars())
+    unknown = [revision for revision in found if revision not in REVISIONS]
+    if unknown:
+        raise LedgerError(f"{where}: the ledger was made by a newer program ({unknown[0]!r:.40}); update inclinometry")
+    lost = [name for name in _NAMES if name not in tables]
+    if lost:
+        raise LedgerError(f"{where}: the tables {', '.join(lost)} are missing; restore a backup")
+
+
+def protect(connection: Connection) -> None:
+    """(Re-)create the triggers that refuse UPDATE, DELETE and TRUNCATE on every table.
+
+    A migration that rebuilds a SQLite table drops its triggers silently: every migration ends with this.
+    """
+    if connection.dialect.name == "sqlite":
+        for name, text in _sqlite_triggers().items():
+            connection.exec_driver_sql(f'DROP TRIGGER IF EXISTS "{name}"')
+            connection.exec_driver_sql(text)
+        return
+    escaped = _FUNCTION.replace("%", "%%")
+    connection.exec_driver_sql(
+        f"CREATE OR REPLACE FUNCTION ledger_append_only() RETURNS trigger LANGUAGE plpgsql AS $${escaped}$$"
+    )
+    for name in _NAMES:
+        connection.exec_driver_sql(f'DROP TRIGGER IF EXISTS append_only ON "{name}"')
+        connection.exec_driver_sql(
+            f'CREATE TRIGGER append_only BEFORE UPDATE OR DELETE OR TRUNCATE ON "{name}" '
+            "FOR EACH STATEMENT EXECUTE FUNCTION ledger_append_only()"
+        )
+
+
+def _sqlite_triggers() -> dict[str, str]:
+    return {
+        f"{name}_{verb.lower()}": f'CREATE TRIGGER "{name}_{verb.lower()}" BEFORE {verb} ON "{name}" '
+        f"BEGIN SELECT RAISE(ABORT, 'the ledger is append-only: {name}'); END"
+        for name in _NAMES
+        for verb in ("UPDATE", "DELETE")
+    }
+
+
+def unprotected(connection: Connection) -> list[str]:
+    """Tables whose triggers are missing, switched off or not those of the program."""
+    if connection.dialect.name == "sqlite":
+        rows = connection.exec_driver_sql("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'")
+        found = {row.name: row.sql for row in rows}
+        wrong = {name for name, text in _sqlite_triggers().items() if found.get(name) != text}
+        return [n for n in _NAMES if wrong & {f"{n}_update", f"{n}_delete"}]
+    right = connection.exec_driver_sql(
+        "SELECT c.relname, p.prosrc FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid "
+        "JOIN pg_proc p ON p.oid = t.tgfoid WHERE t.tgname = 'append_only' AND t.tgenabled IN ('O', 'A') "
+        f"AND t.tgtype = {_BEFORE_ANY_STATEMENT} AND t.tgqual IS NULL "
+        "AND c.relnamespace = current_schema()::regnamespace"
+    )
+    sound = {name for name, source in right if source == _FUNCTION}
+    return [name for name in _NAMES if name not in sound]
+
+
+def strange(connection: Connection) -> list[str]:
+    """Triggers of a SQLite ledger that the program did not make: they could change what is recorded."""
+    if connection.dialect.name != "sqlite":
+        return []
+    names = connection.exec_driver_sql("SELECT name FROM sqlite_master WHERE type = 'trigger'").scalars().all()
+    return sorted(set(names) - set(_sqlite_triggers()))

@@ -1,0 +1,231 @@
+"""A whole ledger as one file: export and backup; `restore` reads an export."""
+
+from __future__ import annotations
+
+import heapq
+import json
+import sqlite3
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy import Select, func, select
+from sqlalchemy.engine import Connection
+
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.writing import replacing
+from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, KINDS, TABLES, LedgerError, check, plain, row_digest
+from inclinometry.laboratory.ledger.ledger import LARGEST_DOCUMENT, Batch, Ledger, add_document
+
+Progress = Callable[[float], None]
+FORMAT: Final = "inclinometry/ledger-export"
+VERSION: Final = 1
+BLOCK: Final = 500
+"""Records read or written at a time."""
+
+
+def export(ledger: Ledger, path: str | Path, *, progress: Progress | None = None) -> chain.Head:
+    """Write everything into one ZIP file: records.jsonl in order, documents/ by digest, manifest.json.
+
+    Returns
+    -------
+    Head
+        Of the chain written; note it elsewhere.
+    """
+    head, documents = chain.Head(0, chain.GENESIS), {}
+    with (
+        ledger.snapshot() as connection,
+        replacing(path) as stream,
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=3) as archive,
+    ):
+        with archive.open("records.jsonl", "w", force_zip64=True) as lines:
+            for row in _rows(connection, progress):
+                lines.write(chain.compact(row).encode("utf-8") + b"\n")
+                head = chain.Head(row["seq"], row["link"])
+        for found in connection.execution_options(yield_per=1).execute(select(DOCUMENT)):
+            name = found.digest.removeprefix("sha256:")
+            archive.writestr(f"documents/{name}", found.data)
+            documents[name] = found.media_type
+        manifest = {"format": FORMAT, "version": VERSION, "head": str(head), "documents": documents}
+        archive.writestr("manifest.json", chain.compact(manifest))
+    return head
+
+
+def _rows(connection: Connection, progress: Progress | None) -> Iterator[dict[str, Any]]:
+    """Records in order; only a few of each kind are in memory at a time."""
+    last = connection.execute(select(func.max(CHAIN.c.seq))).scalar() or 0
+    found = heapq.merge(*(_stream(connection, kind) for kind in TABLES), key=lambda pair: pair[1].seq)
+    for link in _streamed(connection, select(CHAIN).order_by(CHAIN.c.seq)):
+        kind, row = next(found, ("", None))
+        if row is None or (kind, row.id) != (link.kind, link.record) or row_digest(kind, row) != link.digest:
+            raise LedgerError(
+                f"{link.kind} {link.seq} is missing or was changed; run `inclinometry ledger verify`, "
+                "nothing was exported"
+            )
+        yield {
+            "seq": link.seq,
+            "kind": kind,
+            "id": row.id,
+            "created": row.created,
+            "author": row.author,
+            "version": row.version,
+            "keys": {name: getattr(row, name) for name in KINDS[kind].keys},
+            "body": row.body,
+            "digest": link.digest,
+            "link": link.link,
+        }
+        if progress is not None and link.seq % BLOCK == 0:
+            progress(min(1.0, link.seq / last))
+
+
+def _stream(connection: Connection, kind: str) -> Iterator[tuple[str, Any]]:
+    for row in _streamed(connection, select(TABLES[kind]).order_by(TABLES[kind].c.seq)):
+        yield kind, row
+
+
+def _streamed(connection: Connection, query: Select[Any]) -> Iterator[Any]:
+    yield from connection.execution_options(yield_per=BLOCK).execute(query)
+
+
+def backup(ledger: Ledger, path: str | Path) -> None:
+    """Copy a SQLite ledger, as it is at this moment, into a new file that is a ledger itself.
+
+    Raises
+    ------
+    LedgerError
+        A ledger on PostgreSQL: use the server's own backup, or `export`.
+    FileError
+        The file is there already, or cannot be written.
+    """
+    if "://" in ledger.where:
+        raise LedgerError(
+            "this ledger is kept by a PostgreSQL server; use its own backup, or `inclinometry ledger export`"
+        )
+    if Path(path).exists():
+        raise FileError("is there already; a backup never replaces one", path=path)
+    with replacing(path) as stream:
+        try:  # SQLite writes into the file by its name
+            with closing(sqlite3.connect(ledger.where)) as source, closing(sqlite3.connect(stream.name)) as target:
+                source.backup(target)
+        except sqlite3.Error as error:
+            raise FileError(f"the backup cannot be written ({error})", path=path) from None
+
+
+# Reading an export into an empty ledger: everything is checked, nothing in the file is trusted.
+
+_LONGEST_LINE: Final = 60_000_000
+"""Of a line of records.jsonl, bytes: a body of the greatest length with every character escaped or of many bytes."""
+_MOST_SWELLING: Final = 200
+"""Times its size that an export may swell; digests, which do not shrink, keep true ones below 20."""
+_FIELDS: Final = {"seq", "kind", "id", "created", "author", "version", "keys", "body", "digest", "link"}
+_DAMAGED: Final = (
+    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, KeyError, EOFError, NotImplementedError, RuntimeError,
+)  # fmt: skip
+
+
+def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = None) -> chain.Head:
+    """Read an export into an empty ledger; every digest and link is checked, all is recorded or nothing.
+
+    Raises
+    ------
+    FileError
+        Not an export, damaged, changed; with the line.
+    LedgerError
+        The ledger is not empty.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            manifest = _manifest(archive, path)
+            with ledger.filling() as connection:
+                batch = Batch(connection, chain.Head(0, chain.GENESIS))
+                for number, line in _lines(archive):
+                    _add(batch, line, number, path)
+                    if number % BLOCK == 0:
+                        batch.write()
+                        if progress is not None:
+                            progress(min(1.0, number / max(manifest["seq"], 1)))
+                batch.write()
+                if str(batch.head) != manifest["head"]:
+                    said = manifest["head"][:40]
+                    raise FileError(f"ends at record {batch.head.seq}; its manifest says {said}", path=path)
+                _documents(connection, archive, manifest["documents"], path)
+    except _DAMAGED as error:
+        raise FileError(f"not an export of a ledger, or damaged ({error})", path=path) from None
+    except FileNotFoundError:
+        raise FileError("there is no such file; check the name", path=path) from None
+    except OSError as error:
+        raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
+    return batch.head
+
+
+def _manifest(archive: zipfile.ZipFile, path: str | Path) -> dict[str, Any]:
+    packed = sum(entry.compress_size for entry in archive.infolist())
+    if sum(entry.file_size for entry in archive.infolist()) > _MOST_SWELLING * packed + 1_000_000:
+        raise FileError(f"would swell to more than {_MOST_SWELLING} times its size; no export does", path=path)
+    with archive.open("manifest.json") as stream:
+        try:
+            content = json.loads(stream.read(_LONGEST_LINE))
+            head = chain.parse_head(content["head"])
+            right = content["format"] == FORMAT and isinstance(content["documents"], dict)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            right = False
+    if not right:
+        raise FileError("not an export of a ledger: its manifest.json does not say so", path=path)
+    if content["version"] != VERSION:
+        raise FileError(f"an export of version {content['version']!r:.20}; this program reads {VERSION}", path=path)
+    return {"head": str(head), "seq": head.seq, "documents": content["documents"]}
+
+
+def _lines(archive: zipfile.ZipFile) -> Iterator[tuple[int, bytes]]:
+    with archive.open("records.jsonl") as lines:
+        yield from enumerate(iter(lambda: lines.readline(_LONGEST_LINE), b""), start=1)
+
+
+def _add(batch: Batch, line: bytes, number: int, path: str | Path) -> None:
+    """Add the record of a line, when it is the one that comes next."""
+    try:
+        row = json.loads(line)
+        _fit(row, line)
+        made = batch.add(*(row[name] for name in ("kind", "id", "created", "author", "version", "keys", "body")))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        cause = " ".join(str(error).split())[:300]
+        raise FileError(f"not a record of a ledger ({cause})", path=path, line=number) from None
+    if (made.seq, made.digest, batch.head.link) != (row["seq"], row["digest"], row["link"]):
+        raise FileError(
+            f"{row['kind']} {row['seq']!r:.20} does not follow from the records before it: the export was changed",
+            path=path,
+            line=number,
+        )
+
+
+def _fit(row: Mapping[str, Any], line: bytes) -> None:
+    """Refuse what `export` never writes, doubled keys and other spellings of the same content among it."""
+    if set(row) != _FIELDS:
+        raise InputError("its fields are not those of a record")
+    for name in ("id", "author", "created"):
+        if not plain(row[name]):
+            raise InputError(f"{name} is not a text of 1 to 200 printable characters")
+    created = datetime.fromisoformat(row["created"])
+    if created.utcoffset() is None or created.astimezone(UTC).isoformat(timespec="microseconds") != row["created"]:
+        raise InputError("created is not a time in UTC with microseconds")
+    if type(row["seq"]) is not int or not isinstance(row["body"], str):
+        raise InputError("seq is not a number, or body not a text")
+    body = json.loads(row["body"])
+    if chain.compact(body) != row["body"] or chain.compact(row).encode() != line.removesuffix(b"\n"):
+        raise InputError("spelled in another way than `ledger export` does: doubled keys, blanks or another order")
+    check(row["kind"], row["keys"], body, row["version"])
+
+
+def _documents(connection: Connection, archive: zipfile.ZipFile, documents: dict[str, Any], path: str | Path) -> None:
+    for name, media_type in documents.items():
+        with archive.open(f"documents/{name}") as stream:
+            data = stream.read(LARGEST_DOCUMENT + 1)
+        if digest_bytes(data) != f"sha256:{name}" or not plain(media_type):
+            raise FileError(f"documents/{name:.80} was changed", path=path)
+        add_document(connection, media_type, data)

@@ -1,0 +1,363 @@
+"""The ledger: append records, read them back; nothing is ever changed."""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy import ColumnElement, Select, Table, and_, false, func, select
+from sqlalchemy.engine import Connection
+
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger.engine import (
+    CHAIN,
+    DOCUMENT,
+    INTEGERS,
+    KINDS,
+    TABLES,
+    VERSION,
+    ConflictError,
+    Draft,
+    LedgerError,
+    Record,
+    Unless,
+    check,
+    default_path,
+    engine,
+    plain,
+    readable,
+    record_of,
+    shown,
+    translated,
+)
+
+LONGEST_BODY: Final = 20_000_000
+LARGEST_DOCUMENT: Final = 100_000_000
+
+
+class Batch:
+    """Records on their way into the tables, linked to what is there; written many at a time."""
+
+    def __init__(self, connection: Connection, head: chain.Head) -> None:
+        self.head = head
+        self._connection = connection
+        self._links: list[dict[str, Any]] = []
+        self._rows: dict[str, list[dict[str, Any]]] = {}
+
+    def add(
+        self, kind: str, name: str, created: str, author: str, version: int, keys: Mapping[str, Any], body: str
+    ) -> Record:
+        """The record that comes next."""
+        seq = self.head.seq + 1
+        digest = chain.record_digest(kind, name, created, author, version, keys, body)
+        link = chain.next_link(self.head.link, seq, kind, name, created, digest)
+        self._links.append(
+            {"seq": seq, "kind": kind, "record": name, "created": created, "digest": digest, "link": link}
+        )
+        row = {"seq": seq, "id": name, "created": created, "author": author, "version": version, **keys, "body": body}
+        self._rows.setdefault(kind, []).append(row)
+        self.head = chain.Head(seq, link)
+        return Record(kind, name, seq, created, author, version, dict(keys), json.loads(body), digest)
+
+    def write(self) -> None:
+        """Write what was added: links first, the other tables refer to them."""
+        if self._links:
+            self._connection.execute(CHAIN.insert(), self._links)
+        for kind, rows in self._rows.items():
+            self._connection.execute(TABLES[kind].insert(), rows)
+        self._links, self._rows = [], {}
+
+
+def add_document(connection: Connection, media_type: str, data: bytes) -> str:
+    """Keep a file, unless it is there already; its digest."""
+    key = digest_bytes(data)
+    if connection.execute(select(DOCUMENT.c.digest).where(DOCUMENT.c.digest == key)).first() is None:
+        connection.execute(DOCUMENT.insert().values(digest=key, media_type=media_type, data=data))
+    return key
+
+
+def body_text(draft: Draft) -> str:
+    """The text to be stored of a draft that fits its kind."""
+    check(draft.kind, draft.keys, draft.body)
+    body = chain.compact(dict(draft.body))
+    if len(body) > LONGEST_BODY:
+        raise InputError(f"a {draft.kind} record of {len(body)} characters; allowed {LONGEST_BODY}")
+    for media_type, data in draft.documents:
+        if not plain(media_type):
+            raise InputError(f"the media type of a document is {media_type!r:.60}; e.g. application/pdf")
+        if len(data) > LARGEST_DOCUMENT:
+            raise InputError(f"a document ({media_type}) of {len(data)} bytes; allowed {LARGEST_DOCUMENT}")
+    return body
+
+
+__all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Record", "Unless", "default_path"]
+
+CLOCK_SLACK: Final = timedelta(minutes=2)
+"""How far the clock may have gone back since the last record; beyond that nothing is recorded."""
+_LAST: Final = 2**63 - 1
+
+
+def now() -> datetime:
+    """The time, UTC."""
+    return datetime.now(UTC)
+
+
+class Ledger:
+    """A ledger at a path (SQLite) or a database address (PostgreSQL).
+
+    Parameters
+    ----------
+    where : str or Path
+        Path of a SQLite file, or "postgresql+psycopg://user:password@host/database". It must exist: see
+        `inclinometry.laboratory.ledger.admin.create`.
+    clock : callable, optional
+        Gives the time; for tests.
+    read_only : bool
+        Refuse to append.
+
+    Raises
+    ------
+    LedgerError
+        No such ledger, not a ledger, a ledger of a newer program.
+    """
+
+    def __init__(self, where: str | Path, *, clock: Callable[[], datetime] = now, read_only: bool = False) -> None:
+        self.where = str(where)
+        self.read_only = read_only
+        self._clock = clock
+        self.shown: Final = shown(where)
+        """Where it is, without a password."""
+        self._engine = engine(where, read_only=read_only)
+        try:
+            with self._reading() as connection:
+                readable(connection, self.shown)
+        except LedgerError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Release the files and connections."""
+        self._engine.dispose()
+
+    def __enter__(self) -> Ledger:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- writing -------------------------------------------------------------------------------------------------------
+
+    def append(self, kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], *, author: str) -> Record:
+        """Record one thing; when this returns it is on the disk.
+
+        Raises
+        ------
+        InputError
+            A body that does not fit its kind.
+        ConflictError
+            A record with the same unique keys is already there.
+        LedgerError
+            Read-only, disk full, a clock that went back.
+        """
+        return self.append_all([Draft(kind, keys, body)], author=author)[0]
+
+    def append_all(
+        self,
+        drafts: Sequence[Draft],
+        *,
+        author: str,
+        slack: timedelta = CLOCK_SLACK,
+        unless: Sequence[Unless] = (),
+    ) -> list[Record]:
+        """Record several things in one step: all of them or none; `unless` is looked at in the same step."""
+        if self.read_only:
+            raise LedgerError(f"{self.shown} was opened for reading only; nothing was recorded")
+        if not plain(author):
+            raise InputError(f"author is {author!r:.60}; it must be a text of 1 to 200 printable characters")
+        bodies = [body_text(draft) for draft in drafts]
+        with self._writing() as connection:
+            for there in unless:
+                if connection.execute(_query(there.kind).where(_matching(there.kind, there.keys)).limit(1)).first():
+                    raise ConflictError(there.message)
+            head, last = self._tail(connection)
+            batch = Batch(connection, head)
+            created = self._now(last, slack)
+            records = [
+                batch.add(draft.kind, uuid.uuid4().hex, created, author, VERSION, draft.keys, body)
+                for draft, body in zip(drafts, bodies, strict=True)
+            ]
+            batch.write()
+            for draft in drafts:
+                for media_type, data in draft.documents:
+                    add_document(connection, media_type, data)
+        return records
+
+    def correct_clock(self, reason: str, *, author: str) -> Record:
+        """Go on after the clock was in the future when something was recorded: as an event, with the time of now."""
+        draft = Draft(
+            "event", {"subject_kind": "ledger", "subject": "clock", "action": "corrected"}, {"reason": reason}
+        )
+        return self.append_all([draft], author=author, slack=timedelta.max)[0]
+
+    def _now(self, last: str | None, slack: timedelta) -> str:
+        time = self._clock().astimezone(UTC)
+        if last is not None and _time(last) - time > slack:
+            raise LedgerError(
+                f"the clock says {time:%Y-%m-%d %H:%M:%S} UTC, but the last record is of {last[:19]}: nothing was "
+                "recorded; set the clock of this computer, or where it was the last record's time that was wrong, run "
+                "`inclinometry ledger init --clock REASON`"
+            )
+        return time.isoformat(timespec="microseconds")
+
+    @contextmanager
+    def filling(self) -> Iterator[Connection]:
+        """A connection that writes records made elsewhere into this ledger, which must be empty."""
+        if self.read_only:
+            raise LedgerError(f"{self.shown} was opened for reading only; nothing was recorded")
+        with self._writing() as connection:
+            if self._tail(connection)[0].seq:
+                raise LedgerError(f"{self.shown} holds records already; import into a new ledger")
+            yield connection
+
+    # -- reading -------------------------------------------------------------------------------------------------------
+
+    def get(self, kind: str, name: str) -> Record:
+        """The record of that id; LedgerError when there is none."""
+        found = self._select(_query(kind).where(TABLES[kind].c.id == name), kind) if plain(name) else []
+        if not found:
+            raise LedgerError(f"there is no {kind} record {name!r:.60} in {self.shown}")
+        return found[0]
+
+    def latest(self, kind: str, **keys: Any) -> Record | None:
+        """The newest record with these keys, None when there is none."""
+        table = _table(kind)
+        found = self._select(_query(kind).where(_matching(kind, keys)).order_by(table.c.seq.desc()).limit(1), kind)
+        return found[0] if found else None
+
+    def find(self, kind: str, *, after: int = 0, limit: int = 1000, newest: bool = False, **keys: Any) -> list[Record]:
+        """Records with these keys in order of their place in the chain, beyond `after`; newest first when asked.
+
+        With `newest`, `after` is the place before which to go on (0: from the end). A list as the value of a key finds
+        the records that have any of its values.
+        """
+        column = _table(kind).c.seq
+        after, limit = min(max(after, 0), _LAST), min(max(limit, 0), _LAST)
+        query = _query(kind).where(_matching(kind, keys)).limit(limit)
+        if newest:
+            query = query.order_by(column.desc())
+            query = query.where(column < after) if after else query
+        else:
+            query = query.where(column > after).order_by(column)
+        return self._select(query, kind)
+
+    def current(self, kind: str, *, limit: int = 1000, after: str = "") -> list[Record]:
+        """The newest record of each key (tools, rigs, sites, users), by name, beyond the name `after`."""
+        table, (key, *_) = _table(kind), KINDS[kind].keys
+        if after and not plain(after):
+            raise InputError(f"after is {after!r:.60}; it must be a name: 1 to 200 printable characters")
+        newest = (
+            select(func.max(table.c.seq).label("seq"))
+            .where(table.c[key] > after)
+            .group_by(table.c[key])
+            .order_by(table.c[key])
+            .limit(limit)
+            .subquery()
+        )
+        return self._select(_query(kind).join(newest, newest.c.seq == table.c.seq).order_by(table.c[key]), kind)
+
+    def count(self, kind: str, **keys: Any) -> int:
+        """How many records of the kind have these keys."""
+        with self._reading() as connection:
+            query = select(func.count()).select_from(_table(kind)).where(_matching(kind, keys))
+            return int(connection.execute(query).scalar_one())
+
+    def document(self, digest: str) -> tuple[str, bytes]:
+        """Media type and bytes of a file a record refers to; LedgerError when it is not there or was changed."""
+        with self._reading() as connection:
+            query = select(DOCUMENT).where(DOCUMENT.c.digest == digest if plain(digest) else false())
+            row = connection.execute(query).first()
+        if row is None:
+            raise LedgerError(f"there is no document {digest!r:.80} in {self.shown}")
+        if digest_bytes(row.data) != digest:
+            raise LedgerError(f"document {digest} in {self.shown} was changed; run `inclinometry ledger verify`")
+        return row.media_type, row.data
+
+    def head(self) -> chain.Head:
+        """The last link of the chain."""
+        with self._reading() as connection:
+            return self._tail(connection)[0]
+
+    @contextmanager
+    def snapshot(self) -> Iterator[Connection]:
+        """A connection that sees one state of the whole ledger, however long it reads."""
+        frozen = self._engine
+        if frozen.dialect.name == "postgresql":  # SQLite's reader sees one state anyway
+            frozen = frozen.execution_options(isolation_level="REPEATABLE READ")
+        with translated(self.shown), frozen.begin() as connection:
+            yield connection
+
+    # -- inside --------------------------------------------------------------------------------------------------------
+
+    def _select(self, query: Select[Any], kind: str) -> list[Record]:
+        with self._reading() as connection:
+            return [record_of(kind, row) for row in connection.execute(query)]
+
+    def _tail(self, connection: Connection) -> tuple[chain.Head, str | None]:
+        # without the limit PostgreSQL's driver fetches the whole chain
+        query = select(CHAIN.c.seq, CHAIN.c.link, CHAIN.c.created).order_by(CHAIN.c.seq.desc()).limit(1)
+        row = connection.execute(query).first()
+        return (chain.Head(0, chain.GENESIS), None) if row is None else (chain.Head(row.seq, row.link), row.created)
+
+    @contextmanager
+    def _reading(self) -> Iterator[Connection]:
+        with translated(self.shown), self._engine.connect() as connection:
+            yield connection
+
+    @contextmanager
+    def _writing(self) -> Iterator[Connection]:
+        writing = self._engine.execution_options(writing=True)
+        with translated(self.shown), writing.begin() as connection:
+            yield connection
+
+
+def _time(created: str) -> datetime:
+    try:
+        return datetime.fromisoformat(created)
+    except ValueError:
+        raise LedgerError("the time of the last record was changed; run `inclinometry ledger verify`") from None
+
+
+def _table(kind: str) -> Table:
+    if kind not in TABLES:
+        raise InputError(f"record kind is {kind!r:.60}; allowed: {', '.join(TABLES)}")
+    return TABLES[kind]
+
+
+def _query(kind: str) -> Select[Any]:
+    table = _table(kind)
+    return select(table, CHAIN.c.digest).join(CHAIN, CHAIN.c.seq == table.c.seq)
+
+
+def _matching(kind: str, keys: Mapping[str, Any]) -> ColumnElement[bool]:
+    unknown = set(keys) - set(KINDS[kind].keys)
+    if unknown:
+        raise InputError(f"{kind} records are not found by {', '.join(sorted(unknown))}; use {tuple(KINDS[kind].keys)}")
+    return and_(True, *(_equal(kind, name, value) for name, value in keys.items()))
+
+
+def _equal(kind: str, name: str, value: Any) -> ColumnElement[bool]:
+    # what no record can have finds none; the engines would each complain in their own way
+    text = KINDS[kind].keys[name] is str
+    wanted = value if isinstance(value, list | tuple | set) else [value]
+    possible = [one for one in wanted if (plain(one) if text else type(one) is int and one in INTEGERS)]
+    column = TABLES[kind].c[name]
+    if not possible:
+        return false()
+    return column == possible[0] if len(possible) == 1 else column.in_(possible)

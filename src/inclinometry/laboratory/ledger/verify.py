@@ -1,0 +1,194 @@
+"""Does the ledger still say what was recorded? Every row against its digest, every link against the one before."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Final, cast
+
+from sqlalchemy import func, select
+from sqlalchemy.engine import Connection
+
+from inclinometry.digest import digest_bytes
+from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, TABLES, row_digest, strange, unprotected
+from inclinometry.laboratory.ledger.ledger import Ledger
+
+Progress = Callable[[float], None]
+BLOCK: Final = 500
+_BEYOND: Final = 2**63 - 1  # no place in the chain is before minus this
+MOST_FAULTS: Final = 100
+"""So many faults are listed; what lies beyond is not read."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong: table, row (its place and id), and in words what happened to it."""
+
+    table: str
+    row: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.table} {self.row}: {self.problem}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a verification found: how many records and documents were read, the head, the faults."""
+
+    records: int
+    documents: int
+    head: chain.Head
+    faults: tuple[Fault, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was found."""
+        return not self.faults
+
+
+def verify(ledger: Ledger, *, head: chain.Head | None = None, progress: Progress | None = None) -> Verdict:
+    """Read the whole ledger and name every row that was changed, removed, inserted or moved.
+
+    Parameters
+    ----------
+    ledger : Ledger
+    head : Head, optional
+        A head noted earlier (every certificate carries one). Without it records removed from the end leave no trace.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Notes
+    -----
+    It proves that nobody changed the ledger who did not also recompute every later link; the heads on certificates in
+    other hands prove it for those, too.
+    """
+    with ledger.snapshot() as connection, _any_text(connection):
+        faults = [Fault(name, "-", "the triggers that forbid changes are missing") for name in unprotected(connection)]
+        foreign = "is none of the program's; it could change what is recorded"
+        faults += [Fault("trigger", name, foreign) for name in strange(connection)]
+        faults += _structure(connection)
+        walk = _Walk(head)
+        last = connection.execute(select(func.count()).select_from(CHAIN)).scalar_one()
+        while len(faults) < MOST_FAULTS and (found := walk.block(connection)) is not None:
+            faults += found
+            if progress is not None:
+                progress(min(1.0, walk.records / max(last, 1)))
+        faults += walk.end()
+        faults += _strays(connection)
+        documents = connection.execute(select(func.count()).select_from(DOCUMENT)).scalar_one()
+        faults += _documents(connection)
+    return Verdict(walk.records, documents, chain.Head(walk.seq, walk.link), tuple(faults[:MOST_FAULTS]))
+
+
+@contextmanager
+def _any_text(connection: Connection) -> Iterator[None]:
+    """Let SQLite hand over texts that are no longer UTF-8, so that their row can be named."""
+    if connection.dialect.name != "sqlite":
+        yield
+        return
+    raw = cast(sqlite3.Connection, connection.connection.driver_connection)
+    raw.text_factory = lambda data: data.decode("utf-8", "surrogateescape")
+    try:
+        yield
+    finally:
+        raw.text_factory = str
+
+
+def _structure(connection: Connection) -> list[Fault]:
+    """What SQLite finds wrong with its file: pages, and indexes that hide rows or show others."""
+    if connection.dialect.name != "sqlite":
+        return []
+    said = connection.exec_driver_sql(f"PRAGMA integrity_check({MOST_FAULTS})").scalars().all()
+    return [Fault("file", "-", f"{text:.200}") for text in said if text != "ok"]
+
+
+class _Walk:
+    """Along the chain, from the first link to the last."""
+
+    def __init__(self, head: chain.Head | None) -> None:
+        self.seq, self.link, self.records = 0, chain.GENESIS, 0
+        self._at = -_BEYOND
+        self._noted, self._met = head, head is None or head.seq == 0
+
+    def block(self, connection: Connection) -> list[Fault] | None:
+        """Faults of the next links; None when there are no more."""
+        query = select(CHAIN).where(CHAIN.c.seq > self._at).order_by(CHAIN.c.seq).limit(BLOCK)
+        links = connection.execute(query).all()
+        if not links:
+            return None
+        start, self._at = self._at, links[-1].seq
+        rows: dict[tuple[str, int], Any] = {}
+        for kind, table in TABLES.items():
+            chosen = select(table).where((table.c.seq > start) & (table.c.seq <= self._at))
+            rows.update({(kind, row.seq): row for row in connection.execute(chosen)})
+        return [fault for link in links for fault in self._step(link, rows.get((link.kind, link.seq)))]
+
+    def _step(self, link: Any, row: Any) -> Iterator[Fault]:
+        where = f"{link.seq} ({link.record})"
+        if link.seq != self.seq + 1:
+            lost = f"{self.seq + 1}" if link.seq == self.seq + 2 else f"{self.seq + 1} to {link.seq - 1}"
+            gap = link.seq > self.seq
+            problem = "removed: the numbers of the chain have a gap" if gap else "inserted: records begin with 1"
+            yield Fault("chain", lost if gap else where, problem)
+        elif link.link != _next(self.link, link):
+            yield Fault("chain", where, "this link does not follow from the one before: changed or moved")
+        self.seq, self.link, self.records = link.seq, link.link, self.records + 1
+        if self._noted is not None and link.seq == self._noted.seq:
+            self._met = True
+            if link.link != self._noted.link:
+                yield Fault("chain", where, "is not the head noted earlier: the ledger was rewritten")
+        if row is None:
+            yield Fault(link.kind, where, "removed: the chain has it, the table has not")
+        elif row.id != link.record:
+            yield Fault(link.kind, where, f"another record ({row.id}) stands in its place")
+        elif row_digest(link.kind, row) != link.digest or row.created != link.created:
+            yield Fault(link.kind, where, "its content was changed after it was recorded")
+
+    def end(self) -> Iterator[Fault]:
+        """The fault of a chain that ends before the head noted earlier."""
+        if not self._met and self._noted is not None and self.seq < self._noted.seq:
+            lost = f"{self.seq + 1} to {self._noted.seq}"
+            yield Fault("chain", lost, "removed: the ledger ends before the head noted earlier")
+
+
+def _next(previous: str, link: Any) -> str:
+    try:
+        return chain.next_link(previous, link.seq, link.kind, link.record, link.created, link.digest)
+    except (TypeError, UnicodeEncodeError):  # bytes in a text's place, broken UTF-8
+        return ""
+
+
+def _strays(connection: Connection) -> Iterator[Fault]:
+    """Rows that no link of the chain speaks of."""
+    for kind, table in TABLES.items():
+        known = select(CHAIN.c.seq).where((CHAIN.c.seq == table.c.seq) & (CHAIN.c.kind == kind)).exists()
+        for row in connection.execute(select(table.c.seq, table.c.id).where(~known).limit(MOST_FAULTS)):
+            yield Fault(kind, f"{row.seq} ({row.id})", "inserted: the chain has no such record")
+
+
+def _documents(connection: Connection) -> Iterator[Fault]:
+    """Files whose bytes changed, and files that certificates refer to and that are gone."""
+    have = set()
+    for row in connection.execution_options(yield_per=1).execute(select(DOCUMENT.c.digest, DOCUMENT.c.data)):
+        have.add(row.digest)
+        if digest_bytes(row.data) != row.digest:
+            yield Fault("document", row.digest, "its bytes were changed")
+    table = TABLES["certificate"]
+    for row in connection.execution_options(yield_per=500).execute(select(table.c.number, table.c.body)):
+        for digest in referred(row.body):
+            if digest not in have:
+                yield Fault("document", digest, f"removed: certificate {row.number} refers to it")
+
+
+def referred(body: str) -> list[str]:
+    """Digests of the documents that the stored body of a certificate refers to; none where it cannot be read."""
+    try:
+        documents = json.loads(body).get("documents", {})
+    except (ValueError, AttributeError):
+        return []
+    return [str(digest) for digest in documents.values()] if isinstance(documents, dict) else []

@@ -1,0 +1,500 @@
+"""A guided run of positions: opened, captured reading by reading, resumed after anything, closed; all in the ledger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.arrays import Array, finite, within
+from inclinometry.calibration.conventions import USUAL, Dials
+from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import LARGEST, BenchReadings
+from inclinometry.constants import KINDS
+from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record, Unless
+from inclinometry.laboratory.registry import dials_of
+from inclinometry.rotations import wrap_positive
+
+LOW, HIGH = -60.0, 250.0
+"""Temperatures of any oven, degC."""
+CLOSEST = 5.0
+"""Two steps nearer to each other than this, degC, tell a polynomial nothing."""
+
+
+def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[float, ...]]:
+    """All positions of a plan at each temperature, and the target temperature of each, degC.
+
+    Parameters
+    ----------
+    plan : Plan
+    temperatures : sequence of float
+        degC, at least two, in the order in which the oven is to reach them.
+
+    Raises
+    ------
+    InputError
+        Fewer than two temperatures, two alike, or one no oven has.
+
+    Notes
+    -----
+    A reading is used with the temperature measured, not with its target: a ramp will do as well as a soak, as long as
+    the tool is even inside. The degree of the polynomial is chosen by the fit, which also states the range it holds in.
+
+    Examples
+    --------
+    >>> from inclinometry.calibration import plans
+    >>> hot, target = campaign(plans.twelve(), [20.0, 80.0])
+    >>> len(hot), target[0], target[-1]
+    (24, 20.0, 80.0)
+    """
+    targets = within(list(temperatures), "temperatures", LOW, HIGH, "degC")
+    apart = np.diff(np.sort(targets))
+    if targets.size < 2 or (apart.size and apart.min() < CLOSEST):
+        raise InputError(
+            f"the temperatures are {', '.join(f'{t:g}' for t in targets)} degC; give two or more, {CLOSEST:g} apart"
+        )
+    times = len(targets)
+    sets = tuple(f"{t:g}:{name}" if name else "" for t in targets for name in (plan.roll_set or [""] * len(plan)))
+    repeated = Plan(
+        f"{plan.name} at {times} temperatures",
+        np.tile(plan.azimuth, times),
+        np.tile(plan.inclination, times),
+        np.tile(plan.toolface, times),
+        sets if any(sets) else (),
+    )
+    return repeated, tuple(float(t) for t in np.repeat(targets, len(plan)))
+
+
+PURPOSES: Final = ("calibrate", "verify", "temperature")
+MOST_POSITIONS: Final = 5000
+CLOSING: Final = ("finished", "abandoned")
+TEMPERATURES: Final = (-100.0, 400.0)
+"""degC that a tool in a laboratory may have."""
+SOME: Final = 500
+"""Readings asked about at once."""
+LEAST_SAMPLES: Final = 8
+"""From so many samples on, their scatter is taken for the noise of the sensors."""
+
+
+@dataclass(frozen=True)
+class Position:
+    """One position of the plan: number from 1, what the rig's dials (azimuth, inclination, toolface) are to say, rad,
+    name of its roll set.
+    """
+
+    number: int
+    dial: tuple[float, float, float]
+    roll_set: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """What the sensors said while the tool stood still.
+
+    channels, sd : kind -> (m,) mean over the window and standard deviation of one sample, in `units`.
+    drift : kind -> (m,) change over the window by a straight line, in `units`.
+    count, duration : samples, s.
+    dial : (3,) azimuth, inclination, toolface as the rig's dials say them, rad.
+    how : "key", "automatic", "api" or "import".
+    """
+
+    channels: Mapping[str, Array]
+    dial: tuple[float, float, float]
+    count: int = 1
+    sd: Mapping[str, Array] = field(default_factory=dict)
+    drift: Mapping[str, Array] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    duration: float = 0.0
+    temperature: float | None = None
+    still: bool = True
+    how: str = "key"
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A reading as the ledger has it: its record, position and attempt, and the capture."""
+
+    record: str
+    number: int
+    attempt: int
+    created: str
+    author: str
+    capture: Capture
+    rejected: str = ""
+
+
+@dataclass(frozen=True)
+class Session:
+    """A session as the ledger has it now.
+
+    taken : position number -> its newest reading.
+    attempts : position number -> how many readings were taken of it.
+    closed : "" while it is open, else what closed it ("finished", "abandoned").
+    settings : what was agreed when it was opened (wanted uncertainty, rig sd, attitude range, limits, environment ...).
+    dials : how the rig's dials count, as it is known now, or was when the session was closed: dials found to have been
+        stated wrongly are put right on the rig, and the readings stay.
+    """
+
+    id: str
+    serial: str
+    purpose: str
+    plan: str
+    positions: tuple[Position, ...]
+    rig: str
+    created: str
+    author: str
+    taken: Mapping[int, Taken]
+    attempts: Mapping[int, int]
+    closed: str
+    settings: Mapping[str, Any]
+    dials: Dials = USUAL
+
+    @property
+    def next(self) -> Position | None:
+        """The first position of the plan without a valid reading; None when all have one."""
+        return next((p for p in self.positions if not self.has(p.number)), None)
+
+    def has(self, number: int) -> bool:
+        """Whether the position has a reading that was not rejected."""
+        return number in self.taken and not self.taken[number].rejected
+
+    @property
+    def valid(self) -> tuple[Taken, ...]:
+        """The newest reading of each position that was not rejected, in order of position."""
+        return tuple(t for _, t in sorted(self.taken.items()) if not t.rejected)
+
+
+def open_session(
+    ledger: Ledger,
+    serial: str,
+    plan: Plan,
+    *,
+    rig: str,
+    author: str,
+    purpose: str = "calibrate",
+    settings: Mapping[str, Any] | None = None,
+    dialled: bool = False,
+) -> Session:
+    """Begin a run of positions with a registered tool on a registered rig.
+
+    Parameters
+    ----------
+    plan : Plan
+        Settings in the conventions; the session keeps what the rig's dials say at them.
+    settings : mapping, optional
+        Further fields of the session record (JSON values; see the schema "session-1").
+    dialled : bool
+        The plan holds what the dials say already: readings that were taken.
+
+    Raises
+    ------
+    InputError
+        An unknown purpose, a plan without positions.
+    LedgerError
+        A tool or rig that is not registered.
+    """
+    if purpose not in PURPOSES:
+        raise InputError(f"purpose is {purpose!r}; allowed: {', '.join(PURPOSES)}")
+    if not 1 <= len(plan) <= MOST_POSITIONS:
+        raise InputError(f"the plan has {len(plan)} positions; allowed 1 to {MOST_POSITIONS}")
+    for kind, keys in (("tool", {"serial": serial}), ("rig", {"name": rig})):
+        if ledger.latest(kind, **keys) is None:
+            raise LedgerError(f"{kind} {next(iter(keys.values()))!r} is not registered; register it first")
+    rows = plan.azimuth, plan.inclination, plan.toolface
+    if not dialled:
+        rows = on_dials(dials_of(ledger, rig), rows)
+    degrees = np.degrees(np.stack(rows, axis=1)).round(9)
+    stated: dict[str, Any] = {"name": plan.name, "positions_deg": degrees.tolist()}
+    if plan.roll_set:
+        stated["roll_set"] = list(plan.roll_set)
+    body = {**(settings or {}), "plan": stated, "rig": rig}
+    record = ledger.append("session", {"serial": serial, "purpose": purpose}, body, author=author)
+    return load_session(ledger, record.id)
+
+
+def on_dials(dials: Dials, setting: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    """What dials say at azimuth, inclination, toolface of the conventions, rad: a reversed one from 0 to a full turn.
+
+    Examples
+    --------
+    >>> dials = Dials("horizontal", azimuth_counts="counterclockwise")
+    >>> [float(x) for x in np.degrees(on_dials(dials, tuple(np.radians([90.0, 30.0, 0.0])))).round(9)]
+    [270.0, 60.0, 0.0]
+    """
+    azimuth, inclination, toolface = dials.shown(*setting)
+    return (
+        wrap_positive(azimuth) if dials.azimuth_counts != USUAL.azimuth_counts else azimuth,
+        inclination,
+        wrap_positive(toolface) if dials.toolface_counts != USUAL.toolface_counts else toolface,
+    )
+
+
+def dial_at(dials: Dials, azimuth: float, inclination: float, toolface: float) -> tuple[float, float, float]:
+    """`on_dials` of one setting, rad."""
+    one, two, three = on_dials(dials, (np.array(azimuth), np.array(inclination), np.array(toolface)))
+    return float(one), float(two), float(three)
+
+
+def setting_of(dials: Dials, dial: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Azimuth, inclination, toolface of the conventions for what the dials say, rad."""
+    azimuth, inclination, toolface = (float(x) for x in dials.settings(*np.array(dial)))
+    return azimuth, inclination, toolface
+
+
+def load_session(ledger: Ledger, session: str) -> Session:
+    """The session as it stands: after a power cut exactly what was acknowledged."""
+    return _assembled(ledger, ledger.get("session", session))
+
+
+def sessions(ledger: Ledger, *, serial: str | None = None, limit: int = 100, before: int = 0) -> list[Record]:
+    """Session records, newest first."""
+    keys = {} if serial is None else {"serial": serial}
+    return ledger.find("session", newest=True, after=before, limit=limit, **keys)
+
+
+def closing(ledger: Ledger, session: str) -> str:
+    """What closed a session: "finished", "abandoned", or "" while it is open."""
+    found = _closing(ledger, session)
+    return "" if found is None else str(found.keys["action"])
+
+
+def _closing(ledger: Ledger, session: str) -> Record | None:
+    events = ledger.find("event", subject_kind="session", subject=session)
+    return next((record for record in events if record.keys["action"] in CLOSING), None)
+
+
+def capture(
+    ledger: Ledger, session: str, number: int, taken: Capture, *, author: str, attempt: int | None = None
+) -> Taken:
+    """Record the reading of a position; when this returns it survives a power cut.
+
+    Parameters
+    ----------
+    number : int
+        Of the position, from 1; one beyond the plan for an added position.
+    attempt : int, optional
+        Which attempt the caller believes this is; given, a reading somebody else took meanwhile is noticed.
+
+    Raises
+    ------
+    ConflictError
+        Somebody else has just captured this position.
+    LedgerError
+        The session is closed.
+    """
+    if closing(ledger, session):
+        raise LedgerError("this session is closed; open a new one")
+    before = ledger.count("reading", session=session, position=number)
+    planned = len(ledger.get("session", session).body["plan"]["positions_deg"])
+    follows = number <= planned + 1 or ledger.count("reading", session=session, position=number - 1) > 0
+    if not 1 <= number <= MOST_POSITIONS or not follows:
+        raise InputError(f"position is {number}; allowed 1 to {planned + 1}, and the one after the last captured")
+    if attempt is not None and attempt <= before:
+        raise ConflictError(f"position {number} has {before} readings already; somebody else captured it meanwhile")
+    if attempt is not None and attempt > before + 1:
+        raise InputError(f"attempt is {attempt}, but position {number} has {before} readings; the next is {before + 1}")
+    keys = {"session": session, "position": number, "attempt": before + 1}
+    # whoever closes the session at this moment is noticed
+    still_open = unless_closed(session, "this session is closed; open a new one")
+    draft = Draft("reading", keys, _capture_body(taken))
+    return _taken(ledger.append_all([draft], author=author, unless=[still_open])[0])
+
+
+def reading_draft(session: str, number: int, taken: Capture) -> Draft:
+    """The record of the first reading of a position, for recording many of a new session in one step."""
+    return Draft("reading", {"session": session, "position": number, "attempt": 1}, _capture_body(taken))
+
+
+def reject(ledger: Ledger, taken: Taken, reason: str, *, author: str) -> None:
+    """Leave a reading out from now on; it stays in the ledger with the reason."""
+    ledger.append(
+        "event",
+        {"subject_kind": "reading", "subject": taken.record, "action": "rejected"},
+        {"reason": reason},
+        author=author,
+    )
+
+
+def close_session(ledger: Ledger, session: str, how: str, *, author: str, reason: str = "") -> None:
+    """Close a session: "finished" or "abandoned"; nothing more is captured in it."""
+    if closing(ledger, session):
+        raise LedgerError("this session is closed already")
+    ledger.append_all([close_session_draft(session, how, reason)], author=author, unless=[unless_closed(session)])
+
+
+def close_session_draft(session: str, how: str, reason: str = "") -> Draft:
+    """The record that closes a session, for recording it together with what the session gave."""
+    if how not in CLOSING:
+        raise InputError(f"a session is closed as finished or abandoned, not {how!r}")
+    return Draft("event", {"subject_kind": "session", "subject": session, "action": how}, {"reason": reason})
+
+
+def unless_closed(session: str, message: str = "this session is closed already") -> Unless:
+    """For what may be recorded only while a session is open: two who finish at once record one result."""
+    return Unless("event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, message)
+
+
+def bench_readings(
+    session: Session,
+    *,
+    g: float | None = None,
+    b: float | None = None,
+    dip: float | None = None,
+    latitude: float | None = None,
+) -> BenchReadings:
+    """The valid readings as a calibration takes them, dials converted; fields at the stand in m/s^2, nT, rad.
+
+    The scatter of the samples, where each position has enough of them, is the readings' standard deviation.
+
+    Raises
+    ------
+    InputError
+        No reading yet, or readings with different channels.
+    """
+    rows = session.valid
+    if not rows:
+        raise InputError("the session has no reading yet; capture the first position")
+    kinds = [kind for kind in KINDS if kind in rows[0].capture.channels]
+    for row in rows:
+        shape = {k: len(v) for k, v in row.capture.channels.items()}
+        first = {k: len(v) for k, v in rows[0].capture.channels.items()}
+        if shape != first:
+            raise InputError(f"position {row.number} has the channels {shape}, the first one {first}; take it again")
+    azimuth, inclination, toolface = np.array([row.capture.dial for row in rows]).T
+    heat = [row.capture.temperature for row in rows]
+    names = {p.number: p.roll_set for p in session.positions}
+    roll_set = [names.get(row.number, "") for row in rows]
+    known = {"g": g, "b": b, "dip": dip, "latitude": latitude}
+    sd = {}
+    if all(row.capture.count >= LEAST_SAMPLES and set(row.capture.sd) >= set(kinds) for row in rows):
+        sd = {kind: np.stack([row.capture.sd[kind] / np.sqrt(row.capture.count) for row in rows]) for kind in kinds}
+        # one sensor has one noise: what few samples say of it at one position is pooled over all
+        sd = {kind: np.broadcast_to(np.sqrt(np.mean(v**2, axis=0)), v.shape) for kind, v in sd.items()}
+        sd = {} if any((v <= 0.0).any() for v in sd.values()) else sd
+    readings = BenchReadings(
+        {kind: np.stack([row.capture.channels[kind] for row in rows]) for kind in kinds},
+        azimuth,
+        inclination,
+        toolface,
+        station=[str(row.number) for row in rows],
+        sd=sd,
+        count=np.array([float(row.capture.count) for row in rows]),
+        temperature=None if None in heat else np.array(heat, dtype=float),
+        roll_set=roll_set if any(roll_set) else (),
+        units=dict(rows[0].capture.units),
+        reference={name: value for name, value in known.items() if value is not None},
+    )
+    return session.dials.read(readings)
+
+
+def _assembled(ledger: Ledger, record: Record) -> Session:
+    body, plan = record.body, record.body["plan"]
+    ended = _closing(ledger, record.id)
+    sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
+    positions = tuple(
+        Position(i, _radians(row), name)
+        for i, (row, name) in enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
+    )
+    taken: dict[int, Taken] = {}
+    attempts: dict[int, int] = {}
+    for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
+        found = _taken(reading)
+        taken[found.number] = found
+        attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
+    reasons = _rejections(ledger, [one.record for one in taken.values()])
+    for number, one in taken.items():
+        if one.record in reasons:
+            taken[number] = Taken(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
+    return Session(
+        record.id,
+        record.keys["serial"],
+        record.keys["purpose"],
+        plan["name"],
+        positions,
+        body["rig"],
+        record.created,
+        record.author,
+        taken,
+        attempts,
+        "" if ended is None else str(ended.keys["action"]),
+        {name: value for name, value in body.items() if name not in ("plan", "rig")},
+        dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
+    )
+
+
+def _rejections(ledger: Ledger, records: Sequence[str]) -> dict[str, str]:
+    """Record of a reading -> why it was left out, for those that were."""
+    found: dict[str, str] = {}
+    for start in range(0, len(records), SOME):
+        some = list(records[start : start + SOME])
+        for event in ledger.find("event", subject_kind="reading", action="rejected", subject=some):
+            found[event.keys["subject"]] = str(event.body.get("reason", ""))
+    return found
+
+
+def _radians(row: Sequence[float]) -> tuple[float, float, float]:
+    azimuth, inclination, toolface = (float(x) for x in np.radians(np.asarray(row, dtype=float)))
+    return azimuth, inclination, toolface
+
+
+def _capture_body(taken: Capture) -> dict[str, Any]:
+    dial = finite(taken.dial, "dial", (3,))
+    for name, angle in zip(("azimuth", "inclination", "toolface"), dial, strict=True):
+        if abs(angle) > 2.0 * np.pi:
+            raise InputError(f"the {name} dial is at {np.degrees(angle):g} degrees; allowed -360 to 360 degrees")
+    if taken.temperature is not None:
+        within(taken.temperature, "temperature", *TEMPERATURES, "degC")
+    for kind, signals in taken.channels.items():
+        within(finite(signals, kind, (None,)), kind, -LARGEST, LARGEST)
+        for name in ("sd", "drift"):
+            given = getattr(taken, name).get(kind)
+            if given is not None and np.shape(given) != np.shape(signals):
+                raise InputError(f"{name} of the {kind} has {np.size(given)} values, the reading {np.size(signals)}")
+        within(taken.sd.get(kind, 0.0), f"sd of the {kind}", 0.0, LARGEST)
+    if taken.count < 1:
+        raise InputError(f"count is {taken.count}; a reading is the mean of at least 1 sample")
+    body: dict[str, Any] = {
+        "dial_deg": np.degrees(dial).round(9).tolist(),
+        "count": int(taken.count),
+        "duration_s": float(taken.duration),
+        "temperature_degC": None if taken.temperature is None else float(taken.temperature),
+        "still": bool(taken.still),
+        "captured": taken.how,
+        "units": dict(taken.units),
+    }
+    for name in ("channels", "sd", "drift"):
+        values = {
+            kind: finite(v, f"{name} of the {kind}", (None,)).tolist() for kind, v in getattr(taken, name).items()
+        }
+        if values:
+            body[name] = values
+    if taken.note:
+        body["note"] = taken.note
+    return body
+
+
+def _taken(record: Record) -> Taken:
+    body = record.body
+    vectors = {
+        name: {kind: np.array(values) for kind, values in body.get(name, {}).items()}
+        for name in ("channels", "sd", "drift")
+    }
+    found = Capture(
+        channels=vectors["channels"],
+        dial=_radians(body["dial_deg"]),
+        count=body["count"],
+        sd=vectors["sd"],
+        drift=vectors["drift"],
+        units=body.get("units", {}),
+        duration=body.get("duration_s", 0.0),
+        temperature=body.get("temperature_degC"),
+        still=body.get("still", True),
+        how=body["captured"],
+        note=body.get("note", ""),
+    )
+    keys = record.keys
+    return Taken(record.id, keys["position"], keys["attempt"], record.created, record.author, found)

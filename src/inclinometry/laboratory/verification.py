@@ -1,0 +1,289 @@
+"""Verification on the stand: named sets of independent positions, and the verdict recorded."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.calibration.acceptance import JUDGED, Limits, Verification, verify
+from inclinometry.calibration.plans import Plan
+from inclinometry.errors import InclinometryError, InputError
+from inclinometry.files.verification_json import judged_positions, stated_limits
+from inclinometry.files.writing import program
+from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
+from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site
+from inclinometry.laboratory.results import calibration_of
+from inclinometry.laboratory.session import (
+    Session,
+    bench_readings,
+    close_session_draft,
+    load_session,
+    open_session,
+    unless_closed,
+)
+
+# The limits agreed when a verification is opened: kept with the session, held to when it is judged.
+
+OWN: Final = "laboratory"
+"""Name of limits the laboratory states itself."""
+
+
+def limits_content(limits: Limits) -> dict[str, Any]:
+    """Limits in degrees, as a session keeps them."""
+    angles = {name: getattr(limits, name) for name in JUDGED}
+    return {
+        "name": limits.name,
+        "source": limits.source,
+        **{f"{name}_deg": None if value is None else _in_degrees(value) for name, value in angles.items()},
+        "min_inclination_deg_for_azimuth": _in_degrees(limits.min_inclination_for_azimuth),
+        "guard": limits.guard,
+    }
+
+
+def limits_of(session: Session) -> Limits | None:
+    """The limits agreed when a verification was opened; None when it is held against its own uncertainty."""
+    content = dict(session.settings.get("settings", {})).get("limits")
+    return None if not content else limits_from(content)
+
+
+def limits_from(content: dict[str, Any]) -> Limits:
+    """Limits of `limits_content`; InputError for a source that is not named, no limit, values out of range.
+
+    Examples
+    --------
+    >>> limits_from({"name": "own", "source": "contract 7", "azimuth_deg": 1.0}).guard
+    'none'
+    """
+    source = str(content.get("source") or "").strip()
+    if not source:
+        raise InputError("the limits have no source; name the document the figures come from")
+    angles = {name: content.get(f"{name}_deg") for name in JUDGED}
+    if all(value is None for value in angles.values()):
+        raise InputError("there is no limit; give at least one of inclination, azimuth, toolface")
+    low = content.get("min_inclination_deg_for_azimuth") or 0.0
+    inclination, azimuth, toolface = (None if v is None else float(np.radians(v)) for v in angles.values())
+    return Limits(
+        str(content.get("name") or OWN),
+        source,
+        inclination,
+        azimuth,
+        toolface,
+        float(np.radians(low)),
+        str(content.get("guard") or "none"),
+    )
+
+
+def _in_degrees(angle: float) -> float:
+    return round(float(np.degrees(angle)), 9)
+
+
+def held_to(session: Session, calibration: str, limits: Limits | None) -> Limits | None:
+    """The limits to judge a session by; what was agreed at its opening is not changed once there are results.
+
+    Raises
+    ------
+    LedgerError
+        Another calibration or other limits than agreed.
+    """
+    agreed_with = session.settings.get("calibration")
+    if not agreed_with:
+        return limits
+    if agreed_with != calibration:
+        raise LedgerError(f"this verification was opened for calibration {agreed_with}, not for {calibration}")
+    agreed = limits_of(session)
+    if limits is not None and (agreed is None or limits_content(limits) != limits_content(agreed)):
+        name = "the errors' own uncertainty" if agreed is None else f"limits {agreed.name!r}"
+        raise LedgerError(
+            f"this verification was opened with {name}; it is not judged by {limits.name!r}: open another one for that"
+        )
+    return agreed
+
+
+OWN_SESSION: Final = "these are the readings the tool was calibrated with; verify it at positions of another session"
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A named set of positions: every inclination with every azimuth and toolface, in that order of turning, rad."""
+
+    name: str
+    title: str
+    source: str
+    plan: Plan
+
+
+@cache
+def protocols() -> dict[str, Protocol]:
+    """The shipped protocols by name.
+
+    Examples
+    --------
+    >>> {name: len(protocol.plan) for name, protocol in protocols().items()}
+    {'spread-12': 12, 'azimuth': 72, 'inclination': 14, 'long': 480, 'roll-4': 4, 'roll-8': 8}
+    """
+    text = files("inclinometry.laboratory").joinpath("protocols.json").read_text("utf-8")
+    return {name: _protocol(name, entry) for name, entry in json.loads(text).items()}
+
+
+def protocol(name: str) -> Protocol:
+    """A shipped protocol; InputError that lists them when there is none of that name."""
+    found = protocols().get(name)
+    if found is None:
+        raise InputError(f"protocol {name!r} is unknown; allowed: {', '.join(protocols())}")
+    return found
+
+
+def _protocol(name: str, entry: dict[str, Any]) -> Protocol:
+    dials = (entry[f"{dial}_deg"] for dial in ("inclination", "azimuth", "toolface"))
+    rows = np.radians(np.array(list(itertools.product(*dials)), dtype=float))
+    return Protocol(name, entry["title"], entry["source"], Plan(name, rows[:, 1], rows[:, 0], rows[:, 2]))
+
+
+def finish_verification(
+    ledger: Ledger, session: str, calibration: str, *, author: str, limits: Limits | None = None
+) -> Record:
+    """Judge a session's positions with a recorded calibration, record the verdict and close the session.
+
+    Parameters
+    ----------
+    session, calibration : str
+        Ids of their records; of the same tool.
+    limits : Limits, optional
+        As for `inclinometry.calibration.acceptance.verify`; those agreed when the session was opened go before.
+
+    Raises
+    ------
+    LedgerError
+        The session is closed, is of another tool, is the one the calibration was made from, or cannot be judged; a
+        position without a valid reading; a limit of an angle that no position judges; limits or a calibration other
+        than agreed when it was opened.
+    """
+    seen, record = load_session(ledger, session), ledger.get("calibration", calibration)
+    if seen.closed:
+        raise LedgerError("this session is closed already")
+    if record.keys["serial"] != seen.serial:
+        raise LedgerError(f"the calibration is of tool {record.keys['serial']}, the session of {seen.serial}")
+    if record.keys["session"] == session:
+        raise LedgerError(OWN_SESSION)
+    limits = held_to(seen, calibration, limits)
+    found = judged(ledger, session, calibration, limits)
+    lost = lacking(seen, found, limits)
+    if lost:
+        raise LedgerError(lost)
+    body = {
+        "verdict": found.verdict,
+        "limits": stated_limits(found, limits),
+        "report": report(found, seen),
+        "readings": [row.record for row in seen.valid],
+        "session": session,
+        "program": program(),
+    }
+    drafts = [
+        Draft("verification", {"serial": seen.serial, "calibration": calibration}, body),
+        close_session_draft(session, "finished"),
+    ]
+    return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
+
+
+def lacking(seen: Session, found: Verification, limits: Limits | None) -> str:
+    """What a verdict lacks, in one sentence; "" when it may be recorded: every position read, every limit judged."""
+    open_ = [str(place.number) for place in seen.positions if not seen.has(place.number)]
+    if open_:
+        named = ", ".join(open_[:5]) + (", ..." if len(open_) > 5 else "")
+        return (
+            f"{len(open_)} of the {len(seen.positions)} positions of {seen.plan!r} have no valid reading ({named}): "
+            "there is no verdict yet; capture them, or abandon the session"
+        )
+    for column, name in enumerate(JUDGED):
+        wanted = limits is not None and getattr(limits, name) is not None
+        if wanted and all(row[column] == "not judged" for row in found.decision):
+            return (
+                f"there is a limit of {name}, and none of these positions is inclined enough to judge it: there is no "
+                "verdict; verify at inclined positions, or with limits that leave it out"
+            )
+    return ""
+
+
+def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None = None) -> Verification:
+    """The verdict on the positions captured so far; nothing is recorded."""
+    seen = load_session(ledger, session)
+    site = find_site(ledger, str(seen.settings.get("site", "")))
+    fields = {} if site is None else site.fields
+    try:
+        return verify(bench_readings(seen, **fields), calibration_of(ledger.get("calibration", calibration)), limits)
+    except LedgerError:
+        raise
+    except InclinometryError as error:
+        raise LedgerError(f"these readings cannot be judged: {error}") from None
+
+
+def report(found: Verification, seen: Session) -> dict[str, Any]:
+    """Position by position, and how much of the protocol was taken."""
+    taken = sum(seen.has(place.number) for place in seen.positions)
+    plan = {"name": seen.plan, "taken": taken, "positions": len(seen.positions)}
+    return {"protocol": plan, **judged_positions(found)}
+
+
+# Opening a verification on the stand, with the limits it will be judged by.
+
+_SLACK: Final = 1e-9
+
+
+def begin_verification(
+    ledger: Ledger, calibration: str, protocol_name: str, *, author: str, limits: Limits | None = None
+) -> Session:
+    """Open a session at the positions of a protocol, on the rig of the calibration.
+
+    Parameters
+    ----------
+    calibration : str
+        Id of its record.
+    protocol_name : str
+        See `verification.protocols`. Positions that the rig cannot be set to are left out; the plan's name says so.
+    limits : Limits, optional
+        What the errors will be held against; their own uncertainty when not given.
+
+    Raises
+    ------
+    InputError
+        An unknown protocol, a rig that can be set to none of its positions.
+    LedgerError
+        No such calibration.
+    """
+    record = ledger.get("calibration", calibration)
+    made = ledger.get("session", record.keys["session"])
+    rig = find_rig(ledger, made.body["rig"])
+    if rig is None:
+        raise InputError(f"rig {made.body['rig']!r} of the calibration is not registered; register it first")
+    plan = reachable(protocol(protocol_name).plan, rig)
+    settings: dict[str, Any] = {"calibration": calibration, "limits": "" if limits is None else limits.name}
+    if limits is not None:
+        settings["settings"] = {"limits": limits_content(limits)}
+    if made.body.get("site"):
+        settings["site"] = made.body["site"]
+    return open_session(
+        ledger, record.keys["serial"], plan, rig=rig.name, author=author, purpose="verify", settings=settings
+    )
+
+
+def reachable(plan: Plan, rig: RegisteredRig) -> Plan:
+    """The positions of a plan that lie within the limits of a rig's dials; InputError when none does."""
+    inside = np.ones(len(plan), dtype=bool)
+    for name in ("azimuth", "inclination", "toolface"):
+        low, high = getattr(rig, name)
+        turned = getattr(plan, name)[:, None] + (0.0 if name == "inclination" else 2.0 * np.pi * np.arange(-1, 2))
+        turned = np.atleast_2d(turned)
+        inside &= np.any((turned >= low - _SLACK) & (turned <= high + _SLACK), axis=1)
+    if not inside.any():
+        raise InputError(f"rig {rig.name!r} can be set to none of the positions of {plan.name}; choose another one")
+    if inside.all():
+        return plan
+    sets = tuple(itertools.compress(plan.roll_set, inside)) if plan.roll_set else ()
+    name = f"{plan.name}, {int(inside.sum())} of {len(plan)} positions within reach of the rig"
+    return Plan(name, plan.azimuth[inside], plan.inclination[inside], plan.toolface[inside], sets)

@@ -1,0 +1,289 @@
+"""Sessions: opened, captured, judged while the tool is on the rig, closed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from fastapi import APIRouter, HTTPException, Path, Query
+from pydantic import BaseModel, ConfigDict, Field
+
+from inclinometry.laboratory.guided import GuidedPlan, plan_for
+from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
+from inclinometry.laboratory.results import finish_calibration
+from inclinometry.laboratory.session import (
+    Capture,
+    Session,
+    Taken,
+    capture,
+    close_session,
+    dial_at,
+    load_session,
+    open_session,
+    reject,
+    sessions,
+)
+from inclinometry.laboratory.standing import Standing, goal_of, proposal, standing
+from inclinometry.laboratory.web.api.access import REFUSALS, After, Limit, Operator, Reader, RecordId, TheLedger
+from inclinometry.laboratory.web.api.registry import shown
+from inclinometry.laboratory.web.frame import current
+
+router = APIRouter(tags=["sessions"], responses=REFUSALS)
+
+Number = Annotated[int, Path(ge=1, le=5000)]
+Text = Annotated[str, Field(max_length=2000)]
+Signals = Annotated[list[float], Field(min_length=1, max_length=100)]
+Kind = Literal["accelerometer", "magnetometer", "gyro"]
+
+
+class SessionBody(BaseModel):
+    """A session to be opened."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    serial: str = Field(min_length=1, max_length=200)
+    rig: str = Field(min_length=1, max_length=200)
+    plan: str = Field(min_length=1, max_length=50)
+    number: int | None = Field(default=None, ge=1, le=500)
+    purpose: Literal["calibrate", "verify", "temperature"] = "calibrate"
+    site: Text = ""
+    temperatures_degC: list[float] = Field(default_factory=list, max_length=20)
+    wanted_u_azimuth_deg: float | None = Field(default=None, gt=0.0, lt=180.0)
+    wanted_u_inclination_deg: float | None = Field(default=None, gt=0.0, lt=180.0)
+    condition: Text = ""
+    customer: Text = ""
+    left_handed: bool = False
+
+
+class ReadingBody(BaseModel):
+    """What the sensors said; `dial_deg` is what the rig's dials say, however they count. `attempt`, 1 for the first
+    reading of a position, makes a repeated request fail.
+    """
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    attempt: int = Field(ge=1, le=1000)
+    dial_deg: tuple[float, float, float]
+    channels: dict[Kind, Signals] = Field(min_length=1)
+    sd: dict[Kind, Signals] = Field(default_factory=dict)
+    units: dict[Kind, Text] = Field(default_factory=dict)
+    count: int = Field(default=1, ge=1, le=10_000_000)
+    duration_s: float = Field(default=0.0, ge=0.0)
+    temperature_degC: float | None = None
+    note: Text = ""
+
+
+class LiveBody(BaseModel):
+    """A reading to be taken from the attached instrument."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    attempt: int = Field(ge=1, le=1000)
+    dial_deg: tuple[float, float, float] | None = None
+    seconds: float = Field(default=5.0, gt=0.0, le=600.0)
+
+
+class Reason(BaseModel):
+    """Why."""
+
+    model_config = ConfigDict(extra="forbid")
+    reason: str = Field(min_length=1, max_length=2000)
+
+
+@router.get("/sessions")
+def list_sessions(
+    ledger: TheLedger,
+    _: Reader,
+    serial: Annotated[str | None, Query(max_length=200)] = None,
+    before: After = 0,
+    limit: Limit = 50,
+) -> list[dict[str, Any]]:
+    """Sessions, newest first, recorded before the place `before` in the chain."""
+    return [shown(record) for record in sessions(ledger, serial=serial, limit=limit, before=before)]
+
+
+@router.post("/sessions", status_code=201)
+def begin(ledger: TheLedger, user: Operator, body: SessionBody) -> dict[str, Any]:
+    """Open a session with a plan by name."""
+    rig = _rig(ledger, body.rig)
+    wanted = GuidedPlan(body.plan, body.number, tuple(body.temperatures_degC))
+    plan, settings = plan_for(wanted, ledger, body.serial, rig)
+    settings |= {name: value for name in ("site", "condition", "customer") if (value := getattr(body, name))}
+    if body.left_handed:
+        settings["settings"] = {**settings.get("settings", {}), "left_handed": True}
+    goal = {"u_azimuth_deg": body.wanted_u_azimuth_deg, "u_inclination_deg": body.wanted_u_inclination_deg}
+    settings["wanted"] = settings.get("wanted", {}) | {k: v for k, v in goal.items() if v is not None}
+    session = open_session(
+        ledger, body.serial, plan, rig=body.rig, author=user.name, purpose=body.purpose, settings=settings
+    )
+    return _session(session)
+
+
+@router.get("/sessions/{session}")
+def one_session(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, Any]:
+    """A session with its positions and readings."""
+    return _session(load_session(ledger, session))
+
+
+@router.post("/sessions/{session}/readings/{number}", status_code=201)
+def add_reading(
+    ledger: TheLedger, user: Operator, session: RecordId, number: Number, body: ReadingBody
+) -> dict[str, Any]:
+    """Record the reading of a position; answered when it is on the disk."""
+    reading = Capture(
+        channels={kind: np.array(values) for kind, values in body.channels.items()},
+        dial=_dial(body.dial_deg),
+        count=body.count,
+        sd={kind: np.array(values) for kind, values in body.sd.items()},
+        units={str(kind): unit for kind, unit in body.units.items()},
+        duration=body.duration_s,
+        temperature=body.temperature_degC,
+        how="api",
+        note=body.note,
+    )
+    return _reading(capture(ledger, session, number, reading, author=user.name, attempt=body.attempt))
+
+
+@router.post("/sessions/{session}/capture/{number}", status_code=201)
+def capture_live(
+    ledger: TheLedger, user: Operator, session: RecordId, number: Number, body: LiveBody
+) -> dict[str, Any]:
+    """Take the reading of a position from the attached instrument."""
+    feed = current().feed
+    if feed is None:
+        raise HTTPException(409, "no instrument is attached; start the bench with --instrument")
+    dial = None if body.dial_deg is None else _dial(body.dial_deg)
+    if dial is None:
+        known = {p.number: p.dial for p in load_session(ledger, session).positions}
+        if number not in known:
+            raise HTTPException(422, f"position {number} is not of the plan; give dial_deg")
+        dial = known[number]
+    reading = feed.capture(dial, body.seconds, how="api")
+    taken = capture(ledger, session, number, reading, author=user.name, attempt=body.attempt)
+    feed.moved()  # the samples of one reading are never those of another
+    return _reading(taken)
+
+
+@router.post("/sessions/{session}/readings/{number}/reject", status_code=201)
+def reject_reading(
+    ledger: TheLedger, user: Operator, session: RecordId, number: Number, body: Reason
+) -> dict[str, Any]:
+    """Leave the newest reading of a position out."""
+    seen = load_session(ledger, session)
+    if not seen.has(number):
+        raise HTTPException(404, f"position {number} has no valid reading")
+    reject(ledger, seen.taken[number], body.reason, author=user.name)
+    return _session(load_session(ledger, session))
+
+
+@router.get("/sessions/{session}/standing")
+def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, Any]:
+    """What the readings would certify now, what is odd, where to go next."""
+    seen = load_session(ledger, session)
+    rig, goal = rig_of(ledger, session) or _rig(ledger, seen.rig), goal_of(ledger, seen)
+    now = standing(seen, goal, rig, find_site(ledger, str(seen.settings.get("site", ""))))
+    place = proposal(seen, goal, rig, now)
+    return _standing(now) | {
+        "next_deg": None
+        if place is None
+        else _degrees(dial_at(seen.dials, place.azimuth, place.inclination, place.toolface))
+    }
+
+
+@router.post("/sessions/{session}/finish", status_code=201)
+def finish(ledger: TheLedger, user: Operator, session: RecordId) -> dict[str, Any]:
+    """Fit the readings, record the calibration, close the session."""
+    goal = goal_of(ledger, load_session(ledger, session))
+    return shown(finish_calibration(ledger, session, author=user.name, goal=goal))
+
+
+@router.post("/sessions/{session}/abandon", status_code=204)
+def abandon(ledger: TheLedger, user: Operator, session: RecordId, body: Reason) -> None:
+    """Close the session without a result; its readings stay."""
+    ledger.get("session", session)
+    close_session(ledger, session, "abandoned", author=user.name, reason=body.reason)
+
+
+@router.get("/live")
+def live(_: Reader) -> dict[str, Any]:
+    """The newest sample of the attached instrument and whether the tool stands still."""
+    feed = current().feed
+    if feed is None:
+        return {"connected": False, "word": "none", "reason": "no instrument is attached"}
+    found = feed.stability()
+    return {
+        "connected": feed.connected,
+        "word": found.word,
+        "reason": found.reason,
+        "still": found.still,
+        "mean": {kind: values.tolist() for kind, values in found.mean.items()},
+        "sd": {kind: values.tolist() for kind, values in found.sd.items()},
+        "temperature_degC": found.temperature,
+        "count": found.count,
+    }
+
+
+def _rig(ledger: Ledger, name: str) -> RegisteredRig:
+    rig = find_rig(ledger, name)
+    if rig is None:
+        raise HTTPException(422, f"rig {name!r:.80} is not registered; register it first")
+    return rig
+
+
+def _session(session: Session) -> dict[str, Any]:
+    return {
+        "id": session.id,
+        "serial": session.serial,
+        "purpose": session.purpose,
+        "plan": session.plan,
+        "rig": session.rig,
+        "dials": asdict(session.dials),
+        "created": session.created,
+        "author": session.author,
+        "closed": session.closed,
+        "positions": [
+            {"number": p.number, "dial_deg": _degrees(p.dial), "done": session.has(p.number)} for p in session.positions
+        ],
+        "readings": [_reading(taken) for _, taken in sorted(session.taken.items())],
+        "settings": dict(session.settings),
+    }
+
+
+def _reading(taken: Taken) -> dict[str, Any]:
+    return {
+        "id": taken.record,
+        "number": taken.number,
+        "attempt": taken.attempt,
+        "created": taken.created,
+        "author": taken.author,
+        "dial_deg": _degrees(taken.capture.dial),
+        "channels": {kind: values.tolist() for kind, values in taken.capture.channels.items()},
+        "count": taken.capture.count,
+        "temperature_degC": taken.capture.temperature,
+        "rejected": taken.rejected,
+    }
+
+
+def _standing(now: Standing) -> dict[str, Any]:
+    return {
+        "captured": now.captured,
+        "fitted": now.calibration is not None,
+        "waiting_for": current().told(now.waiting),
+        "U_azimuth_deg": _finite(now.u_azimuth),
+        "U_inclination_deg": _finite(now.u_inclination),
+        "odd": {str(number): sentence for number, sentence in now.odd.items()},
+        "reached": now.reached,
+        "warnings": [] if now.calibration is None else [current().told(w) for w in now.calibration.warnings],
+    }
+
+
+def _finite(angle: float) -> float | None:
+    return float(np.degrees(angle)) if np.isfinite(angle) else None
+
+
+def _degrees(dial: tuple[float, float, float]) -> list[float]:
+    return [float(x) for x in np.degrees(dial).round(9)]
+
+
+def _dial(degrees: tuple[float, float, float]) -> tuple[float, float, float]:
+    azimuth, inclination, toolface = (float(x) for x in np.radians(degrees))
+    return azimuth, inclination, toolface

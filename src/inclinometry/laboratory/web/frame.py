@@ -1,0 +1,221 @@
+"""The frame of every page: navigation, theme, language, units; and what a page knows of its visitor."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
+
+from fastapi import HTTPException, Request
+from nicegui import context, core, run, ui
+
+from inclinometry.errors import InclinometryError
+from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.users import User
+from inclinometry.laboratory.results import at_the_bench
+from inclinometry.laboratory.web.logins import Login, Logins
+from inclinometry.laboratory.web.words import LANGUAGES, preferred, say
+
+if TYPE_CHECKING:
+    from inclinometry.laboratory.instruments.rig import RigDriver
+    from inclinometry.laboratory.live import LiveFeed
+
+
+class RefusedError(InclinometryError):
+    """The user may not do this, or is no longer logged in."""
+
+
+@dataclass
+class Bench:
+    """What the pages and routes of one server share.
+
+    ledger, logins : as named.
+    feed, rig : live channels of the instrument and what turns the rig, None without one.
+    open_house : True on loopback: one user, no password.
+    """
+
+    ledger: Ledger
+    logins: Logins
+    feed: LiveFeed | None = None
+    rig: RigDriver | None = None
+    open_house: bool = True
+    instrument: str = ""
+
+    def told(self, text: str) -> str:
+        """What an error or a warning says, for a user of the bench, who has no options of the command line; on a
+        network nobody is told where on this computer the ledger lies.
+        """
+        text = at_the_bench(text)
+        return text if self.open_house else text.replace(self.ledger.shown, "the ledger")
+
+    def user(self, login: Login | None) -> User:
+        """The user of a login as the ledger has it now; RefusedError when the login has ended."""
+        found = None if login is None else self.logins.find(login.token)
+        if found is None:
+            raise RefusedError("you are no longer logged in; log in again, nothing was lost")
+        return found[1]
+
+    def require(self, login: Login | None, what: str) -> User:
+        """The user, when allowed to "read", "capture", "issue" or "administer"; else RefusedError."""
+        user = self.user(login)
+        if not user.may(what):
+            needed = {"capture": "an operator", "issue": "a metrologist", "administer": "an administrator"}
+            raise RefusedError(f"{user.name} is {user.role}; this takes {needed.get(what, 'a user')}")
+        return user
+
+
+_CURRENT: list[Bench] = []
+
+
+def serve(bench: Bench) -> None:
+    """Make this the bench of the process."""
+    _CURRENT[:] = [bench]
+
+
+def current() -> Bench:
+    """The bench of the process."""
+    if not _CURRENT:
+        raise RefusedError("no bench is open in this process; make one with create_app")
+    return _CURRENT[0]
+
+
+T = TypeVar("T")
+
+LANGUAGE_COOKIE: Final = "inclinometry_language"
+THEME_COOKIE: Final = "inclinometry_theme"
+NAVIGATION: Final = (
+    ("/", "nav.home", "read"),
+    ("/tools", "nav.tools", "read"),
+    ("/calibrate", "nav.calibrate", "capture"),
+    ("/verify", "nav.verify", "capture"),
+    ("/certificates", "nav.certificates", "read"),
+    ("/ledger", "nav.ledger", "read"),
+    ("/users", "nav.users", "administer"),
+)
+
+
+async def aside(do: Callable[[], T]) -> T:
+    """Do in a thread what takes its time. When page or server has gone meanwhile, what was to be shown ends here."""
+    client = context.client
+    found = await run.io_bound(do)
+    if client.is_deleted or core.app.is_stopping:
+        raise asyncio.CancelledError
+    return cast("T", found)
+
+
+@dataclass(frozen=True)
+class Visitor:
+    """Who looks at a page, and in which language."""
+
+    bench: Bench
+    login: Login | None
+    language: str
+    user: User
+
+    def say(self, key: str, **values: Any) -> str:
+        """A text of the catalogue in the visitor's language."""
+        return say(self.language, key, **values)
+
+    def require(self, what: str) -> User:
+        """The user as of now, when allowed to do this; RefusedError otherwise. Call it in every action."""
+        return self.bench.require(self.login, what)
+
+    def action(self, what: str, do: Callable[[User], None]) -> Callable[[], None]:
+        """A handler that does something only for a user who still may, and says what went wrong."""
+
+        def handler() -> None:
+            try:
+                do(self.require(what))
+            except InclinometryError as error:
+                ui.notify(self.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK")
+
+        return handler
+
+
+def visitor_of(request: Request) -> Visitor:
+    """The visitor of a page; a redirect to the login when there is none."""
+    bench = current()
+    login: Login | None = getattr(request.state, "login", None)
+    try:
+        user = bench.user(login)
+    except RefusedError:
+        raise HTTPException(303, headers={"location": "/login"}) from None
+    chosen = request.cookies.get(LANGUAGE_COOKIE, "")
+    language = chosen if chosen in LANGUAGES else preferred(request.headers.get("accept-language", ""))
+    return Visitor(bench, login, language, user)
+
+
+@contextmanager
+def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visitor]:
+    """A page with its frame; the content goes inside.
+
+    Parameters
+    ----------
+    request : Request
+    title : str
+        Key of the catalogue.
+    needs : {"read", "capture", "issue", "administer"}
+        What the visitor must be allowed to do to see the page.
+
+    Raises
+    ------
+    HTTPException
+        303 to the login, 403 for a user who may not see it.
+    """
+    visitor = visitor_of(request)
+    if not visitor.user.may(needs):
+        raise HTTPException(403, visitor.say("error.not_allowed"))
+    dress(visitor.language, request)
+    ui.page_title(f"{visitor.say(title)} - inclinometry")
+    _header(visitor, request)
+    with ui.column().classes("page").props('id="content" role="main"'):
+        ui.label(visitor.say(title)).classes("title").props('role="heading" aria-level="1"')
+        yield visitor
+    with ui.row().classes("foot"):
+        ui.label(visitor.say("frame.units"))
+        if visitor.bench.open_house:
+            ui.label(visitor.say("frame.local"))
+
+
+def dress(language: str, request: Request) -> None:
+    """Styles, theme and language of a page."""
+    ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
+    theme = request.cookies.get(THEME_COOKIE, "")
+    ui.colors(primary="#2474c4")  # white on it, and it on either paper, can be read
+    ui.dark_mode({"dark": True, "light": False}.get(theme))
+    ui.query("html").props(f'lang="{language}"')
+
+
+def _header(visitor: Visitor, request: Request) -> None:
+    with ui.row().classes("bar").props('role="navigation"'):
+        ui.link(visitor.say("nav.skip"), "#content").classes("skip")
+        here = request.url.path
+        for path, key, needs in NAVIGATION:
+            if visitor.user.may(needs):
+                link = ui.link(visitor.say(key), path).classes("nav")
+                if here == path or (path != "/" and here.startswith(path)):
+                    link.props('aria-current="page"')
+        ui.space()
+        _choices(visitor)
+
+
+def _choices(visitor: Visitor) -> None:
+    """Theme, language, the user."""
+    store = "document.cookie = '{name}={value};path=/;max-age=31536000;samesite=strict'; location.reload()"
+    dark = store.format(
+        name=THEME_COOKIE, value="' + (document.body.classList.contains('body--dark') ? 'light' : 'dark') + '"
+    )
+    theme = ui.button(icon="contrast").props(f'flat dense aria-label="{visitor.say("frame.theme")}"')
+    theme.on("click", js_handler=f"() => {{ {dark} }}")
+    with ui.row().classes("languages").props(f'aria-label="{visitor.say("frame.language")}"'):
+        for code, name in LANGUAGES.items():
+            pick = store.format(name=LANGUAGE_COOKIE, value=code)
+            label = ui.button(code.upper()).props(f'flat dense aria-label="{name}"')
+            label.on("click", js_handler=f"() => {{ {pick} }}")
+            if code == visitor.language:
+                label.classes("chosen")
+    if not visitor.bench.open_house:
+        ui.label(visitor.user.name).classes("user")
+        ui.link(visitor.say("frame.log_out"), "/logout").classes("nav")

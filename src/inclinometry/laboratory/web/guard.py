@@ -1,0 +1,245 @@
+"""What stands before every page and route: the right host, a login, no foreign sites, nothing too large or too slow."""
+
+from __future__ import annotations
+
+import inspect
+import ipaddress
+import json
+import urllib.parse
+from collections.abc import Awaitable, Callable, MutableMapping
+from typing import Any, Final
+
+from nicegui import Client, core
+
+from inclinometry.laboratory.web.logins import Login, Logins, same_secret
+from inclinometry.laboratory.web.refusals import Metered, browser_headers, cookie_token, problem_of
+
+# The live connection of a page belongs to whoever opened the page.
+
+EVENTS: Final = ("handshake", "event", "javascript_response", "ack", "log")
+
+
+def guard_sockets() -> None:
+    """Let nobody speak for a page that another user opened, whatever page they know the name of."""
+    for name in ("connect", *EVENTS):
+        known = core.sio.handlers["/"][name]
+        if not getattr(known, "owned", False):
+            core.sio.on(name, _owned(name, known))
+
+
+def _owned(name: str, handler: Callable[..., Any]) -> Callable[..., Any]:
+    async def checked(sid: str, *arguments: Any) -> Any:
+        if not _may(sid, _page(name, arguments)):
+            return False
+        found = handler(sid, *arguments)
+        return await found if inspect.isawaitable(found) else found
+
+    checked.owned = True  # type: ignore[attr-defined]
+    return checked
+
+
+def _page(name: str, arguments: tuple[Any, ...]) -> str:
+    """Name of the page a message is for."""
+    content = arguments[0] if arguments and isinstance(arguments[0], dict) else {}
+    if name == "connect":
+        query = urllib.parse.parse_qs(str(content.get("QUERY_STRING", "")))
+        return query.get("client_id", [""])[0]
+    return str(content.get("client_id", ""))
+
+
+def _may(sid: str, page: str) -> bool:
+    client = Client.instances.get(page)
+    if client is None or client.request is None:
+        return True  # there is nothing to speak for
+    environ = core.sio.get_environ(sid) or {}
+    mine = environ.get("asgi.scope", {}).get("state", {}).get("login")
+    theirs = getattr(client.request.state, "login", None)
+    return mine is not None and theirs is not None and bool(mine.name == theirs.name)
+
+
+Message = MutableMapping[str, Any]
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+Problem = tuple[int, str]
+
+OPEN: Final = ("/login", "/api/v1/login", "/favicon.ico", "/healthz")
+OPEN_FOLDERS: Final = ("/_nicegui/", "/static/")
+"""What can be seen without a login: the login itself, scripts and styles, whether the server lives."""
+SAFE: Final = ("GET", "HEAD", "OPTIONS")
+ONCE: Final = ("host", "origin", "authorization", "content-length", "content-type", "x-csrf-token")
+"""Headers of which two could be read in two ways."""
+ENDED: Final = 4401
+"""Code with which a websocket is closed when its login has ended."""
+
+
+class Guard:
+    """ASGI middleware around the whole application.
+
+    Parameters
+    ----------
+    app : the application.
+    logins : who is logged in.
+    hosts : names (without port) by which this server may be addressed; a page of another site that makes its own name
+        point here is refused. Where users log in, the numeric address of the server itself will do, too: no foreign
+        site can have it for a name.
+    open_house : True on loopback, where whoever sits at the computer is the one user.
+    """
+
+    def __init__(self, app: App, *, logins: Logins, hosts: frozenset[str], open_house: bool) -> None:
+        self._app, self._logins, self._open_house = app, logins, open_house
+        self._hosts = frozenset(host.lower() for host in hosts)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let through what may pass."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers: dict[str, str] = {}
+        problem = _read(scope, headers) or self._foreign(scope, headers)
+        if problem is not None:
+            await _refuse(scope, send, *problem)
+            return
+        login = self._who(headers)
+        scope.setdefault("state", {})["login"] = login
+        problem = self._stranger(scope, headers, login) or problem_of(scope, headers)
+        if problem is not None:
+            await _refuse(scope, send, *problem)
+            return
+        if scope["type"] == "websocket":
+            await self._app(scope, self._watched(receive, send, login), send)
+            return
+        body = Metered(scope, receive, headers)
+        await self._app(scope, body.receive, _answered(scope, headers, body, send))
+
+    def _foreign(self, scope: Scope, headers: dict[str, str]) -> Problem | None:
+        """Requests meant for another host, or sent by a page of another site."""
+        host = headers.get("host", "").lower()
+        if _name(host) not in self._hosts and not (not self._open_house and _own_address(scope, host)):
+            return 421, f"this server does not answer to the name {host[:80]!r}; use the address it printed"
+        origin = headers.get("origin")
+        # whoever only follows a link here sends no origin
+        if origin is not None and origin.lower().partition("://")[2] != host:
+            return 403, "this request comes from a page of another site"
+        # a browser's own word on where a request comes from: another site may link here, but embed or call nothing
+        linked = scope["type"] == "http" and scope["method"] in SAFE and headers.get("sec-fetch-mode") == "navigate"
+        linked = linked and headers.get("sec-fetch-dest") == "document"
+        if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none") and not linked:
+            return 403, "this request comes from a page of another site"
+        return None
+
+    def _who(self, headers: dict[str, str]) -> Login | None:
+        """The login of a request, None for a stranger."""
+        given = bearer(headers)
+        if self._open_house and not given:
+            return self._logins.local()
+        token = given or cookie_token(headers)
+        found = self._logins.find(token) if token else None
+        return None if found is None else found[0]
+
+    def _stranger(self, scope: Scope, headers: dict[str, str], login: Login | None) -> Problem | None:
+        path, http = scope["path"], scope["type"] == "http"
+        safe = http and scope["method"] in SAFE
+        if (http and path in OPEN) or (safe and path.startswith(OPEN_FOLDERS)):
+            return None
+        if login is None:
+            return (303, "/login") if http and not path.startswith("/api/") else (401, "log in first")
+        api = http and path.startswith("/api/") and not safe
+        if api and not bearer(headers) and not same_secret(headers.get("x-csrf-token", ""), login.csrf):
+            return 403, "the header X-CSRF-Token is missing or wrong; GET /api/v1/me gives it"
+        return None
+
+    def _watched(self, receive: Receive, send: Send, login: Login | None) -> Receive:
+        """The messages of a websocket until its login ends: whoever has logged out does nothing more on any page."""
+
+        async def watched() -> Message:
+            message = await receive()
+            if message["type"] != "websocket.receive":
+                return message
+            # the connection's own heartbeat must not keep a login alive that nobody uses
+            used = str(message.get("text") or "").startswith('42["event"')
+            if login is None or self._logins.find(login.token, use=used) is None:
+                await send({"type": "websocket.close", "code": ENDED})
+                return {"type": "websocket.disconnect", "code": ENDED}
+            return message
+
+        return watched
+
+
+def bearer(headers: dict[str, str]) -> str:
+    """The token of an Authorization header, "" when there is none."""
+    kind, _, token = headers.get("authorization", "").partition(" ")
+    return token.strip() if kind.lower() == "bearer" else ""
+
+
+def _read(scope: Scope, headers: dict[str, str]) -> Problem | None:
+    """Fill in the headers by name; refused when one that decides something comes twice."""
+    for raw_name, raw_value in scope["headers"]:
+        name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
+        if name in headers and name in ONCE:
+            return 400, f"the header {name} was sent twice"
+        headers[name] = f"{headers[name]}; {value}" if name in headers and name == "cookie" else value
+    return None
+
+
+def _name(host: str) -> str:
+    """Host without port; brackets of an IPv6 address stay."""
+    if host.startswith("["):
+        return host.partition("]")[0] + "]"
+    return host.rpartition(":")[0] if ":" in host else host
+
+
+def _own_address(scope: Scope, host: str) -> bool:
+    """Whether the host is the numeric address at which the connection arrived."""
+    server = scope.get("server") or ("", 0)
+    try:
+        return ipaddress.ip_address(_name(host).strip("[]")) == ipaddress.ip_address(str(server[0]))
+    except ValueError:
+        return False
+
+
+def _answered(scope: Scope, headers: dict[str, str], body: Metered, send: Send) -> Send:
+    """Adds the headers that every answer carries; a body that was cut short is answered with the reason instead."""
+    over = False
+
+    async def answered(message: Message) -> None:
+        nonlocal over
+        if over:
+            return
+        if message["type"] == "http.response.start":
+            if body.problem is not None:
+                over = True
+                await _refuse(scope, send, *body.problem)
+                return
+            ours = browser_headers(scope, headers)
+            # the framework's live connection would let any site read it
+            kept = [
+                (name, value)
+                for name, value in message.get("headers", [])
+                if name.lower() not in ours and not name.lower().startswith(b"access-control-")
+            ]
+            if body.unread:
+                ours[b"connection"] = b"close"
+            message["headers"] = [*kept, *ours.items()]
+        await send(message)
+
+    return answered
+
+
+async def _refuse(scope: Scope, send: Send, status: int, what: str) -> None:
+    """An answer without the application: JSON to programs, a redirect to browsers, a closed websocket."""
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": ENDED if status == 401 else 4403})
+        return
+    headers = {b"content-type": b"application/json", **browser_headers(scope, {})}
+    body = json.dumps({"detail": what}).encode()
+    if status == 303:
+        headers[b"location"], body = what.encode(), b""
+    elif status == 401:
+        headers[b"www-authenticate"] = b"Bearer"
+    headers[b"content-length"] = str(len(body)).encode()
+    if status in (400, 408, 413):
+        headers[b"connection"] = b"close"
+    await send({"type": "http.response.start", "status": status, "headers": list(headers.items())})
+    await send({"type": "http.response.body", "body": body})

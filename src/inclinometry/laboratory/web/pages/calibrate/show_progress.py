@@ -1,0 +1,468 @@
+"""Positions taken and to take, and what the fit would certify now."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from html import escape
+from typing import Final
+
+import numpy as np
+from nicegui import ui
+
+from inclinometry.arrays import Array
+from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.laboratory.instruments.protocol import InstrumentEvent
+from inclinometry.laboratory.live import LiveFeed, Stability
+from inclinometry.laboratory.session import Position, setting_of
+from inclinometry.laboratory.web.frame import Bench
+from inclinometry.laboratory.web.pages.calibrate.guided import Guided, drawing
+from inclinometry.report.words import significant
+
+# The verdict and the live channels: ten times a second, one small message a browser, worked out once for all.
+
+PERIOD: Final = 0.1
+COLOUR: Final = {"still": "good", "learning": "warn", "few": "warn"}
+"""Of a verdict; bad for the others."""
+_FRESH: Final = 0.08
+_DASH: Final = "–"
+
+
+@dataclass
+class _Shared:
+    """What all browsers are told of a feed."""
+
+    feed: LiveFeed
+    when: float = float("-inf")
+    seen: Stability | None = None
+    cells: list[str] = field(default_factory=list)
+    digits: dict[str, int] = field(default_factory=dict)
+
+    def fresh(self) -> _Shared:
+        """Worked out again, when it is older than most of a tenth of a second."""
+        now = time.monotonic()
+        if now - self.when > _FRESH:
+            self.when, self.seen = now, self.feed.stability()
+            self.cells = self._cells(self.seen)
+        return self
+
+    def _cells(self, seen: Stability) -> list[str]:
+        found = []
+        for kind, count in channel_counts(self.feed).items():
+            columns = (seen.mean.get(kind), seen.sd.get(kind), seen.drift.get(kind))
+            digits = self._decimals(kind, seen.floor.get(kind), seen.sd.get(kind))
+            for axis in range(count):
+                found += [_DASH if c is None or axis >= len(c) else f"{c[axis]:.{digits}f}" for c in columns]
+        return found
+
+    def _decimals(self, kind: str, floor: Array | None, spread: Array | None) -> int:
+        """Decimals at which the noise shows two digits; kept while they nearly fit, so that no number hops about."""
+        noise = floor if floor is not None else spread
+        least = float(np.min(noise)) if noise is not None and len(noise) else 0.0
+        wanted = int(np.clip(1 - np.floor(np.log10(least)), 0, 6)) if least > 0.0 else 1
+        if abs(self.digits.get(kind, -9) - wanted) > 1:
+            self.digits[kind] = wanted
+        return self.digits[kind]
+
+
+_SHARED: list[_Shared] = []
+
+
+def _shared(bench: Bench) -> _Shared | None:
+    if bench.feed is None:
+        return None
+    if not _SHARED or _SHARED[0].feed is not bench.feed:
+        _SHARED[:] = [_Shared(bench.feed)]
+    return _SHARED[0].fresh()
+
+
+def channel_counts(feed: LiveFeed) -> dict[str, int]:
+    """Kind -> sensors, as the protocol has them: the table has all its rows before the first sample."""
+    return {kind: len(channel.fields) for kind, channel in feed.protocol.channels.items()}
+
+
+class Live:
+    """The verdict and the table; `show` is called ten times a second.
+
+    The two parts stand in different places of the page: `verdict` and `table` make them.
+    """
+
+    def __init__(self, guided: Guided) -> None:
+        self._guided = guided
+        say, bench = guided.visitor.say, guided.visitor.bench
+        self._words: Mapping[str, tuple[str, str]] = {
+            word: (say(f"live.{word}"), say(f"live.do_{word}"))
+            for word in ("still", "learning", "few", "moving", "drifting", "knocked", "faulty", "stale", "disconnected")
+        }
+        self._shared = _shared(bench)
+
+    def verdict(self) -> None:
+        """The strip beside the capture button."""
+        say = self._guided.visitor.say
+        lost = escape(say("live.lost"), quote=True)
+        if self._guided.feed is None:
+            text = f"<p class='word bad'>{escape(say('live.none'))}</p><p class='advice'>"
+            text += f"{escape(say('home.no_instrument'))}</p>"
+        else:
+            text = (
+                f"<p class='word' id='live-word' role='status' data-testid='verdict' data-lost=\"{lost}\">{_DASH}</p>"
+                "<p class='advice' id='live-advice'></p>"
+            )
+        ui.html(text, sanitize=False).classes("verdict-strip")
+
+    def table(self) -> None:
+        """The channels; its numbers are put in by `show`."""
+        feed, say = self._guided.feed, self._guided.visitor.say
+        if feed is None:
+            return
+        head = "".join(f"<th scope='col'>{escape(say(f'live.{name}'))}</th>" for name in ("mean", "sd", "drift"))
+        rows, cell = [], 0
+        for kind, count in channel_counts(feed).items():
+            unit = escape(feed.protocol.units.get(kind, ""))
+            for axis in range(count):
+                name = f"{say(f'live.{kind}')} {'XYZ'[axis] if axis < 3 else axis + 1}"
+                cells = "".join(f"<td id='live-{cell + j}'>{_DASH}</td>" for j in range(3))
+                cell += 3
+                rows.append(f"<tr><th scope='row'>{escape(name)} <span class='dim'>{unit}</span></th>{cells}</tr>")
+        with ui.card().classes("panel live"):
+            table = f"<table class='number'><tr><th scope='col'>{escape(say('live.channel'))}</th>{head}</tr>"
+            foot = "<p class='detail dim number'><span id='live-heat'></span><span id='live-detail'></span></p>"
+            ui.html(f"{table}{''.join(rows)}</table>{foot}", sanitize=False).props('aria-live="off"')
+
+    def show(self) -> Stability | None:
+        """Send the numbers as they are now."""
+        found = _shared(self._guided.visitor.bench)
+        if found is None or found.seen is None:
+            return None
+        seen = found.seen
+        word, advice = self._words[seen.word]
+        heat = "" if seen.temperature is None else f"{seen.temperature:.1f} °C"
+        said = [seen.word, COLOUR.get(seen.word, "bad"), word, advice, heat, seen.reason, *found.cells]
+        ui.run_javascript(f"benchLive({json.dumps(said, ensure_ascii=False, separators=(',', ':'))})")
+        return seen
+
+
+# What happened to the instrument lately: lost lines, gaps, reconnections, in a list that keeps its height.
+
+SHOWN: Final = 5
+
+
+def folded(events: tuple[InstrumentEvent, ...], most: int = SHOWN) -> list[tuple[InstrumentEvent, int]]:
+    """The newest events, newest first, with how often each kind came in a row.
+
+    Examples
+    --------
+    >>> bad = InstrumentEvent(1.0, "garbage", "no")
+    >>> [(e.kind, n) for e, n in folded((bad, bad, InstrumentEvent(2.0, "connected", "yes")))]
+    [('connected', 1), ('garbage', 2)]
+    """
+    found: list[tuple[InstrumentEvent, int]] = []
+    for event in reversed(events):
+        if found and found[-1][0].kind == event.kind:
+            found[-1] = (found[-1][0], found[-1][1] + 1)
+        elif len(found) == most:
+            break
+        else:
+            found.append((event, 1))
+    return found
+
+
+class Events:
+    """The list; `show` is called once a second and sends nothing when nothing happened."""
+
+    def __init__(self, guided: Guided) -> None:
+        self._guided, self._shown = guided, ""
+        with ui.card().classes("panel events"):
+            ui.label(guided.visitor.say("bench.events")).classes("subtitle")
+            self._html = ui.html("", sanitize=False).props('data-testid="events" aria-live="off"')
+        self.show()
+
+    def show(self) -> None:
+        """The newest events as they are now."""
+        feed, say = self._guided.feed, self._guided.visitor.say
+        lines = []
+        for event, times in folded(() if feed is None else feed.events):
+            clock = datetime.fromtimestamp(event.time, UTC).strftime("%H:%M:%S")
+            often = f" ×{times}" if times > 1 else ""
+            lines.append(f"<li data-kind='{escape(event.kind)}'>{clock} {escape(event.sentence)}{often}</li>")
+        text = (
+            f"<ul class='number'>{''.join(lines)}</ul>" if lines else f"<p class='dim'>{escape(say('bench.quiet'))}</p>"
+        )
+        if text != self._shown:
+            self._shown = text
+            self._html.set_content(text)
+
+
+# The large card: where to turn the tool to, as numbers to be read from two metres, and as a picture.
+
+DIALS = ("azimuth", "inclination", "toolface")
+
+
+def big(angle: float) -> str:
+    """An angle for the card, in degrees: the whole number large, what follows it smaller.
+
+    Examples
+    --------
+    >>> big(np.pi / 2)
+    "90<span class='rest'>.00°</span>"
+    >>> big(-1e-9)
+    "0<span class='rest'>.00°</span>"
+    """
+    whole, _, rest = f"{round(float(np.degrees(angle)), 2) + 0.0:.2f}".partition(".")
+    return f"{whole.replace('-', '−')}<span class='rest'>.{rest}°</span>"
+
+
+class Target:
+    """Numbers of the chosen position; call within its card."""
+
+    def __init__(self, guided: Guided) -> None:
+        self._guided, self._shown = guided, ""
+        say = guided.visitor.say
+        with ui.element("div").classes("headline"):
+            self._name = ui.label().classes("subtitle number").props('data-testid="position-name"')
+            self._state = ui.label().props('data-testid="position-state"')
+            self._leave = ui.button(say("bench.leave_out")).props('flat dense no-caps data-testid="reject"')
+        self._dials = ui.html("", sanitize=False).classes("dials").props('data-testid="target"')
+        self._heat = ui.label().classes("heat number").props('data-testid="heat"')
+        self._heat.set_visibility(guided.target_temperature(1) is not None)
+
+    @property
+    def leave(self) -> ui.button:
+        """Leaves the reading of the chosen position out."""
+        return self._leave
+
+    def show(self) -> None:
+        """The chosen position as it is now."""
+        guided, say = self._guided, self._guided.visitor.say
+        chosen, taken = guided.chosen, guided.session.taken.get(guided.chosen.number)
+        total = len(guided.session.positions)
+        name = say("bench.added", number=chosen.number) if chosen.number > total or guided.adaptive else ""
+        self._name.set_text(name or say("bench.position", number=chosen.number, all=total))
+        text, colour = say("bench.to_capture"), "dim"
+        if taken is not None and taken.rejected:
+            text, colour = say("bench.was_rejected", attempt=taken.attempt, reason=taken.rejected[:80]), "warn"
+        elif taken is not None:
+            text, colour = say("bench.was_captured", attempt=taken.attempt, time=taken.created[11:16]), "good"
+        self._state.set_text(text)
+        self._state.classes(replace=f"state number {colour}")
+        self._leave.set_visibility(guided.session.has(chosen.number) and not guided.session.closed)
+        dials = zip(DIALS, chosen.dial, strict=True)
+        cells = [
+            f"<div class='dial'><span class='dim'>{escape(say(f'bench.{name}'))}</span>"
+            f"<span class='digits number' data-testid='target-{name}'>{big(angle)}</span></div>"
+            for name, angle in dials
+        ]
+        if "".join(cells) != self._shown:
+            self._shown = "".join(cells)
+            self._dials.set_content(self._shown)
+        self.show_heat()
+
+    def show_heat(self) -> None:
+        """The target temperature beside the measured one; looked at every second."""
+        guided, say = self._guided, self._guided.visitor.say
+        target = guided.target_temperature(guided.chosen.number)
+        if target is None:
+            return
+        heat, text, colour = guided.heat(), say("bench.heat_target", target=f"{target:g}"), "warn"
+        if heat is None:
+            text += " · " + say("bench.heat_unknown")
+        else:
+            rate = "–" if np.isnan(heat.rate) else f"{round(heat.rate, 1) + 0.0:+.1f}"
+            word = "even" if heat.even and heat.near else "uneven" if heat.near else "far"
+            measured = say("bench.heat_measured", measured=f"{heat.measured:.1f}", rate=rate)
+            text, colour = f"{text} · {measured} · {say(f'bench.heat_{word}')}", "good" if word == "even" else "warn"
+        self._heat.set_text(text)
+        self._heat.classes(replace=f"heat number {colour}")
+
+
+class Picture:
+    """The tool in the stand at the chosen position."""
+
+    def __init__(self, guided: Guided) -> None:
+        self._guided, self._shown = guided, ""
+        say = guided.visitor.say
+        with ui.card().classes("panel picture"):
+            self._html = ui.html("", sanitize=False).props('data-testid="picture"')
+            ui.label(say("bench.picture_key")).classes("dim small")
+
+    def show(self) -> None:
+        """Drawn again when the position has changed."""
+        say, session = self._guided.visitor.say, self._guided.session
+        dial = setting_of(session.dials, self._guided.chosen.dial)
+        words = (escape(say("bench.north")), escape(say("bench.down")))
+        text = drawing(dial, escape(say("bench.picture"), quote=True), words)
+        if text != self._shown:
+            self._shown = text
+            self._html.set_content(text)
+
+
+MANY: Final = 60
+"""Positions beyond which the list is scrolled to the chosen one."""
+
+
+class Progress:
+    """The list of positions; a click puts one on the card. A button is changed only when its state is."""
+
+    def __init__(self, guided: Guided, choose: Callable[[int], Awaitable[None]]) -> None:
+        self._guided, self._choose = guided, choose
+        self._buttons: dict[int, ui.html] = {}
+        self._states: dict[int, tuple[str, str]] = {}
+        self._here = 0
+        with ui.card().classes("panel places"):
+            self._title = ui.label().classes("subtitle number").props('data-testid="progress"')
+            self._box = ui.element("div").classes("positions").props('role="group"')
+
+    def show(self) -> None:
+        """All positions as they are now."""
+        guided, say = self._guided, self._guided.visitor.say
+        done, total = len(guided.session.valid), len(guided.session.positions)
+        planned = say("home.progress", done=done, all=total)
+        self._title.set_text(say("bench.so_far", done=done) if guided.adaptive else planned)
+        positions = {p.number: p for p in guided.positions}
+        for number in [n for n in self._buttons if n not in positions]:
+            self._buttons.pop(number).delete()
+            self._states.pop(number)
+        for position in positions.values():
+            self._one(position)
+        if len(positions) > MANY and self._here != guided.chosen.number:
+            self._here = guided.chosen.number
+            ui.run_javascript("benchHere()")
+
+    def _one(self, position: Position) -> None:
+        guided, say, number = self._guided, self._guided.visitor.say, position.number
+        odd = {} if guided.now is None else guided.now.odd
+        state = "odd" if number in odd else "done" if guided.session.has(number) else "open"
+        if number == guided.proposed:
+            state = "proposed"
+        here = " here" if number == guided.chosen.number else ""
+        angles = " / ".join(f"{np.degrees(x):.1f}°" for x in position.dial)
+        heat = guided.target_temperature(number)
+        angles += "" if heat is None else f", {heat:g} °C"
+        shown = (f"place {state}{here}", angles)
+        if self._states.get(number) == shown:
+            return
+        self._states[number] = shown
+        if number not in self._buttons:
+            with self._box:
+                made = ui.html(str(number), tag="button", sanitize=False)
+            made.on("click", lambda n=number: self._choose(n), [])
+            self._buttons[number] = made
+        button = self._buttons[number].classes(replace=shown[0])
+        current = "true" if here else "false"
+        label = f"{say(f'bench.state_{state}')} {number}: {angles}"
+        button.props(f'type=button data-testid="position-{number}" aria-current="{current}"')
+        button.props(f'aria-label="{label}" title="{label}" data-state="{state}"')
+
+
+class Certifies:
+    """What would be certified now, odd positions, the next best position, warnings; or how a verification stands."""
+
+    def __init__(self, guided: Guided, choose: Callable[[int], Awaitable[None]], finish: Callable[[], object]) -> None:
+        self._guided, self._choose = guided, choose
+        say = guided.visitor.say
+        with ui.card().classes("panel certifies"):
+            title = "bench.verifying" if guided.verifies else "bench.certifies"
+            ui.label(say(title)).classes("subtitle")
+            self._box = ui.element("div").classes("found")
+            text = say("bench.judge") if guided.verifies else say("bench.finish")
+            self._end = ui.button(text, on_click=finish).props('no-caps data-testid="finish"').classes("finish")
+
+    def show(self) -> None:
+        """The running fit as it is now."""
+        guided = self._guided
+        self._box.clear()
+        with self._box:
+            self._goal()
+            if guided.now is not None:
+                self._odd()
+                self._uncertainty()
+                self._next_best()
+        ready = (
+            bool(guided.session.valid) if guided.verifies else guided.now is not None and bool(guided.now.calibration)
+        )
+        self._end.set_enabled(ready and not guided.session.closed)
+        self._end.set_visibility(not guided.session.closed)
+        ended = not guided.open_positions
+        self._end.props("unelevated", remove="outline") if ended else self._end.props("outline", remove="unelevated")
+
+    def _goal(self) -> None:
+        """The one large sentence: closed, reached, or everything captured."""
+        guided, say = self._guided, self._guided.visitor.say
+        now = guided.now
+        if guided.session.closed:
+            text, colour = say(f"bench.closed_{guided.session.closed}"), "dim"
+        elif now is not None and now.reached:
+            text, colour = say("bench.reached"), "good"
+        elif not guided.open_positions and not (now is not None and now.odd):
+            text, colour = say("bench.complete"), "good"
+        else:
+            return
+        ui.label(text).classes(f"word {colour}").props('data-testid="goal" role="status"')
+        record = guided.ledger.latest("calibration", session=guided.session.id) if guided.session.closed else None
+        if record is not None:
+            ui.link(say("results.title"), f"/results/{record.id}")
+
+    def _odd(self) -> None:
+        guided, say = self._guided, self._guided.visitor.say
+        for number, sentence in ({} if guided.now is None else guided.now.odd).items():
+            with ui.element("div").classes("odd-row").props('role="alert"'):
+                ui.label(sentence).classes("bad").props(f'data-testid="odd-{number}"')
+                retake = ui.button(say("bench.retake", number=number), on_click=lambda n=number: self._choose(n))
+                retake.props(f'outline dense no-caps data-testid="retake-{number}"')
+
+    def _uncertainty(self) -> None:
+        guided, say = self._guided, self._guided.visitor.say
+        now = guided.now
+        if now is None or now.calibration is None:
+            ui.label(say("bench.no_fit") if now is None else guided.visitor.bench.told(now.waiting)).classes(
+                "dim waiting"
+            )
+            return
+        low, high = np.degrees(now.covered)
+        with ui.element("div").classes("pair"):
+            self._line("azimuth", now.u_azimuth, now.from_calibration[1], now.noise[1], guided.goal.u_azimuth)
+            self._line(
+                "inclination", now.u_inclination, now.from_calibration[0], now.noise[0], guided.goal.u_inclination
+            )
+        ui.label(say("bench.range", low=f"{low:.0f}", high=f"{high:.0f}", k=f"{COVERAGE_FACTOR:g}")).classes(
+            "dim small number"
+        )
+        others = [w for w in now.calibration.warnings if w not in now.odd.values()]
+        for sentence in others[:3]:
+            ui.label(guided.visitor.bench.told(sentence)).classes("warn small")
+
+    def _line(self, angle: str, value: float, alone: float, noise: float, wanted: float | None) -> None:
+        """U of one reading as the certificate will print it; below, from the calibration alone, and what is wanted."""
+        say, name, text = self._guided.visitor.say, f"U_{angle}", _degrees(value)
+        colour = "" if wanted is None else "good" if value <= wanted else "warn"
+        with ui.element("div").classes("uncertainty"):
+            ui.label(say(f"bench.{name}")).classes("dim")
+            ui.label(text).classes(f"value number {colour}").props(f'data-testid="{name.lower()}"')
+            if np.isfinite(alone):
+                ui.label(say("bench.alone", value=_degrees(alone))).classes("dim small number")
+            if wanted is not None:
+                ui.label(f"{say('bench.wanted')} {_degrees(wanted)}").classes("dim small number")
+            if wanted is not None and noise > wanted:
+                ui.label(say("bench.beyond", value=_degrees(noise))).classes("warn small").props('role="alert"')
+
+    def _next_best(self) -> None:
+        guided, say, number = self._guided, self._guided.visitor.say, self._guided.proposed
+        if number is None or guided.session.closed:
+            return
+        gain = guided.gain()
+        name = say(f"bench.U_{guided.goal.criterion}") if gain is not None else ""
+        text = say("bench.proposed", number=number)
+        if gain is not None:
+            text += " · " + say("bench.gain", name=name, now=_degrees(gain[0]), then=_degrees(gain[1]))
+        with ui.element("div").classes("odd-row"):
+            ui.label(text).classes("number").props('data-testid="proposed"')
+            if number != guided.chosen.number:
+                ui.button(say("bench.take_it"), on_click=lambda: self._choose(number)).props("outline dense no-caps")
+
+
+def _degrees(angle: float) -> str:
+    """An angle to the digits of a certificate."""
+    return f"{significant(float(np.degrees(angle)))}°" if np.isfinite(angle) else "–"

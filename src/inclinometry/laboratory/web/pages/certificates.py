@@ -1,0 +1,284 @@
+"""Certificates: the list, one certificate with its documents, declaring it void."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import date
+from typing import Any, Final
+
+from fastapi import HTTPException, Request
+from nicegui import ui
+
+from inclinometry.errors import InclinometryError, InputError
+from inclinometry.laboratory.certificate.laboratory_toml import LONGEST, Laboratory, laboratory_from
+from inclinometry.laboratory.certificates import (
+    MEDIA,
+    Standing,
+    certificates,
+    digest_of,
+    issue,
+    status,
+    supersede,
+    void,
+)
+from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
+from inclinometry.laboratory.ledger.users import User
+from inclinometry.laboratory.registry import extract, find_rig, find_site, find_tool, listed
+from inclinometry.laboratory.web.frame import Visitor, aside, frame
+from inclinometry.laboratory.web.pages.lists import Cell, day, table, to, visible
+from inclinometry.laboratory.web.pages.verify import verdict_of
+from inclinometry.laboratory.web.words import LANGUAGES
+
+# Issuing a certificate: what no measurement says, then the three documents.
+
+OFFERED: Final = 50
+LABORATORY: Final = ("name", "address", "country", "place", "accreditation", "traceability")
+ORDER: Final = ("customer", "order", "condition", "received", "environment")
+
+
+@ui.page("/certificates/new")
+def new_page(request: Request, calibration: str = "", verification: str = "", supersedes: str = "") -> None:
+    """A form; first the calibration when none is named."""
+    with frame(request, "certificates.new", needs="issue") as visitor, ui.card().classes("panel"):
+        ledger = visitor.bench.ledger
+        try:
+            record = ledger.get("calibration", calibration) if calibration else None
+        except LedgerError as error:
+            ui.label(visitor.bench.told(str(error))).classes("warn")
+            record = None
+        if record is None:
+            _choose(visitor)
+            return
+        if supersedes:
+            ui.label(visitor.say("certificates.replaces", number=supersedes)).classes("warn")
+        IssueForm(visitor, record, verification, supersedes)
+
+
+def _choose(visitor: Visitor) -> None:
+    found = listed(visitor.bench.ledger, "calibration", limit=OFFERED)
+    ui.label(visitor.say("certificates.choose" if found else "verify.no_calibration")).classes("subtitle")
+    for one in found:
+        ui.link(f"{one.keys['serial']} · {day(one.created)}", to("/certificates/new", calibration=one.id))
+
+
+class IssueForm:
+    """Verification, laboratory, order, language; the authoriser is who is logged in."""
+
+    def __init__(self, visitor: Visitor, calibration: Record, verification: str, supersedes: str) -> None:
+        self._visitor, self._calibration, self._supersedes = visitor, calibration, supersedes
+        ledger, say = visitor.bench.ledger, visitor.say
+        serial = calibration.keys["serial"]
+        ui.label(f"{serial} · {day(calibration.created)} UTC").classes("subtitle number")
+        choices = self._verifications(ledger)
+        chosen = verification if verification and verification in choices else next((key for key in choices if key), "")
+        self.verification = ui.select(choices, value=chosen, label=say("verify.one")).classes("wide")
+        self.nonconforming = ui.switch(say("certificates.nonconforming"))
+        session = ledger.get("session", calibration.keys["session"])
+        ui.label(say("certificates.laboratory")).classes("subtitle")
+        self.laboratory = _fields(
+            {name: say(f"laboratory.{name}") for name in LABORATORY}, _laboratory(ledger, session)
+        )
+        ui.label(say("certificates.order")).classes("subtitle")
+        self.order = _fields({name: say(f"order.{name}") for name in ORDER}, _order(ledger, session))
+        with ui.row().classes("form"):
+            self.language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
+            if supersedes:
+                self.reason = ui.input(say("bench.reason")).props("maxlength=2000")
+        ui.label(say("certificates.authoriser", name=_name(visitor.user)))
+        self.button = ui.button(say("certificates.issue"), on_click=self._issue).props("unelevated no-caps")
+
+    def _verifications(self, ledger: Ledger) -> dict[str, str]:
+        say = self._visitor.say
+        found = {}
+        for one in listed(ledger, "verification", calibration=self._calibration.id, limit=OFFERED):
+            verdict, limits = extract(ledger, one, "verdict", verdict_of)
+            found[one.id] = f"{day(one.created)} · {say(f'verdict.{verdict}')} · {limits}"
+        return {**found, "": say("certificates.no_verification")}
+
+    async def _issue(self) -> None:
+        self.button.disable()
+        try:
+            user = self._visitor.require("issue")
+            wish = self._wish(user)
+            made = await aside(lambda: self._issued(user, wish))
+        except InclinometryError as error:
+            sentence = self._visitor.bench.told(str(error))
+            ui.notify(sentence, type="negative", multi_line=True, timeout=0, close_button="OK")
+            self.button.enable()
+            return
+        ui.navigate.to(to("/certificates", made.keys["number"]))
+
+    def _wish(self, user: User) -> dict[str, Any]:
+        about: dict[str, Any] = {name: str(field.value or "").strip() for name, field in self.order.items()}
+        about["received"] = _day(about["received"])
+        if about["environment"]:
+            about["environment"] = {"text": about["environment"]}
+        said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
+        return {
+            "laboratory": replace(Laboratory(**said), authoriser=_name(user), authoriser_role=user.role),
+            "language": str(self.language.value),
+            "nonconforming": bool(self.nonconforming.value),
+            "about": about,
+        }
+
+    def _issued(self, user: User, wish: dict[str, Any]) -> Record:
+        ledger, calibration = self._visitor.bench.ledger, self._calibration.id
+        verification = str(self.verification.value or "") or None
+        if self._supersedes:
+            reason = str(self.reason.value or "")
+            return supersede(
+                ledger, self._supersedes, calibration, verification, reason=reason, author=user.name, **wish
+            )
+        return issue(ledger, calibration, verification, author=user.name, **wish)
+
+
+def _fields(labels: dict[str, str], values: dict[str, str]) -> dict[str, ui.input]:
+    with ui.row().classes("form"):
+        return {
+            name: ui.input(label, value=values.get(name, "")).props(f"maxlength={LONGEST}")
+            for name, label in labels.items()
+        }
+
+
+def _laboratory(ledger: Ledger, session: Record) -> dict[str, str]:
+    """What the site of the session says of the laboratory, what the rig says of traceability."""
+    site, rig = find_site(ledger, str(session.body.get("site", ""))), find_rig(ledger, session.body["rig"])
+    found: dict[str, str] = {}
+    if site is not None and site.laboratory.get("name"):
+        try:
+            known = laboratory_from(dict(site.laboratory))
+            found = {name: getattr(known, name) for name in LABORATORY}
+        except InputError:
+            found = {name: str(site.laboratory.get(name, "")) for name in LABORATORY}
+    if rig is not None:
+        found["traceability"] = found.get("traceability") or rig.traceability
+        found["place"] = found.get("place") or rig.place
+    return found
+
+
+def _order(ledger: Ledger, session: Record) -> dict[str, str]:
+    found = {name: session.body.get(name, "") for name in ORDER}
+    tool = find_tool(ledger, session.keys["serial"])
+    found["customer"] = found["customer"] or (tool.customer if tool else "")
+    found["received"] = str(found["received"])[:10]
+    about = found["environment"] or {}
+    return {**found, "environment": str(about.get("text", ""))}
+
+
+def _day(text: str) -> str:
+    """A date as it is recorded; InputError when it is none."""
+    if not text:
+        return ""
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise InputError(f"received is {text[:40]!r}; write the date as 2026-01-31") from None
+
+
+def _name(user: User) -> str:
+    return user.full_name or user.name
+
+
+SHOWN: Final = 25
+STYLES: Final = {"issued": "good", "void": "bad", "superseded": "warn"}
+
+
+@ui.page("/certificates")
+def certificates_page(request: Request, serial: str = "", before: int = 0) -> None:
+    """All certificates, newest first, of one tool when asked."""
+    with frame(request, "certificates.title") as visitor, ui.card().classes("panel"):
+        say = visitor.say
+        with ui.row().classes("form"):
+            text = ui.input(say("tools.serial"), value=serial).props("maxlength=200")
+            ui.button(
+                say("ledger.search"), on_click=lambda: ui.navigate.to(to("/certificates", serial=text.value.strip()))
+            ).props("outline no-caps")
+            if visitor.user.may("issue"):
+                ui.link(say("certificates.new"), "/certificates/new")
+        found = certificates(visitor.bench.ledger, serial=serial or None, limit=SHOWN, before=max(before, 0))
+        heads = [say(f"certificates.{key}") for key in ("number", "tool", "issued_on", "state", "customer", "by")]
+        table(heads, [_line(visitor, one) for one in found])
+        if not found:
+            ui.label(say("certificates.none")).classes("dim")
+        if len(found) == SHOWN:
+            ui.link(say("ledger.older"), to("/certificates", serial=serial, before=found[-1].record.seq))
+
+
+def _line(visitor: Visitor, one: Standing) -> tuple[Cell | str, ...]:
+    record = one.record
+    order = record.body["record"].get("order", {})
+    return (
+        Cell(one.number, to("/certificates", one.number)),
+        Cell(record.keys["serial"], to("/tools", record.keys["serial"])),
+        record.created[:10],
+        Cell(visitor.say(f"state.{one.state}"), style=STYLES[one.state]),
+        str(order.get("customer", "")) if isinstance(order, dict) else "",
+        record.author,
+    )
+
+
+@ui.page("/certificates/{number}")
+def certificate_page(request: Request, number: str) -> None:
+    """One certificate; it is never edited."""
+    with frame(request, "certificates.one") as visitor:
+        ledger, say = visitor.bench.ledger, visitor.say
+        try:
+            found = status(ledger, number)
+        except LedgerError as error:
+            raise HTTPException(404, str(error)) from None
+        _standing(visitor, found)
+        record = found.record
+        with ui.card().classes("panel"):
+            ui.label(say("certificates.documents")).classes("subtitle")
+            with ui.row():
+                for name in MEDIA:
+                    address = to("/api/v1/certificates", number) + f"/{name}"
+                    ui.link(say(f"document.{name}"), address).props("download")
+            ui.label(say("certificates.digest", digest=digest_of(record))).classes("dim number pre")
+            ui.label(say("ledger.head", head=str(record.body["head"]))).classes("dim number pre")
+        if found.state == "issued" and visitor.user.may("issue"):
+            _change(visitor, found)
+
+
+def _standing(visitor: Visitor, found: Standing) -> None:
+    say, record = visitor.say, found.record
+    with ui.card().classes("panel"):
+        ui.label(found.number).classes("subtitle number")
+        ui.label(say(f"state.{found.state}")).classes(f"judgement {STYLES[found.state]}")
+        if found.reason:
+            ui.label(say("certificates.because", reason=visible(found.reason)))
+        if found.by:
+            ui.link(say("certificates.replaced_by", number=found.by), to("/certificates", found.by))
+        if record.body.get("supersedes"):
+            old = str(record.body["supersedes"])
+            ui.link(say("certificates.replaces", number=old), to("/certificates", old))
+        with ui.row():
+            ui.link(record.keys["serial"], to("/tools", record.keys["serial"])).classes("number")
+            ui.label(f"{day(record.created)} UTC · {record.author}").classes("number")
+            ui.link(say("verify.calibration"), f"/results/{record.body['calibration']}")
+            if record.body.get("verification"):
+                ui.link(say("verify.one"), f"/verifications/{record.body['verification']}")
+
+
+def _change(visitor: Visitor, found: Standing) -> None:
+    say, number = visitor.say, found.number
+    with ui.dialog() as dialog, ui.card().classes("panel"):
+        ui.label(say("certificates.void_ask", number=number))
+        reason = ui.input(say("bench.reason")).props("autofocus maxlength=2000").classes("w-full")
+
+        def declare(user: User) -> None:
+            void(visitor.bench.ledger, number, str(reason.value or ""), author=user.name)
+            ui.navigate.to(to("/certificates", number))
+
+        with ui.row():
+            ui.button(say("certificates.void"), on_click=visitor.action("issue", declare)).props(
+                "no-caps color=negative"
+            )
+            ui.button(say("bench.cancel"), on_click=dialog.close).props("flat no-caps")
+    with ui.card().classes("panel"):
+        ui.label(say("certificates.change")).classes("subtitle")
+        ui.label(say("certificates.never_edited")).classes("dim")
+        with ui.row().classes("items-center"):
+            ui.button(say("certificates.void"), on_click=dialog.open).props("outline no-caps color=negative")
+            address = to("/certificates/new", calibration=str(found.record.body["calibration"]), supersedes=number)
+            ui.link(say("certificates.supersede"), address)

@@ -1,0 +1,136 @@
+"""The first page: what is open, what is due, whether the instrument talks."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from html import escape
+from typing import Final
+
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from nicegui import ui
+
+from inclinometry.laboratory.registry import due_days, listed, tools
+from inclinometry.laboratory.session import closing, load_session
+from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, Visitor, current, frame
+from inclinometry.laboratory.web.logins import Login, TooManyError
+from inclinometry.laboratory.web.pages.lists import to
+from inclinometry.laboratory.web.refusals import login_cookie
+from inclinometry.laboratory.web.words import LANGUAGES, preferred, say
+
+router = APIRouter(include_in_schema=False)
+
+_PAGE = """<!doctype html><html lang="{language}"><head><meta charset="utf-8"><title>{title} - inclinometry</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="stylesheet" href="/static/bench.css"></head>
+<body><form class="panel" method="post" action="/login" style="max-width:22rem;margin:4rem auto;display:grid;gap:.8rem">
+<h1 class="title">{title}</h1><p class="bad" role="alert">{problem}</p>
+<label>{name}<br><input name="name" autocomplete="username" autofocus required maxlength="200"></label>
+<label>{password}<br>
+<input name="password" type="password" autocomplete="current-password" required maxlength="200"></label>
+<button type="submit">{go}</button></form></body></html>"""
+
+
+def _language(request: Request) -> str:
+    chosen = request.cookies.get(LANGUAGE_COOKIE, "")
+    return chosen if chosen in LANGUAGES else preferred(request.headers.get("accept-language", ""))
+
+
+def _form(language: str, problem: str = "", status: int = 200) -> HTMLResponse:
+    words = {key: escape(say(language, f"login.{key}")) for key in ("title", "name", "password", "go")}
+    return HTMLResponse(_PAGE.format(language=language, problem=escape(problem), **words), status)
+
+
+@router.get("/login")
+def show(request: Request) -> Response:
+    """The form; nothing to do on a bench without passwords."""
+    return RedirectResponse("/", 303) if current().open_house else _form(_language(request))
+
+
+@router.post("/login")
+def log_in(request: Request, name: str = Form(max_length=200), password: str = Form(max_length=200)) -> Response:
+    """Check name and password."""
+    language = _language(request)
+    try:
+        login = current().logins.log_in(name, password, request.client.host if request.client else "")
+    except TooManyError as error:
+        answer = _form(language, say(language, "login.wait", seconds=round(error.wait_s)), 429)
+        answer.headers["retry-after"] = str(round(error.wait_s) + 1)
+        return answer
+    if login is None:
+        return _form(language, say(language, "login.wrong"), 401)
+    _end(request)  # of whoever was logged in on this browser before
+    cookie = login_cookie(login, host=request.headers.get("host", ""), secure=request.url.scheme == "https")
+    return RedirectResponse("/", 303, headers={"set-cookie": cookie})
+
+
+@router.get("/logout")
+def log_out(request: Request) -> Response:
+    """End the login."""
+    _end(request)
+    return RedirectResponse("/login", 303)
+
+
+def _end(request: Request) -> None:
+    login: Login | None = getattr(request.state, "login", None)
+    if login is not None:
+        current().logins.log_out(login.token)
+
+
+SHOWN: Final = 10
+LOOKED_AT: Final = 500
+"""Tools asked for their next calibration."""
+
+
+@ui.page("/")
+def home(request: Request) -> None:
+    """What to do next."""
+    with frame(request, "home.title") as visitor:
+        _open_sessions(visitor)
+        _instrument(visitor)
+        _due(visitor)
+
+
+def _open_sessions(visitor: Visitor) -> None:
+    ledger = visitor.bench.ledger
+    with ui.card().classes("panel"):
+        ui.label(visitor.say("home.open_sessions")).classes("subtitle")
+        still_open = [one for one in listed(ledger, "session", limit=5 * SHOWN) if not closing(ledger, one.id)][:SHOWN]
+        for record in still_open:
+            session = load_session(ledger, record.id)
+            with ui.row().classes("items-center"):
+                ui.label(f"{session.serial}, {session.plan}").classes("number")
+                done = visitor.say("home.progress", done=len(session.valid), all=len(session.positions))
+                ui.label(done).classes("dim number")
+                ui.link(visitor.say("home.resume"), f"/calibrate/{session.id}")
+        if not still_open:
+            ui.label(visitor.say("home.none_open")).classes("dim")
+        if visitor.user.may("capture"):
+            ui.link(visitor.say("home.start"), "/calibrate")
+
+
+def _instrument(visitor: Visitor) -> None:
+    with ui.card().classes("panel"):
+        ui.label(visitor.say("home.instrument")).classes("subtitle")
+        feed = visitor.bench.feed
+        if feed is None:
+            ui.label(visitor.say("home.no_instrument")).classes("dim")
+        else:
+            ui.label(visitor.bench.instrument).classes("number")
+            connected = feed.connected
+            word = visitor.say("home.connected" if connected else "home.not_connected")
+            ui.label(word).classes("good" if connected else "bad")
+
+
+def _due(visitor: Visitor) -> None:
+    today = datetime.now(UTC).date()
+    with ui.card().classes("panel"):
+        ui.label(visitor.say("home.due")).classes("subtitle")
+        days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=LOOKED_AT))
+        due = sorted((day, serial) for serial, day in days.items() if day <= today)
+        for day, serial in due[:SHOWN]:
+            ui.link(f"{serial} ({day:%Y-%m-%d})", to("/tools", serial)).classes("number")
+        if len(due) > SHOWN:
+            ui.link(visitor.say("home.more_due", number=len(due) - SHOWN), "/tools")
+        if not due:
+            ui.label(visitor.say("home.none_due")).classes("dim")

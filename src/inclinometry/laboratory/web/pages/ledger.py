@@ -1,0 +1,212 @@
+"""The ledger: what was recorded, by whom, whether it is still what was recorded; everything in one file."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Final
+
+from fastapi import Request
+from nicegui import ui
+
+from inclinometry.errors import InclinometryError
+from inclinometry.laboratory.ledger.chain import parse_head
+from inclinometry.laboratory.ledger.engine import KINDS
+from inclinometry.laboratory.ledger.ledger import LedgerError
+from inclinometry.laboratory.ledger.users import ROLES, User, find_user, guard_last_administrator, put_user, users
+from inclinometry.laboratory.ledger.verify import Verdict, verify
+from inclinometry.laboratory.registry import Listed, listed
+from inclinometry.laboratory.web.api.ledger import HIDDEN
+from inclinometry.laboratory.web.frame import Visitor, aside, frame
+from inclinometry.laboratory.web.pages.lists import to, visible
+from inclinometry.laboratory.web.words import LANGUAGES
+
+
+@ui.page("/users")
+def users_page(request: Request) -> None:
+    """All users, and a form."""
+    with frame(request, "people.title", needs="administer") as visitor:
+        with ui.card().classes("panel"):
+            known = users(visitor.bench.ledger)
+            if not known:
+                ui.label(visitor.say("people.none")).classes("dim")
+            for user in known:
+                with ui.row().classes("items-center"):
+                    ui.label(user.name).classes("number")
+                    ui.label(visitor.say(f"role.{user.role}"))
+                    ui.label(visible(user.full_name)).classes("dim")
+                    if not user.active:
+                        ui.label(visitor.say("people.inactive")).classes("warn")
+        with ui.card().classes("panel"):
+            ui.label(visitor.say("people.put")).classes("subtitle")
+            UserForm(visitor)
+
+
+class UserForm:
+    """Name, role, password; saved as a new record."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor, say = visitor, visitor.say
+        with ui.row().classes("form"):
+            self.name = ui.input(say("login.name")).props("maxlength=200 autocomplete=off")
+            self.full_name = ui.input(say("people.full_name")).props("maxlength=200")
+            self.role = ui.select(
+                {role: say(f"role.{role}") for role in ROLES}, value="operator", label=say("people.role")
+            )
+            self.language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
+            self.password = ui.input(say("people.password"), password=True).props(
+                "maxlength=200 autocomplete=new-password"
+            )
+            self.active = ui.switch(say("people.active"), value=True)
+        ui.button(say("tools.save"), on_click=visitor.action("administer", self._save)).props("unelevated no-caps")
+
+    def _save(self, user: User) -> None:
+        ledger, name, role = self._visitor.bench.ledger, str(self.name.value).strip(), str(self.role.value)
+        old = find_user(ledger, name)
+        if old is not None and old.may("administer"):
+            guard_last_administrator(ledger, name, role, bool(self.active.value))
+        put_user(
+            ledger,
+            name,
+            role=role,
+            author=user.name,
+            password=str(self.password.value) or None,
+            full_name=str(self.full_name.value).strip(),
+            active=bool(self.active.value),
+            language=str(self.language.value),
+        )
+        ui.navigate.to("/users")
+
+
+PAGE: Final = 50
+LONGEST_SHOWN: Final = 20_000
+FAULTS: Final = 50
+SHOWN_KINDS: Final = tuple(name for name in KINDS if name not in HIDDEN)
+
+
+@ui.page("/ledger")
+def ledger_page(request: Request, kind: str = "event", before: int = 0, key: str = "") -> None:
+    """The audit trail of one kind of record, newest first."""
+    with frame(request, "ledger.title") as visitor:
+        _check(visitor)
+        chosen = kind if kind in SHOWN_KINDS else "event"
+        found = search(visitor, chosen, key.strip()[:200], max(before, 0))
+        with ui.card().classes("panel"):
+            _search(visitor, chosen, key)
+            for one in found:
+                _row(visitor, one)
+            if not found:
+                ui.label(visitor.say("ledger.none")).classes("dim")
+            if len(found) == PAGE:
+                ui.link(visitor.say("ledger.older"), to("/ledger", kind=chosen, before=found[-1].seq, key=key))
+
+
+def search(visitor: Visitor, kind: str, text: str, before: int) -> list[Listed]:
+    """Records of a kind of which any key is the text, or whose id or place in the chain it is; all without a text."""
+    ledger = visitor.bench.ledger
+    if not text:
+        return listed(ledger, kind, limit=PAGE, before=before)
+    found: dict[int, Listed] = {}
+    for name, type_ in KINDS[kind].keys.items():
+        if type_ is str:
+            found |= {one.seq: one for one in listed(ledger, kind, limit=PAGE, before=before, **{name: text})}
+    if re.fullmatch("[0-9a-f]{32}", text) and not before:
+        try:
+            record = ledger.get(kind, text)
+        except LedgerError:
+            pass
+        else:
+            found[record.seq] = Listed(
+                record.kind, record.id, record.seq, record.created, record.author, dict(record.keys)
+            )
+    if text.isascii() and text.isdigit() and len(text) < 15 and not before:
+        found |= {one.seq: one for one in listed(ledger, kind, limit=1, before=int(text) + 1) if one.seq == int(text)}
+    return [found[seq] for seq in sorted(found, reverse=True)][:PAGE]
+
+
+def _check(visitor: Visitor) -> None:
+    say, ledger = visitor.say, visitor.bench.ledger
+    with ui.card().classes("panel"):
+        head = ledger.head()
+        ui.label(say("ledger.records", number=head.seq)).classes("subtitle number")
+        ui.label(say("ledger.head", head=str(head))).classes("dim number pre")
+        noted = ui.input(say("ledger.noted")).props("maxlength=100").classes("wide")
+        box = ui.column()
+
+        async def check() -> None:
+            button.disable()
+            box.clear()
+            with box:
+                done = [0.0]
+                bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback").classes("wide")
+                timer = ui.timer(0.2, lambda: bar.set_value(done[0]))
+            found: Verdict | str
+            try:
+                wanted = parse_head(noted.value.strip()) if noted.value.strip() else None
+                found = await aside(lambda: verify(ledger, head=wanted, progress=lambda x: _set(done, x)))
+            except InclinometryError as error:
+                found = visitor.bench.told(str(error))
+            timer.cancel()
+            box.clear()
+            button.enable()
+            with box:
+                _verdict(visitor, found)
+
+        with ui.row().classes("items-center"):
+            button = ui.button(say("ledger.verify"), on_click=check).props("outline no-caps")
+            if visitor.user.may("administer"):
+                ui.link(say("ledger.export"), "/api/v1/ledger/export").props("download")
+                if "://" not in ledger.where:
+                    ui.link(say("ledger.backup"), "/api/v1/ledger/backup").props("download")
+        ui.label(say("ledger.import_hint")).classes("dim")
+
+
+def _set(done: list[float], share: float) -> None:
+    done[0] = share
+
+
+def _verdict(visitor: Visitor, found: Verdict | str) -> None:
+    if isinstance(found, str):
+        ui.label(found).classes("bad")
+        return
+    if found.ok:
+        ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
+    for fault in found.faults[:FAULTS]:
+        ui.label(str(fault)).classes("bad number")
+    if len(found.faults) > FAULTS:
+        ui.label(visitor.say("home.more_due", number=len(found.faults) - FAULTS)).classes("bad")
+
+
+def _search(visitor: Visitor, kind: str, key: str) -> None:
+    say = visitor.say
+    with ui.row().classes("form"):
+        kinds = {name: say(f"kind.{name}") for name in SHOWN_KINDS}
+        chosen = ui.select(kinds, value=kind, label=say("ledger.kind"))
+        text = ui.input(say("ledger.key"), value=key).props("maxlength=200")
+
+        def go() -> None:
+            ui.navigate.to(to("/ledger", kind=str(chosen.value), key=str(text.value or "").strip()))
+
+        text.on("keydown.enter", go)
+        ui.button(say("ledger.search"), on_click=go).props("outline no-caps")
+
+
+def _row(visitor: Visitor, one: Listed) -> None:
+    """One record; its body is read when it is opened."""
+    keys = ", ".join(str(value) for value in one.keys.values())
+    title = f"{one.seq} · {one.created[:19].replace('T', ' ')} · {one.author} · {keys}"
+    with ui.expansion(visible(title)).classes("w-full number").props("dense") as box:
+        loaded: list[bool] = []
+
+        def show() -> None:
+            if not loaded:
+                loaded.append(True)
+                record = visitor.bench.ledger.get(one.kind, one.id)
+                text = json.dumps(dict(record.body), ensure_ascii=False, indent=1)
+                with box:
+                    ui.label(visible(text[:LONGEST_SHOWN])).classes("pre")
+                    if len(text) > LONGEST_SHOWN:
+                        ui.label(visitor.say("ledger.cut", number=LONGEST_SHOWN)).classes("dim")
+                    ui.label(f"{one.id} · {record.digest}").classes("dim pre")
+
+        box.on_value_change(visitor.action("read", lambda _: show()))

@@ -1,0 +1,292 @@
+"""Tables of records, and addresses made of names nobody has checked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any, Final, NamedTuple
+from urllib.parse import quote
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse
+from nicegui import events, ui
+from nicegui.elements.mixins.text_element import TextElement
+
+from inclinometry.errors import InclinometryError, InputError
+from inclinometry.laboratory.import_file import LARGEST, import_file
+from inclinometry.laboratory.ledger.ledger import Record
+from inclinometry.laboratory.registry import rigs, sites, tools
+from inclinometry.laboratory.session import PURPOSES
+from inclinometry.laboratory.web.frame import Visitor, aside, frame
+
+
+@ui.page("/import")
+def import_page(request: Request, serial: str = "") -> None:
+    """Readings or tool.json, for a tool and a rig that are registered."""
+    with frame(request, "import.title", needs="capture") as visitor, ui.card().classes("panel"):
+        ui.label(visitor.say("import.about", size=LARGEST // 1_000_000)).classes("dim")
+        ImportForm(visitor, serial)
+
+
+class ImportForm:
+    """Tool, rig, site, and the file; it is recorded as soon as it has arrived."""
+
+    def __init__(self, visitor: Visitor, serial: str) -> None:
+        self._visitor, ledger, say = visitor, visitor.bench.ledger, visitor.say
+        serials = [tool.serial for tool in tools(ledger) if not tool.retired or tool.serial == serial]
+        names = [rig.name for rig in rigs(ledger)]
+        places = ["", *(site.name for site in sites(ledger))]
+        chosen = serial if serial in serials else next(iter(serials), None)
+        with ui.row().classes("form"):
+            self.serial = ui.select(serials, value=chosen, label=say("tools.serial"), with_input=True)
+            self.rig = ui.select(names, value=next(iter(names), None), label=say("start.rig"))
+            self.site = ui.select(places, value=places[-1], label=say("start.site"))
+            purposes = {name: say(f"purpose.{name}") for name in PURPOSES if name != "verify"}
+            self.purpose = ui.select(purposes, value="calibrate", label=say("tools.purpose"))
+        if not serials or not names:
+            ui.label(say("import.register")).classes("warn")
+        self.upload = ui.upload(
+            label=say("import.file"), auto_upload=True, max_files=1, max_file_size=LARGEST, on_upload=self._arrived
+        ).classes("wide")
+        self.upload.on("rejected", lambda: ui.notify(say("import.too_large"), type="negative"))
+
+    async def _arrived(self, event: events.UploadEventArguments) -> None:
+        try:
+            user = self._visitor.require("capture")
+            if event.file.size() > LARGEST:
+                raise InputError(self._visitor.say("import.too_large"))
+            content = await event.file.read()
+            made = await aside(lambda: self._recorded(content, user.name))
+        except InclinometryError as error:
+            self.upload.reset()
+            ui.notify(
+                self._visitor.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK"
+            )
+            return
+        place = "/results" if made.kind == "calibration" else "/calibrate"
+        ui.navigate.to(f"{place}/{made.id}")
+
+    def _recorded(self, content: bytes, author: str) -> Record:
+        return import_file(
+            self._visitor.bench.ledger,
+            content,
+            str(self.serial.value or ""),
+            str(self.rig.value or ""),
+            author=author,
+            site=str(self.site.value or ""),
+            purpose=str(self.purpose.value),
+        )
+
+
+# Charts that follow the theme: lines, points with error bars.
+
+BLUE: Final = "#2f7fd0"
+GREY: Final = "#8896a4"
+RED: Final = "#d0453b"
+GREEN: Final = "#2c9a56"
+AMBER: Final = "#b07a10"
+PALETTE: Final = [BLUE, "#c77d14", GREEN, "#b0529c", "#1ba3b5", GREY]
+"""Colours of series that can be told apart on either paper."""
+DECIDED: Final = {"pass": GREEN, "fail": RED, "inconclusive": AMBER}
+_BAR: Final = """(params, api) => {
+    const low = api.coord([api.value(0), api.value(1)]), high = api.coord([api.value(0), api.value(2)]);
+    const style = {stroke: api.visual("color"), lineWidth: 1};
+    const line = (x1, y1, x2, y2) => ({type: "line", shape: {x1, y1, x2, y2}, style});
+    return {type: "group", children: [line(low[0], low[1], high[0], high[1]),
+        line(low[0] - 3, low[1], low[0] + 3, low[1]), line(high[0] - 3, high[1], high[0] + 3, high[1])]};
+}"""
+
+
+def legend(names: Sequence[str] | None = None) -> dict[str, Any]:
+    """A legend above the curves; of these series only, when named."""
+    found: dict[str, Any] = {"top": 0, "type": "scroll", "textStyle": {"color": GREY}}
+    return found if names is None else found | {"data": list(names)}
+
+
+def chart(options: dict[str, Any], label: str, *, height: str = "260px") -> None:
+    """A chart with a name for those who cannot see it."""
+    common: dict[str, Any] = {
+        "animation": False,
+        "backgroundColor": "transparent",
+        "color": PALETTE,
+        "grid": {"left": 60, "right": 20, "top": 30, "bottom": 45},
+        "tooltip": {"trigger": "axis"},
+    }
+    ui.echart(common | options).style(f"height:{height};width:100%").props(f'role="img" aria-label="{label}"')
+
+
+def axis(name: str, *, kind: str = "value", data: Sequence[str] | None = None) -> dict[str, Any]:
+    """An axis with its name and unit."""
+    found: dict[str, Any] = {
+        "type": kind,
+        "name": name,
+        "nameLocation": "middle",
+        "nameGap": 30 if kind != "value" or data is not None else 45,
+        "axisLabel": {"color": GREY},
+        "nameTextStyle": {"color": GREY},
+        "splitLine": {"lineStyle": {"opacity": 0.2}},
+        "scale": True,
+    }
+    if data is not None:
+        found["data"] = list(data)
+    return found
+
+
+def band(
+    name: str, middle: Sequence[float | None], half: Sequence[float | None], colour: str = BLUE
+) -> list[dict[str, Any]]:
+    """Series of a line with its band: the lower edge, unseen, then the width stacked on it, then the line."""
+    low = [None if m is None or h is None else m - h for m, h in zip(middle, half, strict=True)]
+    width = [None if h is None else 2.0 * h for h in half]
+    hidden = {"type": "line", "symbol": "none", "lineStyle": {"opacity": 0}, "tooltip": {"show": False}, "silent": True}
+    return [
+        {**hidden, "name": f"{name} -", "data": low, "stack": name, "stackStrategy": "all"},
+        {
+            **hidden,
+            "name": f"{name} +",
+            "data": width,
+            "stack": name,
+            "stackStrategy": "all",
+            "areaStyle": {"color": colour, "opacity": 0.2},
+        },
+        {
+            "type": "line",
+            "name": name,
+            "data": list(middle),
+            "lineStyle": {"color": colour},
+            "itemStyle": {"color": colour},
+        },
+    ]
+
+
+def bars(
+    name: str, middle: Sequence[float | None], half: Sequence[float | None], decisions: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Series of points coloured by their decision, with bars."""
+    colours = [DECIDED.get(decision, GREY) for decision in decisions]
+    points = [{"value": m, "itemStyle": {"color": c}} for m, c in zip(middle, colours, strict=True)]
+    edges = [
+        {"value": [place, m - h, m + h], "itemStyle": {"color": colours[place]}}
+        for place, (m, h) in enumerate(zip(middle, half, strict=True))
+        if m is not None and h is not None
+    ]
+    bar = {"type": "custom", "name": f"{name} ±", ":renderItem": _BAR, "encode": {"x": 0, "y": [1, 2]}, "data": edges}
+    return [
+        {"type": "scatter", "name": name, "symbolSize": 7, "data": points, "itemStyle": {"color": BLUE}},
+        {**bar, "silent": True, "tooltip": {"show": False}},
+    ]
+
+
+# The REST interface described on a page of its own, without anything from elsewhere.
+
+router = APIRouter(include_in_schema=False)
+
+_HEAD = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>REST interface - inclinometry</title>
+<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="/static/bench.css">
+</head><body><main class="page" style="display:block"><h1 class="title">REST interface</h1>
+<p>Angles in degrees. A program logs in at <code>POST /api/v1/login</code> and sends
+<code>Authorization: Bearer TOKEN</code>; a browser sends the header <code>X-CSRF-Token</code> that
+<code>GET /api/v1/me</code> gives. The whole description: <a href="/api/openapi.json">openapi.json</a>.</p>"""
+
+
+@router.get("/api")
+def interface(request: Request) -> HTMLResponse:
+    """Every route with what it takes."""
+    content = request.app.openapi()
+    parts = [_HEAD]
+    for path, methods in content["paths"].items():
+        for method, about in methods.items():
+            parts.append(_route(path, method, about, content))
+    return HTMLResponse("".join([*parts, "</main></body></html>"]))
+
+
+def _route(path: str, method: str, about: dict[str, Any], content: dict[str, Any]) -> str:
+    takes = [f"{p['name']} ({p['in']})" for p in about.get("parameters", [])]
+    body = about.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
+    name = body.get("$ref", "").rpartition("/")[2]
+    shown = ""
+    if name:
+        properties = content["components"]["schemas"][name].get("properties", {})
+        shown = f"<pre>{escape(json.dumps(properties, indent=1, ensure_ascii=False))}</pre>"
+    return (
+        f'<details class="panel" style="margin:.5rem 0"><summary><code>{method.upper()} {escape(path)}</code> '
+        f"{escape(about.get('description', '').splitlines()[0])}</summary>"
+        f"<p>{escape(', '.join(takes))}</p>{shown}</details>"
+    )
+
+
+BIDI: Final = dict.fromkeys([0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)], "\ufffd")
+_FROM_TO: Final = '(first, last, all) => first + " - " + last + " / " + all'
+
+
+class Cell(NamedTuple):
+    """A text, where it leads to, its style."""
+
+    text: str
+    link: str = ""
+    style: str = ""
+
+
+def visible(text: str) -> str:
+    """A text whose characters are read in the order in which they stand: marks that turn it around are shown as such.
+
+    Examples
+    --------
+    >>> visible("A\u202e1")
+    'A�1'
+    """
+    return text.translate(BIDI)
+
+
+def paged(columns: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]], key: str, size: int) -> None:
+    """A long table, so many rows at a time; columns and rows as `ui.table` takes them."""
+    made = ui.table(columns=list(columns), rows=list(rows), row_key=key, pagination=size)
+    made.classes("number paged").props("flat dense")
+    made.props[":rows-per-page-options"] = f"[{size}]"
+    made.props[":pagination-label"] = _FROM_TO
+
+
+def table(heads: Sequence[str], lines: Iterable[Sequence[Cell | str]]) -> None:
+    """A plain table, every cell shown as text; it scrolls by itself on a narrow screen."""
+    with ui.element("div").classes("scroll"), ui.element("table").classes("list"):
+        with ui.element("thead"), ui.element("tr"):
+            for head in heads:
+                TextElement(tag="th", text=head).props("scope=col")
+        with ui.element("tbody"):
+            for line in lines:
+                with ui.element("tr"):
+                    for cell in line:
+                        _cell(cell if isinstance(cell, Cell) else Cell(cell))
+
+
+def _cell(cell: Cell) -> None:
+    if cell.link:
+        with ui.element("td"):
+            ui.link(visible(cell.text), cell.link).classes(f"number {cell.style}")
+    else:
+        TextElement(tag="td", text=visible(cell.text)).classes(f"number {cell.style}")
+
+
+def to(place: str, name: str = "", **query: str | int) -> str:
+    """An address below a place of this bench, whatever the name holds.
+
+    Examples
+    --------
+    >>> to("/tools", "A/1?x"), to("/ledger", kind="event", key="a&b")
+    ('/tools/A%2F1%3Fx', '/ledger?kind=event&key=a%26b')
+    """
+    path = f"{place}/{quote(name, safe='')}" if name else place
+    asked = "&".join(f"{key}={quote(str(value), safe='')}" for key, value in query.items())
+    return f"{path}?{asked}" if asked else path
+
+
+def day(created: str) -> str:
+    """Date and minute of a record's time.
+
+    Examples
+    --------
+    >>> day("2026-03-01T12:30:15.000000+00:00")
+    '2026-03-01 12:30'
+    """
+    return created[:16].replace("T", " ")

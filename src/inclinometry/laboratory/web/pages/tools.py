@@ -1,0 +1,207 @@
+"""Tools: what they are, when they are due, and how their parameters went over the years."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Final
+
+import numpy as np
+from fastapi import HTTPException, Request
+from nicegui import ui
+
+from inclinometry.arrays import Array
+from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger.users import User
+from inclinometry.laboratory.registry import RegisteredTool, due_days, find_tool, listed, put_tool, tools
+from inclinometry.laboratory.results import History, history
+from inclinometry.laboratory.web.frame import Visitor, frame
+from inclinometry.laboratory.web.pages.lists import Cell, axis, band, chart, day, table, to, visible
+
+PAGE: Final = 50
+SHOWN: Final = 20
+DRAWN: Final = 100
+"""Calibrations in a drift plot, the newest."""
+
+
+@ui.page("/tools")
+def tools_page(request: Request, after: str = "") -> None:
+    """All tools, a page at a time."""
+    with frame(request, "tools.title") as visitor:
+        found = tools(visitor.bench.ledger, limit=PAGE, after=after)
+        with ui.card().classes("panel"):
+            _find(visitor)
+            _table(visitor, found)
+            with ui.row():
+                if len(found) == PAGE:
+                    ui.link(visitor.say("tools.more"), to("/tools", after=found[-1].serial))
+                ui.link("CSV", "/api/v1/tables/tools.csv")
+        if visitor.user.may("capture"):
+            with ui.card().classes("panel"):
+                ui.label(visitor.say("tools.register")).classes("subtitle")
+                ToolForm(visitor, None)
+
+
+def _find(visitor: Visitor) -> None:
+    """A serial number leads to its tool, or to the tools from there on."""
+    with ui.row().classes("form"):
+        text = ui.input(visitor.say("tools.serial")).props("maxlength=200")
+
+        def go() -> None:
+            serial = str(text.value or "").strip()
+            known = serial and find_tool(visitor.bench.ledger, serial) is not None
+            ui.navigate.to(to("/tools", serial) if known else to("/tools", after=serial))
+
+        text.on("keydown.enter", go)
+        ui.button(visitor.say("ledger.search"), on_click=go).props("outline no-caps")
+
+
+def _table(visitor: Visitor, found: list[RegisteredTool]) -> None:
+    say, today = visitor.say, datetime.now(UTC).date()
+    due = due_days(visitor.bench.ledger, found)
+
+    def line(tool: RegisteredTool) -> tuple[Cell | str, ...]:
+        when = due.get(tool.serial)
+        text = say("tools.retired") if tool.retired else "" if when is None else f"{when:%Y-%m-%d}"
+        late = "bad" if when is not None and when <= today else ""
+        return Cell(tool.serial, to("/tools", tool.serial)), tool.name, tool.customer, Cell(text, style=late)
+
+    table([say(f"tools.{key}") for key in ("serial", "name", "customer", "due")], map(line, found))
+    if not found:
+        ui.label(say("tools.none")).classes("dim")
+
+
+@ui.page("/tools/{serial:path}")
+def tool_page(request: Request, serial: str) -> None:
+    """One tool."""
+    with frame(request, "tools.one") as visitor:
+        tool = find_tool(visitor.bench.ledger, serial)
+        if tool is None:
+            raise HTTPException(404, f"there is no tool {serial!r:.80}")
+        with ui.card().classes("panel"):
+            ui.label(visible(f"{tool.serial} · {tool.name}")).classes("subtitle number")
+            about = " · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)
+            ui.label(visible(about)).classes("dim")
+            _due(visitor, tool)
+            if visitor.user.may("capture"):
+                with ui.row():
+                    ui.link(visitor.say("home.start"), to("/calibrate", serial=tool.serial))
+                    ui.link(visitor.say("import.title"), to("/import", serial=tool.serial))
+        _history(visitor, serial)
+        _sessions(visitor, serial)
+        if visitor.user.may("capture"):
+            with ui.card().classes("panel"):
+                ui.label(visitor.say("tools.change")).classes("subtitle")
+                ToolForm(visitor, tool)
+
+
+def _due(visitor: Visitor, tool: RegisteredTool) -> None:
+    if tool.retired:
+        ui.label(visitor.say("tools.retired")).classes("warn")
+        return
+    due = due_days(visitor.bench.ledger, [tool]).get(tool.serial)
+    if due is None:
+        ui.label(visitor.say("tools.no_interval")).classes("dim")
+    else:
+        late = due <= datetime.now(UTC).date()
+        ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}").classes("number " + ("bad" if late else "good"))
+
+
+def _history(visitor: Visitor, serial: str) -> None:
+    with ui.card().classes("panel"):
+        ui.label(visitor.say("tools.drift")).classes("subtitle")
+        try:
+            found = history(visitor.bench.ledger, serial, limit=DRAWN)
+        except InputError:
+            ui.label(visitor.say("tools.no_calibration")).classes("dim")
+            return
+        with ui.row().classes("list-of-links"):
+            for record, created in list(zip(found.records, found.created, strict=True))[: -SHOWN - 1 : -1]:
+                ui.link(day(created), f"/results/{record}").classes("number")
+            ui.link("CSV", to("/api/v1/tables/history.csv", serial=serial))
+        if len(found) == DRAWN:
+            ui.label(visitor.say("tools.newest", number=DRAWN)).classes("dim")
+        names = list(found.values)
+        box = ui.column().classes("w-full")
+
+        def show(name: str) -> None:
+            box.clear()
+            with box:
+                _drift(visitor, found, name)
+
+        ui.select(names, value=names[0], label=visitor.say("tools.parameter"), on_change=lambda e: show(str(e.value)))
+        show(names[0])
+
+
+def _drift(visitor: Visitor, found: History, name: str) -> None:
+    """Change of one parameter since the first calibration, with a band of two standard uncertainties."""
+    change, spread = found.change(name)
+    days = [day(created) for created in found.created]
+    options = {
+        "xAxis": axis(visitor.say("tools.day"), kind="category", data=days),
+        "yAxis": axis(visitor.say("tools.change_of", name=name)),
+        "series": band(name, _plain(change), _plain(2.0 * spread)),
+    }
+    chart(options, visitor.say("tools.drift"))
+    worst = float(np.nanmax(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
+    ui.label(visitor.say("tools.largest", ratio=f"{worst:.1f}")).classes("number " + ("bad" if worst > 3.0 else "dim"))
+
+
+def _plain(values: Array) -> list[float | None]:
+    """Numbers, None where a calibration does not have the parameter."""
+    return [float(x) if np.isfinite(x) else None for x in values]
+
+
+def _sessions(visitor: Visitor, serial: str) -> None:
+    with ui.card().classes("panel"):
+        ui.label(visitor.say("tools.sessions")).classes("subtitle")
+        found = listed(visitor.bench.ledger, "session", serial=serial, limit=SHOWN)
+        if not found:
+            ui.label(visitor.say("tools.no_session")).classes("dim")
+            return
+        lines = [
+            (Cell(day(one.created), f"/calibrate/{one.id}"), visitor.say(f"purpose.{one.keys['purpose']}"), one.author)
+            for one in found
+        ]
+        table([visitor.say("verify.when"), visitor.say("tools.purpose"), visitor.say("verify.by")], lines)
+
+
+class ToolForm:
+    """Fields of a tool; saved as a new record."""
+
+    def __init__(self, visitor: Visitor, tool: RegisteredTool | None) -> None:
+        self._visitor, self._old, say = visitor, tool, visitor.say
+        low, high = (10.0, 90.0) if tool is None else np.degrees(tool.inclination_range)
+        with ui.row().classes("form"):
+            self.serial = ui.input(say("tools.serial"), value="" if tool is None else tool.serial).props(
+                "maxlength=200"
+            )
+            self.serial.set_enabled(tool is None)
+            self.name = ui.input(say("tools.name"), value="" if tool is None else tool.name).props("maxlength=2000")
+            self.customer = ui.input(say("tools.customer"), value="" if tool is None else tool.customer)
+            self.low = ui.number(say("tools.from"), value=round(float(low), 3), min=0, max=180)
+            self.high = ui.number(say("tools.to"), value=round(float(high), 3), min=0, max=180)
+            months = None if tool is None else tool.interval_months
+            self.months = ui.number(say("tools.months"), value=months, min=1, max=120, step=1)
+            self.retired = ui.switch(say("tools.retired"), value=tool is not None and tool.retired)
+        ui.button(say("tools.save"), on_click=visitor.action("capture", self._save)).props("unelevated no-caps")
+
+    def _save(self, user: User) -> None:
+        ledger, serial = self._visitor.bench.ledger, str(self.serial.value).strip()
+        if self._old is None and find_tool(ledger, serial) is not None:
+            raise InputError(f"tool {serial!r} is registered already; change it on its own page")
+        low, high = (float(np.radians(float(x.value or 0.0))) for x in (self.low, self.high))
+        old = self._old or RegisteredTool(serial, "")
+        tool = RegisteredTool(
+            serial,
+            str(self.name.value).strip() or serial,
+            old.triads,
+            old.manufacturer,
+            str(self.customer.value).strip(),
+            old.description,
+            old.convention,
+            (low, high),
+            None if self.months.value is None else int(self.months.value),
+            bool(self.retired.value),
+        )
+        put_tool(ledger, tool, author=user.name)
+        ui.navigate.to(to("/tools", serial))

@@ -1,0 +1,385 @@
+"""Verification: choosing calibration, protocol and limits; the sessions under way and the verdicts recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from fastapi import HTTPException, Request
+from nicegui import ui
+
+from inclinometry.calibration.acceptance import GUARDS, JUDGED, Limits
+from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.errors import InclinometryError, InputError
+from inclinometry.files.limits import limit_names, read_limits
+from inclinometry.files.verification_json import stated_limits
+from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
+from inclinometry.laboratory.ledger.users import User
+from inclinometry.laboratory.registry import Listed, extract, listed
+from inclinometry.laboratory.session import closing, load_session
+from inclinometry.laboratory.verification import (
+    OWN,
+    begin_verification,
+    finish_verification,
+    judged,
+    lacking,
+    limits_content,
+    limits_from,
+    limits_of,
+    protocols,
+    report,
+)
+from inclinometry.laboratory.web.frame import Visitor, aside, frame
+from inclinometry.laboratory.web.pages.lists import (
+    GREY,
+    RED,
+    Cell,
+    axis,
+    bars,
+    chart,
+    day,
+    legend,
+    paged,
+    table,
+    to,
+    visible,
+)
+
+# Errors of a verified tool against its limits: curves, decisions, the verdict; before it is recorded and after.
+
+ROWS: Final = 24
+Content = Mapping[str, Any]
+
+
+@ui.page("/verify/{session}/finish")
+def finish_page(request: Request, session: str) -> None:
+    """How the positions captured so far are judged; recording the verdict."""
+    with frame(request, "verify.judged") as visitor:
+        ledger = visitor.bench.ledger
+        try:
+            seen = load_session(ledger, session)
+        except LedgerError as error:
+            raise HTTPException(404, str(error)) from None
+        calibration = str(seen.settings.get("calibration", ""))
+        if seen.closed or not calibration:
+            ui.label(visitor.say("verify.closed")).classes("warn")
+            ui.link(visitor.say("verify.recorded"), "/verify")
+            return
+        limits = limits_of(seen)
+        done = visitor.say("home.progress", done=len(seen.valid), all=len(seen.positions))
+        ui.label(f"{seen.serial} · {seen.plan} · {done}").classes("subtitle number")
+        ui.link(visitor.say("verify.capture"), f"/calibrate/{session}")
+        try:
+            found = judged(ledger, session, calibration, limits)
+        except InclinometryError as error:
+            ui.label(visitor.bench.told(str(error))).classes("warn")
+            return
+        lost = lacking(seen, found, limits)
+        if lost:
+            ui.label(lost).classes("warn")
+        verdict = "incomplete" if lost else found.verdict
+        show_report(visitor, verdict, stated_limits(found, limits), report(found, seen))
+        if visitor.user.may("capture") and not lost:
+            _record_button(visitor, ledger, session, calibration)
+
+
+def _record_button(visitor: Visitor, ledger: Ledger, session: str, calibration: str) -> None:
+    async def record() -> None:
+        button.disable()
+        try:
+            user = visitor.require("capture")
+            limits = limits_of(load_session(ledger, session))
+            made = await aside(
+                lambda: finish_verification(ledger, session, calibration, author=user.name, limits=limits)
+            )
+        except InclinometryError as error:
+            ui.notify(visitor.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK")
+            button.enable()
+            return
+        ui.navigate.to(f"/verifications/{made.id}")
+
+    button = ui.button(visitor.say("verify.record"), on_click=record).props("unelevated no-caps")
+
+
+@ui.page("/verifications/{verification}")
+def verification_page(request: Request, verification: str) -> None:
+    """A recorded verification."""
+    with frame(request, "verify.one") as visitor:
+        try:
+            record = visitor.bench.ledger.get("verification", verification)
+        except LedgerError as error:
+            raise HTTPException(404, str(error)) from None
+        _about(visitor, record)
+        show_report(visitor, record.body["verdict"], record.body["limits"], record.body["report"])
+
+
+def _about(visitor: Visitor, record: Record) -> None:
+    say, serial = visitor.say, record.keys["serial"]
+    calibration = record.keys["calibration"]
+    with ui.row().classes("items-center"):
+        ui.link(serial, to("/tools", serial)).classes("number")
+        ui.label(f"{day(record.created)} UTC · {record.author}").classes("number")
+        ui.link(say("verify.calibration"), f"/results/{calibration}")
+        if visitor.user.may("issue"):
+            address = to("/certificates/new", calibration=calibration, verification=record.id)
+            ui.link(say("results.certificate"), address)
+        ui.link("CSV", f"/api/v1/tables/verification/{record.id}.csv")
+
+
+def show_report(visitor: Visitor, verdict: str, limits: Content, content: Content) -> None:
+    """Verdict, curves and table of a report in degrees, as `workflow.laboratory.verification.report` makes it."""
+    say = visitor.say
+    with ui.card().classes("panel"):
+        # green only when nothing below speaks against relying on it
+        doubted = "warn" if content.get("warnings") else "good"
+        ui.label(say(f"verdict.{verdict}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
+        if protocol := content.get("protocol"):
+            ui.label(say("verify.of_protocol", **protocol))
+        for sentence in content.get("reasons", ()):
+            ui.label(visitor.bench.told(str(sentence)))
+        for sentence in content.get("warnings", ()):
+            ui.label(visitor.bench.told(str(sentence))).classes("warn")
+        ui.label(say("verify.against", name=str(limits.get("name", "")), source=visible(str(limits.get("source", "")))))
+        guard = str(limits.get("guard", "none"))
+        k = float(content.get("coverage_factor", 2.0))
+        rule = guard if "guard" in limits else "derived"
+        ui.label(say(f"verify.rule.{rule}", k=f"{k:.3g}")).classes("dim")
+    for name in JUDGED:
+        with ui.card().classes("panel"):
+            ui.label(say("verify.errors_of", name=say(f"bench.{name}"))).classes("subtitle")
+            _curves(visitor, name, content["positions"], guard, COVERAGE_FACTOR / k)
+    _positions(visitor, content["positions"], COVERAGE_FACTOR / k)
+
+
+def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str, share: float) -> None:
+    """Errors with bars of U for the usual k (a share of the recorded), limits, and where a guarded decision accepts."""
+    say = visitor.say
+    errors, expanded, limit = ([_cell(row, name, key) for row in rows] for key in ("error_deg", "U_deg", "limit_deg"))
+    shown = [None if u is None else share * u for u in expanded]
+    series = bars(say("verify.error"), errors, shown, [row[name]["decision"] for row in rows])
+    series += _lines(say("verify.limit"), limit, RED, "solid")
+    if guard != "none":
+        inside = [None if x is None or u is None else max(x - u, 0.0) for x, u in zip(limit, expanded, strict=True)]
+        series += _lines(say("verify.acceptance"), inside, GREY, "dashed")
+    places = [
+        f"{row['position']}: {row['inclination_deg']:g}° {row['azimuth_deg']:g}° {row['toolface_deg']:g}°"
+        for row in rows
+    ]
+    options = {
+        "legend": legend([s["name"] for s in series if not s.get("silent")]),
+        "xAxis": axis(say("verify.place"), kind="category", data=places),
+        "yAxis": axis(say("results.degrees")),
+        "series": series,
+    }
+    chart(options, say("verify.errors_of", name=say(f"bench.{name}")))
+
+
+def _lines(name: str, values: list[float | None], colour: str, kind: str) -> list[dict[str, Any]]:
+    """Upper and lower line of a symmetric limit; nothing where nothing is judged."""
+    if all(value is None for value in values):
+        return []
+    line = {
+        "type": "line",
+        "step": "middle",
+        "symbol": "none",
+        "name": name,
+        "lineStyle": {"color": colour, "type": kind, "width": 1.5},
+        "itemStyle": {"color": colour},
+    }
+    return [{**line, "data": values}, {**line, "data": [None if x is None else -x for x in values], "silent": True}]
+
+
+def _cell(row: Content, name: str, key: str) -> float | None:
+    value = row[name].get(key)
+    return None if value is None else round(float(value), 5)
+
+
+def _positions(visitor: Visitor, rows: list[Content], share: float) -> None:
+    """Every position, with the U of the bars."""
+    say = visitor.say
+    shown = []
+    for row in rows:
+        line = {"position": str(row["position"])}
+        line |= {key: f"{row[f'{key}_deg']:g}" for key in ("inclination", "azimuth", "toolface")}
+        for name in JUDGED:
+            error, u = _cell(row, name, "error_deg"), _cell(row, name, "U_deg")
+            line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {share * u:.3f}"
+            line[f"d_{name}"] = say(f"decision.{row[name]['decision']}")
+        shown.append(line)
+    columns = [_column("position", say("verify.position"))]
+    columns += [_column(key, f"{say(f'bench.{key}')} °") for key in ("inclination", "azimuth", "toolface")]
+    for name in JUDGED:
+        columns.append(_column(f"e_{name}", say("verify.error_of", name=say(f"bench.{name}"))))
+        columns.append(_column(f"d_{name}", say("verify.decision")))
+    with ui.card().classes("panel"):
+        ui.label(say("verify.positions")).classes("subtitle")
+        paged(columns, shown, "position", ROWS)
+
+
+def _column(name: str, label: str) -> dict[str, Any]:
+    return {"name": name, "label": label, "field": name, "align": "left" if name.startswith("d_") else "right"}
+
+
+SHOWN: Final = 20
+OFFERED: Final = 200
+UNCERTAINTY: Final = "certificate"
+"""Choice of holding each error against its own uncertainty."""
+
+
+@ui.page("/verify")
+def verify_page(request: Request, calibration: str = "", before: int = 0) -> None:
+    """A form, what is under way, what was found."""
+    with frame(request, "verify.title") as visitor:
+        if visitor.user.may("capture"):
+            with ui.card().classes("panel"):
+                ui.label(visitor.say("verify.begin")).classes("subtitle")
+                VerifyForm(visitor, calibration)
+        _under_way(visitor)
+        _recorded(visitor, max(before, 0))
+
+
+def _under_way(visitor: Visitor) -> None:
+    ledger, say = visitor.bench.ledger, visitor.say
+    found = listed(ledger, "session", purpose="verify", limit=SHOWN)
+    still_open = [one for one in found if not closing(ledger, one.id)]
+    if not still_open:
+        return
+    with ui.card().classes("panel"):
+        ui.label(say("verify.under_way")).classes("subtitle")
+        lines = [
+            (
+                Cell(one.keys["serial"], to("/tools", one.keys["serial"])),
+                day(one.created),
+                one.author,
+                Cell(say("verify.capture"), f"/calibrate/{one.id}"),
+                Cell(say("verify.judge"), f"/verify/{one.id}/finish"),
+            )
+            for one in still_open
+        ]
+        table([say("tools.serial"), say("verify.begun"), say("verify.by"), "", ""], lines)
+
+
+def _recorded(visitor: Visitor, before: int) -> None:
+    ledger, say = visitor.bench.ledger, visitor.say
+    found = listed(ledger, "verification", limit=SHOWN, before=before)
+    with ui.card().classes("panel"):
+        ui.label(say("verify.recorded")).classes("subtitle")
+        table([say(f"verify.{key}") for key in ("when", "tool", "verdict", "limits", "by")], map(_line(visitor), found))
+        if not found:
+            ui.label(say("verify.none")).classes("dim")
+        if len(found) == SHOWN:
+            ui.link(say("ledger.older"), to("/verify", before=found[-1].seq))
+
+
+def _line(visitor: Visitor) -> Any:
+    def line(one: Listed) -> tuple[Cell | str, ...]:
+        verdict, limits = extract(visitor.bench.ledger, one, "verdict", verdict_of)
+        return (
+            Cell(day(one.created), f"/verifications/{one.id}"),
+            Cell(one.keys["serial"], to("/tools", one.keys["serial"])),
+            Cell(visitor.say(f"verdict.{verdict}"), style="good" if verdict == "pass" else "bad"),
+            limits,
+            one.author,
+        )
+
+    return line
+
+
+def verdict_of(record: Record) -> tuple[str, str]:
+    """Verdict of a verification and the name of its limits."""
+    return str(record.body["verdict"]), str(record.body["limits"].get("name", ""))
+
+
+class VerifyForm:
+    """Calibration, protocol, limits: a preset with its source, changed values as stated by the laboratory."""
+
+    def __init__(self, visitor: Visitor, calibration: str) -> None:
+        self._visitor, say = visitor, visitor.say
+        choices = {one.id: f"{one.keys['serial']} · {day(one.created)}" for one in self._offered(calibration)}
+        chosen = calibration if calibration in choices else next(iter(choices), None)
+        self.calibration = ui.select(choices, value=chosen, label=say("verify.calibration"), with_input=True)
+        self.calibration.classes("wide")
+        plans = {name: f"{name}: {p.title} ({len(p.plan)})" for name, p in protocols().items()}
+        self.protocol = ui.select(plans, value=next(iter(plans)), label=say("verify.protocol")).classes("wide")
+        presets = {UNCERTAINTY: say("verify.own_uncertainty"), **{name: name for name in limit_names()}}
+        presets[OWN] = say("verify.own_values")
+        self.preset = ui.select(presets, value=UNCERTAINTY, label=say("verify.limits"), on_change=self._fill)
+        self.preset.classes("wide")
+        with ui.column().classes("w-full") as box:
+            with ui.row().classes("form"):
+                self.values = {
+                    name: ui.number(say("verify.limit_of", name=say(f"bench.{name}")), min=0.0001, max=180, step=0.01)
+                    for name in JUDGED
+                }
+                self.low = ui.number(say("verify.low"), min=0, max=90, value=0)
+                self.guard = ui.select({g: say(f"guard.{g}") for g in GUARDS}, value="none", label=say("verify.guard"))
+            self.source = ui.textarea(say("verify.source")).props("autogrow maxlength=2000").classes("w-full")
+            ui.label(say("verify.guard_about")).classes("dim")
+        box.bind_visibility_from(self.preset, "value", lambda name: name != UNCERTAINTY)
+        go = ui.button(say("verify.go"), on_click=visitor.action("capture", self._open)).props("unelevated no-caps")
+        go.set_enabled(chosen is not None)
+        if chosen is None:
+            ui.label(say("verify.no_calibration")).classes("dim")
+
+    def _offered(self, calibration: str) -> list[Listed]:
+        ledger = self._visitor.bench.ledger
+        found = listed(ledger, "calibration", limit=OFFERED)
+        if calibration and all(one.id != calibration for one in found):
+            try:
+                record = ledger.get("calibration", calibration)
+            except LedgerError:
+                return found
+            found.insert(0, Listed(record.kind, record.id, record.seq, record.created, record.author, record.keys))
+        return found
+
+    def _fill(self) -> None:
+        """Show what a preset says."""
+        name = str(self.preset.value)
+        if name in limit_names():
+            self._show(read_limits(name))
+        elif name == OWN:
+            self.source.value = ""
+
+    def _show(self, limits: Limits) -> None:
+        for name, field in self.values.items():
+            value = getattr(limits, name)
+            field.value = None if value is None else round(float(np.degrees(value)), 6)
+        self.low.value = round(float(np.degrees(limits.min_inclination_for_azimuth)), 6)
+        self.guard.value = limits.guard
+        self.source.value = limits.source
+
+    def limits(self) -> Limits | None:
+        """What was chosen; a preset that was changed becomes the laboratory's own statement."""
+        preset = str(self.preset.value)
+        if preset == UNCERTAINTY:
+            return None
+        content: dict[str, Any] = {"name": OWN, "source": self.source.value, "guard": self.guard.value}
+        content |= {f"{name}_deg": field.value for name, field in self.values.items()}
+        content["min_inclination_deg_for_azimuth"] = self.low.value
+        if preset not in limit_names():
+            return limits_from(content)
+        shipped = limits_content(read_limits(preset))
+        changed = [key for key in content if key != "name" and not _same(content[key], shipped[key])]
+        if not changed:
+            return read_limits(preset)
+        if "source" not in changed:
+            content["source"] = f"stated by the laboratory, changed from {preset}"
+        return limits_from(content)
+
+    def _open(self, user: User) -> None:
+        if self.calibration.value is None:
+            raise InputError(self._visitor.say("verify.no_calibration"))
+        session = begin_verification(
+            self._visitor.bench.ledger,
+            str(self.calibration.value),
+            str(self.protocol.value),
+            author=user.name,
+            limits=self.limits(),
+        )
+        ui.navigate.to(f"/calibrate/{session.id}")
+
+
+def _same(one: Any, other: Any) -> bool:
+    numbers = isinstance(one, int | float) and isinstance(other, int | float)
+    return abs(one - other) < 1e-6 if numbers else bool(one == other)

@@ -1,0 +1,305 @@
+"""What is answered when something is refused or goes wrong: a sentence, as JSON to programs, as a page to people."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+import time
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from functools import cache
+from html import escape
+from http.cookies import CookieError, SimpleCookie
+from typing import Any, Final
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.exceptions import HTTPException
+
+from inclinometry.errors import InclinometryError, InputError
+from inclinometry.laboratory.ledger.ledger import ConflictError
+from inclinometry.laboratory.web.frame import RefusedError, current
+from inclinometry.laboratory.web.logins import Login
+
+# What every answer tells the browser to refuse; the cookie of a login.
+
+COOKIE: Final = "inclinometry"
+ASSETS: Final = ("/_nicegui/", "/static/", "/favicon.ico")
+
+_ALWAYS: Final = {
+    b"x-content-type-options": b"nosniff",
+    b"x-frame-options": b"DENY",
+    b"referrer-policy": b"no-referrer",
+    b"cross-origin-opener-policy": b"same-origin",
+    b"cross-origin-resource-policy": b"same-origin",
+    b"permissions-policy": b"camera=(), microphone=(), geolocation=(), payment=(), usb=(), serial=()",
+}
+_DATA: Final = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+
+
+def policy(path: str, host: str) -> str:
+    """The content security policy of an answer.
+
+    The pages' framework compiles its templates in the browser and writes scripts and styles into the page, so these
+    two must be allowed; all else comes from this server, the live connection goes to this server, and data is no page.
+    """
+    if path.startswith("/api/"):
+        return _DATA
+    live = f" ws://{host} wss://{host}" if host else ""
+    return (
+        "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+        "img-src 'self' data: blob:; font-src 'self' data:; worker-src 'self' blob:; media-src 'none'; "
+        f"connect-src 'self'{live}; manifest-src 'self'; frame-src 'none'; frame-ancestors 'none'; "
+        "base-uri 'self'; form-action 'self'; object-src 'none'"
+    )
+
+
+def browser_headers(scope: MutableMapping[str, Any], headers: dict[str, str]) -> dict[bytes, bytes]:
+    """Headers of the answer to a request, by lower-case name; `headers` are those of the request, once checked."""
+    path = scope["path"]
+    found = dict(_ALWAYS)
+    found[b"content-security-policy"] = policy(path, headers.get("host", "").lower()).encode("latin-1")
+    if not path.startswith(ASSETS):
+        found[b"cache-control"] = b"no-store"
+    if scope.get("scheme") == "https":
+        found[b"strict-transport-security"] = b"max-age=31536000"
+    return found
+
+
+def cookie_name(host: str) -> str:
+    """Name of the cookie at an address: cookies do not tell ports apart, and two benches may run on one computer.
+
+    Examples
+    --------
+    >>> cookie_name("lab.example:8080"), cookie_name("lab.example")
+    ('inclinometry-8080', 'inclinometry')
+    """
+    port = host.rpartition("]")[2].rpartition(":")[2] if ":" in host.rpartition("]")[2] else ""
+    return f"{COOKIE}-{port}" if port.isascii() and port.isdigit() else COOKIE
+
+
+def cookie_token(headers: dict[str, str]) -> str:
+    """The token in the cookie of a request, "" when there is none."""
+    try:
+        morsel = SimpleCookie(headers.get("cookie", "")).get(cookie_name(headers.get("host", "")))
+    except CookieError:
+        return ""
+    return "" if morsel is None else morsel.value
+
+
+def login_cookie(login: Login, *, host: str, secure: bool) -> str:
+    """The Set-Cookie header of a login."""
+    return f"{cookie_name(host)}={login.token}; Path=/; HttpOnly; SameSite=Strict" + ("; Secure" if secure else "")
+
+
+# Bodies of requests: how large they may be and how long they may take, whatever their headers say.
+
+LARGEST: Final = (
+    ("/login", 20_000),
+    ("/api/", 2_000_000),
+    ("/_nicegui_ws/", 2_000_000),
+    ("/_nicegui/", 6_000_000),  # files of the import page, of 5 MB, with what surrounds them
+    ("/", 64_000_000),
+)
+"""Start of a path -> bytes a body may have; the first that fits counts."""
+LONGEST_S: Final = 60.0
+"""How long a body may take to arrive."""
+DRAINED: Final = 65_536
+"""Bytes that are read after the answer was given, for the next request on the same connection."""
+
+Message = MutableMapping[str, Any]
+
+
+class BodyError(InputError):
+    """The body of a request was too large or too slow."""
+
+
+def largest(path: str) -> int:
+    """Bytes the body of a request to this path may have.
+
+    Examples
+    --------
+    >>> largest("/login"), largest("/api/v1/tools/7"), largest("/tools")
+    (20000, 2000000, 64000000)
+    """
+    return next(size for start, size in LARGEST if path.startswith(start))
+
+
+def problem_of(scope: MutableMapping[str, Any], headers: dict[str, str]) -> tuple[int, str] | None:
+    """What the headers alone say against a body."""
+    length, most = headers.get("content-length", "0"), largest(scope["path"])
+    if not (length.isascii() and length.isdigit() and len(length) < 20):
+        return 400, "the header Content-Length is not a number"
+    if "content-length" in headers and "transfer-encoding" in headers:
+        # a proxy in front may believe the other one, and then a second request hides in the first
+        return 400, "Content-Length and Transfer-Encoding exclude each other; send one of them"
+    if int(length) > most:
+        return 413, f"{int(length)} bytes are too many; allowed {most}"
+    if headers.get("content-encoding", "identity").strip().lower() != "identity":
+        return 415, "compressed requests are not read; send the body as it is"
+    return None
+
+
+class Metered:
+    """Hands on the body of a request until it is too large or takes too long.
+
+    problem : status and sentence once that has happened, for the answer.
+    """
+
+    def __init__(
+        self,
+        scope: MutableMapping[str, Any],
+        receive: Callable[[], Awaitable[Message]],
+        headers: dict[str, str],
+        longest_s: float = LONGEST_S,
+    ) -> None:
+        self._receive, self._most, self._longest = receive, largest(scope["path"]), longest_s
+        self._until = time.monotonic() + longest_s
+        self._size, self._more = 0, True
+        self._long = "transfer-encoding" in headers or int(headers.get("content-length", "0")) > DRAINED
+        self.problem: tuple[int, str] | None = None
+
+    @property
+    def unread(self) -> bool:
+        """Whether so much of the body is still to come that hanging up is better than reading on to no purpose."""
+        return self._long and self._more
+
+    async def receive(self) -> Message:
+        """The next message; BodyError when the body ends here."""
+        if self.problem is not None:
+            raise BodyError(self.problem[1])
+        if not self._more:
+            return await self._receive()
+        try:
+            message = await asyncio.wait_for(self._receive(), self._until - time.monotonic())
+        except TimeoutError:
+            self.problem = 408, f"the body did not arrive within {self._longest:g} s; send it again"
+            raise BodyError(self.problem[1]) from None
+        if message["type"] == "http.request":
+            self._size += len(message.get("body", b""))
+            self._more = bool(message.get("more_body"))
+            if self._size > self._most:
+                self.problem = 413, f"the body has more bytes than the {self._most} allowed"
+                raise BodyError(self.problem[1])
+        return message
+
+
+METHODS: Final = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE"]
+OURS: Final = "an error of this program, not yours; nothing half-done was recorded. Its log says more"
+LONGEST_VALUE: Final = 80
+_LOG: Final = logging.getLogger("inclinometry.laboratory.web")
+
+_PAGE: Final = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{status} - inclinometry</title>
+<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="/static/bench.css">
+</head><body><main class="panel" style="max-width:34rem;margin:4rem auto"><h1 class="title">{status}</h1>
+<p role="alert">{sentence}</p><p><a href="/">&#8592; inclinometry</a></p></main></body></html>"""
+
+
+def status_of(error: Exception) -> int:
+    """409 somebody was first, 403 not allowed, 404 not there, 507 no space, 422 the rest of what a user can mend."""
+    if isinstance(error, ConflictError):
+        return 409
+    if isinstance(error, RefusedError):
+        return 403
+    text = str(error)
+    return 404 if text.startswith("there is no ") else 507 if "disk is full" in text else 422
+
+
+def explain(app: FastAPI) -> None:
+    """Answer errors of the REST interface and the plain pages."""
+    app.add_exception_handler(InclinometryError, _mendable)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(Exception, _broken)
+
+
+def explain_pages(app: FastAPI) -> None:
+    """Answer errors of pages, in place of the framework's own page, which shows the text of any exception."""
+    for kind in (404, HTTPException, RequestValidationError, InclinometryError, Exception):
+        app.add_exception_handler(kind, _page)
+
+
+def no_such_route(request: Request) -> JSONResponse:
+    """404, or 405 with the methods that are there."""
+    path = request.url.path
+    allowed = {
+        method.upper()
+        for template, methods in request.app.openapi()["paths"].items()
+        if _pattern(template).fullmatch(path)
+        for method in methods
+    }
+    if allowed and request.method not in allowed:
+        words = ", ".join(sorted(allowed))
+        return JSONResponse(
+            {"detail": f"{request.method} is not for {path[:200]}; allowed: {words}"}, 405, {"allow": words}
+        )
+    return JSONResponse({"detail": f"there is no {path[:200]}; GET /api describes what there is"}, 404)
+
+
+@cache
+def _pattern(template: str) -> re.Pattern[str]:
+    return re.compile(re.sub(r"\\{\w+\\}", ".+", re.escape(template)))
+
+
+def in_words(errors: list[Mapping[str, Any]]) -> str:
+    """What is wrong with a request, in one sentence.
+
+    Examples
+    --------
+    >>> in_words([{"loc": ("body", "count"), "msg": "Input should be greater than 0", "input": -1}])
+    'body.count is -1: input should be greater than 0'
+    """
+    parts = []
+    for error in errors[:3]:
+        place = ".".join(str(part) for part in error.get("loc", ())) or "the request"
+        message = str(error.get("msg", "cannot be used"))
+        message = message[:1].lower() + message[1:300]
+        reason = (error.get("ctx") or {}).get("error")
+        if error.get("type") == "json_invalid":
+            parts.append(f"the body is not JSON: {reason or message}")
+        elif error.get("type") == "missing":
+            parts.append(f"{place[:200]} is missing; add it")
+        else:
+            value = "not shown" if "password" in place else _short(error.get("input"))
+            parts.append(f"{place[:200]} is {value}: {message}")
+    more = f"; and {len(errors) - 3} more" if len(errors) > 3 else ""
+    return "; ".join(parts).encode("utf-8", "replace").decode() + more
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list | tuple | dict):
+        return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)} entries"
+    if isinstance(value, int) and abs(value) > 10**LONGEST_VALUE:
+        return "a huge number"
+    text = repr(value[: LONGEST_VALUE + 1] if isinstance(value, str | bytes) else value)
+    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
+
+
+def _mendable(_: Request, error: Exception) -> JSONResponse:
+    return JSONResponse({"detail": current().told(str(error))}, status_of(error))
+
+
+def _invalid(_: Request, error: Exception) -> JSONResponse:
+    errors = error.errors() if isinstance(error, RequestValidationError) else []
+    return JSONResponse({"detail": in_words(list(errors))}, 422)
+
+
+def _broken(_: Request, error: Exception) -> JSONResponse:
+    return JSONResponse({"detail": OURS}, 500)
+
+
+def _page(request: Request, error: Exception) -> Response:
+    """A page of its own with the sentence and a way back."""
+    status, sentence = 500, OURS
+    if isinstance(error, HTTPException):
+        status, sentence = error.status_code, current().told(str(error.detail))
+        place = (error.headers or {}).get("location")
+        if place is not None:
+            return RedirectResponse(place, status)
+    elif isinstance(error, RequestValidationError):
+        status, sentence = 422, in_words(list(error.errors()))
+    elif isinstance(error, InclinometryError):
+        status, sentence = status_of(error), current().told(str(error))
+    else:
+        _LOG.error("page %s failed", ascii(request.url.path), exc_info=error)
+    return HTMLResponse(_PAGE.format(status=status, sentence=escape(sentence)), status)

@@ -1,0 +1,45 @@
+"""What the pages say, in English, Russian and Chinese: one catalogue, one file a language."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any, Final
+
+LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
+
+
+@cache
+def catalogue(language: str) -> Mapping[str, str]:
+    """Key -> text of one language."""
+    text = files("inclinometry.laboratory.web.words").joinpath(f"{language}.json").read_text("utf-8")
+    found: dict[str, str] = json.loads(text)
+    return found
+
+
+def say(language: str, key: str, **values: Any) -> str:
+    """The text of a key with its values put in.
+
+    Examples
+    --------
+    >>> say("en", "home.title"), say("ru", "home.title")
+    ('Bench', 'Стенд')
+    """
+    return catalogue(language if language in LANGUAGES else "en")[key].format(**values)
+
+
+def preferred(header: str) -> str:
+    """The language a browser asks for, English when it is none of ours.
+
+    Examples
+    --------
+    >>> preferred("zh-CN,zh;q=0.9,en;q=0.8"), preferred("de")
+    ('zh', 'en')
+    """
+    for part in header.split(","):
+        tag = part.partition(";")[0].strip().lower()[:2]
+        if tag in LANGUAGES:
+            return tag
+    return "en"

@@ -1,0 +1,632 @@
+"""A tool: its triads, what is uncertain about them, and the range in which that holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.arrays import Array, finite, frozen
+from inclinometry.constants import KINDS
+from inclinometry.errors import InputError
+from inclinometry.orientation import angles_jacobian
+from inclinometry.rotations import wrap_positive
+
+_IN_PLANE = 1e-6
+"""Share of the field across the plane of two sensors below which they do not tell how it changes there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Triad:
+    """Sensors of one kind: signals U = N(T) a + U0(T), a the unit vector along the field in tool axes.
+
+    Parameters
+    ----------
+    kind : {"accelerometer", "magnetometer", "gyro"}
+    tensor : (m, 3) or (degree + 1, m, 3) array_like
+        Parametric tensor N, `unit` per unit direction: conversion factor, sensitive axis and field strength in one.
+        With a leading axis, coefficients of the powers of (T - reference_temperature).
+    offset : (m,) or (degree + 1, m) array_like
+        U0, in `unit`.
+    unit : str
+        Unit of the signals, e.g. "counts", "V", "m/s^2".
+    field_strength : float, optional
+        Strength of the field at the calibration, m/s^2, nT or rad/s; without it only directions are known.
+    reference_temperature : float
+        degC.
+    g_sensitivity : (m, 3) array_like, optional
+        Of a gyro: `unit` per g of gravity along each tool axis (gravity points down), on top of U. It is taken off by
+        `without_gravity` only; it is no part of `parameter_names` nor of a tool's covariance.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, values not finite, unknown kind, no sensor, several that all lie along one line, or a
+        g-sensitivity of anything but a gyro.
+
+    Notes
+    -----
+    Equations (10)-(12) of Rogatykh N.P., "Identification of parameters of inclinometer sensors", 2018.
+
+    Examples
+    --------
+    >>> triad = Triad("accelerometer", [[0, 0, 2], [3, 0, 0], [0, 1, 0]], [10, 0, 0], "counts")
+    >>> triad.signals([0, 0, 1])
+    array([12.,  0.,  0.])
+    >>> triad.field([12, 0, 0])
+    array([0., 0., 1.])
+    """
+
+    kind: str
+    tensor: Array
+    offset: Array
+    unit: str = "counts"
+    field_strength: float | None = None
+    reference_temperature: float = 20.0
+    g_sensitivity: Array | None = None
+    _inverse: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f"kind is {self.kind!r}; allowed: {', '.join(KINDS)}")
+        tensor = finite(self.tensor, f"{self.kind} tensor", (None, 3))
+        offset = finite(self.offset, f"{self.kind} offset", (None,))
+        tensor = tensor[None] if tensor.ndim == 2 else tensor
+        offset = offset[None] if offset.ndim == 1 else offset
+        if tensor.ndim != 3 or tensor.shape[:2] != offset.shape:
+            raise InputError(f"{self.kind}: tensor {self.tensor!r} and offset {self.offset!r} do not go together")
+        if tensor.shape[1] < 1:
+            raise InputError(f"{self.kind}: no sensor; give at least one row of the tensor")
+        if not tensor[0].any():
+            raise InputError(f"{self.kind}: the tensor is zero; such a sensor sees nothing")
+        if tensor.shape[1] > 1 and np.linalg.matrix_rank(tensor[0]) < 2:
+            raise InputError(f"{self.kind}: all sensitive axes lie along one line; no direction can be found")
+        if self.field_strength is not None and not self.field_strength > 0.0:
+            raise InputError(f"{self.kind}: field strength is {self.field_strength}; it must be positive")
+        if self.g_sensitivity is not None:
+            object.__setattr__(self, "g_sensitivity", self._checked_sensitivity(tensor.shape[1]))
+        object.__setattr__(self, "tensor", frozen(tensor))
+        object.__setattr__(self, "offset", frozen(offset))
+        object.__setattr__(self, "_inverse", frozen(np.linalg.pinv(tensor[0])))
+
+    def _checked_sensitivity(self, count: int) -> Array:
+        if self.kind != "gyro":
+            raise InputError(f"{self.kind}: g_sensitivity is given; only gyros have one, leave it out")
+        sensitivity = finite(self.g_sensitivity, "g_sensitivity", (count, 3))  # type: ignore[arg-type]
+        if sensitivity.ndim != 2:
+            raise InputError(f"g_sensitivity has shape {sensitivity.shape}; expected ({count}, 3)")
+        return frozen(sensitivity)
+
+    @property
+    def count(self) -> int:
+        """Number of sensors, m."""
+        return int(self.tensor.shape[1])
+
+    @property
+    def degree(self) -> int:
+        """Degree of the temperature polynomial; 0 for a triad that does not know temperature."""
+        return int(self.tensor.shape[0]) - 1
+
+    @property
+    def rank(self) -> int:
+        """Number of components of the field that the sensors see: 1, 2 or 3."""
+        return int(np.linalg.matrix_rank(self.tensor[0]))
+
+    @property
+    def full(self) -> bool:
+        """Whether the sensors see all three components of the field."""
+        return self.rank == 3
+
+    def basis(self, temperature: ArrayLike | None) -> Array:
+        """Powers of (T - reference), shape (..., degree + 1); a missing temperature is an error unless degree is 0."""
+        if self.degree == 0:
+            shape = () if temperature is None else np.shape(temperature)
+            return np.ones((*shape, 1))
+        if temperature is None:
+            raise InputError(f"{self.kind}: this calibration depends on temperature; give temperature_degC")
+        difference = finite(temperature, "temperature") - self.reference_temperature
+        return np.asarray(difference[..., None] ** np.arange(self.degree + 1))
+
+    def signals(self, direction: ArrayLike, temperature: ArrayLike | None = None) -> Array:
+        """Signals (..., m) for field directions (..., 3); equation (11)."""
+        a = finite(direction, "direction", (3,))
+        powers = self.basis(temperature)
+        tensor = np.tensordot(powers, self.tensor, axes=1)
+        return np.asarray((tensor @ a[..., None])[..., 0] + powers @ self.offset)
+
+    def field(self, signals: ArrayLike, temperature: ArrayLike | None = None) -> Array:
+        """Field (..., 3) in tool axes, in units of the calibration's field; equation (12), pseudo-inverse when m > 3.
+
+        Its length is 1 where the field is as strong as at the calibration. With two sensors (or coplanar axes) the
+        result is the projection of the field on the plane they see, with one sensor that on its axis.
+        """
+        u = finite(signals, f"{self.kind} signals", (self.count,))
+        if self.degree == 0:
+            return np.asarray((u - self.offset[0]) @ self._inverse.T)
+        powers = self.basis(temperature)
+        tensor = np.tensordot(powers, self.tensor, axes=1)
+        return np.asarray((np.linalg.pinv(tensor) @ (u - powers @ self.offset)[..., None])[..., 0])
+
+    def field_of_length(
+        self, signals: ArrayLike, side: ArrayLike, temperature: ArrayLike | None = None, length: ArrayLike = 1.0
+    ) -> tuple[Array, Array]:
+        """Field (..., 3) of a triad that sees a plane, its third component from the known length of the field.
+
+        Parameters
+        ----------
+        signals : (..., m) array_like
+        side : (..., 3) array_like
+            A direction in tool axes on that side of the plane to which the field points, e.g. (0, 0, 1) for gravity in
+            a hole that goes down.
+        temperature : (...) array_like, optional
+            degC.
+        length : (...) array_like
+            Strength of the field in units of that at the calibration.
+
+        Returns
+        -------
+        field : (..., 3) ndarray
+            In the plane where the part seen is as long as the field or longer.
+        unseen : (..., 3) ndarray
+            The unit vector across the plane, on the side stated.
+
+        Raises
+        ------
+        InputError
+            A triad that sees three components, or one.
+
+        Notes
+        -----
+        a = p + sqrt(length^2 - |p|^2) n with the part p seen in the plane and n across it.
+
+        Examples
+        --------
+        >>> pair = Triad("accelerometer", [[2, 0, 0], [0, 3, 0]], [0, 0])
+        >>> pair.field_of_length([1.0, 0.0], [0, 0, 1.0])[0].round(4)
+        array([0.5  , 0.   , 0.866])
+        """
+        if self.rank != 2:
+            raise InputError(f"the {self.kind} sees {self.rank} components; a known length adds the third to two")
+        part = self.field(signals, temperature)
+        tensor = np.tensordot(self.basis(temperature), self.tensor, axes=1)
+        across = np.linalg.svd(tensor)[2][..., 2, :]
+        across = across * np.where(np.sum(across * finite(side, "side", (3,)), axis=-1) < 0.0, -1.0, 1.0)[..., None]
+        rest = np.maximum(np.asarray(length, dtype=np.float64) ** 2 - np.sum(part**2, axis=-1), 0.0)
+        across = np.broadcast_to(across, part.shape)
+        return part + np.sqrt(rest)[..., None] * across, across
+
+    def inverse_at(self, field: ArrayLike, temperature: ArrayLike | None = None) -> Array:
+        """Derivatives (..., 3, m) of the field by the signals where the field is (..., 3): N^-1.
+
+        Of a triad that sees a plane and a field of known length: (1 - n a' / (a.n)) N^+, NaN where the field lies in
+        the plane and a small signal says nothing of the component across it.
+        """
+        inverse = self.inverse(temperature)
+        if self.rank != 2:
+            return inverse
+        a = finite(field, "field", (3,))
+        n = np.linalg.svd(np.tensordot(self.basis(temperature), self.tensor, axes=1))[2][..., 2, :]
+        along = np.sum(a * n, axis=-1)
+        along = np.where(np.abs(along) < _IN_PLANE, np.nan, along)[..., None, None]
+        return np.asarray(inverse - n[..., :, None] * (a[..., None, :] @ inverse) / along)
+
+    def by_length(self, field: ArrayLike, temperature: ArrayLike | None = None) -> Array:
+        """Derivative (..., 3) of a field of known length by the logarithm of that length: |a|^2 n / (a.n).
+
+        Nought for a triad that sees three components; NaN where the field lies in the plane that two sensors see.
+        """
+        a = finite(field, "field", (3,))
+        if self.rank != 2:
+            return np.zeros_like(a)
+        n = np.linalg.svd(np.tensordot(self.basis(temperature), self.tensor, axes=1))[2][..., 2, :]
+        along = np.sum(a * n, axis=-1, keepdims=True)
+        return np.asarray(
+            np.sum(a * a, axis=-1, keepdims=True) * n / np.where(np.abs(along) < _IN_PLANE, np.nan, along)
+        )
+
+    def inverse(self, temperature: ArrayLike | None = None) -> Array:
+        """N^-1 (or pseudo-inverse), shape (..., 3, m), at a temperature."""
+        if self.degree == 0:
+            return self._inverse
+        return np.asarray(np.linalg.pinv(np.tensordot(self.basis(temperature), self.tensor, axes=1)))
+
+    def inverse_powers(self, low: float, high: float) -> Array:
+        """N^-1 as coefficients (p + 1, 3, m) of the powers of (T - reference), good to 1e-8 of itself from low to high.
+
+        N is the polynomial that was found; its inverse is none, but one of few powers serves a firmware that only
+        multiplies and adds.
+
+        Examples
+        --------
+        >>> warm = np.stack([np.eye(3), 1e-3 * np.eye(3)])
+        >>> triad = Triad("accelerometer", warm, np.zeros((2, 3)))
+        >>> powers = triad.inverse_powers(0.0, 100.0)
+        >>> at = float(np.polyval(powers[::-1, 0, 0], 80.0 - 20.0))
+        >>> abs(at - 1.0 / 1.06) < 1e-8
+        True
+        """
+        if self.degree == 0:
+            return self._inverse[None]
+        middle, half = (low + high) / 2.0, max((high - low) / 2.0, 1e-3)
+        x = np.cos(np.pi * (np.arange(24) + 0.5) / 24.0)
+        exact = self.inverse(middle + half * x).reshape(24, -1)
+        size = np.abs(exact).max()
+        for power in range(1, 16):
+            found = np.polynomial.chebyshev.chebfit(x, exact, power)
+            if np.abs(np.polynomial.chebyshev.chebval(x, found).T - exact).max() < 1e-8 * size:
+                break
+        else:
+            raise InputError(f"{self.kind}: the sensors change too much between {low:g} and {high:g} degC")
+        columns = []
+        for column in found.T:
+            inside = np.polynomial.Chebyshev(column, [middle - half, middle + half])
+            about = inside(np.polynomial.Polynomial([self.reference_temperature, 1.0]))
+            columns.append(np.pad(about.coef, (0, power + 1 - len(about.coef))))
+        powers: Array = np.stack(columns, axis=1).astype(np.float64).reshape(power + 1, 3, self.count)
+        return powers
+
+    def without_gravity(self, signals: ArrayLike, gravity_direction: ArrayLike) -> Array:
+        """Signals (..., m) freed from what gravity adds to a gyro: U - G g.
+
+        Parameters
+        ----------
+        signals : (..., m) array_like
+            In `unit`.
+        gravity_direction : (..., 3) array_like
+            Gravity in tool axes in units of g: its direction, down, for a tool at rest.
+
+        Returns
+        -------
+        (..., m) ndarray
+            The signals as they are where no g-sensitivity is known.
+
+        Examples
+        --------
+        >>> gyro = Triad("gyro", np.eye(3), np.zeros(3), "deg/h", g_sensitivity=0.5 * np.eye(3))
+        >>> gyro.without_gravity([10.0, 0.0, 0.5], [0.0, 0.0, 1.0])
+        array([10.,  0.,  0.])
+        """
+        u = finite(signals, f"{self.kind} signals", (self.count,))
+        if self.g_sensitivity is None:
+            return u
+        return np.asarray(u - finite(gravity_direction, "gravity_direction", (3,)) @ self.g_sensitivity.T)
+
+
+@dataclass(frozen=True, eq=False)
+class ClassicalView:
+    """What a data sheet says of a triad; computed from the tensor, never estimated.
+
+    Parameters
+    ----------
+    scale : (m,)
+        Conversion factor k, signal per unit of field (per full field where the field's strength is not known).
+    axes : (m, 3)
+        Sensitive axes c, unit vectors in tool axes: N = k |F| c.
+    nominal : (m, 3)
+        The axis of the tool nearest to each, in either sense.
+    misalignment : (m,)
+        Angle between the sensitive axis and its nominal place, rad: the installation angle I of well-logging texts, in
+        which the main coefficient is k cos I.
+    phase : (m,)
+        Its installation phase: where the axis leans, counted about the nominal axis from the next axis of the tool in
+        the order x, y, z, x toward the one after, rad in [0, 2 pi); so for a sensor along z about z from x.
+    from_z, about_z : (m,)
+        The same for any axis: its angle from the tool's z and the phase about z from x, rad.
+    misalignment_angles : (m, 2)
+        The small angles d1, d2 of the axis toward the two other axes of the tool, in the order x, y, z, rad. Positive
+        toward the positive axis.
+    orthogonality : (m, m)
+        Angle between two sensitive axes less 90 degrees, rad, for axes turned to the positive sense of their nominal
+        place; the diagonal is 0.
+    bias : (m,)
+        U0 over k: the offset in units of the field.
+    """
+
+    scale: Array
+    axes: Array
+    nominal: Array
+    misalignment: Array
+    phase: Array
+    from_z: Array
+    about_z: Array
+    misalignment_angles: Array
+    orthogonality: Array
+    bias: Array
+
+
+def classical_view(triad: Triad, temperature: ArrayLike | None = None) -> ClassicalView:
+    """Scale, misalignment and orthogonality of a triad at one temperature.
+
+    Parameters
+    ----------
+    triad : Triad
+    temperature : float, optional
+        degC; the reference temperature when not given.
+
+    Notes
+    -----
+    d1 and d2 are atan2(component, component along the nominal axis), which is the small angle of the classical model
+    where it is small and keeps its meaning where it is not.
+
+    Examples
+    --------
+    >>> triad = Triad("accelerometer", [[200.0, 2.0, 0.0], [0.0, 0.0, -100.0], [0.0, 50.0, 0.0]], [4.0, 0.0, 0.0])
+    >>> view = classical_view(triad)
+    >>> view.scale.round(2), view.nominal[1] + 0.0, np.degrees(view.misalignment_angles[0]).round(3)
+    (array([200.01, 100.  ,  50.  ]), array([ 0.,  0., -1.]), array([0.573, 0.   ]))
+    """
+    at = triad.reference_temperature if temperature is None else temperature
+    powers = triad.basis(at)
+    n, offset = np.tensordot(powers, triad.tensor, axes=1), powers @ triad.offset
+    length = np.linalg.norm(n, axis=-1)
+    axes = n / length[:, None]
+    place = np.argmax(np.abs(axes), axis=-1)
+    rows = np.arange(len(axes))
+    sense = np.sign(axes[rows, place])
+    nominal = np.zeros_like(axes)
+    nominal[rows, place] = sense
+    main = np.abs(axes[rows, place])
+    others = np.array([[axis for axis in range(3) if axis != at_axis] for at_axis in place])
+    across = axes[rows[:, None], others]
+    following = np.stack([axes[rows, (place + step) % 3] for step in (1, 2)])
+    # turned with a sensor that points along a negative axis, so that the phase is about the nominal axis itself
+    phase = np.arctan2(sense * following[1], following[0])
+    upright = axes * sense[:, None]
+    normal = np.linalg.norm(np.cross(upright[:, None], upright[None, :]), axis=-1)
+    angle = np.arctan2(-upright @ upright.T, normal)  # 90 degrees less, without the arc cosine's loss of digits
+    scale = length / (triad.field_strength or 1.0)
+    return ClassicalView(
+        scale=frozen(scale),
+        axes=frozen(axes),
+        nominal=frozen(nominal),
+        misalignment=frozen(np.arctan2(np.linalg.norm(across, axis=-1), main)),
+        phase=frozen(wrap_positive(phase)),
+        from_z=frozen(np.arctan2(np.hypot(axes[:, 0], axes[:, 1]), axes[:, 2])),
+        about_z=frozen(wrap_positive(np.arctan2(axes[:, 1], axes[:, 0]))),
+        misalignment_angles=frozen(np.arctan2(across, main[:, None])),
+        orthogonality=frozen(np.where(np.eye(len(axes), dtype=bool), 0.0, angle)),
+        bias=frozen(offset / scale),
+    )
+
+
+def parameter_names(triad: Triad) -> tuple[str, ...]:
+    """Names of a triad's parameters in the order of every covariance matrix.
+
+    For each power of temperature, for each sensor: its three tensor elements, then its offset.
+
+    Examples
+    --------
+    >>> triad = Triad("gyro", np.eye(3), np.zeros(3))
+    >>> parameter_names(triad)[:4]
+    ('gyro.tensor[0,0]', 'gyro.tensor[0,1]', 'gyro.tensor[0,2]', 'gyro.offset[0]')
+    """
+    names: list[str] = []
+    for power in range(triad.degree + 1):
+        tail = f".T{power}" if power else ""
+        for sensor in range(triad.count):
+            names += [f"{triad.kind}.tensor[{sensor},{axis}]{tail}" for axis in range(3)]
+            names.append(f"{triad.kind}.offset[{sensor}]{tail}")
+    return tuple(names)
+
+
+def parameter_vector(triad: Triad) -> Array:
+    """The triad's parameters in the order of `parameter_names`."""
+    return np.concatenate([triad.tensor, triad.offset[..., None]], axis=-1).ravel()
+
+
+def triad_from_vector(like: Triad, vector: Array) -> Triad:
+    """Inverse of `parameter_vector`, everything else taken from `like`."""
+    block = np.reshape(vector, (like.degree + 1, like.count, 4))
+    return Triad(
+        like.kind,
+        block[..., :3],
+        block[..., 3],
+        like.unit,
+        like.field_strength,
+        like.reference_temperature,
+        like.g_sensitivity,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """Triads of one instrument with the joint covariance of their parameters.
+
+    Parameters
+    ----------
+    name : str
+        Serial number or whatever identifies it.
+    triads : mapping of kind to Triad
+    covariance : (p, p) array_like, optional
+        Joint covariance of all triads' parameters, in the order accelerometer, magnetometer, gyro and, inside each,
+        `parameter_names`. Zero (a perfectly known tool, e.g. a simulated truth) when not given.
+    noise : mapping of kind to (m,) array_like
+        Standard deviation of one reading of each sensor, in the triad's unit; zero when not given.
+    temperature_range : (float, float), optional
+        degC over which the parameters were determined.
+    """
+
+    name: str
+    triads: Mapping[str, Triad]
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    noise: Mapping[str, Array] = field(default_factory=dict)
+    temperature_range: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        unknown = set(self.triads) - set(KINDS)
+        if unknown or not self.triads:
+            raise InputError(f"triads are {sorted(self.triads)}; allowed: one or more of {', '.join(KINDS)}")
+        ordered = {kind: self.triads[kind] for kind in KINDS if kind in self.triads}
+        object.__setattr__(self, "triads", MappingProxyType(ordered))
+        size = len(self.parameter_names)
+        covariance = finite(self.covariance, "covariance")
+        if covariance.size == 0:
+            covariance = np.zeros((size, size))
+        if covariance.shape != (size, size):
+            raise InputError(f"covariance is {covariance.shape}; this tool has {size} parameters")
+        object.__setattr__(self, "covariance", frozen(covariance))
+        noise = {
+            kind: frozen(np.broadcast_to(finite(self.noise.get(kind, 0.0), f"{kind} noise"), (triad.count,)))
+            for kind, triad in ordered.items()
+        }
+        object.__setattr__(self, "noise", MappingProxyType(noise))
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of all parameters, in the order of `covariance`."""
+        return tuple(name for triad in self.triads.values() for name in parameter_names(triad))
+
+    @property
+    def slices(self) -> dict[str, slice]:
+        """Where each triad's parameters sit in `covariance`."""
+        places, start = {}, 0
+        for kind, triad in self.triads.items():
+            size = 4 * triad.count * (triad.degree + 1)
+            places[kind], start = slice(start, start + size), start + size
+        return places
+
+
+GRAVITY: Final = "strength of gravity"
+"""What the third component of two accelerometers hangs on, among the causes of an uncertainty."""
+
+
+class Sensitivity(NamedTuple):
+    """Derivatives of (inclination, azimuth, toolface, magnetic toolface).
+
+    by_parameter : (..., 4, p) by the tool's parameters, in the order of `Tool.covariance`
+    by_signal : (..., 4, M) by each sensor's reading, in the order of `kinds`
+    by_gravity : (..., 4) by the logarithm of |g|, from which two accelerometers have the third component; else nought
+    """
+
+    by_parameter: Array
+    by_signal: Array
+    kinds: tuple[str, ...]
+    by_gravity: Array
+
+    def components(self, tool: Tool, gravity_sd: float = 0.0) -> dict[str, Array]:
+        """Covariances (..., 4, 4) of the angles, rad^2, by what causes them.
+
+        The calibration, the noise of one reading and, of two accelerometers, the strength of gravity, whose standard
+        uncertainty in units of that at the calibration is `gravity_sd`.
+        """
+        noise = np.concatenate([tool.noise[kind] for kind in self.kinds])
+        spread = self.by_signal * noise
+        moved = self.by_parameter @ tool.covariance
+        found = {
+            "calibration": moved @ np.swapaxes(self.by_parameter, -1, -2),
+            "sensor noise": spread @ np.swapaxes(spread, -1, -2),
+        }
+        gravity = tool.triads.get("accelerometer")
+        if gravity_sd > 0.0 and gravity is not None and gravity.rank == 2 and "accelerometer" in self.kinds:
+            found[GRAVITY] = gravity_sd**2 * self.by_gravity[..., :, None] * self.by_gravity[..., None, :]
+        return found
+
+
+def angle_sensitivity(
+    tool: Tool, fields: Mapping[str, Array], temperature: ArrayLike | None = None, second: str = "magnetometer"
+) -> Sensitivity:
+    """Sensitivity of the angles of a tool at given fields.
+
+    Parameters
+    ----------
+    tool : Tool
+        With an accelerometer, and a second triad for the azimuth, of three seen components each.
+    fields : mapping of kind to (..., 3)
+        Fields in tool axes as `Triad.field` returns them (unit length at the calibration's strength). Without the
+        second field the rows of azimuth and magnetic toolface are NaN.
+    temperature : (...) array_like, optional
+        degC, for tools whose parameters depend on it.
+    second : str
+        Which triad gives the azimuth.
+
+    Notes
+    -----
+    From U = N a + U0: da = N^-1 (dU - dN a - dU0), then the Jacobian of the angles by the two fields.
+
+    Examples
+    --------
+    >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in ("accelerometer", "magnetometer")})
+    >>> here = {"accelerometer": np.array([0.0, 0.0, 1.0]), "magnetometer": np.array([0.6, 0.0, 0.8])}
+    >>> angle_sensitivity(tool, here).by_parameter.shape
+    (4, 24)
+    """
+    g = fields["accelerometer"]
+    kinds = ("accelerometer", second) if second in fields else ("accelerometer",)
+    # inclination and toolface do not care about the second field: any that is not vertical serves
+    other = fields.get(second, np.eye(3)[np.abs(g).argmin(axis=-1)])
+    jacobian = angles_jacobian(g, other)
+    if second not in fields:
+        jacobian[..., [1, 3], :] = np.nan
+    return field_sensitivity(tool, kinds, jacobian, fields, temperature)
+
+
+def field_sensitivity(
+    tool: Tool,
+    kinds: tuple[str, ...],
+    jacobian: Array,
+    fields: Mapping[str, Array],
+    temperature: ArrayLike | None = None,
+) -> Sensitivity:
+    """Sensitivity of whatever depends on the fields.
+
+    Parameters
+    ----------
+    tool : Tool
+    kinds : tuple of str
+        The triads in the order of the columns of `jacobian`.
+    jacobian : (..., r, 3 k) ndarray
+        Derivatives of r quantities by the components of the k fields.
+    fields : mapping of kind to (..., 3)
+    temperature : (...) array_like, optional
+        degC.
+    """
+    parameters = np.zeros((*jacobian.shape[:-1], len(tool.parameter_names)))
+    signals, by_gravity = [], np.zeros(jacobian.shape[:-1])
+    for place, kind in enumerate(kinds):
+        triad, field = tool.triads[kind], fields[kind]
+        by_field = jacobian[..., 3 * place : 3 * place + 3]
+        by_signal = by_field @ triad.inverse_at(field, temperature)
+        signals.append(by_signal)
+        parameters[..., tool.slices[kind]] = by_parameter(triad, field, by_signal, temperature)
+        if kind == "accelerometer" and triad.rank == 2:
+            by_gravity = (by_field @ triad.by_length(field, temperature)[..., None])[..., 0]
+    return Sensitivity(parameters, np.concatenate(signals, axis=-1), kinds, by_gravity)
+
+
+def by_parameter(triad: Triad, field: Array, by_signal: Array, temperature: ArrayLike | None = None) -> Array:
+    """Derivatives by a triad's parameters of what depends on its signals.
+
+    Parameters
+    ----------
+    triad : Triad
+    field : (..., 3) ndarray
+        As `Triad.field` returns it.
+    by_signal : (..., k, m) ndarray
+        Derivatives of the k quantities by the m signals; `triad.inverse(temperature)` for the field itself.
+    temperature : (...) array_like, optional
+        degC.
+
+    Returns
+    -------
+    (..., k, p) ndarray
+        In the order of `inclinometry.sensors.parameter_names`.
+
+    Notes
+    -----
+    U = N a + U0 with U as read: a parameter of sensor s acts as a change of that sensor's signal alone, by minus its
+    power of temperature times its regressor (a, 1).
+
+    Examples
+    --------
+    >>> triad = Triad("accelerometer", 2.0 * np.eye(3), np.zeros(3))
+    >>> by_parameter(triad, np.array([0.0, 0.0, 1.0]), triad.inverse())[2, 8:]  # of gz, by the third sensor
+    array([-0. , -0. , -0.5, -0.5])
+    """
+    powers = triad.basis(temperature)
+    regressor = np.concatenate([field, np.ones((*field.shape[:-1], 1))], axis=-1)
+    moves = -(by_signal[..., :, None, :, None] * powers[..., None, :, None, None] * regressor[..., None, None, None, :])
+    return np.asarray(moves.reshape(*moves.shape[:-3], -1))

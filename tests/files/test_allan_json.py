@@ -1,0 +1,78 @@
+"""allan.json: units, canonical bytes, what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from inclinometry.allan import AllanCurve, ChannelNoise, Coefficient, NoiseModel, NoiseRecord
+from inclinometry.errors import FileError
+from inclinometry.files import json_codec
+from inclinometry.files.allan_json import allan_content, read_allan, write_allan
+
+UNSEEN = Coefficient(float("nan"), float("nan"), 2e-6)
+
+
+def record(unit="rad/s", kind="gyro"):
+    one = np.ones(2)
+    curve = AllanCurve(0.1 * one, 1e-5 * one, 50.0 * one, np.array([1, 2]), 0.1, 100)
+    model = NoiseModel(Coefficient(1e-6, 1e-8, 1.1e-6), UNSEEN, UNSEEN, None, None, np.eye(3), 3.0, 2)
+    return NoiseRecord([ChannelNoise("a_x", kind, unit, curve, model)], 0.1, 100, {"log": "sha256:1"}, ["one"])
+
+
+def test_degrees_and_hours(tmp_path):
+    write_allan(record(), tmp_path / "allan.json")
+    content = read_allan(tmp_path / "allan.json")
+    (channel,) = content["channels"]
+    assert channel["arw_deg_sqrt_h"] == pytest.approx(np.degrees(1e-6) * 60.0, rel=1e-14)
+    assert channel["u_arw_deg_sqrt_h"] == pytest.approx(np.degrees(1e-8) * 60.0, rel=1e-14)
+    assert channel["bias_instability_deg_h"] is None
+    assert channel["limit_bias_instability_deg_h"] == pytest.approx(np.degrees(2e-6) * 3600.0, rel=1e-14)
+    # rad/s/sqrt(s): 3600 for the rate and 60 for the root of an hour
+    assert channel["limit_rate_random_walk_deg_h_sqrt_h"] == pytest.approx(np.degrees(2e-6) * 216000.0, rel=1e-14)
+    assert channel["deviation_deg_h"] == pytest.approx([np.degrees(1e-5) * 3600.0] * 2, rel=1e-14)
+    assert channel["u_deviation_deg_h"] == pytest.approx([np.degrees(1e-6) * 3600.0] * 2, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "names"),
+    [
+        ("m/s^2", "accelerometer", {"velocity_random_walk_m_s_sqrt_h", "bias_instability_m_s2", "deviation_m_s2"}),
+        ("counts", "gyro", {"white_noise_counts_sqrt_s", "limit_random_walk_counts_per_sqrt_s", "deviation_counts"}),
+        ("nT", "magnetometer", {"white_noise_nT_sqrt_s", "bias_instability_nT"}),
+    ],
+)
+def test_other_units(tmp_path, unit, kind, names):
+    write_allan(record(unit, kind), tmp_path / "allan.json")
+    assert names <= set(read_allan(tmp_path / "allan.json")["channels"][0])
+
+
+def test_the_same_record_gives_the_same_bytes(tmp_path):
+    for name in ("a.json", "b.json"):
+        write_allan(record(), tmp_path / name)
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+def test_the_schema_is_valid():
+    from jsonschema import Draft202012Validator
+
+    Draft202012Validator.check_schema(json_codec.schema("allan-1"))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": "inclinometry/tool"}, "inclinometry/allan"),
+        ({"version": 2}, "newer release"),
+        ({"samples": "many"}, r"\$.samples"),
+        ({"channels": []}, r"\$.channels"),
+        ({"surplus": 1}, "surplus"),
+    ],
+)
+def test_other_content_is_refused(tmp_path, change, words):
+    content = json.loads(json_codec.canonical(allan_content(record()))) | change
+    (tmp_path / "allan.json").write_text(json.dumps(content))
+    with pytest.raises(FileError, match=words):
+        read_allan(tmp_path / "allan.json")

@@ -1,0 +1,467 @@
+"""Bench readings: what goes in comes out, and each kind of bad input is named."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.bench_csv import read_bench, saturation_notes, write_bench
+from inclinometry.files.log_csv import read_log
+from inclinometry.files.survey_csv import read_raw_survey
+from inclinometry.files.table import read_table
+from inclinometry.rotations import dcm
+from inclinometry.simulate.bench import Rig, simulate_bench
+from inclinometry.simulate.tool import realistic_tool
+
+HEADER = "station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_z"
+ROWS = ["1,0,0,0,1,2,3", "2,0,90,0,4,5,6", "3,0,90,90,7,9,8", "4,120,90,240,3,1,2"]
+
+
+def read(folder, header=HEADER, rows=ROWS):
+    path = folder / "bench.csv"
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return read_bench(path)
+
+
+def error(folder, header=HEADER, rows=ROWS):
+    with pytest.raises(FileError) as caught:
+        read(folder, header, rows)
+    return str(caught.value)
+
+
+def test_the_contract_columns(tmp_path):
+    header = (
+        "station,azimuth_deg,inclination_deg,toolface_deg,temperature_degC,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z,"
+        "gyro_x,gyro_y,gyro_z"
+    )
+    readings = read(tmp_path, header, [f"S{k},{k},{10 * k},{-k},20.5," + ",".join(str(k**c) for c in range(2, 11))
+                                       for k in range(1, 5)])  # fmt: skip
+    assert readings.station == ("S1", "S2", "S3", "S4")
+    np.testing.assert_allclose(np.degrees(readings.dials), np.outer([1, 10, -1], [1, 2, 3, 4]), rtol=1e-15)
+    assert readings.temperature.tolist() == [20.5] * 4
+    for kind, first in (("accelerometer", 2), ("magnetometer", 5), ("gyro", 8)):
+        powers = np.arange(1.0, 5.0)[:, None] ** (first + np.arange(3))
+        np.testing.assert_array_equal(readings.channels[kind], powers)
+    assert (readings.notes, readings.warnings) == ((), ())
+    assert dict(readings.sd) == {}
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data(), st.integers(1, 6), st.integers(2, 5))
+def test_write_then_read_gives_the_same_readings(tmp_path_factory, data, size, sensors):
+    path = tmp_path_factory.getbasetemp() / "round.csv"
+    signals = data.draw(arrays(float, (size, sensors), elements=st.floats(-1e9, 1e9), unique=True))
+    angles = data.draw(arrays(float, (3, size), elements=st.floats(10.0, 170.0)))
+    count = data.draw(st.none() | arrays(float, size, elements=st.integers(1, 9)))
+    written = BenchReadings(
+        {"magnetometer": signals},
+        *np.radians(angles),
+        sd={"magnetometer": np.abs(signals) + 1.0},
+        count=count,
+        roll_set=["a"] * size,
+        units={"magnetometer": "nT"},
+        reference={"g": 9.81, "dip": 1.25},
+        temperature=angles[0],
+    )
+    write_bench(written, path)
+    found = read_bench(path)
+    np.testing.assert_array_equal(found.channels["magnetometer"], signals)
+    # sd is multiplied and divided by sqrt(count): two roundings
+    np.testing.assert_allclose(found.sd["magnetometer"], written.sd["magnetometer"], rtol=4e-16)
+    # written to 1e-10 deg
+    np.testing.assert_allclose(np.degrees(found.dials), angles, atol=1e-10)
+    np.testing.assert_array_equal(found.temperature, angles[0])
+    assert found.units == written.units
+    assert (found.station, found.roll_set) == (written.station, written.roll_set)
+    assert found.reference["g"] == 9.81
+    assert found.reference["dip"] == pytest.approx(1.25, abs=1e-12)
+
+
+def test_same_readings_same_bytes(tmp_path):
+    readings = read(tmp_path)
+    write_bench(readings, tmp_path / "a.csv")
+    write_bench(read_bench(tmp_path / "a.csv"), tmp_path / "b.csv")
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    assert "120,90,240" in (tmp_path / "a.csv").read_text()
+
+
+def test_stations_with_awkward_names(tmp_path):
+    names = ["#1", "a,b", 'say "x"', "Ж"]
+    write_bench(BenchReadings({"gyro": [[1, 2], [2, 3], [3, 5], [4, 4]]}, station=names), tmp_path / "a.csv")
+    assert read_bench(tmp_path / "a.csv").station == tuple(names)
+    with pytest.raises(InputError, match="line break"):
+        write_bench(BenchReadings({"gyro": [[1, 2]]}, station=["a\nb"]), tmp_path / "b.csv")
+    assert not (tmp_path / "b.csv").exists()
+
+
+def test_numbered_and_two_sensor_triads(tmp_path):
+    readings = read(tmp_path, "accel_1,accel_2,accel_3,accel_4,mag_x,mag_y", ["1,2,3,4,5,6", "2,3,4,5,7,7"])
+    assert readings.channels["accelerometer"].shape == (2, 4)
+    assert readings.channels["magnetometer"].tolist() == [[5, 6], [7, 7]]
+    assert readings.azimuth is None
+    assert readings.warnings == ("magnetometer: two channels (mag_x, mag_y), no mag_z in the file",)
+
+
+def test_one_sensor(tmp_path):
+    readings = read(tmp_path, "accel_x,mag_1", ["1,5", "2,7"])
+    assert readings.channels["accelerometer"].tolist() == [[1], [2]]
+    assert readings.channels["magnetometer"].tolist() == [[5], [7]]
+    assert readings.warnings == ("accelerometer: one channel (accel_x), no accel_y and accel_z in the file",)
+
+
+@pytest.mark.parametrize(
+    ("header", "wanted"),
+    [
+        ("station,accel_x,accel_z", "column 'accel_y' is missing"),
+        ("accel_y,accel_z", "column 'accel_x' is missing"),
+        ("accel_1,accel_3", "column 'accel_2' is missing"),
+        ("accel_2", "column 'accel_1' is missing"),
+        ("accel_x,accel_y,accel_1", "mix letters and numbers"),
+        ("accel_x,accel_x_g,accel_y", "contradict each other"),
+        ("accel_x_g,accel_y_mg", "contradict each other"),
+        ("accel_x,accel_y,accel_x_sd", "column 'accel_y_sd' is missing"),
+        ("accel_x,accel_y,mag_x_sd", "column 'mag_x_sd' has no 'mag_x' beside it"),
+        ("station,temperature_degC", "no channels; add columns such as accel_x"),
+        ("accel_x,accel_y,azimuth_deg,toolface_deg", "column 'inclination_deg' is missing"),
+        ("accel_x,accel_y,inclination", "unit missing: write inclination_deg"),
+        ("accel_x,accel_y,temperature", "unit missing: write temperature_degC"),
+        ("accel_x,accel_y,toolface_rad", "unit not accepted: convert it and write toolface_deg"),
+        ("accel_x,accel_y,Azimuth_Deg", "did you mean azimuth_deg?"),
+        ("accel_x,accel_y,temprature_degC", "did you mean temperature_degC?"),
+        ("Accel_X,accel_x,accel_y", "did you mean accel_x?"),
+    ],
+)
+def test_columns_that_do_not_fit(tmp_path, header, wanted):
+    width = header.count(",") + 1
+    assert wanted in error(tmp_path, header, [",".join("1" * width), ",".join("2" * width)])
+
+
+@pytest.mark.parametrize(
+    ("row", "wanted"),
+    [
+        ("5,361,0,0,1,2,3", "line 6: azimuth_deg is 361; allowed -360 to 360 deg"),
+        ("5,0,181,0,1,2,3", "line 6: inclination_deg is 181; allowed -180 to 180 deg"),
+        ("5,0,0,-400,1,2,3", "line 6: toolface_deg is -400"),
+        ("5,0,x,0,1,2,3", "line 6: 'x' in column 'inclination_deg' is not a number"),
+        ("5,0,0,0,1,2,NaN", "line 6: column 'accel_z' is NaN"),
+        (",0,0,0,1,2,3", "line 6: station is empty"),
+        (
+            "2,0,60,0,4,5,6",
+            "line 6: station '2' is repeated with contradictory angles: azimuth, inclination, toolface 0, 90, 0 deg in "
+            "line 3, azimuth, inclination, toolface 0, 60, 0 deg in line 6",
+        ),
+    ],
+)
+def test_rows_that_do_not_fit(tmp_path, row, wanted):
+    assert wanted in error(tmp_path, rows=[*ROWS, row])
+
+
+@pytest.mark.parametrize(
+    ("column", "cells", "wanted"),
+    [
+        ("count", "1,2,0,1", "line 4: count is 0; it must be a whole number from 1"),
+        ("count", "1,2,1.5,1", "line 4: count is 1.5"),
+        ("temperature_degC", "20,20,500,20", "line 4: temperature_degC is 500; allowed -100 to 400"),
+        ("reference_g_m_s2", "9.81,9.81,9.82,9.81", "line 4: reference_g_m_s2 is 9.81 in line 2 and 9.82 here"),
+        ("reference_g_m_s2", "1,1,1,1", "line 2: reference_g_m_s2 is 1; allowed 9.5 to 10 m/s^2"),
+        ("reference_b_nT", "50,50,50,50", "reference_b_nT is 50; allowed 1000 to 1e+06 nT"),
+        ("reference_dip_deg", "91,91,91,91", "reference_dip_deg is 91; allowed -90 to 90 deg"),
+    ],
+)
+def test_optional_columns_that_do_not_fit(tmp_path, column, cells, wanted):
+    rows = [f"{row},{cell}" for row, cell in zip(ROWS, cells.split(","), strict=True)]
+    assert wanted in error(tmp_path, f"{HEADER},{column}", rows)
+
+
+def test_negative_sd(tmp_path):
+    rows = ["1,2,1,1", "2,3,1,-1"]
+    assert "line 3: accel_y_sd is -1" in error(tmp_path, "accel_x,accel_y,accel_x_sd,accel_y_sd", rows)
+
+
+def test_sd_is_that_of_the_mean(tmp_path):
+    readings = read(tmp_path, "accel_x,accel_y,accel_x_sd,accel_y_sd,count", ["1,2,3,6,9", "2,3,4,8,16"])
+    assert readings.sd["accelerometer"].tolist() == [[1, 2], [1, 2]]
+
+
+def test_repeats_are_averaged_with_their_scatter(tmp_path):
+    rng = np.random.default_rng(5)
+    noise = rng.normal(0.0, [0.5, 2.0, 0.5], (40, 5, 3))
+    rows = [f"{k},0,{k},0,{x:.9f},{y:.9f},{z:.9f}" for k in range(40) for x, y, z in noise[k] + k]
+    rows.append("once,0,90,0,5,5,5")
+    readings = read(tmp_path, rows=rows)
+    assert len(readings) == 41
+    np.testing.assert_allclose(
+        readings.channels["accelerometer"][:40] - np.arange(40)[:, None], noise.mean(1), atol=2e-9
+    )
+    assert readings.count.tolist() == [5.0] * 40 + [1.0]
+    # 160 degrees of freedom: relative standard error of a standard deviation 1/sqrt(320) = 5.6 %, three of them
+    np.testing.assert_allclose(readings.sd["accelerometer"][0], np.array([0.5, 2.0, 0.5]) / np.sqrt(5.0), rtol=0.17)
+    np.testing.assert_allclose(readings.sd["accelerometer"][40], readings.sd["accelerometer"][0] * np.sqrt(5.0))
+    assert readings.notes[0] == "station 0 was read 5 times; mean used"
+    assert readings.notes[-1] == "and 30 more repeated stations likewise"
+
+
+def test_few_repeats_pool_the_triad_and_stated_noise_counts_too(tmp_path):
+    rows = ["1,0,0,0,1,2,3", "1,0,0,0,3,2,3", *ROWS[1:]]
+    # squares of deviations 2, 0, 0 over one degree of freedom each: mean 2/3
+    np.testing.assert_allclose(read(tmp_path, rows=rows).sd["accelerometer"][1], np.sqrt(2.0 / 3.0))
+    header = HEADER + ",accel_x_sd,accel_y_sd,accel_z_sd"
+    sd = read(tmp_path, header, [f"{row},0.1,0.1,5" for row in rows]).sd["accelerometer"]
+    np.testing.assert_allclose(sd[0], [np.sqrt(1 / 3), np.sqrt(1 / 3), 5 / np.sqrt(2)])
+
+
+def test_equal_repeats_give_no_false_certainty(tmp_path):
+    readings = read(tmp_path, rows=[ROWS[0], *ROWS])
+    assert dict(readings.sd) == {}
+    assert readings.channels["accelerometer"][0].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_what_is_not_a_repeat(tmp_path):
+    header = HEADER + ",temperature_degC"
+    warm = [f"{row},{t}" for t in (20, 60) for row in ROWS]
+    assert len(read(tmp_path, header, warm)) == 8
+    assert len(read(tmp_path, header, [f"{row},{t}" for t in (20, 21.5) for row in ROWS])) == 4
+    # 0.01 deg apart: another setting of the same station, neither averaged nor refused
+    assert len(read(tmp_path, rows=[*ROWS, "4,120.01,90,240,3,1,2"])) == 5
+    # a full turn is no difference
+    assert len(read(tmp_path, rows=[*ROWS, "2,360,90,0,4,5,7"])) == 4
+
+
+def test_repeats_without_angles_are_kept_apart(tmp_path):
+    readings = read(tmp_path, "station,accel_x,accel_y,roll_set", ["1,1,2,a", "1,2,4,a", "2,3,3,"])
+    assert len(readings) == 3
+    assert readings.notes[-1] == "station 1 appears 2 times; without rig angles each row is kept"
+    assert readings.roll_set == ("a", "a", "")
+
+
+def test_one_station_in_two_roll_sets(tmp_path):
+    rows = [f"{row},a" for row in ROWS] + [f"{ROWS[0]},b"]
+    assert "station '1' is in roll set 'a' in line 2 and in 'b' here" in error(tmp_path, HEADER + ",roll_set", rows)
+
+
+PLANS = {
+    "twelve": plans.twelve(),
+    "forty": plans.twelve(8, 4),
+    "cube": plans.orthogonal(),
+    "half": plans.half(),
+    "two-face": plans.two_face(),
+    "rotations": plans.rotations(),
+    "rotations 0/90": plans.rotations(0.0, np.pi),
+}
+
+
+def angle_rows(plan, convert):
+    angles = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
+    return [f"{k},{a!r},{i!r},{t!r},{k},{k**2},{-k}" for k, (a, i, t) in enumerate(convert(angles).tolist())]
+
+
+@pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
+def test_radians_are_recognised_and_degrees_never_mistaken(tmp_path, plan):
+    assert "the angles look like radians" in error(tmp_path, rows=angle_rows(plan, lambda a: a))
+    assert "look like radians" in error(tmp_path, rows=angle_rows(plan, lambda a: a.round(3)))
+    assert len(read(tmp_path, rows=angle_rows(plan, np.degrees))) == len(plan)
+
+
+@pytest.mark.parametrize(
+    "degrees",
+    [
+        [(0, 0, 0)] * 5,
+        [(k * 45, 1.5, k * 90) for k in range(5)],
+        [(0, 0.5 * k, 0) for k in range(7)],
+        [(0.01 * k, 2.0 + 0.01 * k, 0.013 * k) for k in range(9)],
+        [(0, 3, k) for k in range(7)],
+        [(0.003 * k, 90, 0.5 + 0.01 * k) for k in range(5)],
+        [(0, 1.57, 1.57), (0, 1.57, 3.14), (0, 1.57, 4.71)],
+    ],
+)
+def test_genuine_small_angles_are_read(tmp_path, degrees):
+    rows = [f"{k},{a},{i},{t},{k},{k**2},{-k}" for k, (a, i, t) in enumerate(degrees)]
+    assert len(read(tmp_path, rows=rows)) == len(degrees)
+
+
+def bench(plan, rng, scale, misalignment, noise, low=-np.inf, high=np.inf):
+    """A plain simulation: accelerometer of a level rig and magnetometer at dip 70, rounded to whole counts."""
+    turned = dcm(plan.azimuth, plan.inclination, plan.toolface)
+    dip = np.radians(70.0)
+    channels = {}
+    for kind, field in (("accelerometer", [0.0, 0.0, 1.0]), ("magnetometer", [np.cos(dip), 0.0, np.sin(dip)])):
+        tensor = scale * (np.eye(3) + misalignment * rng.normal(size=(3, 3)))
+        values = turned @ field @ tensor.T + 20.0 * rng.normal(size=3)
+        values += noise * rng.normal(size=values.shape)
+        channels[kind] = np.round(np.clip(values, low, high))
+    return BenchReadings(channels, plan.azimuth, plan.inclination, plan.toolface)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
+def test_no_false_alarm_of_saturation(tmp_path, plan):
+    # aligned and skewed tools, 7 to 15 bits, with and without noise; 2047 counts per g is itself a rail
+    rng = np.random.default_rng(11)
+    for scale in (100, 1638, 2047, 32000):
+        for misalignment in (0.0, 0.1):
+            for noise in (0.0, 0.4):
+                write_bench(bench(plan, rng, scale, misalignment, noise), tmp_path / "a.csv")
+                assert read_bench(tmp_path / "a.csv").warnings == ()
+
+
+def test_rails_of_converters_are_named(tmp_path):
+    rng = np.random.default_rng(12)
+    write_bench(bench(plans.twelve(), rng, 3000, 0.02, 0.4, -2048, 2047), tmp_path / "a.csv")
+    notes = read_bench(tmp_path / "a.csv").warnings
+    assert "accel_x reads exactly -2048 in 3 stations: saturated?" in notes
+    unsigned = bench(plans.orthogonal(), rng, 2500, 0.02, 0.4, -2048, 2047)
+    shifted = {kind: values + 2048 for kind, values in unsigned.channels.items()}
+    write_bench(BenchReadings(shifted, *unsigned.dials), tmp_path / "b.csv")
+    notes = read_bench(tmp_path / "b.csv").warnings
+    assert "accel_z reads exactly 0 in 4 stations: saturated?" in notes
+    assert "accel_z reads exactly 4095 in 4 stations: saturated?" in notes
+
+
+def test_clipping_elsewhere_is_named_when_the_other_stations_predict_more(tmp_path):
+    rng = np.random.default_rng(13)
+    write_bench(bench(plans.orthogonal(), rng, 1638, 0.02, 0.4, high=1400), tmp_path / "a.csv")
+    notes = read_bench(tmp_path / "a.csv").warnings
+    assert "accel_x reads exactly 1400 in 4 stations: saturated?" in notes
+
+
+def simulated(plan, seed, bits, setting_sd=0.0):
+    rig = Rig(setting_sd=setting_sd)
+    tool = realistic_tool(seed, bits=bits)
+    run = simulate_bench(tool, rig, plan.azimuth, plan.inclination, plan.toolface, bits=bits, seed=seed)
+    return {kind: run.signals[kind] for kind in ("accelerometer", "magnetometer")}
+
+
+def said(plan, kind, values):
+    angles = (plan.azimuth, plan.inclination, plan.toolface)
+    return saturation_notes(kind, values, ["x", "y", "z"], angles, np.arange(len(values)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
+def test_no_false_alarm_in_simulated_runs(plan):
+    for seed in range(100):
+        for setting_sd in (0.0, np.radians(0.1)):
+            for kind, values in simulated(plan, seed, 12, setting_sd).items():
+                assert said(plan, kind, values) == []
+
+
+def test_clipping_in_twelve_positions():
+    # the three stations with x up are at one attitude, which the other nine do not predict; only noise tells. A
+    # converter of 20 bits has steps far below it; the bound leaves out tools whose other flat stations chance to agree
+    plan, found, magnetic = plans.twelve(), 0, 0
+    for seed in range(40):
+        clean = simulated(plan, seed, 20)
+        values = clean["accelerometer"].copy()
+        limit = np.round(0.89 * values[:, 0].min())
+        values[:, 0] = np.maximum(values[:, 0], limit)
+        text = f"x reads exactly {limit:.12g} in 3 stations: saturation cannot be excluded"
+        found += text in said(plan, "accelerometer", values)
+        values = clean["magnetometer"].copy()
+        values[:, 0] = np.maximum(values[:, 0], np.round(0.89 * values[:, 0].min()))
+        magnetic += any(note.startswith("x reads exactly") for note in said(plan, "magnetometer", values))
+    assert found >= 20
+    assert magnetic >= 20
+
+
+def test_a_hundred_thousand_stations_take_memory_in_proportion():
+    # half of them read the extreme: an array of stations by stations would take 20 GB
+    rng = np.random.default_rng(15)
+    azimuth, inclination, toolface = rng.uniform(0.0, np.pi, (3, 100_000))
+    gravity = dcm(azimuth, inclination, toolface)[:, :, 2]
+    values = np.maximum(np.round(gravity * 1e5), -30_000.0)
+    tracemalloc.start()
+    notes = saturation_notes("accelerometer", values, "xyz", (azimuth, inclination, toolface), np.arange(100_000))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6
+    assert notes[0].startswith("x reads exactly -30000 in ")
+
+
+def test_saturation_without_angles(tmp_path):
+    rng = np.random.default_rng(14)
+    values = rng.normal(size=(40, 3))
+    write_bench(BenchReadings({"accelerometer": np.minimum(values, 0.5)}), tmp_path / "a.csv")
+    assert len(read_bench(tmp_path / "a.csv").warnings) == 3
+    write_bench(BenchReadings({"accelerometer": np.round(values)}), tmp_path / "b.csv")
+    assert read_bench(tmp_path / "b.csv").warnings == ()
+
+
+def test_a_repeated_reading_is_no_rail(tmp_path):
+    rows = [*ROWS, *["5,0,45,0,2047,1,7"] * 4]
+    assert read(tmp_path, rows=rows).notes == ("station 5 was read 4 times; mean used",)
+
+
+def test_a_channel_that_never_changes(tmp_path):
+    rows = [row.rsplit(",", 1)[0] + ",7" for row in ROWS]
+    assert "accel_z reads 7 at every station: a channel that never changes cannot be ide" in error(tmp_path, rows=rows)
+    rolls = [f"{k},0,90,{90 * k},{k},{k**2},7" for k in range(4)]
+    assert (
+        read(tmp_path, rows=rolls)
+        .warnings[0]
+        .startswith("accel_z reads 7 at every station: right only for an axis along")
+    )
+
+
+def test_unknown_columns_are_noted(tmp_path):
+    readings = read(tmp_path, HEADER + ",operator", [f"{row},Ann" for row in ROWS])
+    assert readings.warnings == ("column 'operator' is not known and was not used",)
+
+
+def test_numbers_too_large_to_use(tmp_path):
+    rows = ["1,0,0,0,1,2,3", "2,0,90,0,-1.5e15,1,1"]
+    text = error(tmp_path, rows=rows)
+    assert text.endswith("line 3: column 'accel_x' is -1.5e+15; allowed -1e+15 to 1e+15: correct it or remove the row")
+    assert len(read(tmp_path, rows=["1,0,0,0,1,2,3", "2,0,90,0,-1e15,1,1"])) == 2
+    for name, reader in (("md_m", read_raw_survey), ("time_s", read_log)):
+        (tmp_path / "a.csv").write_text(f"{name},accel_x,accel_y,accel_z\n1,1,1,1\n2,1,1,1e16\n")
+        with pytest.raises(FileError, match=r"line 3: column 'accel_z' is 1e\+16; allowed"):
+            reader(tmp_path / "a.csv")
+    with pytest.raises(InputError, match=r"accelerometer\[0, 1\] is 1e\+16"):
+        BenchReadings({"accelerometer": [[1.0, 1e16]]})
+    with pytest.raises(InputError, match=r"accelerometer sd reaches 1e\+16; allowed"):
+        BenchReadings({"accelerometer": [[1.0, 2.0]]}, sd={"accelerometer": [[1.0, 1e16]]})
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("accel_x_bananas", "unit 'bananas' is not known: use counts, V, mV, g, mg, m_s2, nT, uT, rad_s, deg_s, deg_h"),
+        ("accel_x_bananas_sd", "unit 'bananas' is not known"),
+        ("accel_x_M_S2", "did you mean accel_x_m_s2?"),
+        ("mag_1_nt_sd", "did you mean mag_1_nT_sd?"),
+    ],
+)
+def test_units_that_are_not_known(tmp_path, name, wanted):
+    assert wanted in error(tmp_path, HEADER + "," + name, [f"{row},1" for row in ROWS])
+    (tmp_path / "log.csv").write_text(f"time_s,accel_x,accel_y,{name}\n0,1,2,3\n")
+    with pytest.raises(FileError, match="is not known"):
+        read_log(tmp_path / "log.csv")
+
+
+@pytest.mark.long
+def test_a_million_lines(tmp_path):
+    rng = np.random.default_rng(0)
+    path = tmp_path / "big.csv"
+    names = "station,azimuth_deg,inclination_deg,toolface_deg,temperature_degC," + ",".join(
+        f"{kind}_{axis}" for kind in ("accel", "mag", "gyro") for axis in "xyz"
+    )
+    with path.open("w") as stream:
+        stream.write(names + "\n")
+        for start in range(0, 1_000_000, 10_000):
+            cells = rng.integers(-1_000_000, 1_000_000, (10_000, 9))
+            stream.writelines(
+                f"{start + k},12.5,45.25,310.125,20.5,{','.join(map(str, row))}\n"
+                for k, row in enumerate(cells.tolist())
+            )
+    table = read_table(path)
+    assert len(table) == 1_000_000
+    np.testing.assert_array_equal(table.number("gyro_z")[-10_000:], cells[:, 8])
+    assert table.lines[-1] == 1_000_001

@@ -1,0 +1,173 @@
+"""corrections.json reads back to the bit, and refuses what is no such file in one sentence with its place."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.corrections_json import read_corrections, write_corrections
+from inclinometry.survey.multistation import Parameter
+from inclinometry.survey.multistation_priors import FieldReference
+from inclinometry.survey.reduce import SensorCorrection, apply_correction
+from inclinometry.survey.stations import Stations
+
+REFERENCE = FieldReference(g=9.81, b=5e4, dip=1.2, g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
+
+NOISE = np.diag([1e-6, 1e-6, 4e-6, 100.0, 100.0, 225.0])
+
+
+def correction(power=0.0):
+    """A bias of bx that may depend on temperature, and a scale of gz."""
+    gain, offset = np.zeros((2, 6, 6)), np.zeros((2, 6))
+    offset[0, 3], gain[1, 2, 2] = 1.0, 1.0
+    rows = [("MBX", 40.0, 5.0, 70.0, "nT"), ("ASZ", 1e-3, 2e-4, 5e-4, "1")]
+    rows += [
+        (f"reference {name}", 0.0, s, s, u)
+        for name, s, u in (("g", 0.01, "m/s^2"), ("b", 130.0, "nT"), ("dip", 0.0035, "rad"))
+    ]
+    u = np.array([row[2] for row in rows])
+    covariance = np.outer(u, u) * (np.eye(5) + 0.3 * (np.eye(5, k=1) + np.eye(5, k=-1)))
+    return SensorCorrection(
+        parameters={name: Parameter(*rest) for name, *rest in rows},
+        covariance=covariance,
+        gain=gain,
+        offset=offset,
+        power=np.array([power, 0.0]),
+        reference_temperature=np.array([20.0 if power else 0.0, 0.0]),
+        noise=NOISE,
+        reference=REFERENCE,
+        priors="iscwsa",
+        tool="A7",
+        md=(0.0, 90.0),
+        stations=4,
+        chi_square=11.5,
+        freedom=12,
+        warnings=("toolfaces leave a gap",),
+        inputs={"raw": "sha256:1"},
+    )
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0])
+def test_round_trip(tmp_path, power):
+    path = tmp_path / "c.json"
+    wanted = correction(power)
+    write_corrections(wanted, path)
+    found = read_corrections(path)
+    assert found.parameters == wanted.parameters
+    for name in ("covariance", "gain", "offset", "power", "reference_temperature", "noise"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+    for name in ("priors", "tool", "md", "stations", "chi_square", "freedom", "warnings"):
+        assert getattr(found, name) == getattr(wanted, name)
+    assert dict(found.inputs) == {"raw": "sha256:1"}
+    # degrees in the file
+    assert found.reference.dip == pytest.approx(REFERENCE.dip, rel=1e-15)
+    first = path.read_bytes()
+    write_corrections(found, path)
+    assert path.read_bytes() == first
+
+
+def test_applied_by_hand():
+    g, b = np.array([[0.0, 1.0, 9.0], [1.0, 0.0, 9.5]]), np.array([[2e4, 0.0, 4e4], [1e4, 5e3, 4.5e4]])
+    found = apply_correction(Stations([0.0, 30.0], g, b), correction())
+    np.testing.assert_allclose(found.b, b - [40.0, 0.0, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(found.g, g / [1.0, 1.0, 1.001], rtol=1e-14)
+    # what remains: 5 nT of the bias, 2e-4 of gz, and the noise, of stations that bring none
+    spread = np.sqrt(np.diagonal(found.field_covariance(), axis1=1, axis2=2))
+    np.testing.assert_allclose(spread[:, 3], np.hypot(5.0, 10.0), rtol=1e-12)
+    np.testing.assert_allclose(spread[:, 2], np.hypot(2e-4 * found.g[:, 2], 2e-3) / 1.001, rtol=1e-12)
+    own = apply_correction(Stations([0.0, 30.0], g, b, noise=np.broadcast_to(4.0 * NOISE, (2, 6, 6))), correction())
+    np.testing.assert_allclose(own.noise[:, 3, 3], 400.0, rtol=1e-12)
+    assert "0 to 90 m" in found.history[-1]
+    with pytest.raises(InputError, match="before it"):
+        apply_correction(found, correction())
+
+
+def test_a_correction_that_depends_on_temperature():
+    g, b = np.array([[0.0, 1.0, 9.0]]), np.array([[2e4, 0.0, 4e4]])
+    warm = apply_correction(Stations([0.0], g, b, np.array([50.0])), correction(1.0))
+    assert warm.b[0, 0] == pytest.approx(2e4 - 40.0 * 30.0)
+    with pytest.raises(InputError, match="temperature_degC"):
+        apply_correction(Stations([0.0], g, b), correction(1.0))
+
+
+def _other_schema(content):
+    content["schema"] = "inclinometry/tool"
+
+
+def _later(content):
+    content["version"] = 2
+
+
+def _text(content):
+    content["parameters"][0]["value"] = "much"
+
+
+def _names(content):
+    content["covariance"]["parameters"][0] = "MBY"
+
+
+def _negative(content):
+    content["covariance"]["matrix"][0][0] = -1.0
+
+
+def _order(content):
+    content["parameters"].reverse()
+    content["covariance"]["parameters"].reverse()
+
+
+def _short(content):
+    del content["parameters"][0]
+    del content["covariance"]["parameters"][0]
+
+
+def _reference(content):
+    content["reference"]["b_nT"] = 5.0
+
+
+def _no_noise(content):
+    del content["noise"]
+
+
+def _noise(content):
+    content["noise"][2][2] = -1.0
+
+
+def _channel(content):
+    content["parameters"][1]["gain"][0][0] = 6
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_other_schema, '"inclinometry/corrections" is needed'),
+        (_later, "reads version 1"),
+        (_text, r"parameters\[0\].value"),
+        (_names, "not the names"),
+        (_negative, "variance must be 0 or more"),
+        (_order, "end in the three of the reference"),
+        (_short, "has 5 rows"),
+        (_reference, "reference b is 5"),
+        (_no_noise, "noise"),
+        (_noise, "variance must be 0 or more"),
+        (_channel, "a channel, 0 to 5"),
+    ],
+)
+def test_refused(tmp_path, change, words):
+    path = tmp_path / "c.json"
+    write_corrections(correction(), path)
+    content = json.loads(path.read_text())
+    change(content)
+    Path(path).write_text(json.dumps(content))
+    with pytest.raises(FileError, match=words):
+        read_corrections(path)
+
+
+def test_shapes_that_do_not_go_together():
+    fields = {
+        name: getattr(correction(), name)
+        for name in ("parameters", "gain", "offset", "power", "reference_temperature", "noise")
+    }
+    with pytest.raises(InputError, match="covariance"):
+        SensorCorrection(covariance=np.eye(3), reference=REFERENCE, priors="", **fields)

@@ -1,0 +1,69 @@
+"""Logs for noise analysis: even sampling, units."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from inclinometry.errors import FileError
+from inclinometry.files.log_csv import read_even_log
+
+
+def write(folder, time, header="time_s,gyro_x_deg_h,gyro_y_deg_h", values="1,2"):
+    path = folder / "log.csv"
+    path.write_text("\n".join([header, *(f"{t},{values}" for t in time)]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "factor"),
+    [
+        ("gyro_x_deg_h,gyro_y_deg_h", "rad/s", np.pi / 180.0 / 3600.0),
+        ("gyro_x_deg_s,gyro_y_deg_s", "rad/s", np.pi / 180.0),
+        ("gyro_x_rad_s,gyro_y_rad_s", "rad/s", 1.0),
+        ("gyro_x,gyro_y", "counts", 1.0),
+        ("accel_1_mg,accel_2_mg", "m/s^2", 9.80665e-3),
+        ("mag_x_uT,mag_y_uT", "nT", 1e3),
+    ],
+)
+def test_units(tmp_path, header, unit, factor):
+    log = read_even_log(write(tmp_path, [0.0, 0.5, 1.0, 1.5], f"time_s,{header}"))
+    (kind,) = log.channels
+    assert log.units[kind] == unit
+    # a unit's factor is a product of two roundings at most
+    np.testing.assert_allclose(log.channels[kind], factor * np.array([[1.0, 2.0]] * 4), rtol=1e-15)
+    assert log.names[kind] == tuple("_".join(name.split("_")[:2]) for name in header.split(","))
+    assert (log.dt, log.start, len(log)) == (0.5, 0.0, 4)
+
+
+def test_stamps_rounded_to_milliseconds_pass(tmp_path):
+    time = np.round(np.arange(1000) / 400.0, 3)
+    assert read_even_log(write(tmp_path, time)).dt == pytest.approx(0.0025, rel=1e-3)
+
+
+def test_a_gap_is_named_with_its_line(tmp_path):
+    time = np.arange(100.0)
+    time[40:] += 3.0
+    with pytest.raises(FileError, match=r"line 42: time_s 43 is 4 s after the row before it; the samples are 1 s"):
+        read_even_log(write(tmp_path, time))
+
+
+def test_jitter_is_named_with_its_line(tmp_path):
+    time = np.arange(100.0)
+    time[7] += 0.7
+    with pytest.raises(FileError, match="line 9"):
+        read_even_log(write(tmp_path, time))
+
+
+def test_a_rate_that_changes_is_refused(tmp_path):
+    time = np.concatenate([np.arange(500) * 1.0, 499.0 + np.arange(1, 500) * 1.02])
+    with pytest.raises(FileError, match="does not change"):
+        read_even_log(write(tmp_path, time))
+
+
+@pytest.mark.parametrize(
+    ("time", "words"), [([0.0, 1.0], "3 or more"), ([0.0, 1.0, 1.0], "repeats"), ([0.0, 2.0, 1.0], "is less than")]
+)
+def test_times_that_are_none(tmp_path, time, words):
+    with pytest.raises(FileError, match=words):
+        read_even_log(write(tmp_path, time))

@@ -1,0 +1,204 @@
+"""Surveys in workbooks: values, not formulas; the sheet and the row of whatever is wrong."""
+
+import datetime
+import zipfile
+
+import numpy as np
+import openpyxl
+import pytest
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import excel
+from inclinometry.files.excel import read_excel, write_excel
+from inclinometry.files.exchange import SurveyFile
+
+NAMES = ["md_m", "inclination_deg", "crew"]
+
+
+@pytest.fixture
+def book(tmp_path):
+    def of(*rows, sheet="run 1", more=()):
+        path = tmp_path / "a.xlsx"
+        workbook = openpyxl.Workbook()
+        workbook.active.title = sheet
+        for row in rows:
+            workbook.active.append(row)
+        for title, content in more:
+            other = workbook.create_sheet(title)
+            for row in content:
+                other.append(row)
+        workbook.save(path)
+        return path
+
+    return of
+
+
+def survey():
+    gap = np.array([0.1, np.nan, 0.3])
+    return SurveyFile(
+        md=[0.0, 30.1, 60.2], inclination=gap, azimuth=[0.0, 1.0, 2.0], azimuth_reference="grid",
+        g=np.arange(9.0).reshape(3, 3), b=1e4 * np.arange(9.0).reshape(3, 3), used=[True, False, True],
+        covariance=np.ones((3, 3, 3)), reference={"dip": gap}, times=("2026-01-02T03:04:05+00:00", "", ""),
+        extra={"crew": ("=1+1", "@SUM(A1)", "-2"), "Temp": ("+x", "#N/A", "")},
+        header={"well": "=HYPERLINK(1)", "note": "two\nlines"},
+    )  # fmt: skip
+
+
+def test_round_trip(tmp_path):
+    write_excel(survey(), tmp_path / "a.xlsx")
+    found = read_excel(tmp_path / "a.xlsx")
+    assert found.same_as(survey(), rtol=1e-12, atol=2e-12)  # angles are written to 1e-10 deg
+    assert dict(found.header) == dict(survey().header)
+    assert found.digest.startswith("sha256:")
+
+
+def test_no_text_becomes_a_formula(tmp_path):
+    write_excel(survey(), tmp_path / "a.xlsx")
+    workbook = openpyxl.load_workbook(tmp_path / "a.xlsx")
+    cells = [cell for sheet in workbook for row in sheet.iter_rows() for cell in row if cell.value is not None]
+    assert {cell.data_type for cell in cells} == {"s", "n"}
+    risky = [cell for cell in cells if isinstance(cell.value, str) and cell.value[0] in "=+-@"]
+    assert len(risky) == 5
+    assert all(cell.quotePrefix for cell in risky)
+    with zipfile.ZipFile(tmp_path / "a.xlsx") as archive:
+        assert not any(b"<f>" in archive.read(name) for name in archive.namelist())
+
+
+def test_first_sheet_or_the_one_named(book):
+    path = book(NAMES, [0, 1, "A"], more=[("run 2", [["MD (ft)", "Inc (deg)"], [100, 2], [200, 3]])])
+    assert read_excel(path).extra["crew"] == ("A",)
+    np.testing.assert_allclose(read_excel(path, sheet="run 2").md, [30.48, 60.96])
+    with pytest.raises(FileError, match="no sheet 'run 3'; there are: run 1, run 2"):
+        read_excel(path, sheet="run 3")
+
+
+def test_empty_rows_and_columns_around_the_table(book):
+    path = book([], NAMES, [None, None, None], [0, 1, 7], [30, None, True], [None, "", ""])
+    found = read_excel(path)
+    np.testing.assert_allclose(np.degrees(found.inclination), [1.0, np.nan])
+    assert found.extra["crew"] == ("7", "1")
+
+
+def test_times_of_excel(book):
+    path = book(["md_m", "tvd_m", "time"], [1, 1, datetime.datetime(2026, 1, 2, 3, 4, 5)])
+    assert read_excel(path).times == ("2026-01-02T03:04:05",)
+
+
+def test_cached_results_of_formulas_are_read(book, tmp_path):
+    path = book(NAMES, [0, 1, "A"], [30, "=B2*2", "A"])
+    with pytest.raises(FileError, match="'run 1', row 3: column 'inclination_deg' is a formula without a result"):
+        read_excel(path)
+    # what Excel does when it saves: the result beside the formula
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    sheet = "xl/worksheets/sheet1.xml"
+    assert b"<f>B2*2</f><v" in parts[sheet]
+    parts[sheet] = parts[sheet].replace(b"<f>B2*2</f><v></v>", b"<f>B2*2</f><v>2</v>").replace(
+        b"<f>B2*2</f><v />", b"<f>B2*2</f><v>2</v>").replace(b"<f>B2*2</f><v/>", b"<f>B2*2</f><v>2</v>")  # fmt: skip
+    with zipfile.ZipFile(tmp_path / "b.xlsx", "w") as archive:
+        for name, data in parts.items():
+            archive.writestr(name, data)
+    np.testing.assert_allclose(np.degrees(read_excel(tmp_path / "b.xlsx").inclination), [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([], "sheet 'run 1': the sheet is empty"),
+        ([NAMES], "row 1: there are names of columns but no rows"),
+        ([[0, 1, "A"]], "row 1: 0 stands where a column's name should be"),
+        ([["Survey of well A", None, None], NAMES, [0, 1, "A"]], "row 2: a cell beyond the last named column"),
+        ([["md_m", None, "crew"], [0, 1, "A"]], "row 1: column 2 has no name; merged cells"),
+        ([NAMES, ["m", "deg", ""], [0, 1, "A"]], "row 2: 'm' in column 'md_m' is text, .*second row of names"),
+        ([NAMES, [0, 1, "A"], [30, "1,5", "A"]], "row 3: '1,5' in column 'inclination_deg' is text"),
+        ([NAMES, [0, "#DIV/0!", "A"]], "row 2: '#DIV/0!' in column 'inclination_deg' is text"),
+        ([NAMES, [0, True, "A"]], "row 2: 'True' in column 'inclination_deg' is a yes or no"),
+        ([NAMES, [0, datetime.date(2026, 5, 1), "A"]], "'inclination_deg' is a date, not a number"),
+        ([NAMES, [0, 1, "A"], [], [30, 181, "A"]], "row 4: column 'inclination_deg' is 181; allowed 0 to 180"),
+        ([NAMES, [0, 1, "A"], [], [0, 2, "A"]], "row 4: the depth 0 m repeats 0 m in row 2"),
+        ([NAMES, [None, 1, "A"]], "row 2: the depth is empty"),
+        ([["md_m", "md_m"], [0, 1]], "row 1: column 'md_m' appears twice"),
+        ([["MD", "Inc (deg)"], [0, 1]], "row 1: column 'MD' has no unit"),
+        ([["md_m", "azimuth_deg"], [0, 1]], "azimuths without a north"),
+    ],
+)
+def test_refusals(book, rows, words):
+    with pytest.raises(FileError, match=words):
+        read_excel(book(*rows))
+
+
+def test_merged_names(tmp_path):
+    workbook = openpyxl.Workbook()
+    sheet = workbook.active
+    sheet.append(["md_m", "accelerometer (g)", None, None])
+    sheet.append(["", "x", "y", "z"])
+    sheet.append([0, 0, 0, 1])
+    sheet.merge_cells("B1:D1")
+    workbook.save(tmp_path / "a.xlsx")
+    with pytest.raises(FileError, match=r"row 2: a cell beyond the last named|row 1: column 3 has no name"):
+        read_excel(tmp_path / "a.xlsx")
+
+
+def test_files_that_are_no_workbooks(tmp_path):
+    write_excel(survey(), tmp_path / "a.xlsx")
+    whole = (tmp_path / "a.xlsx").read_bytes()
+    cases = {
+        "text": b"md_m,tvd_m\n0,0\n", "empty": b"", "old": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600),
+        "half": whole[: len(whole) // 2],
+    }  # fmt: skip
+    for name, data in cases.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(FileError, match=r"not an \.xlsx|old \.xls"):
+            read_excel(tmp_path / name)
+    with pytest.raises(FileError, match="no such file"):
+        read_excel(tmp_path / "none.xlsx")
+    with zipfile.ZipFile(tmp_path / "zip", "w") as archive:
+        archive.writestr("a.txt", "no workbook")
+    with pytest.raises(FileError, match="damaged"):
+        read_excel(tmp_path / "zip")
+
+
+def test_every_part_of_a_workbook_may_be_damaged(tmp_path):
+    write_excel(survey(), tmp_path / "a.xlsx")
+    with zipfile.ZipFile(tmp_path / "a.xlsx") as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    for broken in ("xl/workbook.xml", "xl/worksheets/sheet1.xml", "[Content_Types].xml", "xl/styles.xml"):
+        for content in (None, b"<broken", b""):
+            with zipfile.ZipFile(tmp_path / "b.xlsx", "w") as archive:
+                for name, data in parts.items():
+                    if name != broken or content is not None:
+                        archive.writestr(name, content if name == broken else data)
+            try:
+                read_excel(tmp_path / "b.xlsx")  # styles are not needed
+            except FileError:
+                continue
+            assert broken == "xl/styles.xml"
+
+
+def test_what_a_workbook_cannot_hold(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="control character"):
+        write_excel(SurveyFile(md=[0], tvd=[0], extra={"a": ("\x07",)}), tmp_path / "a.xlsx")
+    monkeypatch.setattr(excel, "ROWS", 3)
+    with pytest.raises(InputError, match="do not fit into a sheet of 3 rows"):
+        write_excel(survey(), tmp_path / "a.xlsx")
+    monkeypatch.setattr(excel, "LONGEST_TEXT", 3)
+    with pytest.raises(InputError, match="does not fit into a cell"):
+        write_excel(SurveyFile(md=[0], tvd=[0], extra={"a": ("long",)}), tmp_path / "a.xlsx")
+    assert not (tmp_path / "a.xlsx").exists()
+
+
+def test_a_bomb_is_not_unpacked(tmp_path, monkeypatch):
+    write_excel(survey(), tmp_path / "a.xlsx")
+    monkeypatch.setattr(excel, "_UNPACKED", 1000)
+    with pytest.raises(FileError, match="unpacks to"):
+        read_excel(tmp_path / "a.xlsx")
+
+
+def test_standard_uncertainties_are_numbers(tmp_path):
+    file = SurveyFile(md=[0.0, 30.0], sigma={"azimuth": [0.01, np.nan], "inclination": [0.001, 0.002]})
+    write_excel(file, tmp_path / "a.xlsx")
+    rows = list(openpyxl.load_workbook(tmp_path / "a.xlsx")["survey"].iter_rows(values_only=True))
+    assert rows[0] == ("md_m", "u_inclination_deg", "u_azimuth_deg")
+    assert [type(cell) for cell in rows[1][1:]] == [float, float]
+    assert rows[2][2] is None
+    assert read_excel(tmp_path / "a.xlsx").same_as(file, atol=2e-12)

@@ -1,0 +1,244 @@
+"""Surveys as LAS 2.0: other readers accept what is written, and what others write is read; damage is found."""
+
+import lasio
+import numpy as np
+import pytest
+
+from inclinometry.errors import FileError
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.las import read_las, write_las
+
+
+def survey(**more):
+    gap = np.array([0.1, np.nan, 0.3])
+    given = {
+        "md": [0.0, 30.1, 60.2], "inclination": gap, "azimuth": [0.0, 1.0, 2.0], "azimuth_reference": "grid",
+        "g": np.arange(9.0).reshape(3, 3), "b": 1e4 * np.arange(9.0).reshape(3, 3) + 1 / 3, "used": [True, False, True],
+        "covariance": np.ones((3, 3, 3)), "reference": {"dip": gap}, "measured": {"dogleg_severity": gap * 1e-3},
+        "temperature": gap, "extra": {"Temp": ("1.5", "", "2"), "u_azimuth_deg": ("0.1", "0.2", "0.3")},
+        "header": {"well": "A: 1", "note": "two\n~A lines"},
+    }  # fmt: skip
+    return SurveyFile(**(given | more))
+
+
+def dumb(text):
+    """Mnemonics, units and rows, by the plain rules of the format."""
+    sections, name = {}, ""
+    for line in text.splitlines():
+        if line.startswith("~"):
+            name = line[1]
+            sections[name] = []
+        elif line.strip() and not line.startswith("#"):
+            sections[name].append(line)
+    curves = [line.split(":")[0] for line in sections["C"]]
+    names = [line.split(".", 1)[0].strip() for line in curves]
+    units = [line.split(".", 1)[1].split()[0] if line.split(".", 1)[1].strip() else "" for line in curves]
+    well = {line.split(".", 1)[0].strip(): line.split(".", 1)[1].split(":")[0].split() for line in sections["W"]}
+    return names, units, well, np.array([[float(v) for v in line.split()] for line in sections["A"]])
+
+
+def test_round_trip(tmp_path):
+    write_las(survey(), tmp_path / "a.las")
+    found = read_las(tmp_path / "a.las")
+    assert found.same_as(survey(), rtol=1e-12, atol=2e-12)  # angles are written to 1e-10 deg
+    assert dict(found.header) == dict(survey().header)
+
+
+def test_texts_are_left_out(tmp_path):
+    write_las(survey(times=("2026-01-02", "", ""), extra={"crew": ("A", "B", "C")}), tmp_path / "a.las")
+    found = read_las(tmp_path / "a.las")
+    assert found.times is None
+    assert found.extra == {}
+
+
+def test_lasio_and_a_dumb_parser_read_what_is_written(tmp_path):
+    write_las(survey(), tmp_path / "a.las")
+    names, units, well, rows = dumb((tmp_path / "a.las").read_text())
+    las = lasio.read(tmp_path / "a.las", mnemonic_case="preserve")
+    assert names == [curve.mnemonic for curve in las.curves]
+    assert units == [curve.unit for curve in las.curves]
+    assert dict(zip(names, units, strict=True)) | {"DEPT": "m", "GX": "m/s2", "BZ": "nT", "INCL": "deg"} == dict(
+        zip(names, units, strict=True)
+    )
+    assert (well["STRT"], well["STOP"], well["STEP"]) == (["m", "0.0"], ["m", "60.2"], ["m", "30.1"])
+    assert well["NULL"] == ["-999.25"]
+    assert las.params["AZIREF"].value == "grid"
+    assert las.well["WELL"].value == "A 1"
+    np.testing.assert_array_equal(las["BX"], survey().b[:, 0])  # every digit
+    np.testing.assert_array_equal(rows[:, names.index("BX")], survey().b[:, 0])
+    assert np.isnan(las["INCL"][1])
+    assert rows[1, names.index("INCL")] == -999.25
+    assert (tmp_path / "a.las").read_text().startswith("~Version")
+
+
+def test_a_value_equal_to_null_is_not_lost(tmp_path):
+    file = SurveyFile(md=[0, 30], b=[[-999.25, 1, 2], [-9999.25, 3, 4]], inclination=[0.1, np.nan])
+    write_las(file, tmp_path / "a.las")
+    assert read_las(tmp_path / "a.las").same_as(file, rtol=1e-12, atol=2e-12)
+
+
+def test_uneven_depths_have_no_step(tmp_path):
+    write_las(survey(md=[0.0, 10.0, 60.2]), tmp_path / "a.las")
+    assert dumb((tmp_path / "a.las").read_text())[2]["STEP"] == ["m", "0.0"]
+    write_las(SurveyFile(md=[5.0], tvd=[5.0]), tmp_path / "a.las")
+    assert len(read_las(tmp_path / "a.las")) == 1
+
+
+FOREIGN = """~VERSION INFORMATION
+ VERS.                  2.0 :   CWLS LOG ASCII STANDARD -VERSION 2.0
+ WRAP.                   NO :   ONE LINE PER DEPTH STEP
+~WELL INFORMATION
+ STRT.F            328.0000 : START
+ STOP.F            656.0000 : STOP
+ STEP.F              0.0000 : STEP
+ NULL.            -999.2500 : NULL
+ WELL.          WELL A-1    : WELL
+ RUN .             3        : RUN
+~CURVE INFORMATION
+ DEPT.F                     : DEPTH
+ DEVI.DEG                   : DEVIATION
+ HAZI.DEG                   : AZIMUTH
+ GX  .G                     : ACCEL X
+ GY  .G                     : ACCEL Y
+ GZ  .G                     : ACCEL Z
+ SQ  .                      : QUALITY
+~PARAMETER INFORMATION
+ MUD .G/CC       1.20       : MUD WEIGHT
+# a comment
+~A  DEPT DEVI HAZI GX GY GZ SQ
+ 328.0000    1.5000  359.5  0.0000  0.0000 -1.0000 1
+ # another
+
+ 656.0000 -999.2500  1.5    0.0000  0.0000 -1.0000 -999.25
+"""
+
+
+def test_a_file_of_another_program(tmp_path):
+    (tmp_path / "a.las").write_text(FOREIGN)
+    found = read_las(tmp_path / "a.las", azimuth_reference="true", convention="specific-force")
+    np.testing.assert_allclose(found.md, [99.9744, 199.9488])
+    np.testing.assert_allclose(np.degrees(found.inclination), [1.5, np.nan])
+    np.testing.assert_allclose(found.g[:, 2], 9.80665)
+    assert found.extra["SQ"] == ("1", "")
+    assert dict(found.header) == {"WELL": "WELL A-1", "RUN": "3", "MUD": "1.2 G/CC"}
+    with pytest.raises(FileError, match="azimuths without a north"):
+        read_las(tmp_path / "a.las")
+
+
+def test_wrapped(tmp_path):
+    wrapped = (
+        FOREIGN.replace("NO :", "YES:").split("~A")[0] + "~A\n328\n1.5 359.5\n0 0 -1 1\n656\n-999.25 1.5\n0 0 -1 1\n"
+    )
+    (tmp_path / "a.las").write_text(wrapped)
+    found = read_las(tmp_path / "a.las", azimuth_reference="true")
+    np.testing.assert_allclose(np.degrees(found.azimuth), [359.5, 1.5])
+    for tail, words in (
+        ("9\n", "line 29: the last row has 1 values"),
+        ("9 8 7 6 5 4 3 2 1\n", "line 29: the row that"),
+    ):
+        (tmp_path / "a.las").write_text(wrapped + tail)
+        with pytest.raises(FileError, match=words):
+            read_las(tmp_path / "a.las", azimuth_reference="true")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            " 656.0000 -999.2500  1.5    0.0000  0.0000 -1.0000 -999.25\n",
+            "",
+            "STOP 656, the data have 328; is the file",
+        ),
+        ("-1.0000 -999.25\n", "\n", "line 26: this row has 5 values, there are 7 curves"),
+        ("STRT.F            328", "STRT.F            300", "STRT 300, the data have 328"),
+        ("STOP.F            656.0000", "STOP.F            ", "STOP is ''"),
+        ("-999.2500 : NULL", "         : NULL", "NULL is ''; a number is needed"),
+        (" 1.5000 ", " 1.5x00 ", "line 23: '1.5x00' of curve 'DEVI' is not a finite number"),
+        (" 1.5000 ", " NaN ", "line 23: 'NaN' of curve 'DEVI'"),
+        (" 1.5000 ", " 1_5 ", "line 23: '1_5' of curve 'DEVI'"),
+        (" 1.5000 ", " 200 ", "line 23: column 'DEVI' is 200; allowed 0 to 180 deg"),
+        ("DEPT.F ", "DEPT.M ", "STRT is in 'F', the depth curve in 'M'"),
+        ("DEPT.F ", "DEPT.  ", "column 'DEPT' has no unit"),
+        ("GX  .G ", "GX  .V ", "column 'GX' has the unit 'V'"),
+        ("DEPT.F ", "ETIM.F ", "no depth"),
+        (" 656.0000 -999", " 328.0000 -999", "the header says STOP 656, the data have 328"),
+        ("GY  .G ", "GX  .G ", "curve 'GX' appears twice"),
+        ("2.0 :", "3.0 :", "LAS version 3.0; allowed 1.2 and 2.0"),
+        ("~A  DEPT", "~X  DEPT", "no ~ASCII section"),
+        ("~", "-", "no section begins with ~"),
+        (" VERS. ", " ", "header is damaged|LAS version"),
+    ],
+)
+def test_damage(tmp_path, old, new, words):
+    (tmp_path / "a.las").write_text(FOREIGN.replace(old, new, -1 if old == "~" else 1))
+    with pytest.raises(FileError, match=words):
+        read_las(tmp_path / "a.las", azimuth_reference="true")
+
+
+def test_truncated_anywhere_is_one_error_or_all_there(tmp_path):
+    write_las(survey(), tmp_path / "a.las")
+    text = (tmp_path / "a.las").read_text()
+    for size in range(0, len(text) - 1, 7):
+        (tmp_path / "b.las").write_text(text[:size])
+        try:
+            found = read_las(tmp_path / "b.las")
+        except FileError:
+            continue
+        # only digits of the last value can be missing without a trace
+        np.testing.assert_array_equal(found.md, survey().md)
+
+
+def test_not_las(tmp_path):
+    for data, words in ((b"", "not a LAS"), (b"\0" * 50, "zero bytes"), (b"md_m\n1\n", "not a LAS")):
+        (tmp_path / "a.las").write_bytes(data)
+        with pytest.raises(FileError, match=words):
+            read_las(tmp_path / "a.las")
+    with pytest.raises(FileError, match="no such file"):
+        read_las(tmp_path / "b.las")
+    with pytest.raises(FileError, match="cannot be read"):
+        read_las(tmp_path)
+
+
+def test_old_code_pages(tmp_path):
+    (tmp_path / "a.las").write_bytes(FOREIGN.replace("WELL A-1", "Sjø A-1").encode("latin-1"))
+    assert read_las(tmp_path / "a.las", azimuth_reference="true").header["WELL"] == "Sjø A-1"
+
+
+def test_a_north_that_is_none(tmp_path):
+    write_las(survey(), tmp_path / "a.las")
+    text = (tmp_path / "a.las").read_text()
+    (tmp_path / "b.las").write_text(text.replace("AZIREF. grid", "AZIREF. rig "))
+    with pytest.raises(FileError, match="azimuth reference is 'rig'; allowed: magnetic, true, grid"):
+        read_las(tmp_path / "b.las")
+    (tmp_path / "b.las").write_text(text.replace('{"well": "A: 1"}', "well = A"))
+    with pytest.raises(FileError, match="'well = A' in the ~Other section cannot be read"):
+        read_las(tmp_path / "b.las")
+
+
+def test_flags_and_times_as_curves(tmp_path):
+    text = FOREIGN.replace(" SQ  .  ", " USED.  ")
+    (tmp_path / "a.las").write_text(text.replace("-1.0000 -999.25", "-1.0000 0"))
+    assert read_las(tmp_path / "a.las", azimuth_reference="true").used.tolist() == [True, False]
+    (tmp_path / "a.las").write_text(text)
+    with pytest.raises(FileError, match="line 26: column 'USED' is ''"):
+        read_las(tmp_path / "a.las", azimuth_reference="true")
+
+
+def test_contradictory_units_are_said_once(tmp_path, caplog):
+    """The library's own words on them would stand on the terminal beside the program's."""
+    write_las(survey(), tmp_path / "a.las")
+    text = (tmp_path / "a.las").read_text()
+    start = next(line for line in text.splitlines() if line.startswith("STRT"))
+    (tmp_path / "a.las").write_text(text.replace(start, start.replace(".m ", ".ft", 1)))
+    with pytest.raises(FileError, match="STRT is in 'ft', the depth curve in 'm'"):
+        read_las(tmp_path / "a.las")
+    assert caplog.records == []
+
+
+def test_standard_uncertainties_have_a_unit(tmp_path):
+    write_las(survey(sigma={"azimuth": np.radians([0.5, np.nan, 400.0])}, extra={}), tmp_path / "a.las")
+    names, units, _, _ = dumb((tmp_path / "a.las").read_text())
+    assert units[names.index("UAZI")] == "deg"
+    np.testing.assert_allclose(
+        read_las(tmp_path / "a.las").sigma["azimuth"], np.radians([0.5, np.nan, 400.0]), rtol=1e-12
+    )

@@ -1,0 +1,97 @@
+"""Limits as data: the shipped presets and files."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.limits import limit_names, read_limits
+
+GOOD = 'source = "works standard 7"\ninclination_deg = 0.1\nazimuth_deg = 1\n'
+
+
+def limits_file(folder, text):
+    path = folder / "mine.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "degrees"),
+    [("rogatykh-2018-fluxgate", (0.15, 2.0, 0.2)), ("rogatykh-2018-magnetoresistive", (0.15, 0.5, 0.2))],
+)
+def test_presets_hold_the_figures_of_their_source(name, degrees):
+    limits = read_limits(name)
+    np.testing.assert_allclose(np.degrees([limits.inclination, limits.azimuth, limits.toolface]), degrees, rtol=1e-15)
+    assert limits.name == name
+    assert "Rogatykh" in limits.source
+    assert limits.guard == "none"
+
+
+@pytest.mark.parametrize("name", limit_names())
+def test_every_preset_is_readable(name):
+    assert read_limits(name).source
+
+
+def test_a_file(tmp_path):
+    text = GOOD + 'min_inclination_deg_for_azimuth = 3\nguard = "expanded-uncertainty"\n'
+    limits = read_limits(limits_file(tmp_path, text))
+    assert (limits.name, limits.source, limits.guard) == ("mine", "works standard 7", "expanded-uncertainty")
+    assert limits.toolface is None
+    assert limits.min_inclination_for_azimuth == np.radians(3.0)
+
+
+def test_an_unknown_name_lists_the_names():
+    with pytest.raises(
+        InputError, match="'rogatykh' are neither a file nor one of the presets: rogatykh-2018-fluxgate"
+    ):
+        read_limits("rogatykh")
+    with pytest.raises(InputError, match="presets"):
+        read_limits("a\0b")
+    with pytest.raises(InputError, match="presets"):
+        read_limits("x" * 5000)
+    with pytest.raises(FileError, match="no such file"):
+        read_limits("nowhere/limits.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (GOOD + "azimuth = 2\n", "key 'azimuth' is not known; unit missing: write azimuth_deg"),
+        (GOOD + "inclnation_deg = 2\n", "did you mean inclination_deg?"),
+        (GOOD + "zzz = 2\n", "allowed: source, inclination_deg"),
+        ("inclination_deg = 0.1\n", "key 'source' is missing"),
+        ('source = ""\ninclination_deg = 0.1\n', "source is ''; a text is needed"),
+        ('source = "x"\n', "there is no limit"),
+        ('source = "x"\nazimuth_deg = 0\n', "azimuth_deg is 0; a limit is positive"),
+        ('source = "x"\nazimuth_deg = -1\n', "azimuth_deg is -1; a number from 0 to 180"),
+        ('source = "x"\nazimuth_deg = nan\n', "azimuth_deg is nan"),
+        ('source = "x"\nazimuth_deg = true\n', "azimuth_deg is True"),
+        ('source = "x"\nazimuth_deg = "2"\n', "azimuth_deg is '2'"),
+        (GOOD + 'guard = "some"\n', 'guard is \'some\'; "none" or "expanded-uncertainty" is needed'),
+        (GOOD + "azimuth_deg\n", "line 4: not TOML"),
+        (GOOD + 'guard = "x', "line 4: not TOML"),
+        (b"\xff", "not UTF-8 text"),
+    ],
+)
+def test_limits_that_do_not_fit(tmp_path, text, wanted):
+    with pytest.raises(FileError) as caught:
+        read_limits(limits_file(tmp_path, text))
+    assert wanted in str(caught.value)
+
+
+def test_a_folder_is_no_file(tmp_path):
+    with pytest.raises(FileError, match="cannot be read"):
+        read_limits(tmp_path)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=60) | st.text(max_size=60).map(lambda t: t.encode("utf-8", "replace")))
+def test_any_bytes_give_limits_or_a_file_error(tmp_path_factory, data):
+    with suppress(FileError):
+        read_limits(limits_file(tmp_path_factory.getbasetemp(), data))

@@ -1,0 +1,152 @@
+"""Surveys as Parquet: types checked, units from the name or the metadata."""
+
+import datetime
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from inclinometry.errors import FileError
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.parquet import read_parquet, write_parquet
+
+
+@pytest.fixture
+def write(tmp_path):
+    def of(columns, units=None):
+        table = pa.table(columns)
+        for place, name in enumerate(table.column_names):
+            if units and name in units:
+                field = table.schema.field(place).with_metadata({"unit": units[name]})
+                table = table.set_column(place, field, table.column(place))
+        pq.write_table(table, tmp_path / "a.parquet")
+        return tmp_path / "a.parquet"
+
+    return of
+
+
+def survey():
+    gap = np.array([0.1, np.nan, 0.3])
+    return SurveyFile(
+        md=[0.0, 30.1, 60.2], inclination=gap, azimuth=[0.0, 1.0, 2.0], azimuth_reference="grid",
+        g=np.arange(9.0).reshape(3, 3), w=1e-5 * np.arange(9.0).reshape(3, 3), used=[True, False, True],
+        covariance=np.ones((3, 3, 3)), reference={"dip": gap}, times=("2026-01-02T03:04:05+00:00", "", ""),
+        extra={"crew": ("A", "", "ü")}, header={"well": "ü-1", "note": "two\nlines"},
+    )  # fmt: skip
+
+
+def test_round_trip(tmp_path):
+    write_parquet(survey(), tmp_path / "a.parquet")
+    found = read_parquet(tmp_path / "a.parquet")
+    assert found.same_as(survey(), rtol=1e-12, atol=2e-12)  # angles are written to 1e-10 deg
+    assert dict(found.header) == dict(survey().header)
+
+
+def test_units_and_types_are_in_the_schema(tmp_path):
+    write_parquet(survey(), tmp_path / "a.parquet")
+    schema = pq.read_schema(tmp_path / "a.parquet")
+    assert schema.field("gx_m_s2").metadata == {b"unit": b"m/s2"}
+    assert schema.field("md_m").type == pa.float64()
+    assert schema.field("used").type == pa.bool_()
+    table = pq.read_table(tmp_path / "a.parquet")
+    assert table.column("inclination_deg").null_count == 1
+
+
+def test_units_may_stand_in_the_metadata(write):
+    columns = {"Depth": [100, 200], "AX": [0.0, 0.0], "AY": [0.0, 0.0], "AZ": [1.0, 1.0]}
+    found = read_parquet(write(columns, {"Depth": "ft", "AX": "g", "AY": "g", "AZ": "g"}))
+    np.testing.assert_allclose(found.md, [30.48, 60.96])
+    np.testing.assert_allclose(found.g[:, 2], 9.80665)
+
+
+def test_types_of_other_writers(write):
+    times = [datetime.datetime(2026, 1, 2, 3, 4, 5, tzinfo=datetime.UTC), None]
+    columns = {
+        "md_m": pa.array([1, 2], pa.int32()),
+        "tvd_m": pa.array([1.5, 2.5], pa.float32()),
+        "north_m": pa.array([None, None]),
+        "time": pa.array(times),
+        "used": pa.array([True, True]),
+        "crew": pa.array(["A", None]).dictionary_encode(),
+        "count": pa.array([7, 8]),
+    }
+    found = read_parquet(write(columns))
+    np.testing.assert_array_equal(found.tvd, [1.5, 2.5])
+    assert found.north is None
+    assert found.times == ("2026-01-02T03:04:05+00:00", "")
+    assert found.extra == {"crew": ("A", ""), "count": ("7", "8")}
+    assert found.used.all()
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({"md_m": [1.0], "tvd_m": ["1.0"]}, "'tvd_m' is of type string; numbers are needed"),
+        ({"md_m": [1.0], "tvd_m": [True]}, "'tvd_m' is of type bool; numbers"),
+        ({"md_m": [1.0], "tvd_m": [[1.0]]}, "type list"),
+        ({"md_m": [1.0], "tvd_m": [1.0], "blob": [b"1"]}, "'blob' is of type binary"),
+        ({"md_m": [1.0], "tvd": [1.0]}, "column 'tvd' has no unit"),
+        ({"md_m": [1.0, 1.0], "tvd_m": [1.0, 1.0]}, "row 2: the depth 1 m repeats 1 m in row 1"),
+        ({"md_m": [1.0, None], "tvd_m": [1.0, 1.0]}, "row 2: the depth is empty"),
+        ({"md_m": [1.0, 2.0], "tvd_m": [1.0, float("inf")]}, "row 2: column 'tvd_m' is infinite"),
+        ({"md_m": [1.0, 2.0], "inclination_deg": [1.0, -999.25]}, "row 2: column 'inclination_deg' is -999.25"),
+        ({"md_m": pa.array([], pa.float64())}, "no rows"),
+        ({}, "no rows"),
+    ],
+)
+def test_refusals(write, columns, words):
+    with pytest.raises(FileError, match=words):
+        read_parquet(write(columns))
+
+
+def test_a_unit_that_contradicts_the_name(write):
+    with pytest.raises(FileError, match="'md_m' has the unit 'ft', which its name contradicts"):
+        read_parquet(write({"md_m": [1.0], "tvd_m": [1.0]}, {"md_m": "ft"}))
+
+
+def test_damaged_files(tmp_path):
+    write_parquet(survey(), tmp_path / "a.parquet")
+    whole = (tmp_path / "a.parquet").read_bytes()
+    damaged = bytearray(whole)
+    damaged[10:200] = bytes(190)
+    for data in (b"", b"PAR1", b"md_m\n1\n", whole[: len(whole) // 2], whole[40:], bytes(damaged)):
+        (tmp_path / "b.parquet").write_bytes(data)
+        with pytest.raises(FileError, match="not a Parquet file, or a damaged one"):
+            read_parquet(tmp_path / "b.parquet")
+    with pytest.raises(FileError, match="no such file"):
+        read_parquet(tmp_path / "c.parquet")
+    with pytest.raises(FileError, match=r"cannot be read|not a Parquet"):
+        read_parquet(tmp_path)
+
+
+@pytest.mark.parametrize("header", [b"{", b"[1]"])
+def test_a_damaged_header(tmp_path, header):
+    table = pa.table({"md_m": [1.0], "tvd_m": [1.0]}).replace_schema_metadata({b"inclinometry.header": header})
+    pq.write_table(table, tmp_path / "a.parquet")
+    with pytest.raises(FileError, match="header in the schema's metadata"):
+        read_parquet(tmp_path / "a.parquet")
+
+
+def test_a_million_stations(tmp_path):
+    md = np.arange(1_000_000) * 0.01
+    write_parquet(SurveyFile(md=md, inclination=np.full(len(md), 0.5)), tmp_path / "a.parquet")
+    assert len(read_parquet(tmp_path / "a.parquet")) == 1_000_000
+
+
+def test_reading_in_one_thread_changes_nothing(tmp_path):
+    write_parquet(survey(), tmp_path / "a.parquet")
+    plain = pq.read_table(tmp_path / "a.parquet")
+    assert pq.read_table(tmp_path / "a.parquet", use_threads=False, pre_buffer=False).equals(plain)
+    np.testing.assert_array_equal(read_parquet(tmp_path / "a.parquet").md, plain.column("md_m").to_numpy())
+
+
+def test_standard_uncertainties_are_numbers(tmp_path):
+    sigma = {name: np.radians([0.1, 0.2, np.nan]) for name in ("inclination", "azimuth", "toolface")}
+    file = SurveyFile(md=[0.0, 30.0, 60.0], sigma=sigma)
+    write_parquet(file, tmp_path / "a.parquet")
+    schema = pq.read_schema(tmp_path / "a.parquet")
+    for name in sigma:
+        field = schema.field(f"u_{name}_deg")
+        assert (field.type, field.metadata) == (pa.float64(), {b"unit": b"deg"})
+    assert read_parquet(tmp_path / "a.parquet").same_as(file, atol=2e-12)

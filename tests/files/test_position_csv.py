@@ -1,0 +1,133 @@
+"""Stations of a well read from files, positions and sources written to them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from inclinometry.earth.site import Site
+from inclinometry.errors import FileError
+from inclinometry.files.position_csv import COVARIANCES, POSITION, read_well, write_position_csv, write_sources_csv
+from inclinometry.files.table import read_table
+from inclinometry.position.propagation import propagate
+from inclinometry.position.tool_code import ToolCode, term
+from inclinometry.position.well import well_survey
+from inclinometry.survey.path import minimum_curvature
+
+HEAD = "md_m,inclination_deg,azimuth_deg,azimuth_reference"
+
+
+def written(tmp_path, *lines):
+    path = tmp_path / "survey.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_four_columns_are_enough_and_feet_are_converted(tmp_path):
+    metres = read_well(written(tmp_path, HEAD, "0,0,0,grid", "30.48,3,45,grid"))
+    feet = read_well(written(tmp_path, HEAD.replace("md_m", "md_ft"), "0,0,0,grid", "100,3,45,grid"))
+    np.testing.assert_allclose(feet.md, metres.md, rtol=1e-15)
+    np.testing.assert_allclose(np.degrees(feet.azimuth), [0.0, 45.0], rtol=1e-15)
+    assert feet.azimuth_reference == "grid"
+    assert feet.toolface is None
+    assert list(feet.lines) == [2, 3]
+
+
+def test_other_columns_of_a_survey_file_may_have_gaps(tmp_path):
+    well = read_well(
+        written(tmp_path, f"{HEAD},toolface_deg,b_total_nT,flags", "0,0,0,true,,,", "30,1,2,true,90,50000,b|dip")
+    )
+    assert well.toolface is not None
+    np.testing.assert_array_equal(np.isnan(well.toolface), [True, False])
+
+
+GOOD = ("0,0,0,true", "30,5,10,true", "60,8,12,true")
+
+
+@pytest.mark.parametrize(
+    ("lines", "line", "wanted"),
+    [
+        ((HEAD, GOOD[0], "30,nan,10,true"), 3, "nan"),
+        ((HEAD, GOOD[0], "30,5,,true"), 3, "azimuth_deg is empty"),
+        ((HEAD, GOOD[0], GOOD[2], GOOD[1]), 4, "md_m 30 is less than 60 in line 3"),
+        ((HEAD, GOOD[0], GOOD[1], GOOD[1]), 4, "md_m 30 repeats 30 in line 3"),
+        ((HEAD, GOOD[0], "30,181,10,true"), 3, "inclination_deg is 181; allowed 0 to 180"),
+        ((HEAD, GOOD[0], "30,5,700,true"), 3, "azimuth_deg is 700; allowed -360 to 360"),
+        (("md_m,inclination_deg,azimuth_deg", "0,0,0", "30,1,2"), 1, "column 'azimuth_reference' is missing"),
+        ((HEAD, GOOD[0], "30,5,10,"), 3, "azimuth_reference is ''"),
+        ((HEAD, GOOD[0], "30,5,10,magnetic"), 3, "azimuth_reference is 'magnetic' after 'true' in line 2"),
+        ((HEAD, GOOD[0], "30,5,10,north"), 3, "allowed: magnetic, true, grid"),
+        ((f"md_ft,{HEAD}", "0,0,0,0,true", "100,30,5,10,true"), 1, "both 'md_m' and 'md_ft'"),
+        ((HEAD, GOOD[0], "34000,5,10,true"), 3, "feet belong in a column md_ft"),
+        ((HEAD, "-5,0,0,true", GOOD[1]), 2, "md_m is -5"),
+        ((HEAD, GOOD[0]), 1, "a path needs two or more"),
+        ((HEAD, GOOD[0], "30,90,0,true", "60,90,180,true"), 4, "turns by 180.0000 deg from line 3 to here"),
+        (("md,inclination_deg,azimuth_deg,azimuth_reference", *GOOD), 1, "unit missing: write md_m"),
+        (("md_m,inclination_rad,azimuth_deg,azimuth_reference", *GOOD), 1, "write inclination_deg"),
+    ],
+)
+def test_one_clear_error_with_its_line(tmp_path, lines, line, wanted):
+    with pytest.raises(FileError) as caught:
+        read_well(written(tmp_path, *lines))
+    assert wanted in str(caught.value)
+    assert caught.value.line == line
+
+
+@pytest.fixture
+def well():
+    """A short well in two sources, one of them random, tied to an uncertain start."""
+    stations = ([100.0, 130.0, 160.0], np.radians([0.0, 20.0, 40.0]), np.radians([30.0, 30.0, 50.0]))
+    code = ToolCode(
+        name="two",
+        terms=(
+            term("SAG", 0.2, "deg", "systematic", ("0", "Sin(Inc)", "0")),
+            term("DREF", 0.35, "m", "random", ("1", "0", "0")),
+        ),
+        source="test",
+    )
+    survey = well_survey(*stations, Site(), tie=np.diag([1.0, 2.0, 0.5]))
+    return minimum_curvature(*stations), propagate(survey, code)
+
+
+def columns(path):
+    texts = ("source", "propagation", "north_reference")
+    return read_table(path, numeric=lambda name: name not in texts, gaps=POSITION)
+
+
+def test_the_position_file_is_the_result(tmp_path, well):
+    path, uncertainty = well
+    write_position_csv(tmp_path / "p.csv", path, uncertainty, "true")
+    table = columns(tmp_path / "p.csv")
+    assert table.header == POSITION
+    # the shortest text that reads back the same number
+    for name in ("north", "east", "tvd"):
+        np.testing.assert_array_equal(table.number(f"{name}_m"), getattr(path, name))
+    np.testing.assert_array_equal(table.number("cov_nv"), uncertainty.covariance[:, 0, 2])
+    # trace and determinant of the horizontal block do not care how its axes are called
+    nn, ee, ne = (table.number(name) for name in ("cov_nn", "cov_ee", "cov_ne"))
+    major, minor = table.number("semi_major_m"), table.number("semi_minor_m")
+    np.testing.assert_allclose(major**2 + minor**2, nn + ee, rtol=1e-12)
+    np.testing.assert_allclose((major * minor) ** 2, nn * ee - ne**2, rtol=1e-9)
+    # so does the trace for the axes of the hole
+    hole = sum(table.number(f"sigma_{axis}_m") ** 2 for axis in ("high_side", "lateral", "along_hole"))
+    np.testing.assert_allclose(hole, nn + ee + table.number("cov_vv"), rtol=1e-12)
+    assert set(table.text("north_reference")) == {"true"}
+
+
+def test_without_an_error_model_its_cells_are_empty(tmp_path, well):
+    write_position_csv(tmp_path / "p.csv", well[0], None, "grid")
+    table = columns(tmp_path / "p.csv")
+    assert np.isnan([table.number(name) for name in POSITION[5:-1]]).all()
+    assert np.isfinite([table.number(name) for name in POSITION[:5]]).all()
+
+
+def test_the_sources_add_up_to_the_position_s_covariance(tmp_path, well):
+    path, uncertainty = well
+    write_position_csv(tmp_path / "p.csv", path, uncertainty, "true")
+    write_sources_csv(tmp_path / "s.csv", uncertainty)
+    total, parts = columns(tmp_path / "p.csv"), columns(tmp_path / "s.csv")
+    assert parts.text("source") == ("SAG", "DREF", "tie-on") * 3
+    for name in COVARIANCES:
+        added = np.array([parts.number(name)[parts.number("md_m") == md].sum() for md in path.md])
+        # sums of three numbers in another order
+        np.testing.assert_allclose(added, total.number(name), rtol=1e-14, atol=1e-15)

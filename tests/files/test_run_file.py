@@ -1,0 +1,243 @@
+"""Runs as files: what is written comes back, blocks do not matter, and what cannot be read names its place."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from inclinometry.digest import digest_file
+from inclinometry.errors import FileError
+from inclinometry.files.run_file import ROWS, OutField, open_run, writing
+
+COLUMNS = [OutField("time_s", "s", True), *(OutField(f"{k}_{a}", "") for k in ("accel", "mag", "gyro") for a in "xyz")]
+HEADER = ",".join(c.name for c in COLUMNS)
+
+
+def samples(count, seed=1):
+    """Column -> values; one reading in fifty missing."""
+    rng = np.random.default_rng(seed)
+    found = {c.name: rng.standard_normal(count).astype(np.float32) for c in COLUMNS}
+    for name in list(found)[1:]:
+        found[name][rng.uniform(size=count) < 0.02] = np.nan
+    return {**found, "time_s": np.arange(count) / 2000.0}
+
+
+def write(path, data):
+    with writing(path, COLUMNS, {"seed": "1"}) as append:
+        append(data)
+
+
+def read(path, rows=1 << 17):
+    """Time and all channels side by side, in one piece."""
+    run = open_run(path)
+    blocks = list(run.blocks(rows))
+    assert all(len(block.time) <= rows for block in blocks)
+    channels = [np.concatenate([block.channels[kind] for block in blocks]) for kind in run.names]
+    return np.concatenate([block.time for block in blocks]), np.concatenate(channels, axis=1)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_what_is_written_comes_back_to_the_bit(tmp_path, ending):
+    path, data = tmp_path / f"run.{ending}", samples(30_000)
+    write(path, data)
+    time, channels = read(path)
+    # shortest decimals and float32 both return every bit of a float32 value
+    assert np.array_equal(time, data["time_s"])
+    wanted = np.stack([data[c.name] for c in COLUMNS[1:]], axis=1)
+    if ending == "parquet":
+        assert np.array_equal(channels, wanted, equal_nan=True)
+    else:
+        assert np.array_equal(channels.astype(np.float32), wanted, equal_nan=True)
+    run = open_run(path)
+    list(run.blocks())
+    assert run.digest() == digest_file(path)
+
+
+@pytest.mark.long
+@settings(deadline=None, max_examples=20)
+@given(rows=st.integers(1, 40_000))
+def test_the_size_of_blocks_does_not_matter(rows):
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "run.csv")
+        write(path, samples(20_000))
+        whole, cut = read(path), read(path, max(rows, 500))
+    assert np.array_equal(whole[0], cut[0])
+    assert np.array_equal(whole[1], cut[1], equal_nan=True)
+
+
+def test_a_file_does_not_depend_on_the_blocks_it_was_written_in(tmp_path):
+    data = samples(ROWS + 1000)
+    write(tmp_path / "a.parquet", data)
+    with writing(tmp_path / "b.parquet", COLUMNS, {"seed": "1"}) as append:
+        for start in range(0, ROWS + 1000, 77_777):
+            append({name: values[start : start + 77_777] for name, values in data.items()})
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+    assert pq.ParquetFile(tmp_path / "a.parquet").metadata.num_row_groups == 2
+
+
+def test_the_dialects_of_csv(tmp_path):
+    """Semicolons, decimal commas, comments, quotes, blank lines, a byte-order mark, trailing marks, nan."""
+    rows = '\ufefftime_s;mag_1;mag_2;note\r\n# made by hand\r\n0,5;1;2,25;x\r\n\r\n1;nan;;y;\r\n1,5; NaN ;3;"z"\r\n'
+    (tmp_path / "run.csv").write_text(rows, encoding="utf-8", newline="")
+    run = open_run(tmp_path / "run.csv")
+    (block,) = run.blocks()
+    assert block.time.tolist() == [0.5, 1.0, 1.5]
+    wanted = [[1.0, 2.25], [np.nan, np.nan], [np.nan, 3.0]]
+    assert np.array_equal(block.channels["magnetometer"], wanted, equal_nan=True)
+    assert run.notes == ("column 'note' is not known and was not used",)
+
+
+def long_csv(path, spoil, line=60_000, count=80_000):
+    """A run of several blocks, one line spoilt."""
+    lines = [f"{0.001 * k:.6f},9.81,0.25,-1.5" for k in range(count)]
+    lines[line - 2] = spoil(lines[line - 2])
+    path.write_text("time_s,accel_x,accel_y,accel_z\n" + "\n".join(lines) + "\n")
+    return path
+
+
+SPOILT = {
+    "text": (lambda s: s.replace("0.25", "broken"), "line 60000: 'broken' in column 'accel_y' is not a number"),
+    "short": (lambda s: s.rsplit(",", 1)[0], "line 60000: this row has 3 cells and the header 4"),
+    "long": (lambda s: s + ",7", "line 60000: this row has 5 cells and the header 4"),
+    "infinite": (lambda s: s.replace("0.25", "inf"), "line 60000: column 'accel_y' is inf"),
+    "absurd": (lambda s: s.replace("0.25", "1e40"), "line 60000: column 'accel_y' is 1e\\+40; allowed"),
+    "back": (lambda s: "59.0" + s[s.index(",") :], "line 60000: time_s 59 is less than 59.997 before it"),
+    "no time": (lambda s: s[s.index(",") :], "line 60000: column 'time_s' is empty"),
+    "time nan": (lambda s: "nan" + s[s.index(",") :], "line 60000: column 'time_s' is empty"),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", SPOILT)
+def test_a_bad_line_is_named(tmp_path, case):
+    spoil, message = SPOILT[case]
+    with pytest.raises(FileError, match=message):
+        list(open_run(long_csv(tmp_path / "run.csv", spoil)).blocks())
+
+
+@pytest.mark.long
+def test_a_missing_reading_far_down_is_nan(tmp_path):
+    for text in ("", "nan", "-NaN "):
+        path = long_csv(tmp_path / "run.csv", lambda s, text=text: s.replace("0.25", text))
+        _, channels = read(path)
+        assert np.isnan(channels[59_998, 1])
+        assert np.isnan(channels).sum() == 1
+
+
+def test_a_bad_row_of_parquet_is_named(tmp_path):
+    data = samples(70_000)
+    for name, value, message in (
+        ("mag_y", np.inf, "row 66001: column 'mag_y' is inf"),
+        ("time_s", 0.0, "row 66001: time_s 0 is less than 32.9995 before it"),
+        ("time_s", np.nan, "row 66001: column 'time_s' is empty"),
+    ):
+        spoilt = {name: values.copy() for name, values in data.items()}
+        spoilt[name][66_000] = value
+        write(tmp_path / "run.parquet", spoilt)
+        with pytest.raises(FileError, match=message):
+            list(open_run(tmp_path / "run.parquet").blocks())
+
+
+HEADERS = {
+    "accel_x,accel_y,accel_z": "column 'time_s' is missing",
+    "time_ms,accel_x,accel_y,accel_z": "unit not accepted: convert it and write time_s",
+    "time_s,temperature_degC": "no channels",
+    "time_s,accel_x_mps2,accel_y_mps2,accel_z_mps2": "unit 'mps2' is not known",
+    "time_s,accel_x_g,accel_y,accel_z": "contradict each other",
+    "time_s,accel_x,accel_z": "column 'accel_y' is missing",
+    "time_s,Mag_x,Mag_y,Mag_z": "did you mean mag_x",
+    "time_s,mag_x,mag_x,mag_y": "appears twice",
+    "0,1,2,3": "numbers",
+    "": "the file is empty",
+}
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_a_header_that_cannot_be_used(tmp_path, header):
+    (tmp_path / "run.csv").write_text(header + "\n1,2,3,4\n" if header else "")
+    with pytest.raises(FileError, match=HEADERS[header]):
+        open_run(tmp_path / "run.csv")
+
+
+def parquet(path, units, names=("time_s", "gyro_x", "gyro_y", "gyro_z"), kind=None):
+    kind = kind or pa.float64()
+    fields = [pa.field(n, kind, metadata={"unit": u} if u else None) for n, u in zip(names, units, strict=True)]
+    pq.write_table(pa.Table.from_arrays([pa.array([1], kind)] * len(names), schema=pa.schema(fields)), path)
+    return path
+
+
+def test_units_in_the_metadata_of_parquet(tmp_path):
+    assert open_run(parquet(tmp_path / "a.parquet", ["s", "°/s", "deg/s", "deg_s"])).units == {"gyro": "deg/s"}
+    named = ("time_s", "gyro_x_deg_h", "gyro_y_deg_h", "gyro_z_deg_h")
+    assert open_run(parquet(tmp_path / "b.parquet", ["s", "deg/h", "", "deg/h"], named)).units == {"gyro": "deg/h"}
+    with pytest.raises(FileError, match="'gyro_x_deg_h' has the unit 'rad/s', which its name contradicts"):
+        open_run(parquet(tmp_path / "c.parquet", ["s", "rad/s", "", ""], named))
+    with pytest.raises(FileError, match="'time_s' has the unit 'ms', which its name contradicts"):
+        open_run(parquet(tmp_path / "d.parquet", ["ms", "", "", ""]))
+    with pytest.raises(FileError, match="unit 'parsec', which is not known"):
+        open_run(parquet(tmp_path / "e.parquet", ["s", "parsec", "", ""]))
+
+
+def test_parquet_that_cannot_be_used(tmp_path):
+    (tmp_path / "text.parquet").write_text("time_s,mag_x\n")
+    with pytest.raises(FileError, match="not a Parquet file"):
+        open_run(tmp_path / "text.parquet")
+    with pytest.raises(FileError, match="no such file"):
+        open_run(tmp_path / "none.parquet")
+    names = ("time_s", "gyro_x", "gyro_y", "gyro_z")
+    values = [pa.array([1.0]), *[pa.array([True])] * 3]
+    pq.write_table(pa.Table.from_arrays(values, names=list(names)), tmp_path / "b.parquet")
+    with pytest.raises(FileError, match="'gyro_x' is of type bool"):
+        open_run(tmp_path / "b.parquet")
+    with writing(tmp_path / "empty.parquet", COLUMNS):
+        pass
+    with pytest.raises(FileError, match="no rows"):
+        list(open_run(tmp_path / "empty.parquet").blocks())
+    (tmp_path / "empty.csv").write_text(HEADER + "\n")
+    with pytest.raises(FileError, match="no rows"):
+        list(open_run(tmp_path / "empty.csv").blocks())
+
+
+def test_a_file_that_is_taken_away_while_it_is_read(tmp_path):
+    write(tmp_path / "run.parquet", samples(100))
+    run = open_run(tmp_path / "run.parquet")
+    list(run.blocks())
+    (tmp_path / "run.parquet").unlink()
+    with pytest.raises(FileError, match="cannot be read again"):
+        run.digest()
+
+
+def test_nothing_is_left_of_a_write_that_fails(tmp_path):
+    def interrupted():
+        with writing(tmp_path / "run.parquet", COLUMNS) as append:
+            append(samples(1000))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(FileError, match=r"ends in '.txt'; allowed: .parquet, .csv"), writing("run.txt", COLUMNS):
+        pass
+
+
+def test_one_large_row_group_is_read_in_little_memory(tmp_path):
+    """Python's own allocations while a row group of 24 MB passes through: a few blocks, whatever the file's length."""
+    count = 600_000
+    table = pa.table(samples(count))
+    pq.write_table(table, tmp_path / "run.parquet", row_group_size=count)
+    run = open_run(tmp_path / "run.parquet")
+    tracemalloc.start()
+    total = sum(len(block.time) for block in run.blocks(20_000))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert total == count
+    assert peak < 30e6  # a batch of 65536 rows in float64 is 5 MB; three times that is held while blocks are cut

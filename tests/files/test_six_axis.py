@@ -1,0 +1,233 @@
+"""Survey tables as CSV: units and axes turned once, by physics; what is wrong is refused with its line."""
+
+import tomllib
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from inclinometry.conventions import CONVENTIONS
+from inclinometry.errors import FileError, InputError
+from inclinometry.files._quantities import meaning, quantities
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.six_axis import read_csv, read_six_axis, write_csv
+from inclinometry.files.survey_csv import read_survey_csv, write_survey_csv
+from inclinometry.orientation import angles, fields
+
+G, B, DIP = 9.81, 50000.0, np.radians(70.0)
+ATTITUDE = tuple(np.radians([[10.0, 120.0, 300.0], [5.0, 60.0, 91.0], [0.0, 200.0, 45.0]]))  # azimuth, inclination, TF
+SIX = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def of(header, *rows, name="a.csv"):
+        path = tmp_path / name
+        path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+        return path
+
+    return of
+
+
+def six_rows(g, b, md=(100.0, 200.0, 300.0)):
+    return [",".join(repr(float(v)) for v in (d, *x, *y)) for d, x, y in zip(md, g, b, strict=True)]
+
+
+def true_fields():
+    g, b = fields(*ATTITUDE, DIP)
+    return G * g, B * b
+
+
+@pytest.mark.parametrize("convention", [c.name for c in CONVENTIONS])
+def test_every_vendor_convention_gives_the_same_attitude(write, convention):
+    vendor = next(c for c in CONVENTIONS if c.name == convention)
+    g, b = true_fields()
+    a, m = g @ vendor.matrix("accelerometer"), b @ vendor.matrix("magnetometer")  # orthogonal: inverse = transpose
+    found = read_six_axis(write(SIX, *six_rows(a, m)), convention=convention)
+    np.testing.assert_allclose(found.g, g, rtol=1e-14, atol=1e-12)
+    np.testing.assert_allclose(found.b, b, rtol=1e-14, atol=1e-9)
+    seen = angles(found.g, found.b)
+    for have, want in zip((seen.azimuth, seen.inclination, seen.toolface), ATTITUDE, strict=True):
+        np.testing.assert_allclose(np.sin(have - want), 0.0, atol=1e-12)
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("header", "factors"),
+    [
+        ("Depth (m),GX(g),GY(g),GZ(g),MX(uT),MY(uT),MZ(uT)", (1.0, 9.80665, 1e3)),
+        ("MD(ft),AX [mg],AY [mg],AZ [mg],Bx [nT],By [nT],Bz [nT]", (0.3048, 9.80665e-3, 1.0)),
+        ("md_ft,accel_x_g,accel_y_g,accel_z_g,mag_x_uT,mag_y_uT,mag_z_uT", (0.3048, 9.80665, 1e3)),
+        ("DEPT_m,ax_m_s2,ay_m_s2,az_m_s2,HX_gauss,HY_gauss,HZ_gauss", (1.0, 1.0, 1e5)),
+        ("Measured Depth (feet),Gx (m/s²),Gy (m/s²),Gz (m/s²),Bx (G),By (G),Bz (G)", (0.3048, 1.0, 1e5)),
+    ],
+)
+def test_names_met_in_the_wild(write, header, factors):
+    found = read_six_axis(write(header, "100,0.1,0.2,0.3,1,2,3"))
+    np.testing.assert_allclose(found.md, 100.0 * factors[0], rtol=1e-15)
+    np.testing.assert_allclose(found.g, [factors[1] * np.array([0.1, 0.2, 0.3])], rtol=1e-15)
+    np.testing.assert_allclose(found.b, [factors[2] * np.array([1.0, 2.0, 3.0])], rtol=1e-15)
+    assert len(found.notes) == 2  # these are no fields of the Earth: a unit may be wrong
+    assert "is the unit in the header right" in found.notes[0]
+
+
+def test_a_name_of_two_quantities_is_told_by_its_unit(write):
+    found = read_csv(write("MD (m),AZ(deg),azimuth_reference,AX(g),AY(g),AZ(g)", "9,90,true,0,0,1"))
+    np.testing.assert_allclose([found.azimuth[0], found.g[0, 2]], [np.pi / 2, 9.80665])
+    found = read_csv(write("md_m,gx_deg_h,gy_deg_h,gz_deg_h", "9,15.0,0,0"))
+    np.testing.assert_allclose(found.w[0, 0], np.radians(15.0) / 3600.0)
+    assert found.g is None
+
+
+def test_temperatures_and_curvature(write):
+    found = read_csv(write("md_m,Temp (F),dls_deg_100ft", "9,212,3"))
+    np.testing.assert_allclose(found.temperature, [100.0])
+    np.testing.assert_allclose(found.measured["dogleg_severity"], np.radians(3.0) / 30.48)
+
+
+def test_three_columns_and_a_north_are_a_survey(write):
+    rows = ["0,0,0,grid", "30,1.5,359.5,grid"]
+    found = read_csv(write("md_m,inclination_deg,azimuth_deg,azimuth_reference", *rows))
+    assert found.azimuth_reference == "grid"
+    np.testing.assert_allclose(np.degrees(found.azimuth), [0.0, 359.5])
+    bare = write("md_m,inclination_deg,azimuth_deg", "0,0,0")
+    assert read_csv(bare, azimuth_reference="true").azimuth_reference == "true"
+    in_name = write("md_m,azi_grid_deg", "0,0")
+    assert read_csv(in_name).azimuth_reference == "grid"
+
+
+def test_the_survey_file_of_the_house_in_and_out(tmp_path):
+    columns = {
+        "md": [0.0, 30.0], "inclination": [0.1, 0.2], "azimuth": [1.0, np.nan], "azimuth_reference": "magnetic",
+        "toolface": [0.3, 0.4], "g_total": [9.81, 9.82], "b_total": [5e4, 5.1e4], "dip": [1.2, 1.21],
+        "u_azimuth": [0.01, 0.02], "flags": ["", "vertical|dip"],
+    }  # fmt: skip
+    write_survey_csv(tmp_path / "a.csv", columns)
+    found = read_csv(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.measured["g"], columns["g_total"])
+    assert found.extra["flags"] == ("", "vertical|dip")
+    write_csv(found, tmp_path / "b.csv")
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+def full(size=4):
+    random = np.random.default_rng(7)
+    g, b = (random.normal(size=(size, 3)) * s for s in (5.0, 3e4))
+    gap = random.uniform(0.1, 1.0, size)
+    gap[1] = np.nan
+    return SurveyFile(
+        md=[0.0, 30.5, 30.5, 61.0], used=[True, True, False, True], valid=[True, False, True, True],
+        inclination=gap, azimuth=random.uniform(0, 6, size), azimuth_reference="true", toolface=gap,
+        gyro_toolface=gap, north=gap, tvd=gap, g=g, b=b, w=g * 1e-5, temperature=gap,
+        measured={"g": 9.81, "dip": gap, "earth_rate": 7e-5, "dogleg_severity": gap * 1e-3},
+        reference={"dip": 1.2, "declination": -0.1, "b": 5e4, "latitude": 1.0},
+        corrections={"bz": gap, "sag_inclination": gap * 1e-2, "sensor_offset": 12.5},
+        covariance=np.einsum("ni,nj->nij", g, g), times=("2026-01-02T03:04:05Z", "", "", "2026-01-02"),
+        extra={"Temp": ("a", "b", "", "d"), "=evil": ("=1+1", "@x", "+2", "-3"), "u_azimuth_deg": ("0.1",) * 4},
+    )  # fmt: skip
+
+
+def test_everything_a_survey_may_hold_goes_round(tmp_path):
+    write_csv(full(), tmp_path / "a.csv")
+    found = read_csv(tmp_path / "a.csv")
+    # angles are written to 1e-10 deg, rates to 1e-10 deg/h
+    assert found.same_as(full(), rtol=1e-11, atol=2e-12)
+    read_survey_csv_accepts = write_csv(SurveyFile(md=[0, 1], inclination=[0, 1]), tmp_path / "b.csv")
+    assert read_survey_csv_accepts is None
+    np.testing.assert_allclose(read_survey_csv(tmp_path / "b.csv")["inclination"], [0.0, 1.0])
+
+
+ONE = "100,0,0,9.8,20000,0,45000"
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "words"),
+    [
+        (SIX.replace("gx_m_s2", "Gx"), [ONE], "line 1: column 'Gx' has no unit; write gx_m_s2"),
+        (SIX.replace("gx_m_s2", "gx_counts"), [ONE], "has the unit 'counts'; allowed: m/s2, g, mg"),
+        (SIX.replace("bx_nT", "bx_g"), [ONE], "has the unit 'g'; allowed: nT"),
+        (SIX.replace("md_m", "MD"), [ONE], "column 'MD' has no unit; write md_m"),
+        (SIX.replace("md_m", "md_in"), [ONE], "unit 'in'; allowed: m, ft, ftUS"),
+        (SIX.replace("md_m", "depth_of_bit_m"), [ONE], "unit 'of_bit_m'"),
+        (SIX.replace("md_m", "station"), [ONE], "no depth; add a column md_m"),
+        (SIX.replace("gz_m_s2", "operator"), [ONE], "'gz_m_s2' is missing; a triad"),
+        (SIX.replace("by_nT", "BX (uT)"), [ONE], "'bx_nT' and 'BX .uT.' both give b.0"),
+        (SIX + ",azimut_deg", [ONE + ",1"], "did you mean azimuth_deg"),
+        (SIX, [ONE, ONE], "line 3: the depth 100 m repeats 100 m in line 2"),
+        (SIX, [ONE, ONE.replace("100", "90", 1)], "line 3: the depth 90 m is less than 100 m in line 2"),
+        (SIX, [ONE.replace("9.8", "nan")], "line 2: column 'gz_m_s2' is nan; every value must be finite"),
+        (SIX, [ONE.replace("9.8", "inf")], "line 2: column 'gz_m_s2' is inf"),
+        (SIX, [ONE.replace("9.8", "n/a")], "line 2: 'n/a' in column 'gz_m_s2' is not a number"),
+        (SIX, [ONE.replace("9.8", "9800")], "line 2: column 'gz_m_s2' is 9800; allowed -200 to 200 m/s2"),
+        (SIX, [ONE.replace("9.8", "")], "is empty at 100 m"),
+        ("md_m,inclination_deg", ["0,1"], "no six axes"),
+        (SIX + ",azimuth_deg", [ONE + ",1"], "azimuths without a north"),
+        (SIX + ",azimuth_deg,azimuth_reference", [ONE + ",1,rig"], "line 2: column 'azimuth_reference' is 'rig'"),
+        (SIX + ",inclination_deg", [ONE + ",181"], "'inclination_deg' is 181; allowed 0 to 180 deg"),
+        (SIX + ",used", [ONE + ",perhaps"], "'used' is 'perhaps'; allowed: 1, 0"),
+        (SIX + ",g_total", [ONE + ",1"], "column 'g_total' has no unit"),
+        ("(ft),(g),(g),(g),(nT),(nT),(nT)", [ONE], "appears twice"),
+        (SIX, ["(m),(m/s2),,,(nT),,"], "line 2: '.m.' in column 'md_m' is not a number"),
+        (SIX, [], "no rows of values"),
+        ("md_m,operator", ["1,me"], "nothing besides the depth is known"),
+    ],
+)
+def test_refusals(write, header, rows, words):
+    with pytest.raises(FileError, match=words):
+        read_six_axis(write(header, *rows))
+
+
+def test_norths_that_disagree(write):
+    header = "md_m,azimuth_deg,azimuth_reference"
+    with pytest.raises(FileError, match="line 3: the azimuths are from true north above and from grid north here"):
+        read_csv(write(header, "0,1,true", "1,1,grid"))
+    with pytest.raises(FileError, match="from true and from grid north"):
+        read_csv(write(header, "0,1,true", "1,1,true"), azimuth_reference="grid")
+    with pytest.raises(InputError, match="no convention 'left'"):
+        read_csv(write(SIX, ONE), convention="left")
+
+
+def test_a_component_that_is_unknown_stays_unknown_in_other_axes(write):
+    found = read_csv(write(SIX, "1,,1,2,3,4,5"), convention="iscwsa")
+    np.testing.assert_array_equal(found.g, [[1.0, np.nan, 2.0]])  # y = -x of the vendor
+
+
+def test_a_name_is_of_one_quantity_or_told_apart_by_units():
+    # every quantity is found by its own column and, in LAS, by its mnemonic
+    data = tomllib.loads(files("inclinometry.files").joinpath("survey_columns.toml").read_text(encoding="utf-8"))
+    assert data["source"]
+    assert data["revision"] == 1
+    for key, quantity in quantities().items():
+        for name, unit in ((quantity.column, None), (quantity.las, quantity.unit.label)):
+            assert meaning(name, unit).key == key, name
+            assert meaning(name, unit).unit == quantity.unit
+        for name in data["column"][key]["names"]:
+            assert meaning(f"{name} ({quantity.unit.label})").key == key, name
+
+
+def test_the_factors_of_units():
+    exact = {"deg": np.pi / 180, "deg/h": np.pi / 180 / 3600, "deg/30m": np.pi / 180 / 30, "ftUS": 1200 / 3937,
+             "deg/100ft": np.pi / 180 / 30.48, "deg/10m": np.pi / 1800, "ft2": 0.3048**2}  # fmt: skip
+    data = tomllib.loads(files("inclinometry.files").joinpath("survey_columns.toml").read_text(encoding="utf-8"))
+    found = {label: u["factor"] for d in data["units"].values() for label, u in d.items() if isinstance(u, dict)}
+    for label, value in exact.items():
+        assert found[label] == pytest.approx(value, rel=1e-15, abs=0.0)
+
+
+def test_times_that_are_not_iso_are_another_column(write):
+    found = read_csv(write("md_m,tvd_m,Time,used", "0,0,12:30,", "1,1,5/6/26,"))
+    assert found.times is None
+    assert found.used is None
+    assert found.extra["Time"] == ("12:30", "5/6/26")
+    found = read_csv(write("md_m,tvd_m,time,valid", "0,0,2026-01-02,yes", "1,1,,No"))
+    assert found.times == ("2026-01-02", "")
+    assert found.valid.tolist() == [True, False]
+
+
+def test_extra_columns_keep_their_names_whatever_they_are(tmp_path):
+    names = ("Temp", "extra_Temp", "extra_extra_Temp", "gx_m_s2", "azimuth_reference", "cov_nn", "MD", "g_total")
+    file = SurveyFile(md=[0], tvd=[0], extra={name: (str(i),) for i, name in enumerate(names)})
+    write_csv(file, tmp_path / "a.csv")
+    assert read_csv(tmp_path / "a.csv").same_as(file)
+    with pytest.raises(InputError, match="line break"):
+        write_csv(SurveyFile(md=[0], tvd=[0], extra={"crew": ("a\nb",)}), tmp_path / "a.csv")

@@ -1,0 +1,234 @@
+"""The one reader of tables: every dialect it promises, every error with its place, and nothing but FileError."""
+
+from __future__ import annotations
+
+import gzip
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from inclinometry.digest import digest_file
+from inclinometry.errors import FileError
+from inclinometry.files.bench_csv import read_bench, read_plan
+from inclinometry.files.log_csv import read_log
+from inclinometry.files.survey_csv import read_raw_survey, read_survey_csv
+from inclinometry.files.table import read_table
+
+PLAIN = "station,azimuth_deg,mag_x\nA,1.5,-2\nB,2.25,3e2\n"
+
+
+def read(folder, content):
+    path = folder / "t.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return read_table(path)
+
+
+def error(folder, content):
+    with pytest.raises(FileError) as caught:
+        read(folder, content)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        PLAIN,
+        PLAIN.rstrip("\n"),
+        PLAIN.replace("\n", "\r\n"),
+        PLAIN.replace("\n", "\r"),
+        PLAIN.replace(",", ";"),
+        PLAIN.replace(",", "\t"),
+        PLAIN.replace(",", ";").replace(".", ","),
+        PLAIN.replace(",", " , "),
+        PLAIN.replace("\n", ",\n"),
+        PLAIN + ",,\n\n   \n",
+        "# made on a bench\n#;;;\n\n" + PLAIN + "# the end\n",
+        PLAIN.replace("A", '"A"').replace("1.5", '"1.5"'),
+        PLAIN.replace("1.5", '"1,5"').replace("2.25", '"2,25"'),
+        PLAIN.encode("utf-8-sig"),
+        "sep=;\n" + PLAIN.replace(",", ";"),
+        PLAIN.encode("utf-16"),
+        b"\xfe\xff" + PLAIN.encode("utf-16-be"),
+    ],
+)
+def test_dialects_read_alike(tmp_path, content):
+    table = read(tmp_path, content)
+    assert table.header == ("station", "azimuth_deg", "mag_x")
+    assert table.text("station") == ("A", "B")
+    assert table.number("azimuth_deg").tolist() == [1.5, 2.25]
+    assert table.number("mag_x").tolist() == [-2.0, 300.0]
+    assert table.digest == digest_file(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "wanted"),
+    [
+        (b"", "empty"),
+        ("\n\n# only a comment\n", "empty"),
+        ("mag_x,mag_y\n", "line 1: there are column names but no rows"),
+        ("mag_x,mag_x\n1,2\n", "'mag_x' appears twice (columns 1 and 2)"),
+        ("mag_x,,mag_y\n1,2,3\n", "column 2 has no name"),
+        ("1,2\n3,4\n", "where the column names should be"),
+        ("mag_x,mag_y\n1,2\n1,abc\n", "line 3: 'abc' in column 'mag_y' is not a number"),
+        ("mag_x,mag_y\n1,1_000\n", "line 2: '1_000' in column 'mag_y' is not a number"),
+        ("mag_x,mag_y\n1,١\n", "line 2: '١' in column 'mag_y' is not a number"),
+        ("mag_x,mag_y\n1,nan\n", "line 2: column 'mag_y' is nan; every value must be finite"),
+        ("mag_x,mag_y\n1,-inf\n", "line 2: column 'mag_y' is -inf"),
+        ("mag_x,mag_y\n1,1e999\n", "line 2: column 'mag_y' is 1e999; every value must be finite"),
+        ("mag_x,mag_y\n1,2\n3,\n", "line 3: column 'mag_y' is empty"),
+        ("mag_x,mag_y\n1,2\n\n3\n", "line 4: this row has 1 cells and the header 2"),
+        ("mag_x,mag_y\n1,2,3\n", "line 2: this row has 3 cells and the header 2; with a decimal comma"),
+        ("mag_x;mag_y\n1.234,5;2\n", "thousands separator"),
+        ("mag_x;mag_y\n1,234,567;2\n", "thousands separator"),
+        ("mag_x;mag_y\n1,234;2,345\n", "line 2: '1,234' in column 'mag_x' may mean 1234 or 1.234"),
+        ("mag_x;mag_y\n1,5;2\n1;2.5\n", "'2.5' in line 3 has a decimal point; use one"),
+        ("mag_x;mag_y\n2.5;2\n1,5;2\n", "'2.5' in line 2 has a decimal point; use one"),
+        ("mag_x;mag_y,mag_z\n1;2,3\n", "separated by comma and semicolon"),
+        ('mag_x,mag_y\n1,"2\n3,4\n', "line 2: a quoted cell does not end on its line"),
+        ("station,mag_y\n#1,2\n", "line 2: this comment has as many cells as a row"),
+        (gzip.compress(b"mag_x\n1\n", mtime=0), "gzip"),
+        (b"PK\x03\x04rest", "Excel"),
+        (b"mag_x\n1\n\xff\n", "line 3: not utf-8 text (byte 0xff"),
+        ("mag_x\n1\n".encode("utf-16-le"), "zero bytes"),
+        (b"\xff\xfe\x00\x00m\x00\x00\x00", "UTF-32"),
+        (b"\xff\xfem\x00a", "not utf-16"),
+        (b"mag_x\n" + b"1" * 3_000_000, "longer than"),
+        ("mag_x\n" + "x" * 200_000 + "\n", "cannot be split"),
+    ],
+)
+def test_errors_name_the_place_and_the_remedy(tmp_path, content, wanted):
+    assert wanted in error(tmp_path, content)
+
+
+def test_files_that_are_none(tmp_path):
+    with pytest.raises(FileError, match="no such file"):
+        read_table(tmp_path / "none.csv")
+    with pytest.raises(FileError, match="folder"):
+        read_table(tmp_path)
+    with pytest.raises(FileError, match="cannot be read"):
+        read_table("a\0b")
+
+
+def test_missing_column_says_what_to_do(tmp_path):
+    table = read(tmp_path, "inclination,azimuth_rad,Toolface_deg,incl_x\na,b,c,d\n")
+    with pytest.raises(
+        FileError, match=r"line 1: column 'inclination_deg' is missing .*unit missing: write inclination_d"
+    ):
+        table.require(["inclination_deg"])
+    with pytest.raises(FileError, match="unit not accepted: convert it and write azimuth_deg"):
+        table.require(["azimuth_deg"])
+    with pytest.raises(FileError, match="did you mean toolface_deg"):
+        table.require(["toolface_deg"])
+    with pytest.raises(FileError, match="columns found: inclination, azimuth_rad"):
+        table.require(["temperature_degC"])
+
+
+def test_missing_column_suggests_the_closest(tmp_path):
+    table = read(tmp_path, "rollset\n1\n")
+    with pytest.raises(FileError, match="'rollset': did you mean roll_set"):
+        table.require(["roll_set"])
+
+    with pytest.raises(FileError, match=r"is it 'inclin_angle_deg'\? then rename it"):
+        read(tmp_path, "inclin_angle_deg\n1\n").require(["inclination_deg"])
+
+
+def test_gaps_only_where_allowed(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("mag_x,mag_y\n1,\n,nan\n")
+    with pytest.raises(FileError, match="line 3: column 'mag_y' is nan"):
+        read_table(path, gaps=["mag_x", "mag_y"])
+    path.write_text("mag_x,mag_y\n1,\n,2\n")
+    assert np.isnan(read_table(path, gaps=["mag_x", "mag_y"]).number("mag_y")).tolist() == [True, False]
+
+
+@pytest.mark.long
+def test_line_numbers_survive_blank_lines_comments_and_blocks(tmp_path):
+    # three blocks of a megabyte; line k holds k, every seventh line is blank or a comment
+    rows = ["mag_x,station"] + [f"{k},{'s' * 60}" if k % 7 else ("" if k % 2 else "# c") for k in range(2, 50_000)]
+    table = read(tmp_path, "\r\n".join(rows))
+    np.testing.assert_array_equal(table.lines, table.number("mag_x"))
+    rows[40_000 - 1] = "oops,x"
+    assert "line 40000: 'oops' in column 'mag_x'" in error(tmp_path, "\n".join(rows))
+
+
+def test_decimal_comma_in_later_blocks(tmp_path):
+    rows = ["station;mag_x"] + [f"{'s' * 60};{k},5" for k in range(40_000)]
+    np.testing.assert_array_equal(read(tmp_path, "\n".join(rows)).number("mag_x"), np.arange(40_000) + 0.5)
+    rows[30_000] = "s;1.5"
+    assert "'1.5' in line 30001 has a decimal point" in error(tmp_path, "\n".join(rows))
+
+
+@pytest.mark.long
+def test_progress_reaches_the_size(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("mag_x\n" + "1\n" * 700_000)
+    seen = []
+    read_table(path, seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == path.stat().st_size
+
+
+def test_kinds_of_columns(tmp_path):
+    table = read(tmp_path, "operator,mag_x\nAnn,1\n")
+    with pytest.raises(FileError, match="line 1: column 'operator' is text; numbers are needed"):
+        table.number("operator")
+    assert table.text("mag_x") == ("1.0",)
+    assert "mag_x" in table
+    assert 1 not in table
+
+
+def test_columns_are_read_only(tmp_path):
+    with pytest.raises(ValueError, match="read-only"):
+        read(tmp_path, PLAIN).number("mag_x")[0] = 1.0
+
+
+READERS = (read_table, read_bench, read_raw_survey, read_survey_csv, read_plan, read_log)
+HEADERS = (
+    "station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_x_sd,accel_y_sd,count,roll_set",
+    "md_m;mag_1;mag_2;temperature_degC",
+    "time_s,gyro_x,gyro_y,gyro_z",
+    "azimuth_deg\tinclination_deg\ttoolface_deg",
+)
+CELL = st.one_of(
+    st.floats(allow_nan=True).map(repr),
+    st.integers(-400, 400).map(str),
+    st.sampled_from(["", " ", "1,5", "1.234,5", "#", '"', "nan", "1_0", "x", "\ufeff", "\x1c", "\u2028"]),
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.binary(max_size=300))
+@example(b"\xff\xfe")
+@example(b"\xef\xbb\xbf")
+@example(b"accel_x,accel_y\n1e308,1\n-1e308,2\n")
+def test_any_bytes_give_a_table_or_a_file_error(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(data)
+    for reader in READERS:
+        with suppress(FileError):
+            reader(path)
+
+
+@pytest.mark.long
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_any_cells_give_readings_or_a_file_error(tmp_path_factory, data):
+    header = data.draw(st.sampled_from(HEADERS))
+    mark = next(m for m in ",;\t" if m in header)
+    width = header.count(mark) + 1
+    rows = data.draw(st.lists(st.lists(CELL, min_size=width, max_size=width), max_size=6))
+    path = tmp_path_factory.getbasetemp() / "cells.csv"
+    path.write_bytes("\n".join([header, *(mark.join(row) for row in rows)]).encode())
+    for reader in READERS:
+        with suppress(FileError):
+            reader(path)
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
+def test_numbers_read_back_to_the_bit(tmp_path_factory, values):
+    path = tmp_path_factory.getbasetemp() / "bits.csv"
+    path.write_text("mag_x\n" + "\n".join(map(repr, values)) + "\n")
+    assert read_table(path).number("mag_x").tobytes() == np.array(values, dtype=float).tobytes()

@@ -1,0 +1,356 @@
+"""tool.json and truth.json: exact to the bit, the same bytes for the same content, clear about what is wrong."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import json_codec
+from inclinometry.files.tool_json import read_calibration, read_extras, read_tool, write_calibration, write_truth
+from inclinometry.sensors import Tool, Triad
+
+VERSION_1 = Path(__file__).parents[1] / "reference" / "tool-json" / "tool-1.json"
+
+
+def unit(vector):
+    return np.asarray(vector) / np.linalg.norm(vector)
+
+
+def make(seed=3, degree=0, sensors=3, inside=True):
+    rng = np.random.default_rng(seed)
+    kinds = ("accelerometer", "magnetometer")
+    triads = {
+        kind: Triad(kind, rng.normal(size=(degree + 1, sensors, 3)), rng.normal(size=(degree + 1, sensors)), "counts",
+                    None if kind == "magnetometer" else 9.81, 19.3)
+        for kind in kinds
+    }  # fmt: skip
+    size = 8 * sensors * (degree + 1)
+    root = rng.normal(size=(size + 5, size + 5))
+    joint = root @ root.T
+    noise = {kind: rng.uniform(1, 2, sensors) for kind in kinds}
+    tool = Tool("SN 1", triads, joint[:size, :size] if inside else joint[:size, :size] * 2, noise, (-10.5, 150.0 / 7.0))
+    rig = Rig(rng.uniform(0, 0.01, 3), rng.normal(size=(4, 3)), rng.uniform(size=(4, 3)), {"zero": (0.1 / 3, 1e-300)})
+    residuals = Residuals(("1", "2", "Ж", "4"), {k: rng.normal(size=(4, sensors)) for k in kinds},
+                          {k: rng.normal(size=(4, sensors)) for k in kinds}, rng.uniform(size=4))  # fmt: skip
+    return Calibration(
+        tool, "joint", {"readings.csv": "sha256:00"}, {k: unit(rng.normal(size=3)) for k in kinds},
+        (*tool.parameter_names, "a", "b", "c", "d", "zero"), joint, rig, residuals, ("Roll the tool.",),
+    )  # fmt: skip
+
+
+def same(a, b, rtol=None):
+    """Equal to the bit, whatever it is made of; or, with rtol, within that share of the largest of an array."""
+    if is_dataclass(a):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name), rtol) for f in fields(a))
+    if isinstance(a, np.ndarray):
+        if rtol is None or a.size == 0:
+            return a.shape == b.shape and a.tobytes() == b.tobytes()
+        return a.shape == b.shape and bool(np.all(np.abs(a - b) <= rtol * np.abs(a).max()))
+    if hasattr(a, "items"):
+        return set(a) == set(b) and all(same(a[k], b[k], rtol) for k in a)
+    if isinstance(a, tuple | list):
+        return len(a) == len(b) and all(same(x, y, rtol) for x, y in zip(a, b, strict=True))
+    if rtol is not None and isinstance(a, float):
+        return a == b or abs(a - b) <= rtol * abs(a)
+    return a == b
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("degree", [0, 2])
+@pytest.mark.parametrize("sensors", [2, 3, 5])
+@pytest.mark.parametrize("inside", [True, False])
+def test_every_bit_comes_back(tmp_path, degree, sensors, inside):
+    calibration = make(3, degree, sensors, inside)
+    path = tmp_path / "tool.json"
+    write_calibration(calibration, path)
+    assert same(read_calibration(path), calibration)
+    assert same(read_tool(path), calibration.tool)
+    first = path.read_bytes()
+    write_calibration(read_calibration(path), path)
+    assert path.read_bytes() == first
+
+
+def test_a_bare_calibration(tmp_path):
+    # a closed form has no rig errors, no covariance, perhaps no field direction
+    triad = Triad("gyro", np.eye(3), np.zeros(3))
+    bare = Calibration(
+        Tool("", {"gyro": triad}),
+        "twelve",
+        {},
+        {},
+        (),
+        np.zeros((0, 0)),
+        Rig(np.zeros(3)),
+        Residuals((), {}, {}, np.zeros(0)),
+    )
+    write_calibration(bare, tmp_path / "tool.json")
+    assert same(read_calibration(tmp_path / "tool.json"), bare)
+
+
+def test_the_bytes_are_canonical(tmp_path):
+    write_calibration(make(), tmp_path / "a.json")
+    write_calibration(make(), tmp_path / "b.json", created="2024-05-01")
+    text = (tmp_path / "a.json").read_text("utf-8")
+    content = json.loads(text)
+    assert content["created"] is None
+    assert json.loads((tmp_path / "b.json").read_text("utf-8"))["created"] == "2024-05-01"
+    assert list(content) == sorted(content)
+    assert text.endswith("}\n")
+    assert "\r" not in text
+    assert "Ж" in text
+    assert list(content["triads"]["accelerometer"]) == sorted(
+        ["tensor", "offset", "unit", "field_strength", "field_unit", "noise", "reference_temperature_degC"]
+    )
+
+
+def test_the_version_1_file_is_read_for_ever():
+    calibration = read_calibration(VERSION_1)
+    assert calibration.tool.name == "SN 1"
+    # made by products of matrices of 53 rows, whose last bits are the processor's: 53 eps of the largest, a hundredfold
+    assert same(calibration, make(), rtol=1e-12)
+
+
+def test_nan_is_refused_with_its_place(tmp_path):
+    calibration = make()
+    leverage = calibration.residuals.leverage.copy()
+    leverage[2] = np.nan
+    broken = replace(calibration, residuals=replace(calibration.residuals, leverage=leverage))
+    with pytest.raises(InputError, match=r"\$\.residuals\.leverage\[2\] is nan"):
+        write_calibration(broken, tmp_path / "tool.json")
+    with pytest.raises(InputError, match="not Unicode"):
+        write_calibration(replace(calibration, method="\ud800"), tmp_path / "tool.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def edited(folder, change):
+    write_calibration(make(degree=1), folder / "tool.json")
+    content = json.loads((folder / "tool.json").read_text("utf-8"))
+    change(content)
+    (folder / "tool.json").write_text(json.dumps(content), "utf-8")
+    with pytest.raises(FileError) as caught:
+        read_calibration(folder / "tool.json")
+    with suppress(FileError):
+        read_tool(folder / "tool.json")
+    return str(caught.value)
+
+
+def put(*keys_and_value):
+    *keys, last, value = keys_and_value
+
+    def change(content):
+        for key in keys:
+            content = content[key]
+        content[last] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        (put("schema", "other"), "$.schema is 'other'; a file with schema \"inclinometry/tool\" is needed"),
+        (put("version", 2), "$.version is 2, written by a newer release; this one reads version 1: update"),
+        (put("version", "1"), '$.version is "1"; it must be 1'),
+        (put("convention", "z-up"), '$.convention is "z-up"; it must be "house"'),
+        (put("triads", {}), "$.triads is {}; it must be one or more of accelerometer, magnetometer, gyro"),
+        (
+            put("triads", "accelerometer", "tensor", 0, 1, "x"),
+            '$.triads.accelerometer.tensor[0][1] is "x"; it must be a fin',
+        ),
+        (put("triads", "accelerometer", "tensor", 0, 1, True), "tensor[0][1] is true; it must be a finite number"),
+        (
+            put("triads", "accelerometer", "tensor", 0, [1, 2]),
+            "$.triads.accelerometer.tensor[0] is [1, 2]; it must be three",
+        ),
+        (put("triads", "accelerometer", "offset", [1, 2]), "offset has 2 entries; it must have 3, one a row of $.tri"),
+        (put("triads", "accelerometer", "tensor", 0, 1, 10**400), "it must be within -1e+100 to 1e+100"),
+        (
+            put("triads", "accelerometer", "unit", ""),
+            '$.triads.accelerometer.unit is ""; it must be the unit of the signals',
+        ),
+        (
+            put("triads", "accelerometer", "field_unit", "nT"),
+            "$.triads.accelerometer.field_unit is 'nT'; expected 'm/s^2'",
+        ),
+        (
+            put("triads", "accelerometer", "field_strength", -1),
+            "$.triads.accelerometer.field_strength is -1; it must be",
+        ),
+        (put("triads", "accelerometer", "temperature_coefficients", 0, "power", 2), "the powers must be 1, 2, .."),
+        (put("triads", "accelerometer", "noise", 0, -1), "$.triads.accelerometer.noise[0] is -1; it must be 0 or more"),
+        (put("triads", "compass", {}), '$.triads has "compass"; the names must be accelerometer, magnetometer or gyro'),
+        (put("covariance", "parameters", 0, "x"), "lacks 'accelerometer.tensor[0,0]', a parameter of $.triads"),
+        (put("covariance", "matrix", 0, [1]), "$.covariance.matrix[0] has 1 entries; it must have 53"),
+        (put("covariance", "matrix", []), "$.covariance.matrix has 0 rows; it must have 53"),
+        (put("covariance", "matrix", 2, 2, -1.0), "matrix[2][2] is -1; a variance must be 0 or more: repeat the"),
+        (put("covariance", "matrix", 2, 3, 1e3), "a covariance must be symmetric"),
+        (put("covariance", "matrix", 2, 2, 1e-3), "as a matrix of correlations; it must be 0 or more"),
+        (put("tool_covariance", {"parameters": ["x"], "matrix": [[-2]]}), "$.tool_covariance.matrix[0][0] is -2; a"),
+        (put("field_directions", "accelerometer", [0, 0, 2]), "accelerometer has length 2; it must be a unit vector"),
+        (put("triads", "accelerometer", "unit", "x" * 33), "it must be the unit of the signals in 1 to 32 characters"),
+        (put("triads", "accelerometer", "noise", [1, 2]), "noise has 2 entries; it must have 3"),
+        (put("triads", "accelerometer", "field_strength", 0), "field_strength is 0; it must be null, or the strength"),
+        (put("rig", "sd_rad", [1]), "$.rig.sd_rad is [1]; it must be three numbers"),
+        (put("temperature_range_degC", [1]), "$.temperature_range_degC"),
+        (put("warnings", [1]), "$.warnings[0] is 1; it must be a text"),
+        (lambda c: c.pop("rig"), '$ has no "rig"; add it'),
+        (put("surplus", 1), '$ has "surplus", which is not known; allowed: schema, version'),
+        (put("residuals", "values", "gyro", [[1], [1, 2]]), "$.residuals.values.gyro[1] has 2 entries; it must have 1"),
+    ],
+)
+def test_errors_name_the_json_path(tmp_path, change, wanted):
+    text = edited(tmp_path, change)
+    assert wanted in text
+    assert "\n" not in text
+    assert len(text) < len(str(tmp_path)) + 300
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (b"", "line 1: not JSON"),
+        (b"{\n 'a': 1}", "line 2: not JSON"),
+        (b"[1]", "holds a JSON list; an object is needed"),
+        (b'{"a": 1, "a": 2}', "key 'a' appears twice"),
+        (b'{"a": NaN}', "NaN is not a number JSON allows"),
+        (b'{"a": 1e999}', "1e999 is too large"),
+        (b"\xff", "not UTF-8 text"),
+        (b"[" * 100_000, "not usable JSON"),
+        (b'{"schema": "inclinometry/truth"}', "a file with schema"),
+    ],
+)
+def test_files_that_are_no_record(tmp_path, text, wanted):
+    (tmp_path / "t.json").write_bytes(text)
+    with pytest.raises(FileError) as caught:
+        read_calibration(tmp_path / "t.json")
+    assert wanted in str(caught.value)
+
+
+def test_files_that_are_none(tmp_path):
+    for path, wanted in (
+        (tmp_path / "none.json", "no such file"),
+        (tmp_path, "cannot be read"),
+        ("a\0b", "cannot be read"),
+    ):
+        with pytest.raises(FileError, match=wanted):
+            read_tool(path)
+
+
+def test_truth(tmp_path):
+    tool = make(degree=1).tool
+    path = tmp_path / "truth.json"
+    write_truth(tool, {"seed": 1, "rig": {"sd_deg": np.full(3, 0.1)}, "bits": np.int64(12)}, path)
+    found = read_tool(path)
+    assert same(found.triads, tool.triads)
+    assert same(found.noise, tool.noise)
+    assert found.temperature_range == tool.temperature_range
+    assert not found.covariance.any()
+    assert read_extras(path) == {"seed": 1, "rig": {"sd_deg": [0.1, 0.1, 0.1]}, "bits": 12}
+    with pytest.raises(FileError, match="inclinometry/truth"):
+        read_calibration(path)
+    with pytest.raises(InputError, match=r"\$\.extras\.x is a object"):
+        write_truth(tool, {"x": object()}, path)
+    with pytest.raises(InputError, match=r"\$\.extras: the keys \[1, 'a'\] are not distinct texts"):
+        write_truth(tool, {1: 2, "a": 3}, path)
+
+
+@pytest.mark.parametrize("name", ["tool-1", "truth-1"])
+def test_the_shipped_schemas_are_valid(name):
+    jsonschema.Draft202012Validator.check_schema(json_codec.schema(name))
+
+
+def test_the_schemas_stand_alone(tmp_path):
+    write_truth(make(degree=1).tool, {"seed": 1}, tmp_path / "truth.json")
+    write_calibration(make(degree=1), tmp_path / "tool.json")
+    for name in ("tool", "truth"):
+        content = json.loads((tmp_path / f"{name}.json").read_text("utf-8"))
+        jsonschema.validate(content, json_codec.schema(f"{name}-1"))
+        content["triads"]["accelerometer"]["unit"] = 1
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(content, json_codec.schema(f"{name}-1"))
+
+
+def test_what_the_schemas_share_is_the_same():
+    tool, truth = json_codec.schema("tool-1")["$defs"], json_codec.schema("truth-1")["$defs"]
+    assert {name: tool[name] for name in truth} == truth
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+)
+
+
+@pytest.mark.long
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(["triads", "covariance", "rig", "residuals", "field_directions", "version", "tool"]), JSON)
+@example("version", 10**400)
+def test_any_content_gives_a_calibration_or_a_file_error(tmp_path_factory, key, value):
+    path = tmp_path_factory.getbasetemp() / "any.json"
+    write_calibration(make(), path)
+    content = json.loads(path.read_text("utf-8"))
+    content[key] = value
+    path.write_text(json.dumps(content), "utf-8")
+    with suppress(FileError):
+        read_calibration(path)
+    with suppress(FileError):
+        read_tool(path)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=100))
+def test_any_bytes_give_a_file_error(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "bytes.json"
+    path.write_bytes(data)
+    with pytest.raises(FileError):
+        read_tool(path)
+
+
+def with_gyro(sensitivity):
+    calibration = make()
+    gyro = Triad("gyro", np.eye(3), np.zeros(3), "deg/h", g_sensitivity=sensitivity)
+    tool = Tool("SN 1", {**calibration.tool.triads, "gyro": gyro})
+    return replace(calibration, tool=tool, parameter_names=tool.parameter_names, covariance=tool.covariance)
+
+
+def test_the_g_sensitivity_of_a_gyro_comes_back(tmp_path):
+    path, calibration = tmp_path / "tool.json", with_gyro(np.random.default_rng(1).normal(size=(3, 3)) / 7.0)
+    write_calibration(calibration, path)
+    assert same(read_calibration(path), calibration)
+    content = json.loads(path.read_text())
+    jsonschema.validate(content, json_codec.schema("tool-1"))
+    write_truth(calibration.tool, {}, tmp_path / "truth.json")
+    assert same(read_tool(tmp_path / "truth.json").triads, calibration.tool.triads)
+    # and is no key where there is none, so that older files and readers know nothing of it
+    write_calibration(with_gyro(None), path)
+    assert "g_sensitivity" not in path.read_text()
+    assert read_calibration(path).tool.triads["gyro"].g_sensitivity is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "words"),
+    [
+        ("gyro", [[1, 2, 3], [1, 2, 3]], "g_sensitivity has shape"),
+        ("gyro", [[1, 2], [1, 2], [1, 2]], "three numbers"),
+        ("gyro", "much", "m rows of three numbers"),
+        ("magnetometer", [[1, 2, 3]] * 3, "only gyros have one"),
+    ],
+)
+def test_a_g_sensitivity_that_cannot_be(tmp_path, kind, value, words):
+    path = tmp_path / "tool.json"
+    write_calibration(with_gyro(np.eye(3)), path)
+    content = json.loads(path.read_text())
+    content["triads"][kind]["g_sensitivity"] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(FileError, match=words):
+        read_calibration(path)

@@ -1,0 +1,203 @@
+"""WITS level 0: nothing is read without a map; a broken frame costs itself only."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.wits0 import Wits0Map, read_frames, read_wits0, read_wits0_map, record_7, write_wits0
+from inclinometry.orientation import angles, fields
+
+# one vendor's spare items: 0722 to 0727 are Gx, Gy, Gz, Bx, By, Bz
+RAW = {"0722": "gx_mg", "0723": "gy_mg", "0724": "gz_mg", "0725": "bx_uT", "0726": "by_uT", "0727": "bz_uT"}
+ANGLES = Wits0Map(record_7(), azimuth_reference="magnetic")
+
+
+def stream(folder, text):
+    path = folder / "a.wits"
+    path.write_text(text)
+    return path
+
+
+def frame(*items):
+    return "\n".join(("&&", *items, "!!")) + "\n"
+
+
+def stations(size=3):
+    inclination, azimuth = np.radians(np.linspace(5, 60, size)), np.radians(np.linspace(20, 70, size))
+    toolface = np.radians(np.linspace(10, 300, size))
+    g, b = fields(azimuth, inclination, toolface, np.radians(72.0))
+    return SurveyFile(
+        md=100.0 + 30.0 * np.arange(size), inclination=inclination, azimuth=azimuth, azimuth_reference="magnetic",
+        toolface=toolface, g=9.81 * g, b=5e4 * b, times=tuple(f"2024-05-01T10:00:0{i}" for i in range(size)),
+    )  # fmt: skip
+
+
+def test_survey_record(tmp_path):
+    text = frame("01081234.5", "0130junk") + frame(
+        "0705240501", "0706093000", "0708328.084", "07131.25", "0715271.5", "0728spare"
+    )
+    found = read_wits0(stream(tmp_path, text), Wits0Map(record_7(feet=True), azimuth_reference="true"))
+    assert found.md[0] == pytest.approx(328.084 * 0.3048)
+    assert np.degrees(found.azimuth[0]) == pytest.approx(271.5)
+    assert found.times == ("2024-05-01T09:30:00",)
+    assert found.extra == {"0728": ("spare",)}
+    assert found.header == {"frames": "2", "frames_broken": "0", "frames_passed_over": "1", "frames_repeated": "0"}
+
+
+@pytest.mark.parametrize("convention", ["house", "iscwsa", "specific-force", "z-up"])
+def test_round_trip_with_raw_sensors(tmp_path, convention):
+    """Numbers are written to 1e-10 of their unit: deg 2e-12 rad, mg 1e-12 m/s^2, uT 1e-7 nT."""
+    channels = Wits0Map(record_7() | RAW, convention, "magnetic")
+    survey, path = stations(), tmp_path / "a.wits"
+    write_wits0(survey, path, channels)
+    found = read_wits0(path, channels)
+    np.testing.assert_allclose(found.g, survey.g, atol=2e-12)
+    np.testing.assert_allclose(found.b, survey.b, atol=2e-7)
+    assert found.times == survey.times
+    same = ("md", "inclination", "azimuth", "toolface")
+    assert all(np.allclose(getattr(found, n), getattr(survey, n), rtol=0, atol=2e-12) for n in same)
+    np.testing.assert_allclose(angles(found.g, found.b).toolface, survey.toolface, atol=1e-10)
+    first = path.read_bytes()
+    write_wits0(found, path, channels)
+    assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("broken", "line", "words"),
+    [
+        ("&&\n070840\n07131\n", 5, "does not end"),
+        ("&&\n070840\nhello\n!!\n", 7, "no item"),
+        ("&&\n070840\n071\n!!\n", 7, "no item"),
+        ("&&\n070840\n07131.2.3\n!!\n", 7, "not a number"),
+        ("&&\n070840\n0713NaN\n!!\n", 7, "not a number"),
+        ("&&\n070840\n07131\n07132\n!!\n", 8, "twice"),
+        ("&&\n!!\n", 5, "empty"),
+        ("!!\n", 5, "without its beginning"),
+    ],
+)
+def test_a_broken_frame_costs_itself_only(tmp_path, broken, line, words):
+    good = frame("070830", "07131.5")
+    path = stream(tmp_path, good + broken + frame("070860", "07132.5"))
+    found = read_wits0(path, ANGLES)
+    np.testing.assert_array_equal(found.md, [30.0, 60.0])
+    assert found.header["frames_broken"] == "1"
+    assert len(found.notes) == 1
+    assert found.notes[0].startswith(f"line {line}:")
+    assert words in found.notes[0]
+
+
+def test_truncated_in_the_last_frame(tmp_path):
+    path = stream(tmp_path, frame("070830", "07131.5") + "&&\n070860\n071")
+    found = read_wits0(path, ANGLES)
+    assert len(found) == 1
+    assert "line 7" in found.notes[0]
+
+
+def test_many_broken_frames_are_counted(tmp_path):
+    path = stream(tmp_path, frame("070830", "07131.5") + frame("x") * 50)
+    found = read_wits0(path, ANGLES)
+    assert found.header["frames_broken"] == "50"
+    assert found.notes[-1] == "30 more broken frames were left out"
+
+
+def test_a_station_sent_again_is_one_station(tmp_path):
+    again = frame("070830", "07131.5", "0706101010")
+    found = read_wits0(stream(tmp_path, frame("070830", "07131.5") + again + frame("070860", "07131.5")), ANGLES)
+    np.testing.assert_array_equal(found.md, [30.0, 60.0])
+    assert found.header["frames_repeated"] == "1"
+    path = stream(tmp_path, frame("070830", "07131.5") + frame("070830", "07131.6"))
+    with pytest.raises(FileError, match="repeats 30 m in line 2") as caught:
+        read_wits0(path, ANGLES)
+    assert caught.value.line == 6
+
+
+def test_values_that_stand_for_nothing(tmp_path):
+    path = stream(tmp_path, frame("070830", "07131.5", "0717-9999") + frame("070860", "0713-9999.00", "071710"))
+    found = read_wits0(path, ANGLES)
+    np.testing.assert_array_equal(np.isnan(found.inclination), [False, True])
+    np.testing.assert_array_equal(np.isnan(found.toolface), [True, False])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "no WITS"),
+        ("a,b\n1,2\n", "no WITS"),
+        (frame("0108100"), "0708"),
+        (frame("x"), "1 frames are broken.*line 2"),
+        (frame("070830", "0713181"), "allowed 0 to 180"),
+        (frame("070830", "07221"), "is missing"),
+        (frame("070830", "0715100"), "without a north"),
+    ],
+)
+def test_one_error(tmp_path, text, words):
+    with pytest.raises(FileError, match=words):
+        read_wits0(stream(tmp_path, text), Wits0Map(record_7() | {"0722": "gx_g"}))
+
+
+@pytest.mark.parametrize(
+    ("channels", "words"),
+    [
+        ({"708": "md_m"}, "four digits"),
+        ({"0708": "md"}, "no unit"),
+        ({"0708": "md_m", "0722": "gx_bananas"}, "0722.*bananas"),
+        ({"0708": "md_m", "0722": "operator"}, "no quantity"),
+        ({"0708": "md_m", "0709": "md_ft"}, "both give md"),
+        ({"0713": "inclination_deg"}, "no depth"),
+    ],
+)
+def test_map_is_checked(channels, words):
+    with pytest.raises(InputError, match=words):
+        Wits0Map(channels)
+    with pytest.raises(InputError):
+        Wits0Map(record_7(), "sideways")
+    with pytest.raises(InputError):
+        Wits0Map(record_7(), azimuth_reference="lunar")
+
+
+def test_map_from_toml(tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text('convention = "iscwsa"\nazimuth_reference = "grid"\n[channels]\n0708 = "md_ft"\n0722 = "gx_mg"\n')
+    found = read_wits0_map(path)
+    assert found == Wits0Map({"0708": "md_ft", "0722": "gx_mg"}, "iscwsa", "grid")
+    for text, words in (
+        ("", "table"), ("channels = 3", "table"), ("[channels]\n0708 = 3", "table"), ("[channels]\n0708=", "TOML"),
+        ('[channels]\n0708 = "md"', "no unit"), ("chanels = 3", "chanels"),
+        ('azimuth_reference = "x"\n[channels]\n0708 = "md_m"', "azimuth_reference"),
+    ):  # fmt: skip
+        path.write_text(text)
+        with pytest.raises(FileError, match=words):
+            read_wits0_map(path)
+
+
+def test_writer_refuses(tmp_path):
+    path = tmp_path / "a.wits"
+    with pytest.raises(InputError, match="north"):
+        write_wits0(replace(stations(), azimuth_reference="grid"), path, ANGLES)
+    with pytest.raises(InputError, match="nothing that is mapped"):
+        write_wits0(SurveyFile(md=[1.0], temperature=[20.0]), path, ANGLES)
+    with pytest.raises(InputError, match="noon"):
+        write_wits0(replace(stations(), times=("noon",) * 3), path, ANGLES)
+    assert not path.exists()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.text(alphabet="&!\n0718.-xé 5", max_size=80))
+def test_any_text_is_frames_or_one_error(text):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "a.wits")
+        path.write_text(text, encoding="utf-8")
+        try:
+            found = read_frames(path)
+        except FileError:
+            return
+    assert found.whole or found.broken

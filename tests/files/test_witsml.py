@@ -1,0 +1,283 @@
+"""WITSML 1.4.1.1 trajectories: units and axes in, the schema's order out, nothing believed that is not said."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import etree
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.witsml import read_witsml, write_witsml
+from inclinometry.orientation import angles, fields
+
+REFERENCE = Path(__file__).parents[1] / "reference" / "witsml-1411"
+FT = 0.3048
+
+
+def full(size=3):
+    """Stations with everything WITSML has a place for."""
+    inclination, azimuth = np.radians(np.linspace(5.0, 60.0, size)), np.radians(np.linspace(20.0, 70.0, size))
+    toolface = np.radians(np.linspace(10.0, 300.0, size))
+    g, b = fields(azimuth, inclination, toolface, np.radians(72.0))
+    n = np.arange(size)
+    return SurveyFile(
+        md=100.0 + 30.0 * n, inclination=inclination, azimuth=azimuth, azimuth_reference="magnetic", toolface=toolface,
+        magnetic_toolface=azimuth, north=n * 5.0, east=n * 3.0, tvd=100.0 + 29.0 * n, g=9.81 * g, b=50_000.0 * b,
+        measured={"g": np.full(size, 9.81), "b": np.full(size, 5e4), "dip": np.radians(72.0) * np.ones(size),
+                  "dogleg_severity": 1e-3 * n},
+        reference={"g": 9.80, "b": 50_100.0, "dip": np.radians(72.1), "declination": -0.05, "convergence": 0.02},
+        corrections={"gx": 1e-3 * n, "gy": 2e-3 * n, "gz": 3e-3 * n, "bx": 10.0 * n, "by": 20.0 * n, "bz": 30.0 * n,
+                     "sag_inclination": 1e-3 * n, "sag_azimuth": 1e-4 * n, "sensor_offset": np.full(size, 15.0)},
+        covariance=np.array([[2.0, 0.1, 0.2], [0.1, 3.0, 0.3], [0.2, 0.3, 1.0]]) * (1.0 + n)[:, None, None],
+        used=n != 1, times=tuple(f"2024-05-0{i + 1}T10:00:00Z" for i in range(size)),
+        header={"nameWell": "A-1 <x> & y", "name": "run 3"},
+    )  # fmt: skip
+
+
+def grammar():
+    return etree.RelaxNG(etree.parse(REFERENCE / "trajectory.rng"))
+
+
+@pytest.mark.parametrize("convention", ["iscwsa", "house", "specific-force", "z-up"])
+def test_round_trip_in_every_convention(tmp_path, convention):
+    """All that the format has a place for comes back: angles are written to 1e-10 deg, hence 2e-12 rad."""
+    survey, path = full(), tmp_path / "a.xml"
+    write_witsml(survey, path, convention=convention)
+    found = read_witsml(path, convention=convention)
+    assert replace(found, extra={}).same_as(survey, rtol=1e-13, atol=2e-12)
+    assert found.header["nameWell"] == "A-1 <x> & y"
+    first = path.read_bytes()
+    write_witsml(found, path, convention=convention)
+    assert path.read_bytes() == first
+
+
+def test_what_is_written_fits_the_grammar(tmp_path):
+    write_witsml(full(), tmp_path / "a.xml")
+    grammar().assertValid(etree.parse(tmp_path / "a.xml"))
+    write_witsml(SurveyFile(md=[9.0], tvd=[9.0]), tmp_path / "b.xml")
+    grammar().assertValid(etree.parse(tmp_path / "b.xml"))
+
+
+def test_a_date_alone_becomes_midnight(tmp_path):
+    write_witsml(replace(full(), times=("2024-05-01", "2024-05-01 10:00", "")), tmp_path / "a.xml")
+    grammar().assertValid(etree.parse(tmp_path / "a.xml"))
+    assert read_witsml(tmp_path / "a.xml").times == ("2024-05-01T00:00:00Z", "2024-05-01T10:00:00Z", "")
+
+
+def test_grammar_tells_a_wrong_order(tmp_path):
+    """The check itself: a station whose inclination stands before its depth is not accepted."""
+    write_witsml(full(), tmp_path / "a.xml")
+    tree = etree.parse(tmp_path / "a.xml")
+    station = tree.getroot()[0].find("{*}trajectoryStation")
+    station.append(station.find("{*}md"))
+    assert not grammar().validate(tree)
+
+
+def test_certification_document():
+    """Feet, feet a second squared, corrections of two kinds summed, axes of SPE 67616: x = tran2, y = -tran1."""
+    found = read_witsml(REFERENCE / "certification.xml")
+    assert found.azimuth_reference == "grid"
+    np.testing.assert_allclose(found.md, [0.0, FT])
+    np.testing.assert_allclose(np.degrees(found.azimuth), [47.3, 247.3])
+    np.testing.assert_allclose(found.g[1], np.array([-16.54, 0.168, 0.116]) * FT)
+    np.testing.assert_allclose(found.b[1], [27.05, -22.5, 22.77])
+    assert np.isnan(found.g[0]).all()
+    np.testing.assert_allclose(found.corrections["bz"][1], 0.17 + 0.03)
+    np.testing.assert_allclose(found.corrections["gx"][1], 0.13 * FT)
+    np.testing.assert_allclose(found.corrections["gy"][1], -0.14 * FT)
+    np.testing.assert_allclose(np.degrees(found.reference["declination"]), [-4.038, -4.038])
+    np.testing.assert_allclose(np.degrees(found.reference["convergence"]), [np.nan, -0.4917])
+    np.testing.assert_allclose(found.covariance[1, 0, 2], 2.356194 * FT**2)
+    np.testing.assert_allclose(np.degrees(found.measured["dogleg_severity"][1]) * 30.0, 0.01 * 30.0 / FT)
+    assert found.extra["typeTrajStation"] == ("tie in point", "magnetic MWD")
+    assert found.header["aziVertSect"] == "82.700 dega"
+    assert any("biasN, vertSect" in note for note in found.notes)
+
+
+def test_axes_keep_the_attitude(tmp_path):
+    """Raw data written in one convention and read in it give inclination, azimuth and toolface back."""
+    survey = full()
+    write_witsml(survey, tmp_path / "a.xml", convention="z-up")
+    found = read_witsml(tmp_path / "a.xml", convention="z-up")
+    seen = angles(found.g, found.b)
+    np.testing.assert_allclose(seen.inclination, survey.inclination, atol=1e-12)
+    np.testing.assert_allclose(seen.azimuth, survey.azimuth, atol=1e-12)
+    np.testing.assert_allclose(seen.toolface, survey.toolface, atol=1e-12)
+
+
+def test_toolface_betrays_other_axes(tmp_path):
+    """Read in axes turned by 90 deg, inclination and azimuth are right; the toolface is not, and a note says so."""
+    write_witsml(full(), tmp_path / "a.xml", convention="iscwsa")
+    found = read_witsml(tmp_path / "a.xml", convention="house")
+    assert any("90 deg" in note and "convention" in note for note in found.notes)
+    np.testing.assert_allclose(angles(found.g, found.b).inclination, full().inclination, atol=1e-12)
+
+
+FINE = (REFERENCE / "certification.xml").read_text()
+
+
+def changed(folder, old, new, count=1):
+    if old not in FINE:
+        raise ValueError(old)
+    path = folder / "a.xml"
+    path.write_text(FINE.replace(old, new, count))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('<md uom="ft">1</md>', "<md>1</md>", "md has no uom"),
+        ('<md uom="ft">1</md>', '<md uom="fathom">1</md>', "md has uom 'fathom'"),
+        ('<incl uom="dega">20', '<incl uom="m">20', "incl has uom 'm'"),
+        ('<gravAxialRaw uom="ft/s2">', '<gravAxialRaw uom="g">', "gravAxialRaw has uom 'g'"),
+        ('<md uom="ft">1</md>', '<md uom="ft">0</md>', "repeats"),
+        ('<md uom="ft">1</md>', "", "without md"),
+        ('<md uom="ft">1</md>', '<md uom="ft">1</md><md uom="m">1</md>', "twice"),
+        ('<incl uom="dega">20', '<incl uom="dega">NaN', "finite"),
+        ('<incl uom="dega">20', '<incl uom="dega">1e999', "infinite"),
+        ('<incl uom="dega">20', '<incl uom="dega">2_0', "finite"),
+        ('<incl uom="dega">20', '<incl uom="dega">', "finite"),
+        ('<incl uom="dega">20', '<incl uom="dega">200', "allowed 0 to 180"),
+        ("<aziRef>grid north</aziRef>", "", "without a north"),
+        ("grid north", "lunar north", "aziRef"),
+        ("1series", "131", "root"),
+        ('version="1.4.1.1"', 'version="1.3.1.1"', "version"),
+        ('<stnGridCorUsed uom="dega">-0.4917</stnGridCorUsed>',
+         '<stnGridCorUsed uom="dega">-0.4917</stnGridCorUsed><stnGridConUsed uom="dega">0.4917</stnGridConUsed>',
+         "contradicts"),
+        ('        <magAxialRaw uom="nT">22.77</magAxialRaw>\n', "", None),
+        ("</gravTran2Raw>", "</gravTran2Raw", "well-formed"),
+    ],
+)  # fmt: skip
+def test_one_error_with_its_line(tmp_path, old, new, words):
+    path = changed(tmp_path, old, new)
+    if words is None:  # a missing axis is an axis not known, not an error
+        assert np.isnan(read_witsml(path).b[1, 2])
+        return
+    with pytest.raises(FileError, match=words) as caught:
+        read_witsml(path)
+    # the line is that of the element, or of the station where a column is checked as a whole
+    own = FINE[: FINE.index(old)].count("\n") + 1
+    station = FINE[: FINE.index('<trajectoryStation uid="2"')].count("\n") + 1
+    assert caught.value.line in ((None,) if "aziRef" in old else (own, own + 1, station))
+
+
+def test_depths_in_two_units(tmp_path):
+    path = changed(tmp_path, '<md uom="ft">1</md>', '<md uom="m">1</md>')
+    with pytest.raises(FileError, match="md of station 2 is in 'm', of the first in 'ft'") as caught:
+        read_witsml(path)
+    assert caught.value.line == FINE[: FINE.index('<md uom="ft">1</md>')].count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('<mdMx uom="ft">1', '<mdMx uom="m">1', "mdMx is 1 m, the stations' 1 ft"),
+        ('<mdMn uom="ft">0', '<mdMn uom="ft">100', "mdMn is 100 ft, the stations' 0 ft"),
+        ('<mdMx uom="ft">1', "<mdMx>1", "mdMx has no uom"),
+    ],
+)
+def test_head_and_stations_contradict_each_other(tmp_path, old, new, words):
+    with pytest.raises(FileError, match=words) as caught:
+        read_witsml(changed(tmp_path, old, new))
+    assert caught.value.line == FINE[: FINE.index(old)].count("\n") + 1
+
+
+def test_head_in_another_unit_or_rounded_agrees(tmp_path):
+    assert len(read_witsml(changed(tmp_path, '<mdMx uom="ft">1', '<mdMx uom="m">0.3048'))) == 2
+    assert len(read_witsml(changed(tmp_path, '<mdMx uom="ft">1', '<mdMx uom="ft">1.4'))) == 2
+
+
+def test_truncated_anywhere(tmp_path):
+    path = tmp_path / "a.xml"
+    end = FINE.rindex("</trajectorys>")
+    for cut in range(1, end, 97):
+        path.write_text(FINE[:cut])
+        with pytest.raises(FileError):
+            read_witsml(path)
+
+
+def test_entities_are_refused(tmp_path):
+    """Billion laughs, an external file and an external document type are refused before anything is expanded."""
+    path = tmp_path / "a.xml"
+    laughs = "".join(f'<!ENTITY l{i + 1} "{f"&l{i};" * 10}">' for i in range(9))
+    for declared in (
+        f'<!DOCTYPE x [<!ENTITY l0 "lol">{laughs}]>',
+        '<!DOCTYPE x [<!ENTITY l9 SYSTEM "file:///etc/hostname">]>',
+        '<!DOCTYPE x SYSTEM "http://localhost:9/x.dtd">',
+    ):
+        text = FINE.replace("?>\n", f"?>\n{declared}\n", 1).replace("Well 1", "&l9;")
+        path.write_text(text)
+        with pytest.raises(FileError, match="document type"):
+            read_witsml(path)
+        path.write_bytes(text.replace("UTF-8", "UTF-16").encode("utf-16"))
+        with pytest.raises(FileError, match=r"document type|well-formed"):
+            read_witsml(path)
+
+
+def test_several_trajectories(tmp_path):
+    start, end = FINE.index("  <trajectory "), FINE.index("</trajectorys>")
+    second = FINE[start:end].replace("T-32", "T-33").replace("Certification Trajectory", "Other")
+    path = tmp_path / "a.xml"
+    path.write_text(FINE[:end] + second + FINE[end:])
+    with pytest.raises(FileError, match=r"'T-32' \(Certification Trajectory\), 'T-33' \(Other\)"):
+        read_witsml(path)
+    assert read_witsml(path, trajectory="T-33").header["name"] == "Other"
+    assert read_witsml(path, trajectory="Certification Trajectory").header["uid"] == "T-32"
+    with pytest.raises(FileError, match="fits 0"):
+        read_witsml(path, trajectory="T-99")
+
+
+def test_too_large_a_file_is_not_parsed(tmp_path, monkeypatch):
+    monkeypatch.setattr("inclinometry.files.witsml.LARGEST", 1000)
+    with pytest.raises(FileError, match="1000"):
+        read_witsml(REFERENCE / "certification.xml")
+    with pytest.raises(FileError, match="no such file"):
+        read_witsml(tmp_path / "none.xml")
+
+
+def test_rejected_station_may_repeat_a_depth(tmp_path):
+    path = changed(tmp_path, '<md uom="ft">1</md>', '<md uom="ft">0</md>')
+    path.write_text(
+        path.read_text().replace(">position<", ">rejected<").replace('<mdMx uom="ft">1', '<mdMx uom="ft">0')
+    )
+    np.testing.assert_array_equal(read_witsml(path).used, [True, False])
+
+
+def test_writer_refuses_what_xml_cannot_hold(tmp_path):
+    survey = full()
+    with pytest.raises(InputError, match="nameWell"):
+        write_witsml(replace(survey, header={"nameWell": "a\x00b"}), tmp_path / "a.xml")
+    with pytest.raises(InputError, match=r"noon.*station 2"):
+        write_witsml(replace(survey, times=("2024-05-01", "noon", "")), tmp_path / "a.xml")
+    with pytest.raises(InputError, match="uid"):
+        write_witsml(replace(survey, extra={"uid": ("1", "1", "2")}), tmp_path / "a.xml")
+    assert not (tmp_path / "a.xml").exists()
+
+
+finite = st.floats(-1e5, 1e5, allow_nan=False)
+angle = st.floats(0.0, 359.9, allow_nan=False)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.floats(0.0, 180.0), angle, finite, finite, finite), min_size=1, max_size=5))
+def test_numbers_survive(rows):
+    columns = np.array(rows).T
+    survey = SurveyFile(
+        md=np.arange(len(rows)) * 10.0, inclination=np.radians(columns[0]), azimuth=np.radians(columns[1]),
+        azimuth_reference="true", b=columns[2:5].T,
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        write_witsml(survey, Path(folder, "a.xml"))
+        found = read_witsml(Path(folder, "a.xml"))
+    np.testing.assert_array_equal(found.b, survey.b + 0.0)
+    np.testing.assert_allclose(found.inclination, survey.inclination, atol=2e-12)
+    np.testing.assert_allclose(found.azimuth, survey.azimuth, atol=2e-12)

@@ -1,0 +1,274 @@
+"""The certificate on paper: everything it must say is on it, literally, on numbered pages, in three languages."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from inclinometry.calibration.expected import expected_uncertainty
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import FileError, InputError
+from inclinometry.laboratory.certificate.dcc import dcc_bytes
+from inclinometry.laboratory.certificate.pdf import certificate_pdf
+from inclinometry.laboratory.certificate.record import (
+    certificate_record,
+    chinese_font,
+    coverage_probability,
+    read_certificate,
+    record_bytes,
+    record_digest,
+    words,
+    write_certificate,
+)
+
+from ...report.conftest import calibrated
+from .certificates import LABORATORY, NASTY, ORDER, calibration, dcc_schema, record, verification
+
+poppler = pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext is not installed")
+
+
+def pages(pdf: bytes, tmp_path: Path) -> list[str]:
+    """Text of each page, blanks and breaking places evened out."""
+    file = tmp_path / "certificate.pdf"
+    file.write_bytes(pdf)
+    text = subprocess.run(["pdftotext", "-layout", file, "-"], capture_output=True, check=True).stdout.decode()
+    return [" ".join(page.replace("\u200b", "").split()) for page in text.split("\f")[:-1]]
+
+
+@pytest.mark.long
+def test_the_same_record_gives_the_same_archive_pdf() -> None:
+    """PDF/A-2b by its own metadata; the digest stands in it; the bytes repeat."""
+    content = record()
+    pdf = certificate_pdf(content)
+    assert pdf == certificate_pdf(json.loads(json.dumps(content)))
+    assert record_digest(content).encode() in pdf
+    assert re.search(rb"<pdfaid:part>2</pdfaid:part>\s*<pdfaid:conformance>B", pdf)
+    assert certificate_pdf(record(number="2026-0002")) != pdf
+
+
+@poppler
+def test_the_page_says_what_the_standard_asks_for(tmp_path: Path) -> None:
+    """ISO/IEC 17025, 7.8: who, what, for whom, when, how, result, unit, uncertainty, page n of m, end."""
+    content = record(head="7:" + "a" * 64, supersedes="2025-0003", order=replace(ORDER, interval_months=12))
+    found = pages(certificate_pdf(content), tmp_path)
+    first, whole = found[0], " ".join(found)
+    for text in (
+        "Calibration certificate", "No. 2026-0001", "Stand & Son", "2 Town", "Hall 3", "NA 12", "Driller",
+        "steering tool", "IN-7", "good", "2026-05-01", "2026-05-04 – 2026-05-05", "2026-05-06",
+        "orthogonal, 24 positions", "stand 1",
+        "temperature 21.5 to 23 °C", "level No. 7", "Anna, head", "12 months", "2025-0003", record_digest(content),
+        "7:" + "a" * 64, "The item conforms", "JCGM 106:2012, 8.2", "our own limits",
+    ):  # fmt: skip
+        assert text in first, text
+    for number, page in enumerate(found, 1):
+        assert f"2026-0001 Page {number} of {len(found)}" in page
+        assert "relate only to the item calibrated" in page
+    assert whole.endswith("End of certificate 2026-0001 — " + found[-1].rpartition("— ")[2])
+    for text in ("k = 2", "about 95 %", "U(I), °", "U0", "Residuals", "Verification at independent positions"):
+        assert text in whole, text
+
+
+@poppler
+def test_special_characters_are_printed_as_they_are(tmp_path: Path) -> None:
+    """Markup of the typesetter, of web pages and of spreadsheets in every free text."""
+    laboratory = replace(LABORATORY, name=NASTY, traceability=NASTY, address=NASTY)
+    order = replace(ORDER, customer=NASTY, item=NASTY, condition=NASTY, rig=NASTY, environment=NASTY, serial=NASTY)
+    content = record(laboratory=laboratory, order=order, previous=calibration(2), previous_from=NASTY, number=NASTY)
+    content["warnings"] = [NASTY]
+    whole = " ".join(pages(certificate_pdf(content), tmp_path)).replace(" ", "")
+    # name, traceability, address (twice: place), customer, item, condition, rig, environment, serial, number, ...
+    assert whole.count(NASTY.replace(" ", "")) >= 12
+
+
+@pytest.mark.long
+def test_long_words_and_many_positions_stay_on_the_page() -> None:
+    """Nothing but the time grows."""
+    order = replace(ORDER, serial="X" * 180, customer="Y" * 400, condition="z " * 240)
+    seen = dict(verification())
+    seen["report"] = seen["report"] | {"positions": seen["report"]["positions"] * 40}
+    assert certificate_pdf(record(order=order, verification=seen)).startswith(b"%PDF")
+
+
+@poppler
+def test_russian_letters_are_shown(tmp_path: Path) -> None:
+    """Cyrillic with the fonts that come with the packages."""
+    first = pages(certificate_pdf(record(language="ru", order=replace(ORDER, customer="Буровая № 1"))), tmp_path)[0]
+    for text in ("Сертификат калибровки", "Буровая № 1", "Изделие соответствует", "Страница 1 из"):
+        assert text in first, text
+
+
+@poppler
+def test_chinese_is_shown_or_refused(tmp_path: Path) -> None:
+    """No boxes: without a font the certificate is refused in one sentence."""
+    content = record(language="zh")
+    if chinese_font() is None:
+        with pytest.raises(InputError, match="no font on this computer shows them; install one"):
+            certificate_pdf(content)
+        with pytest.raises(InputError, match="Chinese"):
+            certificate_pdf(record(order=replace(ORDER, customer="石油")))
+    else:
+        assert "校准证书" in pages(certificate_pdf(content), tmp_path)[0]
+
+
+def test_letters_without_a_font_are_refused() -> None:
+    """Never a box where a name should be."""
+    with pytest.raises(InputError, match="no font on this computer shows"):
+        certificate_pdf(record(order=replace(ORDER, customer="\U00013080")))
+
+
+def test_every_language_has_every_text() -> None:
+    """The same keys with the same places to fill in."""
+    texts = {language: words(language)._texts for language in ("en", "ru", "zh")}
+    for key, text in texts["en"].items():
+        for language in ("ru", "zh"):
+            assert sorted(re.findall(r"{\w+}", texts[language][key])) == sorted(re.findall(r"{\w+}", text)), key
+
+
+def test_uncertainties_are_those_of_the_calibration() -> None:
+    """Twice the worst standard uncertainty of each inclination, growing as 1 / sin I toward the vertical."""
+    table, found = record()["results"]["uncertainty"], calibration()
+    worst = expected_uncertainty(found, np.radians(table["inclination_deg"])).of_one_reading
+    for place, name in enumerate(("inclination", "azimuth", "toolface")):
+        np.testing.assert_allclose(table[f"U_{name}_deg"], np.degrees(2.0 * worst[:, place]), rtol=1e-12)
+    product = np.array(table["U_toolface_deg"]) * np.sin(np.radians(table["inclination_deg"]))
+    assert product[0] == pytest.approx(product[1], rel=1e-2)
+    assert table["coverage_probability"] == round(coverage_probability(2.0), 4) == 0.9545
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("sensors", [{"accelerometer": 3}, {"accelerometer": 3, "gyro": 3}, {"accelerometer": 2}])
+def test_every_kind_of_tool_can_be_certified(sensors: dict[str, int]) -> None:
+    """Angles it cannot give are left out, not invented; the digital certificate fits too."""
+    content = certificate_record(calibrated(sensors)[1], LABORATORY, ORDER, number="1", program="inclinometry 0")
+    table = content["results"]["uncertainty"]
+    assert ("U_azimuth_deg" in table) == ("gyro" in sensors)
+    if sensors["accelerometer"] == 2:
+        # given, with the condition it holds under; lost toward the horizontal, where it was "no uncertainty" before
+        at = dict(zip(table["inclination_deg"], table["U_inclination_deg"], strict=True))
+        # a textbook's g at the calibration: 0.3 % of it is 2 * 0.17 deg times the tangent
+        assert at[30.0] == pytest.approx(2.0 * np.degrees(3e-3 * np.tan(np.radians(30.0))), rel=0.15)
+        assert at[90.0] > 30.0
+        assert any("known to 0.3 %" in sentence and "cancels" in sentence for sentence in content["warnings"])
+        assert any("two accelerometers" in sentence for sentence in content["warnings"])
+    assert certificate_pdf(content).startswith(b"%PDF")
+    schema = dcc_schema()
+    assert schema.validate(etree.fromstring(dcc_bytes(content))), schema.error_log
+
+
+def test_before_and_after() -> None:
+    """The earlier values, their difference; another kind of tool is refused."""
+    seen = record(previous=calibration(2), previous_from="2025-0001")["adjustment"]
+    assert seen["previous"] == "2025-0001"
+    assert 0.0 < seen["largest_difference_deg"]["azimuth"] < 1.0
+    assert [row["name"] for row in seen["parameters"]] == list(calibration().tool.parameter_names)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("seen", "statement", "rule"),
+    [
+        (lambda: verification(1.0), "pass", "simple"),
+        (lambda: verification(0.01), "fail", "simple"),
+        (lambda: verification(1.0, "expanded-uncertainty"), "pass", "guarded"),
+        (lambda: verification(None), "pass", "consistency"),
+        (lambda: None, "not assessed", None),
+    ],
+)
+def test_conformity_and_its_rule(seen, statement, rule) -> None:  # type: ignore[no-untyped-def]
+    """Stated as verified; every kind can be printed."""
+    content = record(verification=seen())
+    assert {key: content["conformity"][key] for key in ("statement", "rule")} == {"statement": statement, "rule": rule}
+    assert certificate_pdf(content).startswith(b"%PDF")
+
+
+@poppler
+def test_the_first_page_says_to_what_the_statement_applies(tmp_path: Path) -> None:
+    """Protocol with n of m, angles and inclinations judged, what was not; the reference of the rig."""
+    seen = copy.deepcopy(verification(1.0))
+    seen["report"]["protocol"] = {"name": "twelve", "taken": 12, "positions": 12}
+    for row in seen["report"]["positions"]:
+        row["toolface"]["decision"] = "not judged"
+    order = replace(ORDER, rig_traceability="NMI cert 12", rig_place="hall 9")
+    for language, said in (
+        ("en", "the statement does not apply to: toolface"),
+        ("ru", "не относится к: угол установки"),
+    ):
+        content = record(verification=seen, order=order, language=language, laboratory=replace(LABORATORY, place=""))
+        text = " ".join(pages(certificate_pdf(content), tmp_path)[0].split())
+        assert said in text
+        assert "NMI cert 12" in text
+        assert "hall 9" in text
+    text = " ".join(pages(certificate_pdf(record(verification=seen)), tmp_path)[0].split())
+    assert "twelve, 12 of 12 positions" in text
+    assert "inclination at 12 positions, inclination 0° to 90°" in text
+    assert "azimuth at 9 positions, inclination 90° to 90°" in text
+
+
+def test_without_a_laboratory_it_says_that_it_is_none(tmp_path: Path) -> None:
+    """Printed all the same, with a box."""
+    pdf = certificate_pdf(record(laboratory=None))
+    if shutil.which("pdftotext"):
+        assert "not a certificate in the sense of ISO/IEC 17025" in pages(pdf, tmp_path)[0]
+
+
+def test_the_file_of_the_record(tmp_path: Path) -> None:
+    """Its digest is the one on the certificate; damage is refused with the place."""
+    content, path = record(), tmp_path / "record.json"
+    write_certificate(content, path)
+    assert read_certificate(path) == content
+    assert digest_bytes(path.read_bytes()) == record_digest(content)
+    path.write_bytes(record_bytes(content | {"language": "fr"}))
+    with pytest.raises(FileError, match=r"\$\.language is \"fr\"; it must be en, ru or zh"):
+        read_certificate(path)
+    path.write_bytes(record_bytes(content | {"version": 2}))
+    with pytest.raises(FileError, match="newer release"):
+        read_certificate(path)
+
+
+def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
+    """Control characters and marks that turn the direction of writing."""
+    content = record(order=replace(ORDER, customer="A\x00B\u202eC\nD"))
+    assert content["customer"]["name"] == "ABC\nD"
+    with pytest.raises(InputError, match="language is 'fr'"):
+        record(language="fr")
+    with pytest.raises(InputError, match="date of issue"):
+        record(order=replace(ORDER, issued=None))
+
+
+@pytest.mark.long
+def test_the_box_is_green_only_where_nothing_speaks_against_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Warnings of the verification and remarks stand in the box itself, and take its green away."""
+    seen: list[dict[str, str]] = []
+
+    def compiled(*_: object, sys_inputs: dict[str, str], **__: object) -> bytes:
+        seen.append(json.loads(sys_inputs["data"]))
+        return b"%PDF"
+
+    monkeypatch.setattr("typst.compile", compiled)
+    doubted = copy.deepcopy(verification(1.0))
+    doubted["report"]["warnings"] = ["the stand is poor"]
+    plain = copy.deepcopy(verification(1.0)) | {"report": verification(1.0)["report"] | {"warnings": []}}
+    clean = record(verification=plain) | {"warnings": []}
+    for content in (
+        clean,
+        clean | {"verification": doubted},
+        clean | {"warnings": ["the sign is assumed"]},
+        record(verification=verification(0.01)),
+        record(verification=None),
+    ):
+        certificate_pdf(content)
+    colours = [content["conformity_colour"] for content in seen]
+    assert colours[0] == "#1a7f37"
+    assert colours[1] == colours[2] != colours[0]
+    assert len(set(colours)) == 4
+    assert "the stand is poor" in seen[1]["conformity"]
+    assert "the sign is assumed" in seen[2]["conformity"]

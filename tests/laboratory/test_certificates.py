@@ -1,0 +1,332 @@
+"""Certificates in the ledger: issued once, consecutive, voided or superseded, checked, refused."""
+
+from __future__ import annotations
+
+import copy
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.acceptance import Limits
+from inclinometry.errors import InputError
+from inclinometry.laboratory.certificate.dcc import read_dcc
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
+from inclinometry.laboratory.certificates import (
+    certificates,
+    documents,
+    issue,
+    next_number,
+    status,
+    supersede,
+    verify_certificate,
+    void,
+)
+from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
+from inclinometry.laboratory.ledger.verify import verify
+from inclinometry.laboratory.registry import (
+    RegisteredRig,
+    RegisteredSite,
+    RegisteredTool,
+    find_rig,
+    put_rig,
+    put_site,
+    put_tool,
+)
+from inclinometry.laboratory.results import finish_calibration
+from inclinometry.laboratory.session import open_session
+from inclinometry.laboratory.standing import Goal, standing
+from inclinometry.laboratory.verification import finish_verification
+from inclinometry.report.words import significant
+from inclinometry.sensors import Tool
+from inclinometry.simulate.tool import realistic_tool
+
+LABORATORY = Laboratory("Stand 1", "Street 1", "NO", authoriser="Anna")
+WIDE, NARROW = (Limits("shop", "our own", float(np.radians(x)), None, None) for x in (5.0, 0.001))
+
+
+@pytest.fixture
+def made(laboratory: Ledger, bench: SimpleNamespace) -> Callable[..., tuple[str, str]]:
+    """made(seed, limits) -> ids of a calibration and its verification."""
+
+    def make(seed: int = 1, limits: Limits = WIDE) -> tuple[str, str]:
+        session = bench.calibrated(laboratory, plans.orthogonal(), seed)
+        calibration = finish_calibration(laboratory, session.id, author="anna").id
+        return calibration, checked(laboratory, bench, calibration, seed, limits)
+
+    return make
+
+
+def checked(ledger: Ledger, bench: SimpleNamespace, calibration: str, seed: int, limits: Limits) -> str:
+    """Id of a verification at six positions."""
+    tool: Tool = realistic_tool(7)
+    twelve = plans.twelve()
+    plan = plans.Plan("six of twelve", twelve.azimuth[:6], twelve.inclination[:6], twelve.toolface[:6])
+    session = open_session(ledger, "IN-7", plan, rig="stand 1", author="anna", purpose="verify")
+    bench.take(ledger, session, bench.sensors(tool, 100 + seed))
+    return finish_verification(ledger, session.id, calibration, author="anna", limits=limits).id
+
+
+@pytest.mark.long
+def test_from_issue_to_the_auditor(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """Number, documents, head of the chain; the check finds nothing; the ledger verifies."""
+    calibration, verification = made()
+    head, began = str(laboratory.head()), datetime.now(UTC).year
+    record = issue(laboratory, calibration, verification, LABORATORY, author="anna")
+    year = int(record.keys["number"][:4])
+    assert year in (began, datetime.now(UTC).year)
+    assert record.keys == {"number": f"{year}-0001", "serial": "IN-7"}
+    assert record.body["head"] == head
+    content = record.body["record"]
+    assert content["item"]["name"] == "steering tool"
+    assert content["interval_months"] == 12
+    conformity = content["conformity"]
+    assert (conformity["statement"], conformity["rule"]) == ("pass", "simple")
+    assert list(conformity["judged"]) == ["inclination"]
+    assert conformity["judged"]["inclination"]["positions"] == 6
+    assert content["verification"]["report"]["protocol"] == {"name": "six of twelve", "taken": 6, "positions": 6}
+    files = documents(laboratory, record)
+    assert [name for name, _, _ in files.values()] == [f"{year}-0001_IN-7{end}" for end in (".pdf", ".xml", ".json")]
+    assert files["pdf"][2].startswith(b"%PDF")
+    assert read_dcc(files["dcc"][2]).serial == "IN-7"
+    found = verify_certificate(laboratory, record.keys["number"])
+    assert found.ok, found.problems
+    assert verify(laboratory).ok
+    assert status(laboratory, record.keys["number"]).state == "issued"
+
+
+@pytest.mark.long
+def test_numbers_are_consecutive_and_begin_anew_each_year(
+    laboratory: Ledger, made: Callable[..., tuple[str, str]]
+) -> None:
+    """A number of one's own does not disturb them; a taken one is refused."""
+    first, second, third = made(1)[0], made(2)[0], made(3)[0]
+    number = issue(laboratory, first, None, LABORATORY, author="a").keys["number"]
+    assert number.endswith("-0001")
+    assert issue(laboratory, second, None, LABORATORY, author="a", number="X 1").keys["number"] == "X 1"
+    with pytest.raises(LedgerError, match="is taken; leave it out"):
+        issue(laboratory, third, None, LABORATORY, author="a", number="X 1")
+    year = int(number[:4])
+    assert next_number(laboratory, year) == f"{year}-0002"
+    assert next_number(laboratory, year + 1) == f"{year + 1}-0001"
+    previous = issue(laboratory, third, None, LABORATORY, author="a").body["record"]["adjustment"]["previous"]
+    assert previous.startswith("X 1 (")
+
+
+@pytest.mark.long
+def test_what_does_not_belong_is_refused(
+    laboratory: Ledger, bench: SimpleNamespace, made: Callable[..., tuple[str, str]]
+) -> None:
+    """Another calibration's verification, a failed one unsaid, a second certificate, no laboratory."""
+    (one, good), (two, bad) = made(1), made(2, NARROW)
+    with pytest.raises(LedgerError, match="another calibration of this tool"):
+        issue(laboratory, one, bad, LABORATORY, author="a")
+    with pytest.raises(LedgerError, match="does not conform; agree to that"):
+        issue(laboratory, two, bad, LABORATORY, author="a")
+    with pytest.raises(LedgerError, match="no calibration record"):
+        issue(laboratory, good, None, LABORATORY, author="a")
+    with pytest.raises(InputError, match="laboratory is not known"):
+        issue(laboratory, one, good, author="a")
+    with pytest.raises(InputError, match="country"):
+        issue(laboratory, one, good, replace(LABORATORY, country=""), author="a")
+    assert certificates(laboratory) == []
+    stated = issue(laboratory, two, bad, LABORATORY, author="a", nonconforming=True)
+    assert stated.body["record"]["conformity"]["statement"] == "fail"
+    with pytest.raises(LedgerError, match=r"certified already by \d{4}-0001; void or supersede"):
+        issue(laboratory, two, None, LABORATORY, author="a")
+
+
+@pytest.mark.long
+def test_a_verification_of_another_tool_is_refused(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """Though somebody recorded it with this calibration's id."""
+    calibration, verification = made()
+    body = laboratory.get("verification", verification).body
+    put_tool(laboratory, RegisteredTool("IN-8", "another"), author="a")
+    keys = {"serial": "IN-8", "calibration": calibration}
+    other = laboratory.append("verification", keys, body, author="a").id
+    with pytest.raises(LedgerError, match="verification is of tool IN-8, the calibration of IN-7"):
+        issue(laboratory, calibration, other, LABORATORY, author="a")
+
+
+def test_void_and_supersede_never_edit(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """The old records stay as they were; reasons are asked for; nothing is done twice."""
+    (one, good), (two, _) = made(1), made(2)
+    first = issue(laboratory, one, good, LABORATORY, author="a").keys["number"]
+    with pytest.raises(LedgerError, match="say why"):
+        void(laboratory, first, "  ", author="a")
+    second = supersede(laboratory, first, one, None, LABORATORY, reason="wrong customer", author="b")
+    assert second.body["supersedes"] == first
+    seen = status(laboratory, first)
+    assert (seen.state, seen.by, seen.reason) == ("superseded", second.keys["number"], "wrong customer")
+    assert void(laboratory, second.keys["number"], "tool dropped", author="a").state == "void"
+    for again in (first, second.keys["number"]):
+        with pytest.raises(LedgerError, match="already"):
+            void(laboratory, again, "x", author="a")
+        with pytest.raises(LedgerError, match="already"):
+            supersede(laboratory, again, two, None, LABORATORY, reason="x", author="a")
+    third = issue(laboratory, one, good, LABORATORY, author="a")
+    assert [found.state for found in certificates(laboratory, serial="IN-7")] == ["issued", "void", "superseded"]
+    for number in (first, second.keys["number"], third.keys["number"]):
+        assert verify_certificate(laboratory, number).ok
+    with pytest.raises(LedgerError, match="no certificate 'none'"):
+        status(laboratory, "none")
+
+
+@pytest.mark.long
+def test_a_superseded_calibration_is_not_certified_beside_its_successor(
+    laboratory: Ledger, made: Callable[..., tuple[str, str]]
+) -> None:
+    """The certificate that replaced it stands: another one of the old calibration needs a reason."""
+    (one, good), (two, _) = made(1), made(2)
+    first = issue(laboratory, one, good, LABORATORY, author="a").keys["number"]
+    second = supersede(laboratory, first, two, None, LABORATORY, reason="better", author="a").keys["number"]
+    with pytest.raises(LedgerError, match=f"superseded by {second}"):
+        issue(laboratory, one, good, LABORATORY, author="a")
+
+
+@pytest.mark.long
+def test_two_who_issue_at_once(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """Different calibrations get different numbers in sequence; the same one is certified once."""
+    one, two = made(1)[0], made(2)[0]
+    numbers: list[str] = []
+    refused: list[str] = []
+    start = threading.Barrier(3)
+
+    def work(calibration: str) -> None:
+        start.wait()
+        try:
+            numbers.append(issue(laboratory, calibration, None, LABORATORY, author="a").keys["number"])
+        except LedgerError as error:
+            refused.append(str(error))
+
+    threads = [threading.Thread(target=work, args=(name,)) for name in (one, two, two)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(number[-4:] for number in numbers) == ["0001", "0002"]
+    assert len(refused) == 1
+    assert "certified already" in refused[0]
+
+
+@pytest.mark.long
+def test_the_laboratory_of_the_site(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """Taken from the site of the session; order and environment from the session; special characters kept."""
+    put_site(
+        laboratory, RegisteredSite("hall", laboratory={"name": "Hall <3>", "country": "NO", "fax": "1"}), author="a"
+    )
+    settings = {
+        "site": "hall",
+        "customer": "=A1 & #b",
+        "received": "2020-01-02",
+        "condition": "as new",
+        "order": "77",
+        "environment": {"temperature_degC": [20.0, 22.0], "humidity_percent": 40},
+    }
+    session = open_session(laboratory, "IN-7", plans.orthogonal(), rig="stand 1", author="a", settings=settings)
+    session = bench.take(laboratory, session, bench.sensors(realistic_tool(7), 5))
+    calibration = finish_calibration(laboratory, session.id, author="a").id
+    content = issue(laboratory, calibration, None, author="a").body["record"]
+    assert content["laboratory"]["name"] == "Hall <3>"
+    assert content["customer"] == {"name": "=A1 & #b", "address": "", "reference": "77"}
+    assert content["dates"]["received"] == "2020-01-02"
+    assert content["environment"] == {"text": "", "temperature_degC": [20.0, 22.0], "humidity_percent": [40.0, 40.0]}
+
+
+@pytest.mark.long
+def test_the_rig_is_traced_and_somebody_answers(
+    laboratory: Ledger, bench: SimpleNamespace, made: Callable[..., tuple[str, str]]
+) -> None:
+    """ISO/IEC 17025, 7.8.4.1 c) and 7.8.2.1 o): the rig as it was then, the author where nobody else is named."""
+    sd = (bench.sd,) * 3
+    put_rig(laboratory, RegisteredRig("stand 1", sd, traceability="NMI cert 12", place="hall 2"), author="a")
+    one, two = made(1)[0], made(2)[0]
+    put_rig(laboratory, RegisteredRig("stand 1", sd, traceability="NMI cert 13", place="hall 3"), author="a")
+    nobody = replace(LABORATORY, authoriser="")
+    record = issue(laboratory, one, None, nobody, author="bert")
+    method = record.body["record"]["method"]
+    assert (method["rig_traceability"], method["rig_place"]) == ("NMI cert 12", "hall 2")
+    assert record.body["record"]["laboratory"]["authoriser"] == "bert"
+    assert b"NMI cert 12" in documents(laboratory, record)["dcc"][2]
+    record = issue(laboratory, two, None, LABORATORY, author="bert", authoriser=("Bert B", "metrologist"))
+    house = record.body["record"]["laboratory"]
+    assert (house["authoriser"], house["authoriser_role"]) == ("Bert B", "metrologist")
+
+
+def forged(change: Callable[[dict[str, Any]], object], true: Record) -> dict[str, Any]:
+    """The body of a certificate with its record changed."""
+    body = copy.deepcopy(dict(true.body))
+    change(body["record"])
+    return body
+
+
+@pytest.mark.long
+def test_a_record_that_contradicts_is_named(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+    """Whatever was recorded beside the documents."""
+    calibration, verification = made()
+    true = issue(laboratory, calibration, verification, LABORATORY, author="a")
+    changes: list[tuple[Callable[[dict[str, Any]], object], str]] = [
+        (
+            lambda content: content["results"]["parameters"][0].update(value=1.0),
+            "other parameters than its calibration",
+        ),
+        (lambda content: content["item"].update(serial="IN-9"), "JSON file is not its record"),
+        (lambda content: content["item"].update(serial="IN-9"), "PDF does not bear the digest"),
+        (lambda content: content["item"].update(serial="IN-9"), "DCC is of another record"),
+        (lambda content: content["verification"].update(verdict="fail"), "another verification"),
+        (lambda content: content.update(number="1"), "that of number 1"),
+        (lambda content: content.pop("dates"), "does not fit"),
+    ]
+    for place, (change, said) in enumerate(changes):
+        keys = {"number": f"forged {place}", "serial": "IN-7"}
+        laboratory.append("certificate", keys, forged(change, true), author="mallory")
+        problems = verify_certificate(laboratory, keys["number"]).problems
+        assert any(said in problem for problem in problems), (said, problems)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("span", [(10.0, 90.0), (12.0, 88.0)])
+def test_what_would_be_certified_is_what_is_certified(
+    laboratory: Ledger, bench: SimpleNamespace, span: tuple[float, float]
+) -> None:
+    """The bench's number is one of the certificate's table, to the last bit and as printed; a goal is judged by it."""
+    session = bench.calibrated(laboratory, plans.orthogonal())
+    rig = find_rig(laboratory, "stand 1")
+    assert rig is not None
+    goal = Goal(inclination_range=(float(np.radians(span[0])), float(np.radians(span[1]))))
+    now = standing(session, goal, rig)
+    limits = {"u_azimuth": now.u_azimuth, "u_inclination": now.u_inclination}
+    assert standing(session, replace(goal, **limits), rig).reached
+    assert not standing(session, replace(goal, u_azimuth=now.u_azimuth * (1.0 - 1e-12)), rig).reached
+    calibration = finish_calibration(laboratory, session.id, author="anna", goal=goal).id
+    table = issue(laboratory, calibration, None, LABORATORY, author="anna").body["record"]["results"]["uncertainty"]
+    # 12 to 88 deg is covered by the rows from 10 to 90 deg
+    rows = [n for n, x in enumerate(table["inclination_deg"]) if 10.0 <= x <= 90.0]
+    assert np.degrees(now.covered).round(9).tolist() == [10.0, 90.0]
+    alone = table["from_calibration"]
+    for name, value, part in zip(
+        ("inclination", "azimuth"), (now.u_inclination, now.u_azimuth), now.from_calibration, strict=True
+    ):
+        certified = max(table[f"U_{name}_deg"][n] for n in rows)
+        assert float(np.degrees(value)) == certified
+        assert significant(float(np.degrees(value))) == significant(certified)
+        assert float(np.degrees(part)) == max(alone[f"U_{name}_deg"][n] for n in rows)
+    recorded = laboratory.get("calibration", calibration).body["capability_deg"]
+    assert recorded["U_azimuth_deg"] == table["U_azimuth_deg"]
+
+
+def test_a_goal_below_the_noise_of_one_reading_is_never_reached(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """No calibration betters what one reading scatters; the bench knows by how much."""
+    session = bench.calibrated(laboratory, plans.orthogonal())
+    rig = find_rig(laboratory, "stand 1")
+    assert rig is not None
+    now = standing(session, Goal(), rig)
+    assert 0.0 < now.noise[1] < now.u_azimuth <= np.hypot(now.noise[1], now.from_calibration[1]) * (1.0 + 1e-12)
+    low = standing(session, Goal(u_azimuth=0.9 * now.noise[1]), rig)
+    assert not low.reached

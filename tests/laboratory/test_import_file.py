@@ -1,0 +1,96 @@
+"""Files brought into the ledger: readings, tool.json, and everything that is neither."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration import plans
+from inclinometry.errors import FileError, InclinometryError
+from inclinometry.laboratory.import_file import LARGEST, import_file
+from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
+from inclinometry.laboratory.ledger.verify import verify
+from inclinometry.laboratory.results import calibration_of, finish_calibration, history
+from inclinometry.laboratory.session import Session, load_session
+
+HEAD = "station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z"
+
+
+def _csv(session: Session) -> bytes:
+    rows = [HEAD]
+    for taken in session.valid:
+        channels = taken.capture.channels
+        values = np.concatenate([np.degrees(taken.capture.dial).round(9), channels["accelerometer"]])
+        values = np.concatenate([values, channels["magnetometer"]])
+        rows.append(",".join([f"=cmd()|{taken.number}", *(repr(float(x)) for x in values)]))
+    return "\n".join(rows).encode()
+
+
+@pytest.mark.long
+def test_readings_become_a_session(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """The same calibration as from the readings captured on the stand; a name like a formula stays a note."""
+    session = bench.calibrated(laboratory, plans.orthogonal())
+    record = import_file(laboratory, _csv(session), "IN-7", "stand 1", author="anna")
+    seen = load_session(laboratory, record.id)
+    assert (len(seen.valid), seen.closed, seen.plan) == (24, "", "imported")
+    assert {taken.capture.how for taken in seen.valid} == {"import"}
+    assert seen.valid[0].capture.note.startswith("station =cmd()|1")
+    first = finish_calibration(laboratory, session.id, author="anna")
+    again = finish_calibration(laboratory, record.id, author="anna")
+    assert again.body["readings"] == [taken.record for taken in seen.valid]
+    pair = [np.array([row[1] for row in one.body["summary"]["parameters"]]) for one in (first, again)]
+    np.testing.assert_allclose(pair[1], pair[0], rtol=1e-3, atol=1.0)
+    assert verify(laboratory).ok
+
+
+def test_tool_json_becomes_a_calibration(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """Digit by digit, with a closed session that says where it came from."""
+    made = finish_calibration(laboratory, bench.calibrated(laboratory, plans.orthogonal()).id, author="anna")
+    content = json.dumps(made.body["tool_json"]).encode()
+    record = import_file(laboratory, content, "IN-7", "stand 1", author="anna")
+    assert record.kind == "calibration"
+    np.testing.assert_array_equal(calibration_of(record).covariance, calibration_of(made).covariance)
+    session = load_session(laboratory, record.keys["session"])
+    assert session.closed == "finished"
+    assert session.settings["settings"]["imported"].startswith("sha256:")
+    assert len(history(laboratory, "IN-7")) == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"", "0 bytes"),
+        (b"x" * (LARGEST + 1), "bytes; allowed"),
+        (b"a,b\n1,2\n", "no channels"),
+        (b"station,accel_x,accel_y,accel_z\nA,1,2,3\n", "no rig angles"),
+        (HEAD.encode() + b"\nA,0,0,0,1,2,nan,4,5,6\n", "the file"),
+        (HEAD.encode() + b"\nA,0,0,0,1,2,=1+1,4,5,6\n", "line 2"),
+        (b"{}", "the file"),
+        (b'{"schema": "inclinometry/tool"', "the file"),
+        (b"{" * 200_000, "the file"),
+        (b'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]><x>&e;</x>', "the file"),
+        (b"PK\x03\x04" + bytes(100), "the file"),
+        (b"\xff\xfe\x00\x01" * 50, "the file"),
+    ],
+)
+def test_what_is_neither_is_refused(laboratory: Ledger, content: bytes, problem: str) -> None:
+    """Said without a path of the server; nothing is recorded."""
+    before = laboratory.head()
+    with pytest.raises(FileError) as refused:
+        import_file(laboratory, content, "IN-7", "stand 1", author="anna")
+    assert problem in str(refused.value)
+    assert "/tmp" not in str(refused.value)
+    assert laboratory.head() == before
+
+
+def test_tool_and_rig_must_be_registered(laboratory: Ledger) -> None:
+    """Nothing is made up from a file."""
+    for serial, rig in (("../../etc", "stand 1"), ("IN-7", "<script>")):
+        with pytest.raises(LedgerError, match="not registered"):
+            import_file(laboratory, b"a,b\n1,2\n", serial, rig, author="anna")
+    text = (HEAD + "\nA,0,0,0,1,2,3,4,5,6\n").encode()
+    with pytest.raises(InclinometryError, match="purpose"):
+        import_file(laboratory, text, "IN-7", "stand 1", author="anna", purpose="x")

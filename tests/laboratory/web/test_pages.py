@@ -1,0 +1,250 @@
+"""The pages of records: who may see them, that they answer, that what users write stays text."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from inclinometry.files.limits import read_limits
+from inclinometry.laboratory.demonstration import half_way, reading
+from inclinometry.laboratory.instruments.protocol_toml import read_protocol
+from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument
+from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.verify import verify
+from inclinometry.laboratory.registry import RegisteredSite, RegisteredTool, put_site, put_tool
+from inclinometry.laboratory.session import capture
+from inclinometry.laboratory.verification import begin_verification, finish_verification
+from inclinometry.laboratory.web.words import LANGUAGES, say
+
+SCRIPT = "<script>alert(1)</script>"
+NAME = "=cmd|' /C calc'!A0"
+CUSTOMER = "{{7*7}} \u202eecila"
+LABORATORY = {"name": "Laboratory", "address": "a street", "country": "DE"}
+
+
+def _filled(path: Path) -> SimpleNamespace:
+    """A tool calibrated, verified, being verified; a tool whose texts are attacks."""
+    instrument = SimulatedInstrument(read_protocol("csv-line"), seed=1)
+    with Ledger(path) as ledger:
+        half_way(ledger, instrument)
+        put_site(ledger, RegisteredSite("demonstration", laboratory=LABORATORY), author="anna")
+        tool = RegisteredTool(SCRIPT, NAME, customer=CUSTOMER, description="@SUM(1)", interval_months=12)
+        put_tool(ledger, tool, author="<b>anna</b>")
+        calibration = ledger.find("calibration", serial="DEMO-1", limit=1)[0].id
+        done, under_way = (
+            begin_verification(ledger, calibration, "roll-8", author="anna", limits=limits)
+            for limits in (None, read_limits("rogatykh-2018-fluxgate"))
+        )
+        for session, number in ((done, 8), (under_way, 5)):
+            for position in session.positions[:number]:
+                capture(ledger, session.id, position.number, reading(instrument, position.dial), author="anna")
+        verification = finish_verification(ledger, done.id, calibration, author="anna").id
+    return SimpleNamespace(
+        calibration=calibration, verification=verification, done=done.id, under_way=under_way.id, serial="DEMO-1"
+    )
+
+
+@pytest.fixture(scope="module")
+def open_bench(open_server) -> SimpleNamespace:
+    """A bench on loopback with records."""
+    ids = _filled(open_server.ledger)
+    with open_server.local() as browser:
+        yield SimpleNamespace(**vars(ids), browser=browser, server=open_server)
+
+
+@pytest.fixture(scope="module")
+def users_bench(users_server) -> SimpleNamespace:
+    """A bench whose users log in, with records."""
+    return SimpleNamespace(**vars(_filled(users_server.ledger)), server=users_server)
+
+
+def _pages(bench: SimpleNamespace) -> list[str]:
+    return [
+        "/",
+        "/tools",
+        "/tools?after=A",
+        f"/tools/{bench.serial}",
+        "/tools/%3Cscript%3Ealert(1)%3C%2Fscript%3E",
+        f"/results/{bench.calibration}",
+        "/verify",
+        f"/verify?calibration={bench.calibration}",
+        f"/verify/{bench.under_way}/finish",
+        f"/verify/{bench.done}/finish",
+        f"/verifications/{bench.verification}",
+        "/certificates",
+        "/certificates/new",
+        f"/certificates/new?calibration={bench.calibration}",
+        "/ledger",
+        "/ledger?kind=tool",
+        "/ledger?kind=calibration&before=3",
+        f"/ledger?kind=calibration&key={bench.calibration}",
+        "/import",
+        "/users",
+    ]
+
+
+def test_every_page_answers_and_shows_texts_as_texts(open_bench: SimpleNamespace) -> None:
+    """No page holds a user's text as markup; the pages of tools and of the ledger show it."""
+    for page in _pages(open_bench):
+        answer = open_bench.browser.get(page)
+        assert answer.status_code == 200, (page, answer.text[:300])
+        assert SCRIPT not in answer.text, page
+        assert "<b>anna" not in answer.text, page
+    for page in ("/tools", "/ledger?kind=tool", "/"):
+        assert "&lt;script&gt;alert(1)" in open_bench.browser.get(page).text, page
+    assert "\u202e" not in open_bench.browser.get("/tools").text
+    assert "{{7*7}}" in open_bench.browser.get("/tools").text
+
+
+def test_each_language_has_its_pages(open_bench: SimpleNamespace) -> None:
+    """The cookie chooses."""
+    for language in LANGUAGES:
+        headers = {"cookie": f"inclinometry_language={language}"}
+        answer = open_bench.browser.get(f"/verifications/{open_bench.verification}", headers=headers)
+        assert say(language, "verify.positions") in answer.text
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [
+        ("/tools/..%2F..%2Fnobody", 404),
+        ("/tools/nobody", 404),
+        ("/results/none", 404),
+        ("/verifications/..%2F..%2Fx", 404),
+        ("/verify/none/finish", 404),
+        ("/certificates/..%2Fx", 404),
+        ("/certificates/none", 404),
+        ("/api/v1/certificates/none/pdf", 404),
+        ("/api/v1/certificates/..%2F..%2Fetc/pdf", 404),
+        ("/api/v1/certificates/none/exe", 422),
+        ("/api/v1/tables/verification/none.csv", 422),
+        ("/ledger?before=x", 422),
+    ],
+)
+def test_what_is_not_there_is_said(open_bench: SimpleNamespace, path: str, status: int) -> None:
+    """No path leads out of the ledger."""
+    assert open_bench.browser.get(path).status_code == status
+
+
+def test_tables_hold_no_formulas(open_bench: SimpleNamespace) -> None:
+    """A text a spreadsheet would calculate begins with an apostrophe; numbers stay numbers."""
+    answer = open_bench.browser.get("/api/v1/tables/tools.csv")
+    rows = list(csv.reader(io.StringIO(answer.content.decode("utf-8-sig"))))
+    attack = next(row for row in rows if row[0] == SCRIPT)
+    assert attack[1] == f"'{NAME}"
+    assert not any(cell.startswith(("=", "@", "+")) for row in rows for cell in row)
+    answer = open_bench.browser.get(f"/api/v1/tables/verification/{open_bench.verification}.csv")
+    head, *positions = csv.reader(io.StringIO(answer.content.decode("utf-8-sig")))
+    errors = [float(row[head.index("inclination_error_deg")]) for row in positions]
+    assert len(errors) == 8
+    assert min(errors) < 0.0 < max(errors)
+    answer = open_bench.browser.get("/api/v1/tables/history.csv", params={"serial": "DEMO-1"})
+    assert "accelerometer.offset[0]" in answer.text
+
+
+def test_verdict_before_and_after_it_is_recorded(open_bench: SimpleNamespace) -> None:
+    """A session under way is judged so far; a closed one leads to what was recorded."""
+    browser = open_bench.browser
+    text = browser.get(f"/verify/{open_bench.under_way}/finish").text
+    # five of eight positions: no verdict, none to record
+    assert say("en", "verdict.incomplete") in text
+    assert say("en", "verify.record") not in text
+    assert "3 of the 8 positions" in text
+    assert "rogatykh-2018-fluxgate" in text
+    assert say("en", "verify.closed") in browser.get(f"/verify/{open_bench.done}/finish").text
+    text = browser.get(f"/verifications/{open_bench.verification}").text
+    assert say("en", "verdict.pass") in text
+
+
+@pytest.mark.long
+def test_a_certificate_over_rest_names_who_answers(open_bench: SimpleNamespace) -> None:
+    """Without a laboratory in the body that of the site is taken, and the caller answers for it."""
+    browser = open_bench.browser
+    wish = {"calibration": open_bench.calibration, "verification": open_bench.verification}
+    answer = browser.post("/api/v1/certificates", json=wish)
+    assert answer.status_code == 201, answer.text
+    content = browser.get(f"/api/v1/certificates/{answer.json()['number']}/json").json()
+    assert content["laboratory"]["name"] == LABORATORY["name"]
+    assert content["laboratory"]["authoriser"]
+    assert content["verification"]["report"]["protocol"] == {"name": "roll-8", "taken": 8, "positions": 8}
+
+
+ROLES = ("auditor", "operator", "metrologist", "administrator")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("page", "allowed"),
+    [
+        ("/certificates", ROLES),
+        ("/ledger", ROLES),
+        ("/tools", ROLES),
+        ("/import", ROLES[1:]),
+        ("/certificates/new", ROLES[2:]),
+        ("/users", ROLES[3:]),
+        ("/api/v1/ledger/backup", ROLES[3:]),
+    ],
+)
+def test_pages_ask_for_the_role(users_bench: SimpleNamespace, page: str, allowed: tuple[str, ...]) -> None:
+    """Nobody sees the page of a role that is not his."""
+    for role in ROLES:
+        with users_bench.server.program(role) as browser:
+            assert browser.get(page).status_code == (200 if role in allowed else 403), role
+
+
+def test_forms_are_only_shown_to_those_who_may(users_bench: SimpleNamespace) -> None:
+    """An auditor reads."""
+    with users_bench.server.program("auditor") as browser:
+        assert say("en", "verify.go") not in browser.get("/verify").text
+        assert say("en", "verify.record") not in browser.get(f"/verify/{users_bench.under_way}/finish").text
+        assert say("en", "tools.register") not in browser.get("/tools").text
+    with users_bench.server.program("operator") as browser:
+        assert say("en", "verify.go") in browser.get("/verify").text
+
+
+def test_a_certificate_from_issue_to_void(users_bench: SimpleNamespace) -> None:
+    """Issued by a metrologist only, downloaded by anybody, superseded, declared void with a reason; never twice."""
+    wish = {"calibration": users_bench.calibration, "about": {"customer": SCRIPT, "environment": NAME}}
+    server = users_bench.server
+    for role in ("auditor", "operator"):
+        with server.program(role) as browser:
+            assert browser.post("/api/v1/certificates", json=wish).status_code == 403
+    with server.program("metrologist") as browser:
+        first = browser.post("/api/v1/certificates", json=wish)
+        assert first.status_code == 201, first.text
+        number = first.json()["number"]
+        assert browser.post("/api/v1/certificates", json=wish).status_code == 422
+        again = browser.post(f"/api/v1/certificates/{number}/supersede", json={**wish, "reason": "name"})
+        assert again.status_code == 201, again.text
+        second = again.json()["number"]
+        assert browser.get(f"/api/v1/certificates/{number}").json()["by"] == second
+        for name, start in (("pdf", b"%PDF"), ("dcc", b"<?xml"), ("json", b"{")):
+            answer = browser.get(f"/api/v1/certificates/{second}/{name}")
+            assert answer.content.startswith(start)
+            assert re.fullmatch(r"attachment; filename\*=UTF-8''[\w.-]+", answer.headers["content-disposition"])
+        page = browser.get(f"/certificates/{second}")
+        assert SCRIPT not in page.text
+        assert say("en", "certificates.void") in page.text
+    with server.program("operator") as browser:
+        assert browser.post(f"/api/v1/certificates/{second}/void", json={"reason": "x"}).status_code == 403
+        assert say("en", "certificates.void") not in browser.get(f"/certificates/{second}").text
+    with server.program("metrologist") as browser:
+        assert browser.post(f"/api/v1/certificates/{second}/void", json={"reason": " "}).status_code == 422
+        assert browser.post(f"/api/v1/certificates/{second}/void", json={"reason": SCRIPT}).json()["state"] == "void"
+        assert browser.post(f"/api/v1/certificates/{second}/void", json={"reason": "x"}).status_code == 422
+        assert SCRIPT not in browser.get(f"/certificates/{second}").text
+        assert [one["state"] for one in browser.get("/api/v1/certificates").json()][:2] == ["void", "superseded"]
+
+
+def test_a_backup_is_a_ledger(users_bench: SimpleNamespace, tmp_path: Path) -> None:
+    """What is downloaded is opened and verified."""
+    with users_bench.server.program("administrator") as browser:
+        (tmp_path / "copy.sqlite").write_bytes(browser.get("/api/v1/ledger/backup").content)
+    with Ledger(tmp_path / "copy.sqlite", read_only=True) as ledger:
+        assert verify(ledger).ok
+        assert ledger.count("verification") == 1
