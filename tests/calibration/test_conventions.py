@@ -43,7 +43,7 @@ def shown(way, plan):
     return azimuth, plan.inclination - np.pi / 2 if way.inclination_from == "horizontal-up" else inclination, toolface
 
 
-def run_of(tool, plan, way=Dials(), *, seed=1, stated=True, **rig):
+def run_of(tool, plan, way=Dials(), *, seed=1, stated=True, **rig):  # noqa: B008
     rig = Rig(**{"dip": np.radians(65.0), "base_tilt": 0.03, "north_offset": 0.4, "setting_sd": 0.002} | rig)
     run = simulate_bench(tool, rig, plan.azimuth, plan.inclination, plan.toolface, bits=12, seed=seed)
     reference = {"dip": rig.dip} if stated else {}

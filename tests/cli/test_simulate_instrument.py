@@ -88,4 +88,4 @@ def test_what_cannot_be_is_refused_in_one_line(run, arguments, expected):
     assert done.status == 2
     assert expected in done.err
     assert done.err.count("\n") == 1
-    assert os.listdir() == []
+    assert os.listdir() == []  # noqa: PTH208

@@ -171,7 +171,7 @@ def test_wrong_signs_do_not_turn_the_azimuth_round() -> None:
     """Azimuth 1 rad, tan a tan th = 1/sqrt 3: the numbers of the specification."""
     azimuth, latitude = 1.0, rad(45.0)
     (gx, gy, _), (wx, wy, _) = readings(azimuth, rad(30.0), 0.7, latitude)
-    degrees = lambda *args: float(np.degrees(wrap_signed(patent_azimuth(*args))))
+    degrees = lambda *args: float(np.degrees(wrap_signed(patent_azimuth(*args))))  # noqa: E731
     assert degrees(gx, gy, wx, wy, G, latitude) == pytest.approx(57.29578, abs=1e-5)
     specific_force = degrees(-gx, -gy, wx, wy, G, latitude)
     southern = degrees(gx, gy, wx, wy, G, -latitude)

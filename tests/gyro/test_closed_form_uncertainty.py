@@ -64,7 +64,7 @@ def test_sensitivities_of_the_specification(inclination_deg: float, azimuth_deg:
     assert turned == pytest.approx(-s(psi) * s(th) * z / k, **near)
     assert slope(lambda h: azimuth(x + h, y)) == pytest.approx(y / (c(lat) * k), **near)
     assert slope(lambda h: azimuth(x, y + h)) == pytest.approx(-x / (c(lat) * k), **near)
-    fixed = lambda a, b, scale: azimuth_arctan2(a, b, scale, th, lat)
+    fixed = lambda a, b, scale: azimuth_arctan2(a, b, scale, th, lat)  # noqa: E731
     assert slope(lambda h: fixed(x + h, y, 1.0)) == pytest.approx(-s(psi) / (c(lat) * c(th)), **near)
     assert slope(lambda h: fixed(x, y + h, 1.0)) == pytest.approx(-c(psi) / c(lat), **near)
     assert slope(lambda h: fixed(x, y, 1.0 + h)) == pytest.approx(-np.tan(lat) * np.tan(th) * s(psi), **near)

@@ -85,7 +85,7 @@ def test_noise_that_wanders_by_itself_is_learnt():
     """A reading that walks: each second by a third of the noise of one sample."""
     bench = Bench(seed=3)
 
-    def wander(b, seconds=5.0, state=[0.0]):
+    def wander(b, seconds=5.0, state=[0.0]):  # noqa: B006
         for _ in range(round(seconds * RATE)):
             state[0] += 0.33 / np.sqrt(RATE) * b.rng.standard_normal()
             b.put(LEVEL + NOISE * (b.rng.standard_normal(6) + state[0]))

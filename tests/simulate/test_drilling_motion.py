@@ -33,7 +33,7 @@ TURNING = {
 }
 
 
-def scenario(rotation=Rotation(), instrument=EVERY, hole=Hole(), vibration=Vibration()):
+def scenario(rotation=Rotation(), instrument=EVERY, hole=Hole(), vibration=Vibration()):  # noqa: B008
     return Scenario(hole=hole, rotation=rotation, vibration=vibration, instrument=instrument)
 
 

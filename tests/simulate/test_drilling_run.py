@@ -97,7 +97,7 @@ def test_seed_sequences_and_generators_are_seeds():
     same(first, second)
 
 
-def quiet(*faults, rotation=Rotation(12.0), **changes):
+def quiet(*faults, rotation=Rotation(12.0), **changes):  # noqa: B008
     scenario = Scenario(rotation=rotation, instrument=Instrument(factor=1, taps=1), faults=faults, **changes)
     return simulate_drilling(scenario, 2, duration=2.0)
 

@@ -13,7 +13,7 @@ from inclinometry.simulate.drilling.scenario import Band, Hole, Instrument, Rota
 EVERY = Instrument(factor=1, taps=1)
 
 
-def shaken(vibration=Vibration(), rotation=Rotation(toolface=0.0), duration=100.0, seed=1):
+def shaken(vibration=Vibration(), rotation=Rotation(toolface=0.0), duration=100.0, seed=1):  # noqa: B008
     """Acceleration (3, n) of a vertical tool, from its accelerometers."""
     scenario = Scenario(hole=Hole(0.0), rotation=rotation, vibration=vibration, instrument=EVERY)
     run = simulate_drilling(scenario, seed, duration=duration)

@@ -21,7 +21,7 @@ def stations(latitude_deg, count=30, seed=1, noise=1.0, inclination=(5.0, 70.0))
     for row in range(count):
         i = np.radians(random.uniform(*inclination))
         p, t = random.uniform(0.0, 2.0 * np.pi, 2)
-        rz = lambda x: np.array([[np.cos(x), np.sin(x), 0], [-np.sin(x), np.cos(x), 0], [0, 0, 1]])
+        rz = lambda x: np.array([[np.cos(x), np.sin(x), 0], [-np.sin(x), np.cos(x), 0], [0, 0, 1]])  # noqa: E731
         ry = np.array([[np.cos(i), 0, -np.sin(i)], [0, 1, 0], [np.sin(i), 0, np.cos(i)]])
         turn = rz(t) @ ry @ rz(p)
         gravity[row] = turn @ [0.0, 0.0, G] + noise * random.normal(0.0, TILT, 3)

@@ -233,7 +233,7 @@ def test_two_stations_at_any_angle(inclination, azimuth, length):
     try:
         path = minimum_curvature([0.0, length], inclination, azimuth)
     except InputError as refused:
-        assert "half a turn" in str(refused)
+        assert "half a turn" in str(refused)  # noqa: PT017
         return
     chord = np.linalg.norm(positions(path)[1])
     # a chord is the arc times sin(b/2)/(b/2); near half a turn the direction loses up to six digits, the length none

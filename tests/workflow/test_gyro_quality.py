@@ -23,7 +23,7 @@ interval_m = 10
 
 
 def write(path, inclination=30.0, azimuth=100.0, north="true", flags="", count=12):
-    spread = lambda v: np.radians(np.broadcast_to(v, (count,)).astype(float))
+    spread = lambda v: np.radians(np.broadcast_to(v, (count,)).astype(float))  # noqa: E731
     flags = [flags] * count if isinstance(flags, str) else flags
     columns = {"md": 30.0 * np.arange(count), "inclination": spread(inclination), "azimuth": spread(azimuth)}
     write_survey_csv(path, {**columns, "azimuth_reference": north, "flags": flags})

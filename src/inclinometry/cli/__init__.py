@@ -76,4 +76,4 @@ def _one_line(text: str) -> str:
 
 
 def _say(message: str) -> None:
-    print(message, file=sys.stderr)
+    print(message, file=sys.stderr)  # noqa: T201

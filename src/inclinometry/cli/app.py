@@ -84,7 +84,7 @@ ledger backup | laboratory.commands.ledger:backup | Copy the ledger as it is now
 ledger history | laboratory.commands.ledger:history | How the parameters of a tool went from calibration to calibration. \
 | IN-7 --ledger lab.sqlite
 ledger users | laboratory.commands.ledger:users | List the users, or add or change one. | anna --role metrologist --ledger lab.sqlite
-"""
+"""  # noqa: E501
 
 
 def _app(name: str, about: str, **more: Any) -> App:

@@ -35,7 +35,7 @@ def main(folder: Path) -> None:
     ticks = count()
     path = folder / "ledger-0001.sqlite"
     create(path).close()
-    clock = lambda: datetime(2026, 11, 21, 8, tzinfo=UTC) + timedelta(seconds=next(ticks))
+    clock = lambda: datetime(2026, 11, 21, 8, tzinfo=UTC) + timedelta(seconds=next(ticks))  # noqa: E731
     with Ledger(path, clock=clock) as ledger:
         session = ledger.append_all(DRAFTS, author="anna")[-1].id
         names = []

@@ -72,7 +72,7 @@ class Order:
     performed_from: datetime.date | None = None
     performed_to: datetime.date | None = None
     issued: datetime.date | None = None
-    temperature_degC: tuple[float, float] | None = None
+    temperature_degC: tuple[float, float] | None = None  # noqa: N815
     humidity_percent: tuple[float, float] | None = None
     interval_months: int | None = None
 

@@ -431,7 +431,7 @@ class Lines:
 Fields = Mapping[str, str]
 
 
-class Refused(Exception):
+class Refused(Exception):  # noqa: N818
     """A line that cannot be used: kind of event, and why."""
 
     def __init__(self, kind: str, why: str) -> None:

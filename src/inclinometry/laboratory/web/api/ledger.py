@@ -64,7 +64,7 @@ def copy(ledger: TheLedger, _: Administrator) -> StreamingResponse:
 
 def _file(name: str, media: str, write: Callable[[Path], object]) -> StreamingResponse:
     """A file that is made for one answer."""
-    whole = tempfile.TemporaryFile()
+    whole = tempfile.TemporaryFile()  # noqa: SIM115
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / name

@@ -61,7 +61,7 @@ class SiteBody(BaseModel):
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     g_mps2: float | None = None
-    b_nT: float | None = None
+    b_nT: float | None = None  # noqa: N815
     dip_deg: float | None = Field(default=None, ge=-90.0, le=90.0)
     latitude_deg: float | None = Field(default=None, ge=-90.0, le=90.0)
     laboratory: dict[str, Text] = Field(default_factory=dict, max_length=20)

@@ -48,7 +48,7 @@ class SessionBody(BaseModel):
     number: int | None = Field(default=None, ge=1, le=500)
     purpose: Literal["calibrate", "verify", "temperature"] = "calibrate"
     site: Text = ""
-    temperatures_degC: list[float] = Field(default_factory=list, max_length=20)
+    temperatures_degC: list[float] = Field(default_factory=list, max_length=20)  # noqa: N815
     wanted_u_azimuth_deg: float | None = Field(default=None, gt=0.0, lt=180.0)
     wanted_u_inclination_deg: float | None = Field(default=None, gt=0.0, lt=180.0)
     condition: Text = ""
@@ -69,7 +69,7 @@ class ReadingBody(BaseModel):
     units: dict[Kind, Text] = Field(default_factory=dict)
     count: int = Field(default=1, ge=1, le=10_000_000)
     duration_s: float = Field(default=0.0, ge=0.0)
-    temperature_degC: float | None = None
+    temperature_degC: float | None = None  # noqa: N815
     note: Text = ""
 
 
