@@ -31,60 +31,103 @@ from typing import TYPE_CHECKING, Any
 
 # name -> module; loaded when first asked for, so that importing the package costs nothing
 _CONTENTS = {
+    # Calibrate a tool, and see how sure it is
     "BenchReadings": "calibration.readings",
-    "Calibration": "calibration.result",
-    "DynamicOptions": "workflow.dynamic",
-    "GyroOptions": "workflow.gyro",
-    "Limits": "calibration.acceptance",
-    "OtherStand": "calibration.acceptance",
-    "Plan": "calibration.plans",
-    "Samples": "motion.result",
-    "ScaleTracker": "gyro.tracking",
-    "Site": "earth.site",
-    "Survey": "survey.reduce",
-    "Tool": "sensors",
-    "Triad": "sensors",
-    "Verification": "calibration.acceptance",
-    "angles": "orientation",
-    "angles_from_channels": "channels",
-    "attitude_stream": "workflow.dynamic",
     "calibrate_classical": "calibration.direct",
     "calibrate_field": "calibration.field",
     "calibrate_joint": "calibration.joint",
     "calibrate_orthogonal": "calibration.direct",
     "calibrate_rotations": "calibration.direct",
     "calibrate_twelve": "calibration.direct",
-    "calibration_report": "report.calibration",
+    "Calibration": "calibration.result",
     "compare": "workflow.calibrate",
-    "dcm": "rotations",
-    "dynamic_run": "workflow.dynamic",
-    "estimate_north": "gyro.north",
+    "evaluate_plan": "calibration.design",
     "expected_uncertainty": "calibration.expected",
-    "fields": "orientation",
+    "g_sensitivity_at_stand": "calibration.rate_table",
+    "Limits": "calibration.acceptance",
     "noise_of_log": "workflow.allan",
-    "north_run": "workflow.gyro",
-    "open_run": "files.run_file",
+    "numerical_jacobian": "uncertainty",
     "optimal_plan": "calibration.design",
     "orient_rig": "calibration.orient",
+    "OtherStand": "calibration.acceptance",
+    "Plan": "calibration.plans",
     "plans": "calibration.plans",
+    "roll_harmonics": "calibration.rollset",
+    "stations_from_log": "calibration.stillness",
+    "Tool": "sensors",
+    "Triad": "sensors",
+    "Verification": "calibration.acceptance",
+    "verify": "calibration.acceptance",
+    # The place
+    "gravity_at_depth": "earth.gravity",
+    "read_site": "files.site_toml",
+    "Site": "earth.site",
+    # Attitude at rest and while drilling
+    "angles": "orientation",
+    "angles_from_channels": "channels",
+    "attitude_stream": "workflow.dynamic",
+    "choose_attitude": "motion.choose",
+    "clock_offset": "motion.magnetic.window",
+    "complementary_attitude": "motion.complementary.filter",
+    "complementary_smoothed": "motion.complementary.offline.smoothed",
+    "continuous_survey": "motion.inertial.smoother",
+    "cut_stretches": "motion.timing",
+    "dcm": "rotations",
+    "decimate": "motion.decimate",
+    "dynamic_run": "workflow.dynamic",
+    "DynamicOptions": "workflow.dynamic",
+    "fields": "orientation",
+    "gyro_attitude": "motion.inertial.filter",
+    "inertial_attitude": "motion.inertial.filter",
+    "magnetic_attitude": "motion.magnetic.window",
+    "north_seeking_attitude": "motion.static",
+    "robust_filter": "motion.window_filter",
+    "Samples": "motion.result",
+    "solve_davenport": "wahba",
+    "static_attitude": "motion.static",
+    "static_davenport": "motion.static",
+    "static_svd": "motion.static",
+    "write_dynamic": "workflow.dynamic",
+    # North by gyro
+    "estimate_north": "gyro.north",
+    "GyroOptions": "workflow.gyro",
+    "north_run": "workflow.gyro",
+    "patent_azimuth": "gyro.closed_form",
+    "ScaleTracker": "gyro.tracking",
+    "solve_patent": "gyro.closed_form",
+    # Survey and position
+    "compare_paths": "survey.path",
+    "correct_survey": "survey.sag",
+    "curve_jacobian": "survey.path",
+    "gyro_sources": "position.propagation",
+    "interpolate": "survey.path",
+    "interpolation_jacobian": "survey.path",
+    "minimum_curvature": "survey.path",
+    "point_covariance": "survey.path",
+    "propagate": "position.propagation",
+    "reduce_survey": "survey.reduce",
+    "relative_covariance": "position.propagation",
+    "straight_jacobian": "survey.path",
+    "Survey": "survey.reduce",
+    "survey_raw": "workflow.survey",
+    "tortuosity": "survey.path",
+    "WellSurvey": "position.well",
+    "write_survey": "workflow.survey",
+    # A truth to test against
+    "simulate_bench": "simulate.bench",
+    "simulate_benches": "simulate.bench",
+    "simulate_field": "simulate.field",
+    "simulate_north_seeking": "simulate.gyro",
+    # Files and reports
+    "calibration_report": "report.calibration",
+    "open_run": "files.run_file",
     "read_attitude": "files.attitude_file",
     "read_bench": "files.bench_csv",
     "read_calibration": "files.tool_json",
     "read_gyro_run": "files.gyro_csv",
     "read_raw_survey": "files.survey_csv",
-    "read_site": "files.site_toml",
-    "reduce_survey": "survey.reduce",
-    "solve_davenport": "wahba",
-    "solve_patent": "gyro.closed_form",
-    "static_attitude": "motion.static",
-    "static_davenport": "motion.static",
-    "stations_from_log": "calibration.stillness",
-    "survey_raw": "workflow.survey",
-    "verify": "calibration.acceptance",
     "write_bench": "files.bench_csv",
     "write_calibration": "files.tool_json",
-    "write_dynamic": "workflow.dynamic",
-    "write_survey": "workflow.survey",
 }
 
 __all__ = [
@@ -102,6 +145,7 @@ __all__ = [
     "Tool",
     "Triad",
     "Verification",
+    "WellSurvey",
     "angles",
     "angles_from_channels",
     "attitude_stream",
@@ -112,18 +156,43 @@ __all__ = [
     "calibrate_rotations",
     "calibrate_twelve",
     "calibration_report",
+    "choose_attitude",
+    "clock_offset",
     "compare",
+    "compare_paths",
+    "complementary_attitude",
+    "complementary_smoothed",
+    "continuous_survey",
+    "correct_survey",
+    "curve_jacobian",
+    "cut_stretches",
     "dcm",
+    "decimate",
     "dynamic_run",
     "estimate_north",
+    "evaluate_plan",
     "expected_uncertainty",
     "fields",
+    "g_sensitivity_at_stand",
+    "gravity_at_depth",
+    "gyro_attitude",
+    "gyro_sources",
+    "inertial_attitude",
+    "interpolate",
+    "interpolation_jacobian",
+    "magnetic_attitude",
+    "minimum_curvature",
     "noise_of_log",
     "north_run",
+    "north_seeking_attitude",
+    "numerical_jacobian",
     "open_run",
     "optimal_plan",
     "orient_rig",
+    "patent_azimuth",
     "plans",
+    "point_covariance",
+    "propagate",
     "read_attitude",
     "read_bench",
     "read_calibration",
@@ -131,12 +200,22 @@ __all__ = [
     "read_raw_survey",
     "read_site",
     "reduce_survey",
+    "relative_covariance",
+    "robust_filter",
+    "roll_harmonics",
+    "simulate_bench",
+    "simulate_benches",
+    "simulate_field",
+    "simulate_north_seeking",
     "solve_davenport",
     "solve_patent",
     "static_attitude",
     "static_davenport",
+    "static_svd",
     "stations_from_log",
+    "straight_jacobian",
     "survey_raw",
+    "tortuosity",
     "verify",
     "write_bench",
     "write_calibration",
@@ -147,7 +226,7 @@ __all__ = [
 if TYPE_CHECKING:
     from inclinometry.calibration import plans
     from inclinometry.calibration.acceptance import Limits, OtherStand, Verification, verify
-    from inclinometry.calibration.design import optimal_plan
+    from inclinometry.calibration.design import evaluate_plan, optimal_plan
     from inclinometry.calibration.direct import (
         calibrate_classical,
         calibrate_orthogonal,
@@ -159,10 +238,13 @@ if TYPE_CHECKING:
     from inclinometry.calibration.joint import calibrate_joint
     from inclinometry.calibration.orient import orient_rig
     from inclinometry.calibration.plans import Plan
+    from inclinometry.calibration.rate_table import g_sensitivity_at_stand
     from inclinometry.calibration.readings import BenchReadings
     from inclinometry.calibration.result import Calibration
+    from inclinometry.calibration.rollset import roll_harmonics
     from inclinometry.calibration.stillness import stations_from_log
     from inclinometry.channels import angles_from_channels
+    from inclinometry.earth.gravity import gravity_at_depth
     from inclinometry.earth.site import Site
     from inclinometry.files.attitude_file import read_attitude
     from inclinometry.files.bench_csv import read_bench, write_bench
@@ -171,16 +253,42 @@ if TYPE_CHECKING:
     from inclinometry.files.site_toml import read_site
     from inclinometry.files.survey_csv import read_raw_survey
     from inclinometry.files.tool_json import read_calibration, write_calibration
-    from inclinometry.gyro.closed_form import solve_patent
+    from inclinometry.gyro.closed_form import patent_azimuth, solve_patent
     from inclinometry.gyro.north import estimate_north
     from inclinometry.gyro.tracking import ScaleTracker
+    from inclinometry.motion.choose import choose_attitude
+    from inclinometry.motion.complementary.filter import complementary_attitude
+    from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
+    from inclinometry.motion.decimate import decimate
+    from inclinometry.motion.inertial.filter import gyro_attitude, inertial_attitude
+    from inclinometry.motion.inertial.smoother import continuous_survey
+    from inclinometry.motion.magnetic.window import clock_offset, magnetic_attitude
     from inclinometry.motion.result import Samples
-    from inclinometry.motion.static import static_attitude, static_davenport
+    from inclinometry.motion.static import north_seeking_attitude, static_attitude, static_davenport, static_svd
+    from inclinometry.motion.timing import cut_stretches
+    from inclinometry.motion.window_filter import robust_filter
     from inclinometry.orientation import angles, fields
+    from inclinometry.position.propagation import gyro_sources, propagate, relative_covariance
+    from inclinometry.position.well import WellSurvey
     from inclinometry.report.calibration import calibration_report
     from inclinometry.rotations import dcm
     from inclinometry.sensors import Tool, Triad
+    from inclinometry.simulate.bench import simulate_bench, simulate_benches
+    from inclinometry.simulate.field import simulate_field
+    from inclinometry.simulate.gyro import simulate_north_seeking
+    from inclinometry.survey.path import (
+        compare_paths,
+        curve_jacobian,
+        interpolate,
+        interpolation_jacobian,
+        minimum_curvature,
+        point_covariance,
+        straight_jacobian,
+        tortuosity,
+    )
     from inclinometry.survey.reduce import Survey, reduce_survey
+    from inclinometry.survey.sag import correct_survey
+    from inclinometry.uncertainty import numerical_jacobian
     from inclinometry.wahba import solve_davenport
     from inclinometry.workflow.allan import noise_of_log
     from inclinometry.workflow.calibrate import compare

@@ -35,18 +35,6 @@ def wrap_signed(angle: ArrayLike) -> Array:
     return np.asarray(wrap_positive(np.asarray(angle, dtype=np.float64) + np.pi) - np.pi)
 
 
-def circular_mean(angle: ArrayLike, axis: int | None = None) -> Array:
-    """Direction of the mean unit phasor, in [0, 2 pi).
-
-    Examples
-    --------
-    >>> float(np.degrees(circular_mean(np.radians([350.0, 20.0]))).round(9))
-    5.0
-    """
-    values = finite(angle, "angle")
-    return wrap_positive(np.arctan2(np.sin(values).mean(axis=axis), np.cos(values).mean(axis=axis)))
-
-
 def rotation_x(angle: ArrayLike) -> Array:
     """Passive rotation by `angle` about x: components of a fixed vector in axes turned by `angle`.
 

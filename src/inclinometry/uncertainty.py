@@ -417,20 +417,6 @@ class Budget:
         freedoms = {name: self.degrees_of_freedom[name] for name in names if name in self.degrees_of_freedom}
         return Budget(self.quantities, {name: self.components[name] for name in names}, freedoms)
 
-    def with_component(self, name: str, covariance: ArrayLike, degrees_of_freedom: float | None = None) -> Budget:
-        """The budget with one more component."""
-        if name in self.components:
-            raise InputError(f"component {name!r} is there already; give the new one another name")
-        freedoms = dict(self.degrees_of_freedom)
-        if degrees_of_freedom is not None:
-            freedoms[name] = degrees_of_freedom
-        return Budget(self.quantities, {**self.components, name: np.asarray(covariance, dtype=np.float64)}, freedoms)
-
-    def transformed(self, jacobian: ArrayLike, quantities: Sequence[str]) -> Budget:
-        """The budget of functions of the quantities, by the derivatives (..., m, n), names kept."""
-        parts = {name: propagate(jacobian, part) for name, part in self.components.items()}
-        return Budget(tuple(quantities), parts, self.degrees_of_freedom)
-
     def rows(self, scale: float = 1.0) -> list[BudgetRow]:
         """Table of a budget without leading axes: per quantity the components, largest first, then their total.
 
@@ -482,37 +468,6 @@ class Budget:
         return "\n".join(
             f"{a:<{widths[0]}}  {b:<{widths[1]}}  {c:>{widths[2]}}  {d:>{widths[3]}}".rstrip() for a, b, c, d in lines
         )
-
-
-def propagated_budget(
-    quantities: Sequence[str], jacobians: Mapping[str, ArrayLike], covariances: Mapping[str, ArrayLike]
-) -> Budget:
-    """Budget from the derivatives of the quantities by each source and the source's covariance.
-
-    Parameters
-    ----------
-    quantities : sequence of str
-        n names.
-    jacobians : mapping of str to (..., n, p) array_like
-    covariances : mapping of str to (..., p, p) array_like
-        The same names as in `jacobians`, p may differ from source to source.
-
-    Raises
-    ------
-    InputError
-        Names that do not match, shapes that do not go together.
-
-    Examples
-    --------
-    >>> propagated_budget(["y"], {"a": [[2.0]], "b": [[1.0]]}, {"a": [[1.0]], "b": [[9.0]]}).total
-    array([[13.]])
-    """
-    if set(jacobians) != set(covariances):
-        raise InputError(
-            f"derivatives of {sorted(jacobians)} and covariances of {sorted(covariances)}; names must match"
-        )
-    parts = {name: propagate(jacobian, covariances[name]) for name, jacobian in jacobians.items()}
-    return Budget(tuple(quantities), parts)
 
 
 def _variance(covariance: Array) -> Array:

@@ -11,19 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from inclinometry.earth.gravity import GRAVITY_SIGMA, normal_gravity
-from inclinometry.earth.site import REFERENCES, Site, azimuth_sigma, azimuth_to, convert_azimuth
+from inclinometry.earth.site import REFERENCES, Site, azimuth_sigma, convert_azimuth
 from inclinometry.errors import InputError
 from inclinometry.rotations import wrap_signed
 
 SITE = Site(declination=np.radians(5.0), convergence=np.radians(2.0), declination_sigma=3e-3, convergence_sigma=4e-3)
-
-
-def test_signs() -> None:
-    # declination east is added once, convergence is subtracted
-    magnetic = np.radians([10.0, 357.0])
-    assert np.degrees(azimuth_to("magnetic", magnetic, SITE)) == pytest.approx([10.0, 357.0], abs=1e-12)
-    assert np.degrees(azimuth_to("true", magnetic, SITE)) == pytest.approx([15.0, 2.0], abs=1e-12)
-    assert np.degrees(azimuth_to("grid", magnetic, SITE)) == pytest.approx([13.0, 0.0], abs=1e-12)
 
 
 def test_a_line_on_the_ground() -> None:
@@ -47,20 +39,6 @@ def test_sigma() -> None:
     assert azimuth_sigma("grid", "grid", Site()) == 0.0
     with pytest.raises(InputError, match="no declination_sigma"):
         azimuth_sigma("magnetic", "true", Site(declination=0.1))
-
-
-@pytest.mark.parametrize(
-    ("target", "site", "message"),
-    [
-        ("true", Site(), "no declination; true azimuths from magnetic"),
-        ("grid", Site(declination=0.1), "no convergence"),
-        ("grid", Site(convergence=0.1), "no declination"),
-        ("north", SITE, "allowed: magnetic, true, grid"),
-    ],
-)
-def test_missing_corrections(target: str, site: Site, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        azimuth_to(target, 1.0, site)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.errors import InputError
-from inclinometry.uncertainty import Budget, propagate, propagated_budget
+from inclinometry.uncertainty import Budget
 
 QUANTITIES = ("inclination", "azimuth")
 
@@ -25,25 +25,6 @@ def test_total_and_shares() -> None:
     np.testing.assert_allclose(sum(budget.shares.values()), 1.0, atol=1e-15)
     np.testing.assert_allclose(budget.standard_uncertainty**2, np.diagonal(budget.total, axis1=-2, axis2=-1))
     assert list(budget.shares) == ["noise", "calibration", "declination"]
-
-
-def test_transformation_keeps_names_and_commutes_with_the_sum() -> None:
-    budget = example()
-    jacobian = np.array([[1.0, 2.0], [0.5, -1.0], [0.0, 3.0]])
-    turned = budget.transformed(jacobian, ("a", "b", "c"))
-    assert turned.components.keys() == budget.components.keys()
-    assert turned.degrees_of_freedom == {"noise": 9.0}
-    np.testing.assert_allclose(turned.total, propagate(jacobian, budget.total), rtol=1e-13, atol=1e-13)
-
-
-def test_parts_of_a_budget() -> None:
-    budget = example()
-    random, systematic = budget.only(["noise"]), budget.only(["calibration", "declination"])
-    np.testing.assert_allclose(random.total + systematic.total, budget.total, rtol=1e-14)
-    assert random.degrees_of_freedom == {"noise": 9.0}
-    assert systematic.degrees_of_freedom == {}
-    again = systematic.with_component("noise", budget.components["noise"], 9.0)
-    np.testing.assert_allclose(again.effective_degrees_of_freedom, budget.effective_degrees_of_freedom)
 
 
 def test_rows_and_table() -> None:
@@ -79,16 +60,6 @@ def test_nothing_uncertain_and_nothing_known() -> None:
     assert unknown.shares["b"][1] == 0.5
 
 
-def test_propagated() -> None:
-    rng = np.random.default_rng(2)
-    a, b = rng.normal(size=(7, 2, 3)), rng.normal(size=(2, 4))
-    budget = propagated_budget(QUANTITIES, {"a": a, "b": b}, {"a": np.eye(3), "b": 2.0 * np.eye(4)})
-    assert budget.components["b"].shape == (7, 2, 2)
-    np.testing.assert_allclose(budget.total, a @ np.swapaxes(a, -1, -2) + 2.0 * b @ b.T, rtol=1e-13)
-    with pytest.raises(InputError, match="names must match"):
-        propagated_budget(QUANTITIES, {"a": a}, {"b": np.eye(3)})
-
-
 def test_a_budget_does_not_change() -> None:
     part = np.eye(2)
     budget = Budget(QUANTITIES, {"a": part})
@@ -113,12 +84,3 @@ def test_a_budget_does_not_change() -> None:
 def test_bad_budgets(components: dict[str, np.ndarray], freedoms: dict[str, float], message: str) -> None:
     with pytest.raises(InputError, match=message):
         Budget(QUANTITIES, components, freedoms)
-
-
-def test_names_are_checked() -> None:
-    with pytest.raises(InputError, match="no component 'sag'"):
-        example().only(["sag"])
-    with pytest.raises(InputError, match="is there already"):
-        example().with_component("noise", np.eye(2))
-    with pytest.raises(InputError, match="each quantity once"):
-        Budget(("x", "x"), {"a": np.eye(2)})

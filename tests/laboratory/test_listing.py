@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from datetime import date
-
 import pytest
 
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
-from inclinometry.laboratory.registry import RegisteredTool, due_days, extract, listed, next_due, put_tool, tools
+from inclinometry.laboratory.registry import extract, listed
 
 
 def _events(ledger: Ledger, number: int) -> None:
@@ -42,23 +40,6 @@ def test_an_extract_is_worked_out_once(laboratory: Ledger) -> None:
     assert [extract(laboratory, one, "reason", reason) for _ in range(3)] == ["0"] * 3
     assert asked == [one.id]
     assert extract(laboratory, one, "length", lambda record: len(record.body)) == 1
-
-
-def test_due_days_are_those_of_each_tool(laboratory: Ledger) -> None:
-    """As `next_due` says, for all at once; none without an interval, none retired."""
-    for number in range(3):
-        put_tool(laboratory, RegisteredTool(f"B-{number}", "tool", interval_months=6 + number), author="anna")
-    put_tool(laboratory, RegisteredTool("C-1", "tool"), author="anna")
-    put_tool(laboratory, RegisteredTool("C-2", "tool", interval_months=1, retired=True), author="anna")
-    record = {"record": {}, "calibration": "c", "documents": {}, "head": "h"}
-    laboratory.append("certificate", {"number": "1", "serial": "B-1"}, record, author="anna")
-    known = tools(laboratory)
-    found = due_days(laboratory, known)
-    assert found == {
-        tool.serial: day for tool in known if not tool.retired and (day := next_due(laboratory, tool)) is not None
-    }
-    assert found["B-1"] > found["B-0"] >= date(2020, 1, 1)
-    assert due_days(laboratory, []) == {}
 
 
 def test_a_list_of_what_is_not_a_kind_is_refused(laboratory: Ledger) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import date
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,9 +15,6 @@ from inclinometry.laboratory.ledger.verify import verify
 from inclinometry.laboratory.registry import (
     RegisteredRig,
     RegisteredSite,
-    find_tool,
-    months_after,
-    next_due,
     put_rig,
     put_site,
 )
@@ -105,25 +101,3 @@ def test_the_history_of_a_steady_tool_stays_within_its_uncertainty(laboratory: L
     assert list(seen.values) == list(parameters(calibration_of(laboratory.get("calibration", seen.records[0]))))
     with pytest.raises(InputError, match="no calibration"):
         history(laboratory, "another")
-
-
-def test_due_dates(laboratory: Ledger) -> None:
-    """Only where an interval was agreed; the last day of a shorter month."""
-    tool = find_tool(laboratory, "IN-7")
-    if tool is None:
-        raise AssertionError
-    assert next_due(laboratory, tool) == date.fromisoformat(laboratory.find("tool")[0].created[:10])
-    assert months_after(date(2028, 2, 29), 12) == date(2029, 2, 28)
-
-
-def test_a_void_certificate_postpones_nothing(laboratory: Ledger) -> None:
-    """The tool is due again when its only certificate was declared void."""
-    body = {"record": {}, "calibration": "c", "documents": {}, "head": "0"}
-    issued = laboratory.append("certificate", {"number": "2026-0001", "serial": "IN-7"}, body, author="anna")
-    tool = find_tool(laboratory, "IN-7")
-    if tool is None:
-        raise AssertionError
-    assert next_due(laboratory, tool) == months_after(date.fromisoformat(issued.created[:10]), 12)
-    keys = {"subject_kind": "certificate", "subject": "2026-0001", "action": "void"}
-    laboratory.append("event", keys, {"reason": "wrong tool"}, author="anna")
-    assert next_due(laboratory, tool) == date.fromisoformat(issued.created[:10])

@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from inclinometry.errors import InputError
-from inclinometry.motion.decimate import DecimationStream, decimate, low_pass, thinning
+from inclinometry.motion.decimate import DecimationStream, decimate, low_pass
 from inclinometry.motion.magnetic.phase import MagneticSettings
 from inclinometry.motion.magnetic.window import magnetic_attitude
 from inclinometry.motion.result import Samples
@@ -128,11 +128,3 @@ def test_gap_begins_anew() -> None:
 def test_impossible_factor(factor: float) -> None:
     with pytest.raises(InputError, match="factor"):
         DecimationStream(factor)  # type: ignore[arg-type]
-
-
-def test_thinning_keeps_the_rotation() -> None:
-    """20 Hz beyond the rotation inside the pass band, and never below 100 Hz."""
-    found = thinning(0.0005, 1200.0)
-    assert found.pass_hz >= 40.0
-    assert thinning(0.0005, 0.0).rate_hz >= 100.0
-    assert thinning(0.02, 100.0).factor == 1

@@ -92,15 +92,6 @@ def test_grid_north_turns_the_covariance():
     np.testing.assert_allclose(magnetic.covariance, true.covariance, rtol=0, atol=1e-12)
 
 
-def test_the_sum_of_the_sources_is_the_whole():
-    found = propagate(well(), load_tool_code("iscwsa-mwd-rev5.1"))
-    parts = sum(one.covariance for one in found.sources.values())
-    np.testing.assert_allclose(parts, found.covariance, rtol=1e-12, atol=1e-15)
-    kinds = sum(found.by_propagation(kind) for kind in ("random", "systematic", "well", "global"))
-    np.testing.assert_allclose(kinds, found.covariance, rtol=1e-12, atol=1e-15)
-    assert (np.linalg.eigvalsh(found.covariance) > -1e-12).all()
-
-
 def test_a_matrix_of_derivatives_is_the_same_as_formulas():
     survey = well()
     weights = np.zeros((len(survey), 3, 3))

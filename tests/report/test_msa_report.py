@@ -7,10 +7,9 @@ import pytest
 
 from inclinometry.orientation import fields
 from inclinometry.report.msa import azimuth_u, msa_report
-from inclinometry.report.quality import check_table, quality_pictures, station_quality_table
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, published_priors
-from inclinometry.survey.quality import FieldLimits, judge_fields, with_sensors
+from inclinometry.survey.quality import judge_fields, with_sensors
 from inclinometry.survey.stations import Stations
 
 from .pages import check
@@ -85,27 +84,3 @@ def test_uncertainty_of_azimuth_is_that_of_one_bias():
     level = with_sensors(Stations([0.0], 9.81 * g, 5e4 * b), {"MBY": 50.0})
     # pointing north, y is east: 50 nT across 50,000 nT
     np.testing.assert_allclose(azimuth_u(level), [1e-3], rtol=1e-9)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("size", [1, 30, 3000])
-def test_quality_pictures(size):
-    stations = run(size, toolface=2.0 * size)
-    quality = judge_fields(stations, REFERENCE, limits=FieldLimits("x", "a contract", b=300.0))
-    pictures = quality_pictures(quality)
-    assert len(pictures) == 4
-    assert all("<svg" in one.svg for one in pictures)
-    assert "beyond" in pictures[1].svg
-    table = station_quality_table(quality)
-    assert len(table.body) == size
-    assert any(row.state == "bad" for row in table.body)
-    assert table.body[0].cells[4] == "300"
-
-
-def test_quality_without_uncertainty_is_not_judged():
-    g, b = fields([1.0], [0.5], [0.0], 1.2)
-    bare = FieldReference(g=9.81, b=5e4, dip=1.2, g_sigma=0.0, b_sigma=0.0, dip_sigma=0.0)
-    quality = judge_fields(Stations([0.0], 9.81 * g, 5e4 * b), bare)
-    assert len(quality_pictures(quality)) == 3
-    assert {row.state for row in check_table(quality.checks).body} == {"warn"}
-    assert station_quality_table(quality).body[0].cells[2] == "-"

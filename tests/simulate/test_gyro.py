@@ -12,7 +12,6 @@ from inclinometry.simulate.gyro import (
     GyroSensors,
     Spike,
     hot_run,
-    hot_run_rows,
     simulate_gyro_run,
     simulate_north_seeking,
 )
@@ -118,20 +117,6 @@ def test_hot_run_rates_are_those_of_the_closed_form():
     x = c * np.cos(run.azimuth) * np.cos(run.inclination) + s * np.sin(run.inclination)
     np.testing.assert_allclose(run.clean_a * run.scale, x, atol=1e-14)
     np.testing.assert_allclose(run.clean_b * run.scale, -c * np.sin(run.azimuth), atol=1e-14)
-
-
-def test_hot_run_as_rows_is_the_same_run():
-    run = hot_run(3, 400)
-    found = hot_run_rows(run, seed=5)
-    v = found.gyro.reshape(400, 4, 2)
-    x = (v[:, 0, 0] - v[:, 2, 0] - v[:, 1, 1] + v[:, 3, 1]) / 4
-    y = (v[:, 1, 0] - v[:, 3, 0] + v[:, 0, 1] - v[:, 2, 1]) / 4
-    cos, sin = np.cos(found.toolface), np.sin(found.toolface)
-    a, b = (x * cos - y * sin) / EARTH_RATE, (x * sin + y * cos) / EARTH_RATE
-    errors = np.concatenate([a - run.clean_a, b - run.clean_b]) / run.noise
-    assert errors.std() == pytest.approx(1.0, rel=0.1)  # 800 values: 2.5 %; 4 sd
-    assert errors.mean() == pytest.approx(0.0, abs=4 / np.sqrt(800))
-    np.testing.assert_array_equal(found.scale, run.scale)
 
 
 def test_north_seeking_sees_the_cosine_and_its_drift():

@@ -7,7 +7,7 @@ from inclinometry.errors import InputError
 from inclinometry.orientation import angles
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool, Triad
-from inclinometry.simulate.hole import WellProfile, simulate_survey, temperature_profile, well_path
+from inclinometry.simulate.hole import WellProfile, simulate_survey, well_path
 from inclinometry.simulate.tool import realistic_tool
 
 DIP = np.radians(65.0)
@@ -52,19 +52,6 @@ def test_fields_stronger_than_at_the_calibration_read_stronger():
     mag = tool.triads["magnetometer"].field(run.signals["magnetometer"])
     np.testing.assert_allclose(np.linalg.norm(mag, axis=-1), 1.04, rtol=1e-12)
     assert run.b == 52000.0
-
-
-def test_temperature_follows_vertical_depth():
-    path = well_path(WellProfile(start=0.0, hold=np.radians(60.0), spacing=1.0), 1)
-    warm = temperature_profile(path.md, path.inclination, surface=10.0, gradient=0.03)
-    # 300 m down, an arc of radius 1 / build rate through 60 degrees, 900 m at 60 degrees
-    depth = 300 + 30 / np.radians(3.0) * np.sin(np.radians(60.0)) + 450
-    assert warm[-1] == pytest.approx(10 + 0.03 * depth, abs=1e-3)
-    tool = realistic_tool(1, temperature_degree=2)
-    run = simulate_survey(tool, *path, dip=DIP, temperature=warm, noise={}, repeats=2, seed=1)
-    field = tool.triads["magnetometer"].field(run.signals["magnetometer"], warm)
-    np.testing.assert_allclose(np.linalg.norm(field, axis=-1), 1.0, rtol=1e-12)
-    assert run.sd["accelerometer"].max() == 0.0
 
 
 def test_impossible_wells_are_refused():

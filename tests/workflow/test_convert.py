@@ -69,7 +69,7 @@ def narrow(monkeypatch):
     fake.read, fake.write = read_csv, write
     monkeypatch.setitem(sys.modules, "inclinometry.files.narrow", fake)
     monkeypatch.setattr(
-        module, "FORMATS", {**FORMATS, "narrow": Format((".nar",), "io.narrow:read", "io.narrow:write")}
+        module, "FORMATS", {**FORMATS, "narrow": Format((".nar",), "files.narrow:read", "files.narrow:write")}
     )
 
 

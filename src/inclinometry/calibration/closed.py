@@ -88,11 +88,11 @@ def sensitivity(solver: Solver, signals: ArrayLike) -> Array:
     Examples
     --------
     >>> from functools import partial
-    >>> from inclinometry.calibration import plans, orthogonal
+    >>> from inclinometry.calibration import plans, twelve
     >>> plan = plans.orthogonal()
     >>> dials = plan.azimuth, plan.inclination, plan.toolface
     >>> truth = ClosedForm(np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    >>> solver = partial(orthogonal.solve_orthogonal, azimuth=dials[0], inclination=dials[1], toolface=dials[2])
+    >>> solver = partial(twelve.solve_orthogonal, azimuth=dials[0], inclination=dials[1], toolface=dials[2])
     >>> by_reading = sensitivity(solver, truth.signals(*dials))
     >>> float((by_reading[3] ** 2).sum().round(6))          # variance of an offset: 1/24 of a reading's
     0.041667

@@ -378,19 +378,6 @@ def _result(
     )
 
 
-def count_directions(signals: ArrayLike) -> int:
-    """Number of distinct field directions (5 deg apart) in (K, 3) readings, seen from the centre of their ellipsoid.
-
-    Examples
-    --------
-    >>> count_directions([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0.01]])
-    6
-    """
-    y = finite(signals, "signals", (None, 3))
-    start = algebraic_ellipsoid(y)
-    return distinct((y - start.centre) @ start.inverse.T)
-
-
 # The norm-only fit as a calibration record: triads in their own axes, where there is neither rig nor roll set.
 
 

@@ -210,24 +210,6 @@ class _Layout(NamedTuple):
     rolls: list[Rows]  # rows at inclination 90, one array an azimuth
 
 
-def why_not_twelve(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> str | None:
-    """Why the settings are not a twelve-position plan, in words; None when they are.
-
-    Rows may be in any order, angles differ by whole turns, and (A, -90, T) counts as (A + 180, 90, T + 180).
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> plan = plans.twelve()
-    >>> why_not_twelve(plan.azimuth, plan.inclination, plan.toolface) is None
-    True
-    >>> why_not_twelve(plan.azimuth, plan.inclination / 2.0, plan.toolface)
-    'row 4 has inclination 45 degrees; this plan uses 0 and 90 only'
-    """
-    found = _layout(azimuth, inclination, toolface)
-    return found if isinstance(found, str) else None
-
-
 def solve_twelve(
     signals: ArrayLike,
     azimuth: ArrayLike,
@@ -451,25 +433,6 @@ class _Turns(NamedTuple):
     inclination: float
     rows: tuple[Rows, Rows]
     rolls: tuple[Array, Array]
-
-
-def why_not_rotations(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> str | None:
-    """Why the settings are not two equal-step turns 90 degrees of inclination apart; None when they are.
-
-    Rows may be in any order, and each turn has its own number of steps, at least 3. (A + 180, I, T) counts as
-    (A, -I, T + 180), and at inclination 0 or 180 any azimuth will do.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> plan = plans.rotations()
-    >>> why_not_rotations(plan.azimuth, plan.inclination, plan.toolface) is None
-    True
-    >>> why_not_rotations(plan.azimuth, plan.inclination / 2.0, plan.toolface)
-    'the inclinations are 15 and 60 degrees; the second turn must be 90 degrees from the first'
-    """
-    found = _turns(azimuth, inclination, toolface)
-    return found if isinstance(found, str) else None
 
 
 def solve_rotations(

@@ -132,35 +132,6 @@ class Site:
         return GRAVITY_SIGMA
 
 
-def azimuth_to(reference: str, azimuth_magnetic: ArrayLike, site: Site) -> Array:
-    """Azimuth from a magnetic one, counted from another north.
-
-    Parameters
-    ----------
-    reference : {"magnetic", "true", "grid"}
-    azimuth_magnetic : (...) array_like
-        rad, clockwise from magnetic north.
-    site : Site
-
-    Returns
-    -------
-    (...) ndarray
-        rad, in [0, 2 pi): true = magnetic + declination; grid = true - convergence.
-
-    Raises
-    ------
-    InputError
-        Unknown reference, or a site without the declination or convergence that is needed.
-
-    Examples
-    --------
-    >>> site = Site(declination=np.radians(3.0), convergence=np.radians(1.0))
-    >>> float(np.degrees(azimuth_to("grid", np.radians(359.0), site)).round(9))
-    1.0
-    """
-    return convert_azimuth(azimuth_magnetic, "magnetic", reference, site)
-
-
 def convert_azimuth(azimuth: ArrayLike, source: str, target: str, site: Site) -> Array:
     """Azimuth counted from one north, rad, expressed from another, in [0, 2 pi).
 

@@ -610,14 +610,3 @@ class LiveFeed:
             how=how,
             note=note or ("" if found.still else found.reason),
         )
-
-
-def least_wait(rate: float) -> float:
-    """s until the noise of an instrument of so many samples a second is learnt.
-
-    Examples
-    --------
-    >>> least_wait(10.0)
-    5.0
-    """
-    return LEAST_BLOCKS * BLOCK / rate

@@ -196,26 +196,6 @@ def sites(ledger: Ledger) -> list[RegisteredSite]:
     return [_site(record) for record in ledger.current("site")]
 
 
-def next_due(ledger: Ledger, tool: RegisteredTool) -> date | None:
-    """When the next calibration is due: the agreed interval after the last certificate; None where none is agreed.
-
-    A tool with an agreed interval that was never certified is due at once, i.e. since it was registered.
-    """
-    if tool.interval_months is None:
-        return None
-    issued = ledger.find("certificate", serial=tool.serial, newest=True, limit=20)
-    last = next((record for record in issued if not _void(ledger, record)), None)
-    if last is None:
-        first = ledger.find("tool", serial=tool.serial, limit=1)
-        return date.fromisoformat(first[0].created[:10]) if first else None
-    return months_after(date.fromisoformat(last.created[:10]), tool.interval_months)
-
-
-def _void(ledger: Ledger, certificate: Record) -> bool:
-    keys = {"subject_kind": "certificate", "subject": certificate.keys["number"], "action": "void"}
-    return ledger.latest("event", **keys) is not None
-
-
 def months_after(day: date, months: int) -> date:
     """The same day of a later month, or its last.
 

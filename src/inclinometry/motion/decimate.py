@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -298,11 +297,6 @@ class DecimationStream:
         self._taps = low_pass(self._factor)
         self._held = Held()
 
-    @property
-    def delay_intervals(self) -> int:
-        """Samples that must follow before one is delivered."""
-        return (self._taps.size - 1) // 2
-
     def push(self, samples: Samples) -> Samples:
         """Samples that became complete.
 
@@ -380,48 +374,3 @@ def _filtered(values: Array, factor: int, taps: Array, rows: int) -> Array:
         np.multiply(phases[k % factor, :, first : first + rows], tap, out=part)
         out += part
     return np.ascontiguousarray(out.T)
-
-
-@dataclass(frozen=True)
-class Thinning:
-    """A factor with what it keeps.
-
-    Attributes
-    ----------
-    factor : int
-    rate_hz : float
-        Of the samples kept.
-    pass_hz : float
-        Up to which nothing is lost.
-    """
-
-    factor: int
-    rate_hz: float
-    pass_hz: float
-
-
-def thinning(interval: float, most_rpm: float) -> Thinning:
-    """Largest factor that keeps the rotation and its lines well inside the pass band.
-
-    Parameters
-    ----------
-    interval : float
-        s, of the samples there are.
-    most_rpm : float
-        Fastest rotation expected, revolutions per minute.
-
-    Notes
-    -----
-    The pass band is to reach 20 Hz above the rotation: what the vibration does below that comes down to the band of the
-    fit only after it is turned back. At least 100 Hz are kept.
-
-    Examples
-    --------
-    >>> thinning(0.0005, 600.0).factor
-    20
-    """
-    if not (interval > 0.0 and most_rpm >= 0.0):
-        raise InputError(f"interval {interval} s and {most_rpm} rpm: they must be positive and not negative")
-    wanted = max((most_rpm / 60.0 + 20.0) / PASS, 100.0)
-    factor = int(min(max(np.floor(1.0 / (interval * wanted) + 1e-9), 1), LARGEST))
-    return Thinning(factor, 1.0 / (interval * factor), PASS / (interval * factor))

@@ -250,11 +250,6 @@ class PositionUncertainty:
     def __len__(self) -> int:
         return len(self.survey)
 
-    def by_propagation(self, propagation: str) -> Array:
-        """Covariance (n, 3, 3) of the sources of one kind: "random", "systematic", "well" or "global"."""
-        parts = [one.covariance for one in self.sources.values() if one.propagation == propagation]
-        return np.asarray(sum(parts, start=np.zeros((len(self), 3, 3))))
-
 
 def propagate(
     survey: WellSurvey,

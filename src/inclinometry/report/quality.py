@@ -11,7 +11,7 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.report.figure import BAD, INK, SERIES, new_figure, styled
 from inclinometry.report.page import Picture, Table, TableRow, picture
 from inclinometry.report.survey_figures import thinned
-from inclinometry.report.words import plain, significant
+from inclinometry.report.words import significant
 from inclinometry.survey.flags import Check
 from inclinometry.survey.quality import QUANTITIES, FieldQuality, Quantity
 
@@ -133,22 +133,6 @@ def check_table(checks: Sequence[Check]) -> Table:
 
 def _shown(value: float) -> str:
     return significant(value, 3) if np.isfinite(value) else "-"
-
-
-def station_quality_table(quality: FieldQuality) -> Table:
-    """Differences from the reference at every station, what is allowed, and the verdict."""
-    head = ["md, m"]
-    for quantity in QUANTITIES:
-        head += [f"{quantity.name} − reference, {quantity.shown.replace('m/s^2', 'm/s²')}", "allowed"]
-    rows = []
-    for k, verdict in enumerate(quality.verdicts):
-        cells = [plain(float(quality.md[k]), 2)]
-        for column, quantity in enumerate(QUANTITIES):
-            cells += _cells(quality, k, column, quantity)
-        distance = quality.distance[k]
-        cells += [f"{distance:.2f}" if np.isfinite(distance) else "-", verdict]
-        rows.append(TableRow(cells, {"fail": "bad", "not judged": "warn"}.get(verdict, "")))
-    return Table("Stations against the reference", [*head, "distance, σ", "verdict"], rows)
 
 
 def _cells(quality: FieldQuality, row: int, column: int, quantity: Quantity) -> list[str]:

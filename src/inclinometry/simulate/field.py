@@ -14,8 +14,8 @@ from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, rotation_exp, rotation_z
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import bench_reference, field_direction
-from inclinometry.simulate.sensing import sense, sense_batch
-from inclinometry.simulate.tool import Seed, Streams, ToolBatch, random_rotations
+from inclinometry.simulate.sensing import sense
+from inclinometry.simulate.tool import Seed, Streams, random_rotations
 
 
 @dataclass(frozen=True)
@@ -120,29 +120,3 @@ def simulate_field(
         tool=tool,
         **sensed._asdict(),
     )
-
-
-def simulate_fields(
-    tools: ToolBatch,
-    hand: HandHeld,
-    *,
-    draws: int | None = None,
-    noise: Mapping[str, float] | None = None,
-    bits: int | None = None,
-    seed: Seed,
-) -> tuple[dict[str, Array], Array]:
-    """Many field calibrations: signals kind -> (draws, K, m), and true orientations (draws, K, 3, 3).
-
-    Examples
-    --------
-    >>> from inclinometry.simulate.tool import random_tools
-    >>> simulate_fields(random_tools(1, 20), HandHeld(), seed=1)[0]["magnetometer"].shape
-    (20, 32, 3)
-    """
-    number = len(tools) if draws is None else draws
-    if len(tools) not in (1, number):
-        raise InputError(f"{len(tools)} tools for {number} draws; give one tool, or one for each draw")
-    orientation = hand.orientations(seed, number)
-    fields = {kind: orientation @ field_direction(kind, hand.dip, hand.latitude, 0.0) for kind in tools.tensor}
-    signals, _ = sense_batch(tools, fields, Streams(seed, "field"), noise=noise, bits=bits)
-    return signals, orientation

@@ -274,44 +274,6 @@ def hot_run(
     )
 
 
-def hot_run_rows(
-    run: HotRun,
-    seed: Seed,
-    *,
-    positions: ArrayLike = FOUR_POSITIONS,
-    dwell: float = 60.0,
-    spacing: float = 30.0,
-    sensors: GyroSensors | None = None,
-) -> GyroSimulation:
-    """The same run as indexed readings at random toolfaces; noise as `sensors` say, else as large as the run's.
-
-    Two cross-axis gyros at P positions give each component of the rate with sd/sqrt(P) of one reading.
-
-    Examples
-    --------
-    >>> hot_run_rows(hot_run(1), seed=1).gyro.shape
-    (240, 2)
-    """
-    index = finite(positions, "positions", (None,))
-    streams = Streams(seed, "hot-run-rows")
-    size = len(run.scale)
-    if sensors is None:
-        sensors = GyroSensors(arw=run.noise * EARTH_RATE * np.sqrt(dwell * len(index)), accelerometer_noise=1e-3)
-    return simulate_gyro_run(
-        spacing * np.arange(1.0, size + 1.0),
-        run.inclination,
-        run.azimuth,
-        streams["toolface"].uniform(0.0, 2.0 * np.pi, size),
-        latitude=run.latitude,
-        scale=run.scale,
-        temperature=run.temperature,
-        positions=index,
-        dwell=dwell,
-        sensors=sensors,
-        seed=streams["rows"],
-    )
-
-
 class NorthSeeking(NamedTuple):
     """Readings (runs, n), rad/s, of one level gyro turned about the vertical by `angle` (n,), rad, at `time` (n,), s.
 

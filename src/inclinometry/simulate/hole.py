@@ -107,22 +107,6 @@ def well_path(profile: WellProfile, seed: Seed) -> WellPath:
     return WellPath(md, inclination, azimuth, Streams(seed, "well")["toolface"].uniform(0.0, 2.0 * np.pi, md.size))
 
 
-def temperature_profile(
-    md: ArrayLike, inclination: ArrayLike, *, surface: float = 10.0, gradient: float = 0.03
-) -> Array:
-    """Temperature (n,), degC, that rises by `gradient` (degC/m) with vertical depth (balanced tangential method).
-
-    Examples
-    --------
-    >>> temperature_profile([0, 1000], [0, 0])
-    array([10., 40.])
-    """
-    depth, angle = finite(md, "md", (None,)), finite(inclination, "inclination", (None,))
-    cosine = np.cos(angle)
-    steps = np.diff(depth) * (cosine[1:] + cosine[:-1]) / 2.0
-    return np.asarray(surface + gradient * np.concatenate([[0.0], np.cumsum(steps)]))
-
-
 def simulate_survey(
     tool: Tool,
     md: ArrayLike,

@@ -30,11 +30,11 @@ class Format(NamedTuple):
 
 FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
     {
-        "csv": Format((".csv", ".tsv"), "io.six_axis:read_csv", "io.six_axis:write_csv"),
-        "xlsx": Format((".xlsx", ".xlsm"), "io.excel:read_excel", "io.excel:write_excel"),
-        "parquet": Format((".parquet", ".pq"), "io.parquet:read_parquet", "io.parquet:write_parquet"),
-        "las": Format((".las",), "io.las:read_las", "io.las:write_las"),
-        "witsml": Format((".witsml", ".xml"), "workflow.convert_formats:read_witsml", "io.witsml:write_witsml"),
+        "csv": Format((".csv", ".tsv"), "files.six_axis:read_csv", "files.six_axis:write_csv"),
+        "xlsx": Format((".xlsx", ".xlsm"), "files.excel:read_excel", "files.excel:write_excel"),
+        "parquet": Format((".parquet", ".pq"), "files.parquet:read_parquet", "files.parquet:write_parquet"),
+        "las": Format((".las",), "files.las:read_las", "files.las:write_las"),
+        "witsml": Format((".witsml", ".xml"), "workflow.convert_formats:read_witsml", "files.witsml:write_witsml"),
         "p7": Format((".p7", ".p717"), "workflow.convert_formats:read_p7", "workflow.convert_formats:write_p7"),
         "wits": Format(
             (".wits", ".wits0"), "workflow.convert_formats:read_wits", "workflow.convert_formats:write_wits"

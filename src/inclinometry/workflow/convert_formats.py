@@ -21,12 +21,12 @@ def read_p7(
     azimuth_reference: str | None = None,
     sheet: str | None = None,
 ) -> SurveyFile:
-    """One survey of a P7/17 file, by its number (`sheet`) where there are several; else as `io.p7.read_p7`.
+    """One survey of a P7/17 file, by its number (`sheet`) where there are several; else as `files.p7.read_p7`.
 
     Raises
     ------
     FileError
-        Several surveys and no number, no survey of that number; else as `io.p7.read_p7`.
+        Several surveys and no number, no survey of that number; else as `files.p7.read_p7`.
     """
     found = p7.read_p7(path, convention=convention, depth_unit=depth_unit, azimuth_reference=azimuth_reference)
     survey = _one(path, found.surveys, sheet)
@@ -50,26 +50,26 @@ def _one(path: str | Path, surveys: Mapping[int, SurveyFile], wanted: str | None
 
 
 def write_p7(file: SurveyFile, path: str | Path) -> None:
-    """Write a survey as the only one of a P7/17 file; errors as `io.p7.write_p7`."""
+    """Write a survey as the only one of a P7/17 file; errors as `files.p7.write_p7`."""
     p7.write_p7(p7.p7_file(file), path)
 
 
 def read_witsml(
     path: str | Path, *, convention: str = "iscwsa", azimuth_reference: str | None = None, sheet: str | None = None
 ) -> SurveyFile:
-    """One trajectory of a WITSML document, by its uid or name (`sheet`); else as `io.witsml.read_witsml`."""
+    """One trajectory of a WITSML document, by its uid or name (`sheet`); else as `files.witsml.read_witsml`."""
     from inclinometry.files import witsml
 
     return witsml.read_witsml(path, trajectory=sheet, convention=convention, azimuth_reference=azimuth_reference)
 
 
 def read_wits(path: str | Path, *, channels: str | Path | None = None) -> SurveyFile:
-    """The survey in a WITS level 0 stream, by a map of its items in TOML; else as `io.wits0.read_wits0`."""
+    """The survey in a WITS level 0 stream, by a map of its items in TOML; else as `files.wits0.read_wits0`."""
     return wits0.read_wits0(path, _map(path, channels))
 
 
 def write_wits(file: SurveyFile, path: str | Path, *, channels: str | Path | None = None) -> None:
-    """Write a survey as a WITS level 0 stream; errors as `io.wits0.write_wits0`."""
+    """Write a survey as a WITS level 0 stream; errors as `files.wits0.write_wits0`."""
     wits0.write_wits0(file, path, _map(path, channels))
 
 

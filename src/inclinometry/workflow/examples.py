@@ -14,7 +14,6 @@ from inclinometry.calibration.stillness import StillIntervals, sd_of_mean, stati
 from inclinometry.digest import digest_bytes
 
 _DATA = "demo_data"
-CAVE_INSTRUMENTS = ("BB", "CF", "FG", "HC")
 XSENS_SETTLED, XSENS_SAMPLES = 50, 100
 XSENS_GRAVITY = 9.81744
 """Local gravity stated with the Xsens log, m/s^2."""

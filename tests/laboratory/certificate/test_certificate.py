@@ -15,19 +15,15 @@ import pytest
 from lxml import etree
 
 from inclinometry.calibration.expected import expected_uncertainty
-from inclinometry.digest import digest_bytes
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import InputError
 from inclinometry.laboratory.certificate.dcc import dcc_bytes
 from inclinometry.laboratory.certificate.pdf import certificate_pdf
 from inclinometry.laboratory.certificate.record import (
     certificate_record,
     chinese_font,
     coverage_probability,
-    read_certificate,
-    record_bytes,
     record_digest,
     words,
-    write_certificate,
 )
 
 from ...report.conftest import calibrated
@@ -218,20 +214,6 @@ def test_without_a_laboratory_it_says_that_it_is_none(tmp_path: Path) -> None:
     pdf = certificate_pdf(record(laboratory=None))
     if shutil.which("pdftotext"):
         assert "not a certificate in the sense of ISO/IEC 17025" in pages(pdf, tmp_path)[0]
-
-
-def test_the_file_of_the_record(tmp_path: Path) -> None:
-    """Its digest is the one on the certificate; damage is refused with the place."""
-    content, path = record(), tmp_path / "record.json"
-    write_certificate(content, path)
-    assert read_certificate(path) == content
-    assert digest_bytes(path.read_bytes()) == record_digest(content)
-    path.write_bytes(record_bytes(content | {"language": "fr"}))
-    with pytest.raises(FileError, match=r"\$\.language is \"fr\"; it must be en, ru or zh"):
-        read_certificate(path)
-    path.write_bytes(record_bytes(content | {"version": 2}))
-    with pytest.raises(FileError, match="newer release"):
-        read_certificate(path)
 
 
 def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:

@@ -25,7 +25,6 @@ from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
-from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import Row, classical_rows, differences, parameter_rows, sensor_names
@@ -147,22 +146,6 @@ def record_digest(record: Mapping[str, Any]) -> str:
     'sha256:ca3d163b'
     """
     return digest_bytes(record_bytes(record))
-
-
-def write_certificate(record: Mapping[str, Any], path: str | Path) -> None:
-    """Write the record; FileError where it cannot be written."""
-    write_bytes(record_bytes(record), path)
-
-
-def read_certificate(path: str | Path) -> dict[str, Any]:
-    """Read the record of a certificate.
-
-    Raises
-    ------
-    FileError
-        Not JSON, another kind of file, a newer version, or content the schema refuses, with the JSON path.
-    """
-    return checked(json_codec.load(path), path)
 
 
 def checked(content: dict[str, Any], where: str | Path) -> dict[str, Any]:

@@ -130,13 +130,12 @@ PAGES: Final = (
     "home",
     "calibrate.start",
     "calibrate.page",
-    "import_file",
+    "lists",
     "tools",
     "results",
     "verify",
     "certificates",
     "ledger",
-    "people",
 )
 """Modules of pages, in inclinometry.laboratory.web.pages."""
 LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
