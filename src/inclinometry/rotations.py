@@ -297,7 +297,11 @@ def quaternion_log(quaternion: ArrayLike) -> Array:
 
 def _matrix(rows: list[list[Array]]) -> Array:
     """Stack scalars (...) into (..., rows, columns)."""
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    matrix = np.empty((*np.shape(rows[0][0]), len(rows), len(rows[0])))
+    for i, row in enumerate(rows):
+        for j, value in enumerate(row):
+            matrix[..., i, j] = value
+    return matrix
 
 
 def _unit_quaternion(q: Array) -> Array:

@@ -8,6 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from inclinometry.errors import InputError
+from inclinometry.survey import path as path_module
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature, tortuosity
 
 # the ISCWSA's example well no. 1, metres and degrees, where its shape changes; vertical depth to 0.01 m
@@ -134,8 +135,22 @@ def test_a_million_stations_sum_as_exactly_as_extended_precision():
     np.testing.assert_allclose(positions(path)[1:], wanted.T.astype(float), atol=2e-12)
 
 
-def test_blocks_of_the_kernel_meet():
+@pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (5e5, -3e3, 120.0)])
+def test_the_compiled_loop_and_numpy_are_one_formula(monkeypatch, start):
+    md, inclination, azimuth = crooked(1030)
+    inclination[500:520], azimuth[500:520] = 0.3, 1.0  # straight intervals
+    plain = minimum_curvature(md, inclination, azimuth, start=start)
+    monkeypatch.setattr(path_module, "WORTH_LOADING", 0)
+    compiled = minimum_curvature(md, inclination, azimuth, start=start)
+    # sums of a thousand steps with and without their rounding; an angle to a few last bits
+    np.testing.assert_allclose(positions(plain), positions(compiled), rtol=2e-15, atol=1e-11)
+    np.testing.assert_allclose(plain.dogleg, compiled.dogleg, atol=4e-16)
+    np.testing.assert_allclose(plain.severity, compiled.severity, rtol=1e-11, atol=1e-16)
+
+
+def test_blocks_of_the_kernel_meet(monkeypatch):
     """The first stations do not know how many follow."""
+    monkeypatch.setattr(path_module, "WORTH_LOADING", 0)
     md, inclination, azimuth = crooked(1030)
     whole = minimum_curvature(md, inclination, azimuth)
     for count in (2, 255, 256, 257, 258, 512, 513, 514, 1029):
@@ -244,7 +259,7 @@ def test_two_stations_at_any_angle(inclination, azimuth, length):
 def test_memory_stays_within_its_columns():
     """Eight columns of the result and three or four of checks: nothing grows with a matrix of the stations."""
     md, inclination, azimuth = 0.01 * np.arange(200_000.0), np.full(200_000, 1.0), np.full(200_000, 2.0)
-    minimum_curvature(md[:9], inclination[:9], azimuth[:9])  # the kernel is loaded outside the measurement
+    minimum_curvature(md, inclination, azimuth)  # the kernel is loaded outside the measurement
     tracemalloc.start()
     minimum_curvature(md, inclination, azimuth)
     _, peak = tracemalloc.get_traced_memory()

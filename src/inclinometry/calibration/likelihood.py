@@ -360,4 +360,6 @@ def tangent_basis(direction: Array) -> Array:
     axis = np.eye(3)[0] if abs(direction[0]) < 0.9 else -np.eye(3)[2]
     first = axis - direction * (axis @ direction)
     first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first)], axis=1)
+    (x, y, z), (a, b, c) = direction, first
+    # direction x first; numpy's own takes ten times as long for one pair
+    return np.array([[a, y * c - z * b], [b, z * a - x * c], [c, x * b - y * a]])

@@ -1,4 +1,8 @@
-"""A tool code: an error model as a list of terms, each with magnitude, unit, propagation and weighting formulas."""
+"""A tool code: an error model as a list of terms, each with magnitude, unit, propagation and weighting formulas.
+
+The terms and their formulas, XYM3 and XYM4 of the ISCWSA and the others, are data: `tool_codes/*.json`. Here is the
+interpreter that evaluates them: a formula of sines and products, parsed once, and nothing else of Python.
+"""
 
 from __future__ import annotations
 
