@@ -18,7 +18,7 @@ from tests.position.test_spe90408 import MISSED, NAMES
 from inclinometry.arrays import Array
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.constants import FOOT
+from inclinometry.constants import FOOT, VECTORS
 from inclinometry.earth.site import Site
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.orientation import angles, fields
@@ -28,7 +28,7 @@ from inclinometry.position.tool_code import ToolCode, parse
 from inclinometry.position.well import WellSurvey, horizontal_ellipse, well_survey
 from inclinometry.sensors import Tool, parameter_vector, triad_from_vector
 from inclinometry.simulate.bench import Rig
-from inclinometry.survey.from_tool import KINDS, stations_from_tool
+from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import minimum_curvature
 from inclinometry.workflow import simulate
 from support.figures import table
@@ -217,11 +217,11 @@ def surveyed() -> tuple[Tool, WellSurvey, dict[str, Array], Array]:
     stand = simulate.bench(plans.orthogonal(), seed=7, rig=Rig(dip=DIP, setting_sd=np.radians(0.1)))
     tool = calibrate_joint(stand.readings, name="simulated").tool
     path = simulate.well(stand.truth, seed=7)
-    seen = dict(zip(KINDS, fields(path.azimuth, path.inclination, path.toolface, DIP), strict=True))
+    seen = dict(zip(VECTORS, fields(path.azimuth, path.inclination, path.toolface, DIP), strict=True))
     site = Site(g=9.80665, b=50_000.0, dip=DIP, declination=np.radians(4.0))
     survey = well_survey(path.md, path.inclination, path.azimuth, site, "magnetic")
     signals = {kind: tool.triads[kind].signals(field) for kind, field in seen.items()}
-    return tool, survey, signals, np.stack([seen[kind] for kind in KINDS])
+    return tool, survey, signals, np.stack([seen[kind] for kind in VECTORS])
 
 
 def ends(tool: Tool, survey: WellSurvey, seen: Array, changes: Array) -> Array:
@@ -230,7 +230,7 @@ def ends(tool: Tool, survey: WellSurvey, seen: Array, changes: Array) -> Array:
     declination = survey.site.declination or 0.0
     for row, change in enumerate(changes):
         read = []
-        for kind, field in zip(KINDS, seen, strict=True):
+        for kind, field in zip(VECTORS, seen, strict=True):
             triad = tool.triads[kind]
             true = triad_from_vector(triad, parameter_vector(triad) + change[tool.slices[kind]])
             read.append(triad.field(true.signals(field)))

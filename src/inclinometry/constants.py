@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import MappingProxyType
 from typing import Final
 
 STANDARD_GRAVITY: Final = 9.80665
@@ -48,3 +49,21 @@ INCLINATION_RANGE: Final = (math.radians(10.0), math.radians(90.0))
 
 STEPS: Final = 24
 """Equal steps of azimuth, and of toolface, over which the worst uncertainty of an inclination is taken."""
+
+DIALS: Final = ("azimuth", "inclination", "toolface")
+"""The dials of a rig, in the order of its settings."""
+
+ANGLES: Final = ("inclination", "azimuth", "toolface")
+"""The angles of a tool, in the order of every result."""
+
+FIELD_UNITS: Final = MappingProxyType({"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"})
+"""Unit of the field that a kind of triad sees."""
+
+VECTORS: Final = ("accelerometer", "magnetometer")
+"""The kinds of triad of a magnetic tool."""
+
+FIELD_NAME: Final = MappingProxyType({"accelerometer": "g", "magnetometer": "b"})
+"""What the strength of the field of a kind is called in a reference."""
+
+RPM: Final = 30.0 / math.pi
+"""One radian a second, turns a minute."""

@@ -9,7 +9,7 @@ import pytest
 
 import inclinometry
 from inclinometry.calibration import plans
-from inclinometry.calibration.expected import ANGLES, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.constants import DIP, STEPS
 from inclinometry.errors import InputError
@@ -83,7 +83,7 @@ def test_azimuth_of_a_level_magnetometer_error():
 
 def test_worst_and_rms(calibrated):
     found = expected_uncertainty(calibrated, np.radians([5.0, 30.0, 85.0]), DIP)
-    assert found.of_one_reading.shape == found.rms().shape == (3, len(ANGLES))
+    assert found.of_one_reading.shape == found.rms().shape == (3, len(ALL_ANGLES))
     assert (found.of_one_reading >= found.rms()).all()
     assert found.variance.shape == (3, STEPS, STEPS, 4)
     np.testing.assert_allclose(found.variance, sum(found.components.values()))
@@ -165,7 +165,7 @@ def test_every_tool_has_the_angles_it_can_give_and_no_others(sensors, given, sec
     assert found.angles == given
     assert found.azimuth_from == second
     for u in (found.from_calibration, found.of_one_reading):
-        for column, name in enumerate(ANGLES[:3]):
+        for column, name in enumerate(ALL_ANGLES[:3]):
             assert np.isfinite(u[:, column]).all() == np.isfinite(u[:, column]).any() == (name in given)
 
 

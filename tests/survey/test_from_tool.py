@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.constants import STANDARD_GRAVITY, VECTORS
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, parameter_vector, triad_from_vector
 from inclinometry.simulate.hole import simulate_survey
 from inclinometry.simulate.tool import random_tool
-from inclinometry.survey.from_tool import KINDS, NOTHING_STATED, stations_from_tool, stations_plain
+from inclinometry.survey.from_tool import NOTHING_STATED, stations_from_tool, stations_plain
 
 DIP = np.radians(65.0)
 
@@ -54,7 +54,7 @@ def test_derivatives_by_the_parameters(degree):
     assert source.by_field.shape == (20, 6, 24 * (degree + 1))
     np.testing.assert_array_equal(source.covariance, tool.covariance)
     column = 0
-    for kind in KINDS:
+    for kind in VECTORS:
         vector = parameter_vector(tool.triads[kind])
         for k in range(len(vector)):
             # a bias of hundredth counts per degC^power: far below the signals, far above their rounding
@@ -72,12 +72,12 @@ def test_derivatives_by_the_parameters(degree):
 
 def test_noise_is_that_of_a_reading():
     tool = random_tool(3)
-    true = [surveyed(tool, 1, noise={}).signals[kind] for kind in KINDS]
+    true = [surveyed(tool, 1, noise={}).signals[kind] for kind in VECTORS]
     deviation = {"accelerometer": np.array([0.2, 0.4, 0.6]), "magnetometer": np.array([1.0, 0.5, 2.0])}
     tool = replace(tool, noise=deviation)
     random, count = np.random.default_rng(8), 20_000
     signals = {
-        kind: one + deviation[kind] * random.normal(size=(count, 3)) for kind, one in zip(KINDS, true, strict=True)
+        kind: one + deviation[kind] * random.normal(size=(count, 3)) for kind, one in zip(VECTORS, true, strict=True)
     }
     found = stations_from_tool(np.arange(count), signals, tool)
     sample = np.cov(np.concatenate([found.g, found.b], axis=1).T)

@@ -10,18 +10,17 @@ import numpy as np
 
 from inclinometry.arrays import Array, within
 from inclinometry.calibration.conventions import MisreadError, StandField, check_misread
-from inclinometry.calibration.expected import ANGLES, expected_uncertainty
+from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.orientation import angles, angles_jacobian, dip_angle, inclination_toolface
 from inclinometry.rotations import cross_matrix, wrap_signed
 from inclinometry.sensors import field_sensitivity
 
-JUDGED = ("inclination", "azimuth", "toolface")
 GUARDS = ("none", "expanded-uncertainty")
 FEW_POSITIONS = 6
 NEAR_VERTICAL = np.radians(1.0)
@@ -56,7 +55,7 @@ class Limits:
     guard: str = "none"
 
     def __post_init__(self) -> None:
-        for name in JUDGED:
+        for name in ANGLES:
             if getattr(self, name) is not None:
                 within(getattr(self, name), f"limit of {name}", 1e-9, np.pi, "rad")
         within(self.min_inclination_for_azimuth, "min_inclination_for_azimuth", 0.0, np.pi / 2, "rad")
@@ -122,7 +121,7 @@ class Verification:
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
-    names: Sequence[str] = JUDGED
+    names: Sequence[str] = ANGLES
     notes: Sequence[str] = ()
 
 
@@ -191,8 +190,8 @@ def verify(
         if _single(readings, calibration):
             return _verify_single(readings, calibration, limits, stand)
         raise
-    names = JUDGED if kinds[0] == "accelerometer" else _FIELD_ANGLES
-    if limits is not None and names is not JUDGED:
+    names = ANGLES if kinds[0] == "accelerometer" else _FIELD_ANGLES
+    if limits is not None and names is not ANGLES:
         raise InputError(
             f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a {kinds[0]} alone gives none "
             "of them: leave the limits out, and the direction of the field in tool axes is held against its uncertainty"
@@ -226,7 +225,7 @@ def verify(
     u[plumb, 0] = tilt[plumb] * _two_directions(k)
     bounds = k * u
     if limits is not None:
-        for column, name in enumerate(JUDGED):
+        for column, name in enumerate(ANGLES):
             value = getattr(limits, name)
             bounds[:, column] = np.inf if value is None else value
     bounds[idle] = np.inf
@@ -589,7 +588,7 @@ def _decided(
         (
             *_warnings(readings, calibration),
             *_too_narrow(u * k, bounds, limits),
-            *(_worth(calibration, inclination, u, bounds) if names is JUDGED else ()),
+            *(_worth(calibration, inclination, u, bounds) if names is ANGLES else ()),
         ),
         names,
     )
@@ -706,7 +705,7 @@ def _too_narrow(expanded: Array, bounds: Array, limits: Limits | None) -> list[s
     if limits is None:
         return []
     sentences = []
-    for column, name in enumerate(JUDGED):
+    for column, name in enumerate(ANGLES):
         judged = np.isfinite(bounds[:, column])
         hopeless = int(np.sum(expanded[judged, column] > bounds[judged, column]))
         if hopeless:
@@ -722,7 +721,7 @@ def _worth(calibration: Calibration, inclination: Array, u: Array, bounds: Array
     away = np.clip(inclination, NEAR_VERTICAL, np.pi - NEAR_VERTICAL)
     found = expected_uncertainty(calibration, away)
     sentences = []
-    for column, name in enumerate(JUDGED):
+    for column, name in enumerate(ANGLES):
         judged = np.isfinite(bounds[:, column])
         if name not in found.angles or not judged.any():
             continue

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, within
-from inclinometry.calibration.expected import ANGLES
+from inclinometry.calibration.expected import ALL_ANGLES
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import second_harmonics
 from inclinometry.calibration.variance import Fitted
+from inclinometry.constants import VECTORS
 from inclinometry.orientation import fields
 from inclinometry.sensors import angle_sensitivity
 from inclinometry.uncertainty import Budget
@@ -70,7 +71,7 @@ def error_budget(
     Returns
     -------
     Budget
-        Components (n, 4, 4), rad^2, quantities as `expected.ANGLES`: from the calibration the converter, the noise,
+        Components (n, 4, 4), rad^2, quantities as `expected.ALL_ANGLES`: from the calibration the converter, the noise,
         each dial, what was assumed of the stand; of the reading itself the converter and the noise. Non-linearity is a
         component where the roll sets show it, through calibration and reading together; it is not part of the
         calibration's own covariance. None without accelerometer and magnetometer of three seen components, or for a
@@ -96,12 +97,12 @@ def error_budget(
     ['calibration: sensor noise', 'calibration: azimuth dial', 'calibration: inclination dial']
     """
     tool = calibration.tool
-    if not calibration.causes or any(k not in tool.triads or not tool.triads[k].full for k in _KINDS):
+    if not calibration.causes or any(k not in tool.triads or not tool.triads[k].full for k in VECTORS):
         return None
     values = np.atleast_1d(within(inclination, "inclination", 1e-6, np.pi - 1e-6, "rad"))
     turn = 2.0 * np.pi * np.arange(steps) / steps
     grid = np.meshgrid(values, turn, turn, indexing="ij")
-    seen = dict(zip(_KINDS, fields(grid[1], grid[0], grid[2], dip), strict=True))
+    seen = dict(zip(VECTORS, fields(grid[1], grid[0], grid[2], dip), strict=True))
     heat = np.full(grid[0].shape, tool.triads["accelerometer"].reference_temperature)
     sensitivity = angle_sensitivity(tool, seen, heat)
 
@@ -112,18 +113,15 @@ def error_budget(
     parts = {}
     for name, covariance in calibration.causes.items():
         parts[f"calibration: {name}"] = mean(sensitivity.by_parameter, covariance * (stated / whole))
-    noise = np.concatenate([tool.noise[kind] for kind in _KINDS])
-    rounding = np.concatenate([np.asarray(readings.step[k]) for k in _KINDS]) / np.sqrt(12.0)
+    noise = np.concatenate([tool.noise[kind] for kind in VECTORS])
+    rounding = np.concatenate([np.asarray(readings.step[k]) for k in VECTORS]) / np.sqrt(12.0)
     rounding = np.minimum(rounding, noise)
     parts["reading: converter"] = mean(sensitivity.by_signal, np.diag(rounding**2))
     parts["reading: sensor noise"] = mean(sensitivity.by_signal, np.diag(noise**2 - rounding**2))
     bent = _non_linearity(calibration, readings, seen, sensitivity.by_signal, sensitivity.by_parameter)
     if bent is not None:
         parts["non-linearity"] = np.einsum("nabi,nabj->nij", bent, bent) / steps**2
-    return Budget(ANGLES, {name: part for name, part in parts.items() if part.any()})
-
-
-_KINDS = ("accelerometer", "magnetometer")
+    return Budget(ALL_ANGLES, {name: part for name, part in parts.items() if part.any()})
 
 
 def _non_linearity(

@@ -10,14 +10,13 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.calibration.expected import azimuth_triad, expected_uncertainty, field_dip
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import DIP, INCLINATIONS, LATITUDE, STEPS
+from inclinometry.constants import DIP, FIELD_UNITS, INCLINATIONS, LATITUDE, STEPS
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
 
 AXES = ("x", "y", "z")
-FIELD_UNITS = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class TwoCalibrations:
     names : what they are called in tables.
     calibrations : the two.
     inclination : (n,) rad.
-    uncertainty : two arrays (n, 4), from the calibration alone at the worst attitude, rad, as `expected.ANGLES`.
+    uncertainty : two arrays (n, 4), from the calibration alone at the worst attitude, rad, as `expected.ALL_ANGLES`.
     difference : (n, 3) rms over azimuth and toolface of inclination, azimuth, toolface that the second gives for
         signals of the first less those it stands for, rad; NaN where one of them has no such angle.
     error : two arrays (n, 3), rms errors against a known truth, rad; none without.

@@ -20,7 +20,7 @@ from inclinometry.calibration.identifiability import blindness
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.start import Stand, stand_within
-from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS
+from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS, VECTORS
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
@@ -29,7 +29,6 @@ from inclinometry.sensors import Tool, Triad, angle_sensitivity
 #
 # Parameters are the tool's, relative to the full field of their triad, then two angles of each field direction.
 
-KINDS = ("accelerometer", "magnetometer")
 DIRECTION_SD = np.radians(5.0)
 """How well the direction of each field at the stand is taken to be known beforehand, rad."""
 _STEP = np.radians(15.0)
@@ -109,14 +108,14 @@ class Information:
 
 def information(rig_sd: float | Array, noise: Mapping[str, float], dip: float, tool: Tool | None) -> Information:
     """The checked description of tool and stand; a tool of orthogonal unit axes when none is given."""
-    absent = [k for k in KINDS if tool is not None and (k not in tool.triads or not tool.triads[k].full)]
+    absent = [k for k in VECTORS if tool is not None and (k not in tool.triads or not tool.triads[k].full)]
     if absent:
         raise InputError(f"the {absent[0]} with three seen components is needed to aim a plan")
-    missing = [k for k in KINDS if k not in noise]
+    missing = [k for k in VECTORS if k not in noise]
     if missing:
         raise InputError(f"noise of the {missing[0]} is missing; give it relative to the full field, e.g. 4e-4")
     triads, full, spread = {}, [], []
-    for kind in KINDS:
+    for kind in VECTORS:
         given = Triad(kind, np.eye(3), np.zeros(3)) if tool is None else tool.triads[kind]
         triads[kind] = Triad(kind, given.tensor[0], given.offset[0], given.unit)
         strength = float(np.linalg.norm(given.tensor[0], axis=1).max())

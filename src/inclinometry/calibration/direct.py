@@ -23,11 +23,9 @@ from inclinometry.calibration.rollset import second_harmonics
 from inclinometry.calibration.start import DOWN, enough, fix_signs, starting_state
 from inclinometry.calibration.twelve import find_direction, solve_orthogonal, solve_rotations, solve_twelve
 from inclinometry.calibration.variance import Fitted, expected_variances, fit_with_variances, noise_guess, rig_guess
-from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.constants import EARTH_RATE, FIELD_NAME, STANDARD_GRAVITY
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, Triad
-
-_STRENGTH = {"accelerometer": "g", "magnetometer": "b"}
 
 
 def calibration(
@@ -86,7 +84,7 @@ def _tool(used: BenchReadings, fitted: Fitted, name: str, reference_temperature:
             coefficients[..., :3],
             coefficients[..., 3],
             used.units[kind],
-            used.reference.get(_STRENGTH.get(kind, "")),
+            used.reference.get(FIELD_NAME.get(kind, "")),
             reference_temperature,
         )
         noise[kind] = _single_reading_noise(used, model.noise_sd[:, start : start + coefficients.shape[1]])

@@ -22,7 +22,7 @@ from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Tool, angle_sensitivity
 from inclinometry.uncertainty import UNKNOWN
 
-ANGLES: Final = ("inclination", "azimuth", "toolface", "magnetic_toolface")
+ALL_ANGLES: Final = ("inclination", "azimuth", "toolface", "magnetic_toolface")
 FROM_CALIBRATION: Final = "from the calibration alone"
 OF_ONE_READING: Final = "of one reading"
 
@@ -32,8 +32,8 @@ class ExpectedUncertainty:
     """Uncertainty of a tool's angles over inclination, azimuth and toolface.
 
     inclination : (n,) rad.
-    components : cause -> (n, azimuths, toolfaces, 4) variances, rad^2, last axis as `ANGLES`; NaN for an angle the tool
-        cannot give. The causes are "calibration", "sensor noise" and, of two accelerometers, "strength of
+    components : cause -> (n, azimuths, toolfaces, 4) variances, rad^2, last axis as `ALL_ANGLES`; NaN for an angle the
+        tool cannot give. The causes are "calibration", "sensor noise" and, of two accelerometers, "strength of
         gravity".
     azimuth_from : kind of the triad the azimuth comes from; None without.
     dip : of that triad's field below the horizontal, rad; minus the latitude for a gyro.
@@ -55,7 +55,7 @@ class ExpectedUncertainty:
     def angles(self) -> tuple[str, ...]:
         """Which of inclination, azimuth, toolface the tool can give."""
         known = np.asarray(np.isfinite(self.variance).all(axis=(0, 1, 2))).tolist()
-        return tuple(name for name, seen in zip(ANGLES[:3], known[:3], strict=True) if seen)
+        return tuple(name for name, seen in zip(ALL_ANGLES[:3], known[:3], strict=True) if seen)
 
     @property
     def variance(self) -> Array:
@@ -154,7 +154,7 @@ def expected_uncertainty(
     turns = [2.0 * np.pi * np.arange(n) / n for n in (azimuths, toolfaces)]
     grid = np.meshgrid(values, *turns, indexing="ij")
     if silent or "accelerometer" not in tool.triads or tool.triads["accelerometer"].rank < 2:
-        nothing = np.full((*grid[0].shape, len(ANGLES)), np.nan)
+        nothing = np.full((*grid[0].shape, len(ALL_ANGLES)), np.nan)
         return ExpectedUncertainty(
             values, {"calibration": nothing, "sensor noise": nothing}, second, found, source, heat
         )

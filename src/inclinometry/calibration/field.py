@@ -26,6 +26,7 @@ from inclinometry.calibration._field_model import (
 from inclinometry.calibration.norm import algebraic_ellipsoid, require_coverage, unit
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import LEAST_REDUNDANCY, Calibration, Residuals, Rig
+from inclinometry.constants import FIELD_NAME
 from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
 from inclinometry.least_squares import inverse_spd
 from inclinometry.sensors import Tool, Triad
@@ -134,9 +135,6 @@ def unknowns(shots: Shots, triads: Sequence[tuple[Array, Array]], between: Array
     return Unknowns(tensors, offsets, dip, pointing.reshape(-1, 3), attitude)
 
 
-_STRENGTH = {"accelerometer": "g", "magnetometer": "b"}
-
-
 def assemble(
     readings: BenchReadings,
     name: str,
@@ -154,7 +152,7 @@ def assemble(
             at.tensors[j] * scales[j],
             at.offsets[j] * scales[j],
             readings.units[kind],
-            readings.reference.get(_STRENGTH[kind]),
+            readings.reference.get(FIELD_NAME[kind]),
         )
         for j, kind in enumerate(shots.kinds)
     }

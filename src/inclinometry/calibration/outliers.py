@@ -17,12 +17,11 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with_variances
+from inclinometry.constants import DIALS
 from inclinometry.errors import InclinometryError
 
 SIGNIFICANCE = 0.001
 """Chance of calling any station of a clean run an outlier (Bonferroni over the stations)."""
-
-DIALS = ("azimuth", "inclination", "toolface")
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def _chance(fitted: Fitted, full: Model, row: int, enough: float) -> float:
     # with variances known for certain the chance is less still, and its series needs no library that takes longer to
     # load than the fit: most runs are found clean by it
     half = parts.max() / 2.0
-    certain = math.exp(-half) * sum(half**k / math.factorial(k) for k in range(len(white) // 2))
+    certain = float(math.exp(-half) * sum(half**k / math.factorial(k) for k in range(len(white) // 2)))
     if len(white) % 2 == 0 and certain > enough:
         return certain
     from scipy.special import fdtrc

@@ -11,7 +11,7 @@ from inclinometry.arrays import Array, Mask, finite, frozen, within
 from inclinometry.calibration.dials import ANGLE_TOLERANCE
 from inclinometry.calibration.likelihood import Model, State, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.constants import KINDS
+from inclinometry.constants import DIALS, KINDS
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import dip_angle
 from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
@@ -272,7 +272,6 @@ def _assumed(
 Range = tuple[float, float]
 
 _STEPS_DEG = (90.0, 60.0, 45.0, 30.0, 22.5, 15.0, 10.0, 7.5, 5.0, 2.5, 1.0, 0.5)
-_NAMES = ("azimuth", "inclination", "toolface")
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +299,7 @@ class Stand:
     toolface: Array
 
     def __post_init__(self) -> None:
-        for name in _NAMES:
+        for name in DIALS:
             values = within(finite(getattr(self, name), name, (None,)), name, -TAU, TAU, "rad")
             if values.ndim != 1 or not len(values):
                 raise InputError(f"{name} of the stand has shape {values.shape}; give at least one setting, (n,)")
@@ -339,7 +338,7 @@ def stand_within(
     >>> len(free.positions()), len(free.inclination)
     (1032, 9)
     """
-    limits = [_limits(pair, name) for pair, name in zip((azimuth, inclination, toolface), _NAMES, strict=True)]
+    limits = [_limits(pair, name) for pair, name in zip((azimuth, inclination, toolface), DIALS, strict=True)]
     if candidates < 1:
         raise InputError(f"candidates is {candidates}; allowed: 1 or more")
     level = [0, 0, 0]

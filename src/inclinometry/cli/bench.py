@@ -14,7 +14,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
 from inclinometry.calibration.expected import (
-    ANGLES,
+    ALL_ANGLES,
     FROM_CALIBRATION,
     OF_ONE_READING,
     ExpectedUncertainty,
@@ -85,7 +85,7 @@ def show_two(
         shown = [row for row in found.coefficients if row.kind == kind and row.unit]
         units = ", ".join(dict.fromkeys(f"{row.name} in {row.unit}" for row in shown))
         output.table(f"{kind}: {units}", ["sensor", *found.names, "difference", "in its u"], rows)
-    for column, name in enumerate(ANGLES[:2]):
+    for column, name in enumerate(ALL_ANGLES[:2]):
         if not np.isfinite(found.difference[:, column]).any():
             output.say(f"{name}: not in both calibrations")
             continue
@@ -367,7 +367,7 @@ def show_calibration(found: Calibration, expected: ExpectedUncertainty) -> None:
     show_parameters(found)
     terms = {FROM_CALIBRATION: expected.from_calibration, OF_ONE_READING: expected.of_one_reading}
     rows = [
-        [f"u({name}) {term}", *_figures(u[:, ANGLES.index(name)])]
+        [f"u({name}) {term}", *_figures(u[:, ALL_ANGLES.index(name)])]
         for name in expected.angles
         for term, u in terms.items()
     ]
@@ -546,7 +546,7 @@ def show_comparison(found: Comparison, title: str = "") -> None:
     if title:
         output.say(title)
     methods = [a.method for a in found.attempts if a.calibration is not None]
-    for column, name in enumerate(ANGLES[:2]):
+    for column, name in enumerate(ALL_ANGLES[:2]):
         stated = {m: u.from_calibration[:, column] for m, u in found.uncertainty.items()}
         _by_method(
             f"u({name}) {FROM_CALIBRATION}, worst attitude, deg, at inclination", methods, found.inclination, stated

@@ -9,6 +9,7 @@ import numpy as np
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Convention, Json, Output, angle
+from inclinometry.constants import RPM
 from inclinometry.conventions import Axes, axes_matrix
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import REFERENCES
@@ -29,8 +30,6 @@ from inclinometry.workflow.dynamic import (
     write_dynamic,
 )
 from inclinometry.workflow.dynamic_methods import MethodName
-
-RPM = 30.0 / np.pi
 
 
 def dynamic(

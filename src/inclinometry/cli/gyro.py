@@ -10,6 +10,7 @@ import numpy as np
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json, Output, angle, gravity_sd
+from inclinometry.constants import DEG_PER_HOUR
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
@@ -19,8 +20,6 @@ from inclinometry.files.site_toml import read_site
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_text
 from inclinometry.workflow.gyro import GyroOptions, GyroRun, north_run, write_run
-
-DEG_H = np.radians(1.0) / 3600.0
 
 Scheme = Literal["two", "four", "mirrored", "n", "carousel"]
 Method = Literal["joint", "patent", "fixed"]
@@ -245,7 +244,7 @@ def _percent(value: float, option: str) -> float:
 
 def _rate(value: float | None, option: str) -> float | None:
     found = _positive(value, option, 1000.0, "deg/h")
-    return None if found is None else found * DEG_H
+    return None if found is None else found * DEG_PER_HOUR
 
 
 def _positive(value: float | None, option: str, high: float, unit: str) -> float | None:

@@ -9,11 +9,10 @@ import numpy as np
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Json, Output, angle
+from inclinometry.constants import DEG_PER_HOUR
 from inclinometry.errors import InputError
 from inclinometry.files.writing import write_text
 from inclinometry.workflow import simulate_gyro as use
-
-DEG_H = float(np.radians(1.0)) / 3600.0
 
 
 def gyro(
@@ -74,7 +73,7 @@ def gyro(
     accel_sd_m_s2
         Noise of one accelerometer reading.
     spike
-        A fault STATION:POSITION:DEG_H, e.g. 3:2:5.
+        A fault STATION:POSITION:DEG_PER_HOUR, e.g. 3:2:5.
     json
         Print a JSON summary.
     """
@@ -95,8 +94,8 @@ def gyro(
         angle(latitude_deg, "--latitude-deg", -89.0, 89.0),
         np.radians(arw_deg_sqrt_h) / 60.0,
         dwell_s,
-        bias_deg_h * DEG_H,
-        drift_deg_h_h * DEG_H / 3600.0,
+        bias_deg_h * DEG_PER_HOUR,
+        drift_deg_h_h * DEG_PER_HOUR / 3600.0,
         axes,
         gyros,
         accel_sd_m_s2,
@@ -115,12 +114,12 @@ def gyro(
 
 
 def _spike(text: str, stations: int, positions: int) -> tuple[int, int, float]:
-    """STATION:POSITION:DEG_H, both counted from 1."""
+    """STATION:POSITION:DEG_PER_HOUR, both counted from 1."""
     try:
         station, position, size = text.split(":")
         found = int(station), int(position), float(size)
     except ValueError:
-        raise InputError(f"--spike is {text!r}; write STATION:POSITION:DEG_H, e.g. 3:2:5") from None
+        raise InputError(f"--spike is {text!r}; write STATION:POSITION:DEG_PER_HOUR, e.g. 3:2:5") from None
     if not (1 <= found[0] <= stations and 1 <= found[1] <= positions and np.isfinite(found[2])):
         raise InputError(f"--spike is {text!r}; stations 1 to {stations}, positions 1 to {positions}")
-    return found[0] - 1, found[1] - 1, found[2] * DEG_H
+    return found[0] - 1, found[1] - 1, found[2] * DEG_PER_HOUR

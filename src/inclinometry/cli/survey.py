@@ -8,12 +8,13 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.calibration.acceptance import JUDGED, OtherStand, Verification
+from inclinometry.calibration.acceptance import OtherStand, Verification
 from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Convention, Json, Output, angle
 from inclinometry.cli.six_axis import SixAxisForm
+from inclinometry.constants import ANGLES
 from inclinometry.errors import InputError
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.limits import read_limits
@@ -95,7 +96,7 @@ def verify(
     where = _stand(stand, north_deg, north_sd_deg, level_sd_deg, rig_sd_deg, gravity_sd_percent)
     found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
     if output_ is not None:
-        if tuple(found.names) != JUDGED:
+        if tuple(found.names) != ANGLES:
             raise InputError(
                 "--output writes what a certificate states, errors of inclination, azimuth and toolface; this tool has "
                 "none of them: use --report or --json"

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.constants import RPM
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import FileError
 from inclinometry.files import writing
@@ -33,7 +34,6 @@ _TEXT: Final = ("azimuth_reference", "method", "flags", "toolface_type")
 _QUATERNION: Final = ("q_w", "q_x", "q_y", "q_z")
 _ROUND: Final = ("azimuth_deg", "toolface_deg", "magnetic_toolface_deg")
 _DEGREES: Final = {name: name.removesuffix("_deg") for name in COLUMNS if name.endswith("_deg")}
-_RPM: Final = 30.0 / np.pi
 
 
 def write_attitude(
@@ -90,7 +90,7 @@ def _columns(rows: AttitudeRows, switch: float) -> dict[str, Array | list[str]]:
     found |= {
         "time_s": np.asarray(np.round(rows.time, 9) + 0.0),
         "azimuth_reference": [REFERENCES[n] for n in rows.north],
-        "rpm": np.asarray(np.round(rows.rate * _RPM, 6) + 0.0),
+        "rpm": np.asarray(np.round(rows.rate * RPM, 6) + 0.0),
         "method": [METHODS[n] for n in rows.method],
         "quality": np.asarray(np.round(rows.quality, 6) + 0.0),
         "flags": [names[code] for code in rows.flags],
@@ -136,7 +136,7 @@ def read_attitude(path: str | Path) -> AttitudeRows:
     return AttitudeRows(
         time=columns["time_s"],
         **angles,
-        rate=columns["rpm"] / _RPM,
+        rate=columns["rpm"] / RPM,
         quality=columns["quality"],
         flags=np.array(flags, dtype=np.uint32),
         method=_places(columns["method"], METHODS, where, "method").astype(np.uint8),

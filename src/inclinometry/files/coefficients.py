@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.constants import FIELD_UNITS
 from inclinometry.digest import digest_file
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
-from inclinometry.files.tool_json import FIELD_UNITS, read_tool
+from inclinometry.files.tool_json import read_tool
 from inclinometry.sensors import Tool, Triad, classical_view
 
 VERSION = 1

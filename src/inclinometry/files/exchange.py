@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, finite, frozen
+from inclinometry.constants import ANGLES
 from inclinometry.conventions import Convention, named
 from inclinometry.earth.site import REFERENCES
 from inclinometry.earth.site import REFERENCES as NORTHS
@@ -37,9 +38,6 @@ REFERENCE: Final = ("g", "b", "dip", "declination", "convergence", "latitude", "
 
 CORRECTIONS: Final = ("gx", "gy", "gz", "bx", "by", "bz", "sag_inclination", "sag_azimuth", "sensor_offset")
 """Names in `SurveyFile.corrections`, added to what was measured: m/s^2, nT, rad, rad, m."""
-
-SIGMA: Final = ("inclination", "azimuth", "toolface")
-"""Names in `SurveyFile.sigma`: rad, at one standard deviation."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -121,7 +119,7 @@ class SurveyFile:
             shape = (size, 3, 3) if name == "covariance" else (size, 3) if name in VECTORS else (size,)
             value = getattr(self, name)
             keep[name] = None if value is None else frozen(_shaped(value, name, shape))
-        allowed = {"measured": MEASURED, "reference": REFERENCE, "corrections": CORRECTIONS, "sigma": SIGMA}
+        allowed = {"measured": MEASURED, "reference": REFERENCE, "corrections": CORRECTIONS, "sigma": ANGLES}
         for name, names in allowed.items():
             keep[name] = _named(getattr(self, name), name, names, size)
         for name, texts in (("times", self.times), *self.extra.items()):

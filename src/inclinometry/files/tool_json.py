@@ -10,6 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, frozen
 from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.constants import FIELD_UNITS
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import Json, shown
@@ -102,7 +103,6 @@ def covariance(entry: Mapping[str, Any], path: str | Path, where: str) -> Array:
 
 VERSION = 1
 CONVENTION = "house"
-FIELD_UNITS = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
 
 
 def write_calibration(calibration: Calibration, path: str | Path, *, created: str | None = None) -> None:

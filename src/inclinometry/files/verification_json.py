@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.acceptance import JUDGED, Limits, Verification
+from inclinometry.calibration.acceptance import Limits, Verification
 from inclinometry.calibration.result import Calibration
+from inclinometry.constants import ANGLES
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
@@ -53,7 +54,7 @@ def judged_positions(found: Verification) -> dict[str, Any]:
     for place, station in enumerate(found.station):
         row: dict[str, Any] = {"position": station}
         row |= dict(zip(("azimuth_deg", "inclination_deg", "toolface_deg"), _degrees(found.dials[place]), strict=True))
-        for column, name in enumerate(JUDGED):
+        for column, name in enumerate(ANGLES):
             limit = found.limits[place, column]
             row[name] = {
                 "error_deg": _degree(found.errors[place, column]),
@@ -76,7 +77,7 @@ def stated_limits(found: Verification, limits: Limits | None) -> dict[str, Any]:
     if limits is not None:
         stated["guard"] = limits.guard
         stated["min_inclination_deg_for_azimuth"] = _degree(limits.min_inclination_for_azimuth)
-        for name in JUDGED:
+        for name in ANGLES:
             value = getattr(limits, name)
             stated[f"{name}_deg"] = None if value is None else _degree(value)
     return stated

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.expected import ANGLES, expanded, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, INCLINATIONS
 from inclinometry.errors import InclinometryError, InputError
@@ -169,7 +169,7 @@ def expected_table(calibration: Calibration) -> dict[str, Any]:
     if not found.angles:
         return {}
     one, alone = (np.degrees(expanded(u)) for u in (found.of_one_reading, found.from_calibration))
-    columns = {f"U_{name}_deg": ANGLES.index(name) for name in found.angles}
+    columns = {f"U_{name}_deg": ALL_ANGLES.index(name) for name in found.angles}
     return {
         "coverage_factor": COVERAGE_FACTOR,
         "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),

@@ -19,7 +19,7 @@ from inclinometry.calibration.design import (
     plan_value,
 )
 from inclinometry.calibration.expected import (
-    ANGLES,
+    ALL_ANGLES,
     expanded,
     expected_uncertainty,
 )
@@ -152,7 +152,7 @@ def covering(inclination_range: tuple[float, float]) -> slice:
 def _worst(u: Array) -> tuple[float, float]:
     """Expanded uncertainties (inclination, azimuth), rad, the worst of some rows."""
     largest = expanded(u.max(axis=0))
-    return float(largest[ANGLES.index("inclination")]), float(largest[ANGLES.index("azimuth")])
+    return float(largest[ALL_ANGLES.index("inclination")]), float(largest[ALL_ANGLES.index("azimuth")])
 
 
 def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_handed: bool) -> Calibration:

@@ -11,8 +11,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import JUDGED, Limits, Verification, verify
+from inclinometry.calibration.acceptance import Limits, Verification, verify
 from inclinometry.calibration.plans import Plan
+from inclinometry.constants import ANGLES
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.verification_json import judged_positions, stated_limits
 from inclinometry.files.writing import program
@@ -36,7 +37,7 @@ OWN: Final = "laboratory"
 
 def limits_content(limits: Limits) -> dict[str, Any]:
     """Limits in degrees, as a session keeps them."""
-    angles = {name: getattr(limits, name) for name in JUDGED}
+    angles = {name: getattr(limits, name) for name in ANGLES}
     return {
         "name": limits.name,
         "source": limits.source,
@@ -63,7 +64,7 @@ def limits_from(content: dict[str, Any]) -> Limits:
     source = str(content.get("source") or "").strip()
     if not source:
         raise InputError("the limits have no source; name the document the figures come from")
-    angles = {name: content.get(f"{name}_deg") for name in JUDGED}
+    angles = {name: content.get(f"{name}_deg") for name in ANGLES}
     if all(value is None for value in angles.values()):
         raise InputError("there is no limit; give at least one of inclination, azimuth, toolface")
     low = content.get("min_inclination_deg_for_azimuth") or 0.0
@@ -200,7 +201,7 @@ def lacking(seen: Session, found: Verification, limits: Limits | None) -> str:
             f"{len(open_)} of the {len(seen.positions)} positions of {seen.plan!r} have no valid reading ({named}): "
             "there is no verdict yet; capture them, or abandon the session"
         )
-    for column, name in enumerate(JUDGED):
+    for column, name in enumerate(ANGLES):
         wanted = limits is not None and getattr(limits, name) is not None
         if wanted and all(row[column] == "not judged" for row in found.decision):
             return (

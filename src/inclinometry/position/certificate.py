@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, within
+from inclinometry.constants import VECTORS
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, angles_jacobian, axis_jacobian, fields
@@ -19,7 +20,7 @@ from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey
 from inclinometry.sensors import Tool
 from inclinometry.survey.from_stations import NOISE
-from inclinometry.survey.from_tool import KINDS, stations_from_tool
+from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import directions
 from inclinometry.survey.stations import Stations
 
@@ -74,7 +75,7 @@ def error_model(
     >>> from inclinometry.position.propagation import propagate
     >>> from inclinometry.position.well import well_survey
     >>> from inclinometry.sensors import Triad
-    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(KINDS, (9.81, 5e4))}
+    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(VECTORS, (9.81, 5e4))}
     >>> tool = Tool("1", triads, np.diag(np.tile([0.0, 0.0, 0.0, 1e-6], 6)))  # offsets: 0.001 of each field
     >>> site = Site(g=9.81, b=5e4, dip=np.radians(60.0), declination=0.0)
     >>> well = well_survey([0.0, 500.0, 1000.0], np.radians([90.0, 90.0, 90.0]), [0.0, 0.0, 0.0], site)
@@ -82,13 +83,13 @@ def error_model(
     >>> np.sqrt(np.diagonal(found.covariance[-1])).round(3)  # levers 250 + 500 m; the first station is known
     array([0.   , 1.984, 0.75 ])
     """
-    strengths = dict(zip(KINDS, _site_fields(survey.site), strict=True))
+    strengths = dict(zip(VECTORS, _site_fields(survey.site), strict=True))
     azimuth = convert_azimuth(survey.azimuth, "true", "magnetic", survey.site)
     angle = finite(toolface, "toolface", (len(survey),))
     directions_seen = fields(azimuth, survey.inclination, angle, survey.site.dip or 0.0)
     heat = None if temperature is None else finite(temperature, "temperature", (len(survey),))
     channels = {}
-    for kind, direction in zip(KINDS, directions_seen, strict=True):
+    for kind, direction in zip(VECTORS, directions_seen, strict=True):
         if kind in tool.triads:
             own = tool.triads[kind].field_strength
             channels[kind] = tool.triads[kind].signals(direction * (strengths[kind] / (own or strengths[kind])), heat)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
+from inclinometry.constants import DIALS
 from inclinometry.report import calibration_tables as tables
 from inclinometry.report import words
 from inclinometry.report.calibration_tables import sensor_names
@@ -108,7 +109,7 @@ def expected_figure(found: ExpectedUncertainty, name: str) -> Figure:
     """Expected standard uncertainty of one angle over inclination, by component."""
     figure = new_figure(3.2)
     axes = figure.add_subplot()
-    x, column = np.degrees(found.inclination), ANGLES.index(name)
+    x, column = np.degrees(found.inclination), ALL_ANGLES.index(name)
     worst = np.degrees(found.of_one_reading[:, column])
     axes.plot(x, worst, color=INK, linewidth=2.0, label="worst attitude")
     axes.plot(x, np.degrees(found.rms()[:, column]), color=INK, linestyle="--", label="rms")
@@ -135,7 +136,7 @@ def expected_map(found: ExpectedUncertainty, name: str) -> Figure:
     """Standard uncertainty of one angle over inclination and azimuth, worst over toolface."""
     from matplotlib.ticker import MaxNLocator
 
-    values = np.degrees(np.sqrt(found.variance[..., ANGLES.index(name)].max(axis=2)))
+    values = np.degrees(np.sqrt(found.variance[..., ALL_ANGLES.index(name)].max(axis=2)))
     values = np.concatenate([values, values[:, :1]], axis=1)  # 360 deg is 0 deg again
     inclination = np.degrees(found.inclination)
     azimuth = np.linspace(0.0, 360.0, values.shape[1])
@@ -323,7 +324,7 @@ def _rig_figures(calibration: Calibration) -> list[Picture]:
     dashed = "bars: standard uncertainty; dashed: twice the standard deviation of a setting"
     return [
         picture(rig_figure(calibration, dial), f"rig{name}", f"Error of the {name} setting; {dashed}")
-        for dial, name in enumerate(words.DIALS)
+        for dial, name in enumerate(DIALS)
     ]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.expected import (
-    ANGLES,
+    ALL_ANGLES,
     FROM_CALIBRATION,
     OF_ONE_READING,
     ExpectedUncertainty,
@@ -21,10 +21,10 @@ from inclinometry.calibration.expected import (
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics
-from inclinometry.constants import COVERAGE_FACTOR, DEG_PER_HOUR, STANDARD_GRAVITY
+from inclinometry.constants import COVERAGE_FACTOR, DEG_PER_HOUR, DIALS, STANDARD_GRAVITY
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.report.page import Table, TableRow
-from inclinometry.report.words import DIALS, Test, plain, significant, strongest_correlations, with_uncertainty
+from inclinometry.report.words import Test, plain, significant, strongest_correlations, with_uncertainty
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool, Triad, classical_view, parameter_names, parameter_vector, triad_from_vector
 
@@ -205,7 +205,7 @@ def expected_tables(found: ExpectedUncertainty) -> list[Table]:
     where = "worst azimuth and toolface at each inclination" if found.azimuth_from else "worst toolface"
     tables = []
     for term, u in terms.items() if found.angles else ():
-        columns = [u[:, ANGLES.index(name)] for name in found.angles]
+        columns = [u[:, ALL_ANGLES.index(name)] for name in found.angles]
         rows = [
             TableRow(
                 [
@@ -389,7 +389,7 @@ def comparison_table(
     for name, other in others.items():
         found = expected_uncertainty(other, at_once.inclination, dip)
         body.append(_method(name, found, differences(calibration.tool, other.tool, dip)))
-    angles = ANGLES[:3]
+    angles = ALL_ANGLES[:3]
     head = ["method", *(f"u({name}), deg" for name in angles), *(f"Δ {name}, deg" for name in angles)]
     note = (
         "Δ: largest difference from this report's calibration between 10 and 90 deg inclination. u: what the method "
@@ -402,6 +402,6 @@ def comparison_table(
 
 def _method(name: str, found: ExpectedUncertainty, away: Mapping[str, float]) -> TableRow:
     u = np.degrees(found.from_calibration[0])
-    stated = {n: significant(float(u[ANGLES.index(n)])) for n in found.angles}
-    shown = [significant(float(np.degrees(away[n]))) if n in away else "" for n in ANGLES[:3]]
-    return TableRow([name, *(stated.get(n, "not stated") for n in ANGLES[:3]), *shown])
+    stated = {n: significant(float(u[ALL_ANGLES.index(n)])) for n in found.angles}
+    shown = [significant(float(np.degrees(away[n]))) if n in away else "" for n in ALL_ANGLES[:3]]
+    return TableRow([name, *(stated.get(n, "not stated") for n in ALL_ANGLES[:3]), *shown])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.constants import COVERAGE_FACTOR, STANDARD_GRAVITY
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR, RPM, STANDARD_GRAVITY
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import InputError
 from inclinometry.motion.result import (
@@ -167,9 +167,6 @@ def _legend(axes: Axes, errors: Mapping[str, tuple[Array, Array]]) -> None:
     axes.axis("off")
     axes.legend(handles, labels, loc="center left", ncols=1, borderaxespad=0.0)
 
-
-RPM = 30.0 / np.pi
-"""Turns a minute of one rad/s."""
 
 MOST_BARS = 400
 """Refused stretches drawn as vectors; more of them are drawn as an image."""
@@ -438,7 +435,6 @@ MOTION_CONVENTIONS = (
     "slowest) / (2 mean) speed, averaged over 0.1 s; 1 where the string stops once a cycle. g: standard gravity."
 )
 _STILL_RPM = 1.0
-_ANGLES = ("inclination", "azimuth", "toolface")
 
 
 def dynamic_report(run: DynamicRun) -> str:
@@ -526,7 +522,7 @@ def _sentence(run: DynamicRun) -> str:
     if refused.all():
         return f"{span}: all refused; the reasons and what to do about them stand below."
     parts = []
-    for name in _ANGLES[:2]:
+    for name in ANGLES[:2]:
         typical = _typical(rows, name, ~refused)
         parts.append(f"{name} within ±{typical}°" if typical else f"{name} not known")
     left = f", {int(refused.sum())} refused" if refused.any() else ""
@@ -552,7 +548,7 @@ def _covers(run: DynamicRun) -> str:
 
 def _angles(run: DynamicRun) -> Section:
     rows, pictures, body = run.rows, [], []
-    for name in _ANGLES:
+    for name in ANGLES:
         expanded = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}"))
         good = np.flatnonzero(np.isfinite(expanded))
         if not len(good):
@@ -650,7 +646,7 @@ def _methods(run: DynamicRun) -> Section:
         which = rows.method == place
         name, good = METHODS[place], which & ~rows.refused
         cells = [name, METHOD_WORDS[name], str(int(which.sum())), str(int((which & rows.refused).sum()))]
-        cells += [_typical(rows, angle, good) or "none" for angle in _ANGLES[:2]]
+        cells += [_typical(rows, angle, good) or "none" for angle in ANGLES[:2]]
         body.append(TableRow(cells))
     head = ["method", "how", "windows", "refused", "median U of inclination, deg", "median U of azimuth, deg"]
     asked = f"Asked for: {run.method}."
@@ -677,7 +673,7 @@ def _recorded(run: DynamicRun) -> Section | None:
 
 def _table(run: DynamicRun) -> Section:
     rows, body = run.rows, []
-    values = [(np.degrees(getattr(rows, name)), np.degrees(getattr(rows, f"u_{name}"))) for name in _ANGLES]
+    values = [(np.degrees(getattr(rows, name)), np.degrees(getattr(rows, f"u_{name}"))) for name in ANGLES]
     for n in range(min(len(rows), MOST_ROWS)):
         cells = [plain(rows.time[n], 3)]
         for value, u in values:
@@ -692,7 +688,7 @@ def _table(run: DynamicRun) -> Section:
         cells += [f"{rows.quality[n]:.2f}", ", ".join(rows.names(n))]
         body.append(TableRow(cells, "bad" if rows.refused[n] else "warn" if rows.flags[n] else ""))
     head = ["time, s"]
-    for name in _ANGLES:
+    for name in ANGLES:
         head += [name, "U"]
     what = f"azimuth from {norths(rows)}; quality 1 best, 0 refused"
     caption = f"Windows; angles and U (k = {COVERAGE_FACTOR:g}) in deg, {what}"

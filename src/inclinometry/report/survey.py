@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR
 from inclinometry.earth.site import Site
 from inclinometry.report import survey_figures as draw
 from inclinometry.report.norths import chain_of_norths, compass
@@ -21,8 +21,6 @@ from inclinometry.survey.quality import SOURCE as SENSORS
 from inclinometry.survey.quality import FieldQuality
 from inclinometry.survey.reduce import Survey
 from inclinometry.survey.sag import SOURCE as SAG
-
-ANGLES = ("inclination", "azimuth", "toolface")
 
 
 def survey_report(

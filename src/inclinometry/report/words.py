@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty, field_dip
+from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, field_dip
 from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import zero_from_north
-from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.constants import COVERAGE_FACTOR, DIALS
 from inclinometry.rotations import wrap_positive, wrap_signed
 
 MOST_DECIMALS = 9
@@ -109,7 +109,6 @@ METHODS = {
     "classical": "classical small-angle differences",
     "datasheet": "nameplate values of the sensors, nothing measured",
 }
-DIALS = ("azimuth", "inclination", "toolface")
 DECISIVE = 0.9
 """Leverage from which a station decides alone: an error there would go unseen."""
 
@@ -135,7 +134,8 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
         return f"The method gives no uncertainty for {tool}: what its readings are worth is not known from this run."
     at_deg = float(np.degrees(found.inclination[0]))
     values = {
-        name: COVERAGE_FACTOR * float(np.degrees(found.of_one_reading[0, ANGLES.index(name)])) for name in found.angles
+        name: COVERAGE_FACTOR * float(np.degrees(found.of_one_reading[0, ALL_ANGLES.index(name)]))
+        for name in found.angles
     }
     parts = listed([f"{name} within ±{significant(value)}°" for name, value in values.items()])
     where = (

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, finite, frozen
-from inclinometry.constants import DIP, KINDS, LATITUDE
+from inclinometry.constants import DIALS, DIP, KINDS, LATITUDE
 from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, rotation_exp, rotation_x, rotation_y, rotation_z
 from inclinometry.sensors import Tool
 from inclinometry.simulate.sensing import Characteristic, sense, sense_batch
 from inclinometry.simulate.tool import Seed, Streams, ToolBatch
-
-DIALS: Final = ("azimuth", "inclination", "toolface")
-"""The rig's dials, in the order of every vector of settings."""
 
 
 @dataclass(frozen=True)

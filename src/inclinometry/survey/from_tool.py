@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, within
+from inclinometry.constants import VECTORS
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, by_parameter
 from inclinometry.survey.reduce import tool_fields
@@ -20,7 +21,6 @@ SOURCE: Final = "calibration"
 NOTHING_STATED: Final = "the certificate states no uncertainty: its covariance is zero"
 """Line of history of stations whose tool has no covariance."""
 
-KINDS: Final = ("accelerometer", "magnetometer")
 _UNITS: Final = ("m/s^2", "nT")
 
 
@@ -66,7 +66,7 @@ def stations_from_tool(
     Examples
     --------
     >>> from inclinometry.sensors import Triad
-    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(KINDS, (9.8, 5e4))}
+    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(VECTORS, (9.8, 5e4))}
     >>> tool = Tool("1", triads, 1e-8 * np.eye(24))
     >>> found = stations_from_tool([0.0], {"accelerometer": [[0, 0, 1.0]], "magnetometer": [[0.6, 0, 0.8]]}, tool)
     >>> found.g[0], found.b[0], found.sources["calibration"].by_field.shape
@@ -74,12 +74,12 @@ def stations_from_tool(
     """
     depth = finite(md, "md", (None,))
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
-    for kind in KINDS:
+    for kind in VECTORS:
         lack = "calibration" if kind not in tool.triads else "readings"
         if kind not in tool.triads or kind not in channels:
             what = "inclination" if kind == "accelerometer" else "azimuth"
             raise InputError(f"no {kind} in the {lack}, so there is no {what}; six-axis stations need both triads")
-    seen, _ = tool_fields({kind: channels[kind] for kind in KINDS}, tool, heat, len(depth), "magnetometer")
+    seen, _ = tool_fields({kind: channels[kind] for kind in VECTORS}, tool, heat, len(depth), "magnetometer")
     strengths, history = _strengths(tool, (g, b))
     noise, source = field_errors(tool, seen, strengths, heat)
     history.insert(0, f"raw channels reduced with the calibration of tool {tool.name}")
@@ -111,10 +111,10 @@ def field_errors(
     temperature : (n,) degC, or None.
     """
     size, places = len(seen["accelerometer"]), tool.slices
-    chosen = np.concatenate([np.arange(places[kind].start, places[kind].stop) for kind in KINDS])
+    chosen = np.concatenate([np.arange(places[kind].start, places[kind].stop) for kind in VECTORS])
     noise, by_field = np.zeros((size, 6, 6)), np.zeros((size, 6, len(chosen)))
     start = 0
-    for row, (kind, strength) in enumerate(zip(KINDS, strengths, strict=True)):
+    for row, (kind, strength) in enumerate(zip(VECTORS, strengths, strict=True)):
         triad, here = tool.triads[kind], slice(3 * row, 3 * row + 3)
         count = places[kind].stop - places[kind].start
         inverse = np.broadcast_to(strength * triad.inverse(temperature), (size, 3, triad.count))
@@ -129,7 +129,7 @@ def field_errors(
 def _strengths(tool: Tool, stated: tuple[float | None, float | None]) -> tuple[tuple[float, float], list[str]]:
     """Field strengths at the calibration, and in words where they are not the calibration's own."""
     found, history = [], []
-    for kind, unit, name, other in zip(KINDS, _UNITS, ("g", "b"), stated, strict=True):
+    for kind, unit, name, other in zip(VECTORS, _UNITS, ("g", "b"), stated, strict=True):
         own = tool.triads[kind].field_strength
         if own is None and other is None:
             raise InputError(

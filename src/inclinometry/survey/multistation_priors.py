@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen, within
+from inclinometry.constants import VECTORS
 from inclinometry.earth.magnetic import reference_errors
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, Triad
 from inclinometry.uncertainty import covariance_matrix
 
-_KINDS: Final = ("accelerometer", "magnetometer")
 _AXIAL: Final = "axial interference"
 _WIDE: Final = float(np.radians(270.0))
 
@@ -170,7 +170,7 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
 
     Examples
     --------
-    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=f) for k, f in zip(_KINDS, (9.8, 5e4))}
+    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=f) for k, f in zip(VECTORS, (9.8, 5e4))}
     >>> priors = priors_from_tool(Tool("1", triads, np.eye(24) * 1e-8), axial_sigma=300.0)
     >>> len(priors.names), priors.names[3], priors.names[-1]
     (25, 'accelerometer.offset[0]', 'axial interference')
@@ -178,20 +178,21 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
     content = published()
     axial = content["axial_interference_nT"] if axial_sigma is None else axial_sigma
     within(axial, "axial_sigma", 0.0, 1e5, "nT")
-    for kind in _KINDS:
+    for kind in VECTORS:
         if kind not in tool.triads or not tool.triads[kind].full or tool.triads[kind].field_strength is None:
             raise InputError(
                 f"the tool's {kind} is missing, sees only a plane or lacks its field strength; a multi-station "
                 "analysis needs both fields in m/s^2 and nT: state the strengths when calibrating"
             )
-    parts = [_triad_terms(tool.triads[kind], 3 * place) for place, kind in enumerate(_KINDS)]
-    chosen = np.concatenate([np.arange(tool.slices[kind].start, tool.slices[kind].stop) for kind in _KINDS])
+    parts = [_triad_terms(tool.triads[kind], 3 * place) for place, kind in enumerate(VECTORS)]
+    chosen = np.concatenate([np.arange(tool.slices[kind].start, tool.slices[kind].stop) for kind in VECTORS])
     size = len(chosen)
     covariance = np.zeros((size + 1, size + 1))
     covariance[:size, :size] = tool.covariance[np.ix_(chosen, chosen)]
     covariance[size, size] = axial**2
     heat = [
-        np.full(len(part[2]), tool.triads[kind].reference_temperature) for part, kind in zip(parts, _KINDS, strict=True)
+        np.full(len(part[2]), tool.triads[kind].reference_temperature)
+        for part, kind in zip(parts, VECTORS, strict=True)
     ]
     return Priors(
         names=(*(tool.parameter_names[i] for i in chosen), _AXIAL),
@@ -224,7 +225,7 @@ def _triad_terms(triad: Triad, block: int) -> tuple[Array, Array, Array]:
 def _tool_noise(tool: Tool) -> Array:
     """Covariance (6, 6) of one reading in m/s^2 and nT; the published one for a triad whose noise is not stated."""
     total = _published_noise()
-    for place, kind in enumerate(_KINDS):
+    for place, kind in enumerate(VECTORS):
         triad, here = tool.triads[kind], slice(3 * place, 3 * place + 3)
         if tool.noise[kind].any():
             spread = float(triad.field_strength or 1.0) * np.linalg.pinv(triad.tensor[0]) * tool.noise[kind]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask, finite, frozen, within
-from inclinometry.constants import EARTH_RATE, GRAVITY_SPREAD
+from inclinometry.constants import ANGLES, EARTH_RATE, GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import InputError
@@ -189,7 +189,6 @@ def _weights(stations: Stations, correction: SensorCorrection) -> Array:
     return np.asarray((stations.temperature[:, None] - correction.reference_temperature) ** correction.power)
 
 
-_SHOWN = ("inclination", "azimuth", "toolface")
 DEAD = 1e-6
 """Share of the field at the stand below which a triad counts as dead."""
 
@@ -240,7 +239,7 @@ class Survey:
         steps = sorted(set(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int).tolist()))
         lines = [f"Survey: {len(self)} stations, azimuth from {self.azimuth_reference} north, deg"]
         for row in steps:
-            cells = [f"{np.degrees(getattr(self, n)[row]):9.3f} ± {np.degrees(self.u(n)[row]):.3f}" for n in _SHOWN]
+            cells = [f"{np.degrees(getattr(self, n)[row]):9.3f} ± {np.degrees(self.u(n)[row]):.3f}" for n in ANGLES]
             lines.append(f"{self.md[row]:10.2f} m {' '.join(cells)}  {', '.join(self.flags[row])}".rstrip())
         return "\n".join([*lines, *(f"warning: {sentence}" for sentence in self.warnings)])
 

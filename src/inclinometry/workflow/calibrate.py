@@ -20,7 +20,7 @@ from inclinometry.calibration.direct import (
     calibrate_rotations,
     calibrate_twelve,
 )
-from inclinometry.calibration.expected import ANGLES, ExpectedUncertainty, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.field import calibrate_field
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.norm import calibrate_norms
@@ -280,7 +280,7 @@ def named_degrees(found: ExpectedUncertainty) -> dict[str, Any]:
         "azimuth_from": found.azimuth_from,
         "dip_deg": None if found.azimuth_from is None else float(np.degrees(found.dip)),
         "dip_from": None if found.azimuth_from is None else found.dip_from,
-        **{term: {n: np.degrees(u[:, ANGLES.index(n)]) for n in found.angles} for term, u in terms.items()},
+        **{term: {n: np.degrees(u[:, ALL_ANGLES.index(n)]) for n in found.angles} for term, u in terms.items()},
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.calibration.comparison import TwoCalibrations, compare_calibrations
 from inclinometry.calibration.conventions import USUAL, Dials
-from inclinometry.calibration.expected import ANGLES
+from inclinometry.calibration.expected import ALL_ANGLES
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.files.tool_json import read_calibration
@@ -89,7 +89,7 @@ def content(found: TwoCalibrations) -> dict[str, Any]:
         ],
         "inclination_deg": np.degrees(found.inclination).round(9),
         **{
-            name: {angle: np.degrees(values[:, column]) for column, angle in enumerate(ANGLES[:3])}
+            name: {angle: np.degrees(values[:, column]) for column, angle in enumerate(ALL_ANGLES[:3])}
             for name, values in curves.items()
         },
         "warnings": [

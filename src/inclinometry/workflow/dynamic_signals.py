@@ -12,7 +12,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import UNSTATED, Calibration, same_units
-from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.constants import EARTH_RATE, FIELD_UNITS, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import KIND_PREFIX
@@ -345,7 +345,6 @@ def _rows(rows: Attitude, chosen: Any) -> Attitude:
     return replace(rows, **columns)
 
 
-INSIDE: Final = {"accelerometer": "m/s^2", "magnetometer": "nT", "gyro": "rad/s"}
 _ALLOWED: Final = {
     "accelerometer": ("m/s^2", "g", "mg"),
     "magnetometer": ("nT", "uT"),
@@ -446,7 +445,7 @@ class Signals:
         strength = strength[np.isfinite(strength)]
         if not strength.size:
             return
-        middle, unit = float(np.median(strength)), INSIDE[kind]
+        middle, unit = float(np.median(strength)), FIELD_UNITS[kind]
         where = "column's unit, or the calibration" if self._calibration is None else "calibration"
         if middle == 0.0 and kind != "accelerometer":
             return  # a dead triad is found window by window; the others may do without it
@@ -480,7 +479,7 @@ def _factor(kind: str, unit: str, names: tuple[str, ...]) -> float:
         allowed = ", ".join(_ALLOWED[kind])
         raise InputError(f"the {kind} is in {unit}; without a calibration {allowed} are allowed: convert or calibrate")
     inside, factor = TO_SI.get(unit, (unit, 1.0))
-    if inside != INSIDE[kind]:
+    if inside != FIELD_UNITS[kind]:
         raise InputError(f"the {kind} is in {unit}, which is no unit of it")
     return factor
 

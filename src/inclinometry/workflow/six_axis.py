@@ -11,6 +11,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import Calibration, same_units
+from inclinometry.constants import VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.magnetic import complete_site
 from inclinometry.earth.site import Site, convert_azimuth
@@ -27,7 +28,7 @@ from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
 from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.from_stations import survey_from_stations
-from inclinometry.survey.from_tool import KINDS, stations_from_tool, stations_plain
+from inclinometry.survey.from_tool import stations_from_tool, stations_plain
 from inclinometry.survey.multistation import MultiStation, multistation
 from inclinometry.survey.multistation_priors import (
     FieldReference,
@@ -106,11 +107,11 @@ def _surveyed(
         problem = "holds fields in m/s^2 and nT; with --calibration raw channels (accel_x, ...) as CSV are needed"
         raise FileError(f"{problem}, or leave --calibration out", path=path)
     g, b, temperature = fields_of_survey(found, site, path)
-    strengths = [record.tool.triads[kind].field_strength if kind in record.tool.triads else None for kind in KINDS]
+    strengths = [record.tool.triads[kind].field_strength if kind in record.tool.triads else None for kind in VECTORS]
     known = [own or stated or 1.0 for own, stated in zip(strengths, (site.gravity, site.b), strict=True)]
     channels = {
         kind: record.tool.triads[kind].signals(field / strength, temperature)
-        for kind, field, strength in zip(KINDS, (g, b), known, strict=True)
+        for kind, field, strength in zip(VECTORS, (g, b), known, strict=True)
         if kind in record.tool.triads
     }
     stations = stations_from_tool(found.md, channels, record.tool, temperature=temperature, g=site.gravity, b=site.b)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from inclinometry.calibration.result import Calibration, same_units
+from inclinometry.constants import VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
@@ -17,7 +18,7 @@ from inclinometry.files.table import Progress
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_columns
 from inclinometry.orientation import SWITCH
-from inclinometry.survey.from_tool import KINDS, stations_from_tool
+from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.workflow.field import completed
 from inclinometry.workflow.six_axis import (
@@ -135,9 +136,9 @@ def survey_file(
 
 def _judged(raw: RawSurvey, record: Calibration, site: Site) -> Judged | None:
     """Quality of the stations where site and calibration know the strengths of both fields."""
-    triads = [record.tool.triads.get(kind) for kind in KINDS]
+    triads = [record.tool.triads.get(kind) for kind in VECTORS]
     strong = all(triad is not None and triad.full and triad.field_strength for triad in triads)
-    if not (strong and has_reference(site) and all(kind in raw.channels for kind in KINDS)):
+    if not (strong and has_reference(site) and all(kind in raw.channels for kind in VECTORS)):
         return None
     return judge(stations_from_tool(raw.md, raw.channels, record.tool, temperature=raw.temperature), site)
 

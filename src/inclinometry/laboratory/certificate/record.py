@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.expected import ANGLES, expanded, expected_gravity_sd, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, expanded, expected_gravity_sd, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, INCLINATIONS
 from inclinometry.digest import digest_bytes
@@ -424,7 +424,7 @@ def _uncertainty(calibration: Calibration) -> Record | None:
         "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
     }
     one, alone = (np.degrees(expanded(u)) for u in (found.of_one_reading, found.from_calibration))
-    columns = {f"U_{name}_deg": ANGLES.index(name) for name in found.angles}
+    columns = {f"U_{name}_deg": ALL_ANGLES.index(name) for name in found.angles}
     table |= {key: one[:, place].tolist() for key, place in columns.items()}
     table["from_calibration"] = {key: alone[:, place].tolist() for key, place in columns.items()}
     return table

@@ -21,11 +21,12 @@ import numpy as np
 
 from inclinometry.arrays import Array, finite
 from inclinometry.calibration.plans import Plan
+from inclinometry.constants import DIALS
 from inclinometry.errors import InputError
 from inclinometry.laboratory.instruments.protocol import FieldReader, Lines, Protocol, Refused, Sample, encode
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
 from inclinometry.sensors import Tool
-from inclinometry.simulate.bench import DIALS, Misread, Rig
+from inclinometry.simulate.bench import Misread, Rig
 from inclinometry.simulate.tool import Streams, realistic_tool
 from inclinometry.workflow.simulate import misread, read_truth
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Response
 
-from inclinometry.calibration.acceptance import JUDGED
+from inclinometry.constants import ANGLES
 from inclinometry.laboratory.registry import due_days, tools
 from inclinometry.laboratory.results import history
 from inclinometry.laboratory.web.api.access import REFUSALS, Reader, RecordId, TheLedger
@@ -81,9 +81,9 @@ def verification_table(ledger: TheLedger, _: Reader, verification: RecordId) -> 
     report: dict[str, Any] = ledger.get("verification", verification).body["report"]
     fields = ("error_deg", "U_deg", "limit_deg", "decision")
     heads = ["position", "inclination_deg", "azimuth_deg", "toolface_deg"]
-    heads += [f"{name}_{field}" for name in JUDGED for field in fields]
+    heads += [f"{name}_{field}" for name in ANGLES for field in fields]
     rows = [
-        [row[key] for key in heads[:4]] + [row[name].get(field) for name in JUDGED for field in fields]
+        [row[key] for key in heads[:4]] + [row[name].get(field) for name in ANGLES for field in fields]
         for row in report["positions"]
     ]
     return _csv("verification", heads, rows)

@@ -8,7 +8,7 @@ import numpy as np
 from fastapi import HTTPException, Request
 from nicegui import ui
 
-from inclinometry.calibration.expected import ANGLES, FROM_CALIBRATION, expanded, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, FROM_CALIBRATION, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, INCLINATION_RANGE, INCLINATIONS
 from inclinometry.errors import InclinometryError
@@ -99,7 +99,7 @@ def _map(visitor: Visitor, found: Calibration) -> None:
     expected = expected_uncertainty(found, MAP_INCLINATIONS)
     if "azimuth" not in expected.angles:
         return
-    spread = expected.components["calibration"][..., ANGLES.index("azimuth")].max(axis=2)
+    spread = expected.components["calibration"][..., ALL_ANGLES.index("azimuth")].max(axis=2)
     values = np.degrees(expanded(np.sqrt(spread)))
     say, turns = visitor.say, values.shape[1]
     cells = [[a, i, round(float(values[i, a]), 4)] for i in range(len(values)) for a in range(turns)]
@@ -233,7 +233,7 @@ def _compared(visitor: Visitor, record: Record) -> list[str]:
         if attempt.calibration is None:
             lines.append(f"{attempt.method}: {visitor.bench.told(attempt.reason)}")
         elif expected is not None:
-            worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected.from_calibration[:, ANGLES.index("azimuth")]))
+            worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected.from_calibration[:, ALL_ANGLES.index("azimuth")]))
             at = ", ".join(f"{x:g}" for x in np.degrees(found.inclination).round(9))
             lines.append(f"{attempt.method}: u(azimuth) {FROM_CALIBRATION} {worst} deg at {at} deg")
     return lines

@@ -9,8 +9,8 @@ import numpy as np
 from fastapi import HTTPException, Request
 from nicegui import ui
 
-from inclinometry.calibration.acceptance import GUARDS, JUDGED, Limits
-from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.calibration.acceptance import GUARDS, Limits
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.files.verification_json import stated_limits
@@ -145,7 +145,7 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
         k = float(content.get("coverage_factor", 2.0))
         rule = guard if "guard" in limits else "derived"
         ui.label(say(f"verify.rule.{rule}", k=f"{k:.3g}")).classes("dim")
-    for name in JUDGED:
+    for name in ANGLES:
         with ui.card().classes("panel"):
             ui.label(say("verify.errors_of", name=say(f"bench.{name}"))).classes("subtitle")
             _curves(visitor, name, content["positions"], guard, COVERAGE_FACTOR / k)
@@ -202,14 +202,14 @@ def _positions(visitor: Visitor, rows: list[Content], share: float) -> None:
     for row in rows:
         line = {"position": str(row["position"])}
         line |= {key: f"{row[f'{key}_deg']:g}" for key in ("inclination", "azimuth", "toolface")}
-        for name in JUDGED:
+        for name in ANGLES:
             error, u = _cell(row, name, "error_deg"), _cell(row, name, "U_deg")
             line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {share * u:.3f}"
             line[f"d_{name}"] = say(f"decision.{row[name]['decision']}")
         shown.append(line)
     columns = [_column("position", say("verify.position"))]
     columns += [_column(key, f"{say(f'bench.{key}')} °") for key in ("inclination", "azimuth", "toolface")]
-    for name in JUDGED:
+    for name in ANGLES:
         columns.append(_column(f"e_{name}", say("verify.error_of", name=say(f"bench.{name}"))))
         columns.append(_column(f"d_{name}", say("verify.decision")))
     with ui.card().classes("panel"):
@@ -310,7 +310,7 @@ class VerifyForm:
             with ui.row().classes("form"):
                 self.values = {
                     name: ui.number(say("verify.limit_of", name=say(f"bench.{name}")), min=0.0001, max=180, step=0.01)
-                    for name in JUDGED
+                    for name in ANGLES
                 }
                 self.low = ui.number(say("verify.low"), min=0, max=90, value=0)
                 self.guard = ui.select({g: say(f"guard.{g}") for g in GUARDS}, value="none", label=say("verify.guard"))

@@ -14,7 +14,7 @@ import numpy as np
 from nicegui import ui
 
 from inclinometry.arrays import Array
-from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.constants import COVERAGE_FACTOR, DIALS
 from inclinometry.laboratory.instruments.protocol import InstrumentEvent
 from inclinometry.laboratory.live import LiveFeed, Stability
 from inclinometry.laboratory.session import Position, setting_of
@@ -197,8 +197,6 @@ class Events:
 
 
 # The large card: where to turn the tool to, as numbers to be read from two metres, and as a picture.
-
-DIALS = ("azimuth", "inclination", "toolface")
 
 
 def big(angle: float) -> str:
