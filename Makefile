@@ -52,7 +52,7 @@ figures: $(STAMP)
 
 # the house in figures: files, records, names, imports
 metrics: $(STAMP)
-	$(BIN)/python tools/metrics.py
+	$(BIN)/python tools/metrics.py $(if $(WRITE),--write)
 
 # what the program does today, to compare a change of the house with: make freeze TO=after AGAINST=before
 TO ?= frozen
