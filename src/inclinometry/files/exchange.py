@@ -241,7 +241,7 @@ def row_error(path: str | Path, problem: str, row: int | None, word: str = "row"
     return error
 
 
-def survey_of(sheet: Sheet, *, convention: str = "house", azimuth_reference: str | None = None) -> SurveyFile:
+def survey_of(sheet: Sheet, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
     """The survey a table holds.
 
     Parameters
@@ -452,12 +452,12 @@ def _parts(sheet: Sheet, found: Mapping[str, Array], there: Collection[str], ven
             raise sheet.error(f"column {lacking[0]!r} is missing; a triad or covariance is given whole or not at all")
     for group in VECTORS:
         if group in parts:
-            parts[group] = _to_house(parts[group], vendor.matrix(KINDS[group]))
+            parts[group] = _to_native(parts[group], vendor.matrix(KINDS[group]))
     return parts
 
 
-def _to_house(values: Array, matrix: Array) -> Array:
-    """Components in the house's axes; unknown where a component they are made of is unknown."""
+def _to_native(values: Array, matrix: Array) -> Array:
+    """Components in tool axes; unknown where a component they are made of is unknown."""
     turned = np.nan_to_num(values) @ matrix.T + 0.0
     turned[np.isnan(values) @ (np.abs(matrix.T) > 1e-12)] = np.nan
     return np.asarray(turned)

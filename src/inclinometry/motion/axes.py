@@ -62,7 +62,7 @@ _AGAINST: Final = (
 STATED: Final = (
     ("--convention specific-force", "accelerometers that report specific force", named("specific-force"), AXES),
     ("--convention z-up", "z up the hole, and specific force", named("z-up"), AXES),
-    ("--axes=x,-y,-z", "z up the hole, and gravity", named("house"), ("x", "-y", "-z")),
+    ("--axes=x,-y,-z", "z up the hole, and gravity", named("native"), ("x", "-y", "-z")),
 )
 """How axes and signs that are often met are stated: option, words, convention and axes before it."""
 TURNED_TO: Final = {"x": ("y,z,x", "z,y,-x"), "y": ("z,x,y", "x,z,-y")}

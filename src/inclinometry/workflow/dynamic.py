@@ -566,7 +566,7 @@ def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptio
         return {}
     if calibration is not None:
         raise InputError("a convention or axes are of no use with a calibration, which knows them; leave them out")
-    convention = named(options.convention or "house")
+    convention = named(options.convention or "native")
     found = {}
     for kind in run.names:
         found[kind] = convention.matrix(kind) @ axes_matrix(options.axes or AXES)
