@@ -8,7 +8,7 @@ hot gyros have just now, with no calibration at all. The price is the factor
 .. math:: K = \\cos a \\cos\\theta + \\sin a \\sin\\theta \\cos\\psi,
 
 latitude :math:`a`, inclination :math:`\\theta`, azimuth :math:`\\psi`: the uncertainty goes as :math:`1/|K|`, and where
-K is nought the two scale factors that solve the equations coincide. That line crosses the map of every hole steeper
+K is zero the two scale factors that solve the equations coincide. That line crosses the map of every hole steeper
 than the complement of the latitude, on its southern side.
 """
 

@@ -85,7 +85,7 @@ MSA = ("msa", "raw.csv", "--site", "site.toml", "-o", "corrections.json")
     ("geometry", "part"), [("build", 0.5), ("horiz_EW", 0.85), ("horiz_NS", 0.75), ("turn3d", 0.4)]
 )
 def test_analysis_makes_azimuths_better(run, geometry, part):
-    before, after, promised = [], [], []
+    before, after, expected = [], [], []
     for number in range(4):
         truth = given(geometry, number)
         assert run(*SURVEY).status == 0
@@ -93,12 +93,12 @@ def test_analysis_makes_azimuths_better(run, geometry, part):
         done = run(*SURVEY, "--correct", "msa")
         assert done.status == 0, done.err
         after.append(azimuth_errors("survey.csv", truth))
-        promised.append([float(row["u_azimuth_deg"]) for row in read("survey.csv")])
+        expected.append([float(row["u_azimuth_deg"]) for row in read("survey.csv")])
     rms = [float(np.sqrt(np.mean(np.square(np.concatenate(errors))))) for errors in (before, after)]
     # medians of forty runs are .12, .56, .43 and .11 of what was; four runs scatter about that
     assert rms[1] < part * rms[0]
     # the errors of a run are common to its stations: four runs are four draws, 3.3 u is exceeded once in a thousand
-    worst = np.abs(np.concatenate(after) / np.concatenate(promised)).max()
+    worst = np.abs(np.concatenate(after) / np.concatenate(expected)).max()
     assert worst < 4.0
 
 

@@ -121,7 +121,7 @@ PAGE: Final = 20
 
 
 @dataclass(frozen=True)
-class Standing:
+class CertificateStatus:
     """A certificate as it stands now.
 
     state : "issued", "void" or "superseded".
@@ -224,7 +224,7 @@ def supersede(
     )
 
 
-def void(ledger: Ledger, number: str, reason: str, *, author: str) -> Standing:
+def void(ledger: Ledger, number: str, reason: str, *, author: str) -> CertificateStatus:
     """Declare a certificate void; it stays in the ledger with the reason.
 
     Raises
@@ -232,25 +232,27 @@ def void(ledger: Ledger, number: str, reason: str, *, author: str) -> Standing:
     LedgerError
         No such certificate, or it is void or superseded already; no reason.
     """
-    _standing_only(status(ledger, number))
+    _issued_only(status(ledger, number))
     event = {"subject_kind": "certificate", "subject": number, "action": "void"}
     ledger.append("event", event, {"reason": _said(reason)}, author=author)
     return status(ledger, number)
 
 
-def status(ledger: Ledger, number: str) -> Standing:
+def status(ledger: Ledger, number: str) -> CertificateStatus:
     """How a certificate stands; LedgerError when there is none of that number."""
     record = ledger.latest("certificate", number=number)
     if record is None:
         raise LedgerError(f"there is no certificate {number!r:.60} in {ledger.shown}")
-    return _standing(ledger, record)
+    return _status(ledger, record)
 
 
-def certificates(ledger: Ledger, *, serial: str | None = None, limit: int = 50, before: int = 0) -> list[Standing]:
+def certificates(
+    ledger: Ledger, *, serial: str | None = None, limit: int = 50, before: int = 0
+) -> list[CertificateStatus]:
     """Certificates as they stand, newest first, beyond the place `before`."""
     keys = {} if serial is None else {"serial": serial}
     found = ledger.find("certificate", newest=True, after=before, limit=limit, **keys)
-    return [_standing(ledger, record) for record in found]
+    return [_status(ledger, record) for record in found]
 
 
 def documents(ledger: Ledger, record: Record) -> dict[str, tuple[str, str, bytes]]:
@@ -357,7 +359,7 @@ def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str
     serial = calibration.keys["serial"]
     if replaced is not None:
         old = status(ledger, replaced[0])
-        _standing_only(old)
+        _issued_only(old)
         if old.record.keys["serial"] != serial:
             raise LedgerError(f"certificate {old.number} is of tool {old.record.keys['serial']}, not of {serial}")
     for found in certificates(ledger, serial=serial, limit=1000):
@@ -425,17 +427,17 @@ def _named(ledger: Ledger, calibration: Record) -> str:
     return day
 
 
-def _standing(ledger: Ledger, record: Record) -> Standing:
+def _status(ledger: Ledger, record: Record) -> CertificateStatus:
     number = record.keys["number"]
     for event in ledger.find("event", subject_kind="certificate", subject=number):
         action, reason = event.keys["action"], str(event.body.get("reason", ""))
         if action in ("void", "superseded"):
             by = str(event.body.get("details", {}).get("by", ""))
-            return Standing(number, action, record, by, reason)
-    return Standing(number, "issued", record)
+            return CertificateStatus(number, action, record, by, reason)
+    return CertificateStatus(number, "issued", record)
 
 
-def _standing_only(found: Standing) -> None:
+def _issued_only(found: CertificateStatus) -> None:
     if found.state != "issued":
         by = f" by {found.by}" if found.by else ""
         raise LedgerError(f"certificate {found.number} is {found.state}{by} already")
@@ -459,12 +461,12 @@ def digest_of(record: Record) -> str:
 class Check:
     """What was found.
 
-    standing : of the certificate.
+    status : of the certificate.
     digest : of its record, to be compared with the one on paper.
     problems : sentences; none when everything agrees.
     """
 
-    standing: Standing
+    status: CertificateStatus
     digest: str
     problems: tuple[str, ...]
 

@@ -230,7 +230,7 @@ def _largest(values: Array) -> float:
 
 STILL: Final = 0.5
 """m/s^2, range of the accelerometers in a window at rest, by whose means the site is held against the field."""
-LEAST_FELT: Final = 0.5 * STANDARD_GRAVITY
+LEAST_SENSED: Final = 0.5 * STANDARD_GRAVITY
 """m/s^2: gravity and shaking together are more."""
 
 
@@ -388,11 +388,11 @@ def _dead(window: Samples) -> list[Finding]:
     """An accelerometer that does not even feel gravity."""
     if window.accel is None or not len(window):
         return []
-    felt = float(np.sqrt(np.mean(np.sum(window.accel**2, axis=1))))
-    if felt >= LEAST_FELT:
+    sensed = float(np.sqrt(np.mean(np.sum(window.accel**2, axis=1))))
+    if sensed >= LEAST_SENSED:
         return []
-    text = f"the accelerometer reads {felt:.3g} m/s^2 (root mean square), less than half of gravity"
-    return [Finding("misfit", "accel", LEAST_FELT / max(felt, 1e-9), True, text)]
+    text = f"the accelerometer reads {sensed:.3g} m/s^2 (root mean square), less than half of gravity"
+    return [Finding("misfit", "accel", LEAST_SENSED / max(sensed, 1e-9), True, text)]
 
 
 def _missing(window: Samples) -> list[Finding]:

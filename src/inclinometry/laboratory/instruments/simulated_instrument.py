@@ -158,7 +158,7 @@ _MOST_POSITIONS: Final = 5000
 class Faults:
     """Faults of a simulated instrument.
 
-    garbage : share of samples before which a line of rubbish is sent.
+    garbage : share of samples before which an unreadable line is sent.
     dropout : share of samples that are not sent.
     partial : share of lines that lose their end, so that the next line hangs on.
     encoding : share of samples before which bytes that are no text are sent.
@@ -272,9 +272,9 @@ class Fate:
             return float("inf")
         return now + float(self._streams[f"disconnect.{index}"].exponential(self.faults.disconnect))
 
-    def rubbish(self, number: int, kind: str) -> bytes:
-        """A line of rubbish without its end; for "endless" one that is too long."""
-        random: Array = self._streams[f"rubbish.{number}"].random(24)
+    def unreadable(self, number: int, kind: str) -> bytes:
+        """An unreadable line without its end; for "endless" one that is too long."""
+        random: Array = self._streams[f"unreadable.{number}"].random(24)
         if kind == "endless":
             return b"7" * 5000
         if kind == "encoding":
@@ -616,7 +616,7 @@ class Talker:
         if not glued:
             for kind in ("garbage", "encoding", "endless"):
                 if kind in fate:
-                    out += self.fate.rubbish(number, kind) + self.protocol.terminator
+                    out += self.fate.unreadable(number, kind) + self.protocol.terminator
         if "dropout" in fate:
             return out, False, glued
         line = encode(self.protocol, sample)

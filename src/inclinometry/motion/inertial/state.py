@@ -121,7 +121,7 @@ class Model:
 
     @property
     def spin(self) -> Array:
-        """Earth rate (3,) in north, east, down of the north that is used; nought without a latitude."""
+        """Earth rate (3,) in north, east, down of the north that is used; zero without a latitude."""
         if self.site.latitude is None:
             return np.zeros(3)
         w = earth_rate(self.site.latitude)
@@ -227,7 +227,7 @@ class State:
     strength : nT, of the reference field.
     field_variance : nT^2, of the noise that successive samples of the field show, averaged over windows.
     shaking : of the tool, as far as known.
-    axis : (3,) of the tool, north, east, down, averaged over some minutes; nought before the first window.
+    axis : (3,) of the tool, north, east, down, averaged over some minutes; zero before the first window.
     """
 
     nominal: Array

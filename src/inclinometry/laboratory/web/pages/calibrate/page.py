@@ -37,7 +37,7 @@ from inclinometry.laboratory.web.pages.calibrate.show_progress import (
     Events,
     Live,
     Picture,
-    Progress,
+    PositionList,
     Target,
 )
 from inclinometry.laboratory.web.pages.calibrate.start import ask_reason, ask_sure, say_problem
@@ -84,7 +84,7 @@ class BenchView:
             with ui.element("div").classes("right"):
                 self._picture = Picture(guided)
                 self._certifies = Certifies(guided, self._choose, self._finish)
-        self._progress = Progress(guided, self._choose)
+        self._progress = PositionList(guided, self._choose)
         self._events = Events(guided)
         with ui.row().classes("end"):
             ui.label(say("bench.keys")).classes("dim small")

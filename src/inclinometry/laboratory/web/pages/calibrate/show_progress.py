@@ -301,7 +301,7 @@ MANY: Final = 60
 """Positions beyond which the list is scrolled to the chosen one."""
 
 
-class Progress:
+class PositionList:
     """The list of positions; a click puts one on the card. A button is changed only when its state is."""
 
     def __init__(self, guided: Guided, choose: Callable[[int], Awaitable[None]]) -> None:

@@ -72,7 +72,7 @@ class Goal:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class Progress:
     """A session's fit as of now.
 
     captured : valid readings.
@@ -98,9 +98,9 @@ class Standing:
     covered: tuple[float, float] = (np.nan, np.nan)
 
 
-def standing(
+def session_progress(
     session: Session, goal: Goal, rig: RegisteredRig, site: RegisteredSite | None = None, *, estimate_rig: bool = False
-) -> Standing:
+) -> Progress:
     """The running fit of an open session.
 
     Parameters
@@ -120,7 +120,7 @@ def standing(
         left = bool(dict(session.settings.get("settings", {})).get("left_handed", False))
         found = _fitted(readings, sd, session.serial, left_handed=left)
     except (InputError, IdentifiabilityError, ConvergenceError, np.linalg.LinAlgError) as error:
-        return Standing(captured, None, str(error), np.nan, np.nan, {}, False)
+        return Progress(captured, None, str(error), np.nan, np.nan, {}, False)
     table = expected_uncertainty(found, INCLINATIONS)
     rows = covering(goal.inclination_range)
     inclination, azimuth = _worst(table.of_one_reading[rows])
@@ -131,7 +131,7 @@ def standing(
     noise = _worst(np.sqrt(table.components["sensor noise"].max(axis=(1, 2)))[rows])
     alone = _worst(table.from_calibration[rows])
     span = (float(table.inclination[rows][0]), float(table.inclination[rows][-1]))
-    return Standing(captured, found, "", azimuth, inclination, odd, reached, alone, noise, span)
+    return Progress(captured, found, "", azimuth, inclination, odd, reached, alone, noise, span)
 
 
 def covering(inclination_range: tuple[float, float]) -> slice:
@@ -173,7 +173,7 @@ def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_ha
     return replace(wide, warnings=(*wide.warnings, MORE_THAN_NOISE))
 
 
-def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing) -> NextPosition | None:
+def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Progress) -> NextPosition | None:
     """The position to take next, in the conventions; None when the stand has no more.
 
     With a wanted uncertainty the rest of the run is planned ahead: the fewest positions that reach it together with
@@ -198,12 +198,12 @@ def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing)
         "stand": rig.stand,
     }
     try:
-        return _ahead(settings, goal, so_far, about) or next_position(settings, **about)
+        return _next_position(settings, goal, so_far, about) or next_position(settings, **about)
     except (InputError, IdentifiabilityError):
         return None
 
 
-def _ahead(settings: Array, goal: Goal, so_far: Standing, about: Mapping[str, Any]) -> NextPosition | None:
+def _next_position(settings: Array, goal: Goal, so_far: Progress, about: Mapping[str, Any]) -> NextPosition | None:
     """The first of the fewest positions that reach what the goal's criterion is to reach; None where none do."""
     limit = {"azimuth": goal.u_azimuth, "inclination": goal.u_inclination}.get(goal.criterion)
     noise = dict(zip(("inclination", "azimuth"), so_far.noise, strict=True)).get(goal.criterion, 0.0)
