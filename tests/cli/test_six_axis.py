@@ -12,8 +12,8 @@ import pytest
 DATA = Path(__file__).parents[1] / "reference" / "msa" / "msa_runs.csv"
 AXES = ("gx", "gy", "gz", "bx", "by", "bz")
 HEADER = ("md_m", *(f"{name}_m_s2" if name[0] == "g" else f"{name}_nT" for name in AXES))
-# to the house's axes: the runs are in ISCWSA axes (y along the index mark, x against the house's y)
-HOUSE = {
+# to tool axes: the runs are in ISCWSA axes (y along the index mark, x against the tool's y)
+TOOL_AXES = {
     "gx": ("gy", 1.0),
     "gy": ("gx", -1.0),
     "gz": ("gz", 1.0),
@@ -29,9 +29,9 @@ def shipped(geometry, number):
 
 
 def table(rows, change=None):
-    """(n, 7) depth and six axes in the house's convention; `change` edits them."""
+    """(n, 7) depth and six axes in the native convention; `change` edits them."""
     columns = [[float(row["md"]) for row in rows]]
-    columns += [[sign * float(row[name]) for row in rows] for name, sign in (HOUSE[axis] for axis in AXES)]
+    columns += [[sign * float(row[name]) for row in rows] for name, sign in (TOOL_AXES[axis] for axis in AXES)]
     values = np.transpose(columns)
     return values if change is None else change(values)
 

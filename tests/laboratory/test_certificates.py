@@ -255,8 +255,8 @@ def test_the_rig_is_traced_and_somebody_answers(
     assert record.body["record"]["laboratory"]["authoriser"] == "bert"
     assert b"NMI cert 12" in documents(laboratory, record)["dcc"][2]
     record = issue(laboratory, two, None, LABORATORY, author="bert", authoriser=("Bert B", "metrologist"))
-    house = record.body["record"]["laboratory"]
-    assert (house["authoriser"], house["authoriser_role"]) == ("Bert B", "metrologist")
+    issuer = record.body["record"]["laboratory"]
+    assert (issuer["authoriser"], issuer["authoriser_role"]) == ("Bert B", "metrologist")
 
 
 def forged(change: Callable[[dict[str, Any]], object], true: Record) -> dict[str, Any]:

@@ -227,8 +227,8 @@ def _rig(method: Content, say: Words) -> str:
 
 def _traceability(laboratory: Mapping[str, str], method: Content, say: Words) -> str:
     """What the laboratory states and what is recorded of the rig's reference, each once."""
-    house, rig = laboratory.get("traceability", ""), method.get("rig_traceability", "")
-    return "; ".join(filter(None, (house, rig and rig != house and f"{say('rig')} {method['rig']}: {rig}")))
+    own, rig = laboratory.get("traceability", ""), method.get("rig_traceability", "")
+    return "; ".join(filter(None, (own, rig and rig != own and f"{say('rig')} {method['rig']}: {rig}")))
 
 
 def _environment(about: Content, say: Words) -> str:
