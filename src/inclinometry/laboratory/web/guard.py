@@ -12,7 +12,7 @@ from typing import Any, Final
 from nicegui import Client, core
 
 from inclinometry.laboratory.web.logins import Login, Logins, same_secret
-from inclinometry.laboratory.web.refusals import Metered, browser_headers, cookie_token, problem_of
+from inclinometry.laboratory.web.refusals import BodyLimit, browser_headers, cookie_token, problem_of
 
 # The live connection of a page belongs to whoever opened the page.
 
@@ -110,7 +110,7 @@ class Guard:
         if scope["type"] == "websocket":
             await self._app(scope, self._watched(receive, send, login), send)
             return
-        body = Metered(scope, receive, headers)
+        body = BodyLimit(scope, receive, headers)
         await self._app(scope, body.receive, _answered(scope, headers, body, send))
 
     def _foreign(self, scope: Scope, headers: dict[str, str]) -> Problem | None:
@@ -199,7 +199,7 @@ def _own_address(scope: Scope, host: str) -> bool:
         return False
 
 
-def _answered(scope: Scope, headers: dict[str, str], body: Metered, send: Send) -> Send:
+def _answered(scope: Scope, headers: dict[str, str], body: BodyLimit, send: Send) -> Send:
     """Adds the headers that every answer carries; a body that was cut short is answered with the reason instead."""
     over = False
 

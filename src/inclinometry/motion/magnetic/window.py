@@ -37,7 +37,7 @@ from inclinometry.motion.magnetic.phase import (
     raised,
     sectors,
 )
-from inclinometry.motion.reference import SiteDoubt, departure, doubted
+from inclinometry.motion.reference import SiteCheck, departure, inflated
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined
 from inclinometry.orientation import angles, dip_angle, dip_jacobian
 from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_z
@@ -572,7 +572,7 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     off = departure(window.gravity, window.field, window.covariance, settings.site)
     if off.far:
         return _refused(("disturbed", "axes"), method, off.text)
-    doubtful = replace(window, covariance=doubted(window.covariance, off.extra))
+    doubtful = replace(window, covariance=inflated(window.covariance, off.extra))
     matrix, covariance = attitude_of(doubtful)
     if _tilt(covariance, matrix) > WORTHLESS * SHAKEN:
         return _refused(("vibration",), method)
@@ -717,7 +717,7 @@ class MagneticStream:
         self._fastest = 0.0  # rad/s
         self._far = ("", 0)  # why windows were refused, in words, and how many
         self._rows = 0
-        self._site_doubt = SiteDoubt(self.settings.site)
+        self._site_check = SiteCheck(self.settings.site)
 
     def push(self, samples: Samples) -> Attitude:
         """Take a block; rows of the windows it completes.
@@ -765,7 +765,7 @@ class MagneticStream:
                 f"transverse magnetic offset found and taken off: {constants.offset.real:.0f} and "
                 f"{constants.offset.imag:.0f} nT, standard uncertainty {sigma:.1f} nT"
             )
-        notes += self._site_doubt.notes("that turn or shake")
+        notes += self._site_check.notes("that turn or shake")
         notes += clock_notes(constants, self.settings, self._fastest)
         if self._far[1]:
             notes.append(f"{self._far[0]} ({self._far[1]} windows were refused for the like)")
@@ -786,7 +786,7 @@ class MagneticStream:
         if told and not set(verdict.flags) & {"clipped", "stuck", "aliased", "no-field"}:
             slopes = dip_jacobian(window.gravity, window.field)
             u = float(np.sqrt(slopes @ window.covariance @ slopes))
-            self._site_doubt.add(window.gravity, window.field, u)
+            self._site_check.add(window.gravity, window.field, u)
         if verdict.said:
             self._far = (self._far[0] or verdict.said, self._far[1] + 1)
         if told:

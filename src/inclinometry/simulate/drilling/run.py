@@ -560,7 +560,7 @@ class Reading:
         return np.asarray(total[first + self._tool.taps] > total[first])
 
 
-class Spoiling:
+class Corruption:
     """The faults of one run; remembers from chunk to chunk what a stuck channel shows."""
 
     def __init__(self, faults: tuple[Fault, ...], streams: Streams) -> None:
@@ -692,14 +692,14 @@ def _generate(scenario: Scenario, streams: Streams, length: float) -> Iterator[D
     noise = Chunked(streams, CHUNK)
     reading = Reading(scenario, streams, rows)
     physics = Physics(scenario, noise, reading.reach)
-    spoiling = Spoiling(scenario.faults, streams)
+    corruption = Corruption(scenario.faults, streams)
     total = round(length / tool.interval) if math.isfinite(length) else math.inf
     index = 0
     while index * rows < total:
         first = index * rows * tool.factor
         sensed = physics.at(first - reading.before, first + rows * tool.factor + reading.after)
         block = _recorded(scenario, reading, sensed, index, rows)
-        yield spoiling.spoil(block.rows(slice(0, int(min(rows, total - index * rows)))), index)
+        yield corruption.spoil(block.rows(slice(0, int(min(rows, total - index * rows)))), index)
         index += 1
 
 

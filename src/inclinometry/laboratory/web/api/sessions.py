@@ -16,8 +16,8 @@ from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site,
 from inclinometry.laboratory.results import finish_calibration
 from inclinometry.laboratory.session import (
     Capture,
+    RecordedReading,
     Session,
-    Taken,
     capture,
     close_session,
     dial_at,
@@ -248,7 +248,7 @@ def _session(session: Session) -> dict[str, Any]:
     }
 
 
-def _reading(taken: Taken) -> dict[str, Any]:
+def _reading(taken: RecordedReading) -> dict[str, Any]:
     return {
         "id": taken.record,
         "number": taken.number,

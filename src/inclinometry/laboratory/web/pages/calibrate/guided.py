@@ -23,8 +23,8 @@ from inclinometry.laboratory.results import finish_calibration
 from inclinometry.laboratory.session import (
     Capture,
     Position,
+    RecordedReading,
     Session,
-    Taken,
     capture,
     close_session,
     dial_at,
@@ -509,7 +509,7 @@ class Guided:
         if self.feed is not None:
             self.feed.moved()
 
-    def take(self, how: str = "key") -> Taken:
+    def take(self, how: str = "key") -> RecordedReading:
         """Capture the position on the card; it is on the disk when this returns.
 
         Raises
