@@ -58,7 +58,7 @@ def test_dials_that_are_none_are_not_recorded(laboratory: Ledger) -> None:
 
 @pytest.mark.long
 def test_a_session_shows_and_keeps_what_the_dials_say(laboratory: Ledger, bench: SimpleNamespace) -> None:
-    """The same tool calibrated and verified on a rig of odd dials, its wrongly stated readings refused before."""
+    """The same tool calibrated and verified on a rig of reversed dials, its wrongly stated readings refused before."""
     put_site(laboratory, RegisteredSite("yard", dip=bench.dip), author="a")
     stated(laboratory, ODD, bench.sd)
     plan = plans.orthogonal()

@@ -1,4 +1,4 @@
-"""The running fit: what it certifies is what the tool then shows; odd positions are named; the proposal helps."""
+"""The running fit: what it certifies is what the tool then shows; outliers are named; the proposal helps."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_the_uncertainty_certified_covers_the_true_error(laboratory: Ledger, ben
     errors = true_errors(seen.calibration.tool, realistic_tool(7), bench.dip, np.radians([5.0, 10.0, 15.0]))
     assert errors[:, 1].max() < seen.u_azimuth
     assert errors[:, 0].max() < seen.u_inclination
-    assert seen.odd == {}
+    assert seen.outliers == {}
 
 
 def test_a_misread_dial_is_named_by_its_position(laboratory: Ledger, bench: SimpleNamespace) -> None:
@@ -56,8 +56,8 @@ def test_a_misread_dial_is_named_by_its_position(laboratory: Ledger, bench: Simp
     session = open_session(laboratory, "IN-7", plans.orthogonal(), rig="stand 1", author="a")
     session = bench.take(laboratory, session, bench.sensors(realistic_tool(7), 1, {17: np.radians(2.0)}))
     seen = session_progress(session, LOW, rig(laboratory))
-    assert list(seen.odd) == [17]
-    assert "toolface dial" in seen.odd[17]
+    assert list(seen.outliers) == [17]
+    assert "toolface dial" in seen.outliers[17]
     assert not seen.reached
 
 

@@ -174,8 +174,8 @@ def calibrate_joint(
         if robust and outliers:
             fitted, kept = without, np.delete(kept, [o.row for o in outliers])
     used = readings.take(kept)
-    odd = direct.outlier_warnings(readings, outliers, robust)
-    warnings += odd.values()
+    named = direct.outlier_warnings(readings, outliers, robust)
+    warnings += named.values()
     best = without if outliers else fitted
     check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
     # a prior on a level field says where the rig's zero points
@@ -191,7 +191,7 @@ def calibrate_joint(
     if diagnose:
         warnings += _stand_warnings(fitted)
     found = direct.calibration(readings, used, fitted, name, reference, [*readings.warnings, *warnings])
-    return replace(found, odd=odd, causes=causes, response=response)
+    return replace(found, outliers=named, causes=causes, response=response)
 
 
 def fit_once(readings: BenchReadings, noise_sd: Mapping[str, ArrayLike], rig_sd: ArrayLike, **more: Any) -> Calibration:

@@ -1,4 +1,4 @@
-"""How a calibration stands with the tool still on the rig: what it would certify now, what is odd, where to go next."""
+"""How a calibration proceeds with the tool on the rig: what it would certify now, outliers, where to go next."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ class Progress:
     from_calibration : (inclination, azimuth), the same from the calibration alone.
     noise : (inclination, azimuth), the same from the noise of one reading alone, which no calibration can better.
     covered : lowest and highest inclination of those rows, rad.
-    odd : position number -> sentence, of readings at odds with the others: retake them while the tool is on the stand.
-    reached : whether every wanted uncertainty is reached and nothing is odd.
+    outliers : position number -> sentence, of readings at odds with the others: retake them while the tool is there.
+    reached : whether every wanted uncertainty is reached and nothing is an outlier.
     """
 
     captured: int
@@ -91,7 +91,7 @@ class Progress:
     waiting: str
     u_azimuth: float
     u_inclination: float
-    odd: Mapping[int, str]
+    outliers: Mapping[int, str]
     reached: bool
     from_calibration: tuple[float, float] = (np.nan, np.nan)
     noise: tuple[float, float] = (0.0, 0.0)
@@ -124,14 +124,14 @@ def session_progress(
     table = expected_uncertainty(found, INCLINATIONS)
     rows = covering(goal.inclination_range)
     inclination, azimuth = _worst(table.of_one_reading[rows])
-    odd = {int(station): sentence for station, sentence in found.odd.items()}
+    outliers = {int(station): sentence for station, sentence in found.outliers.items()}
     wanted = [(goal.u_azimuth, azimuth), (goal.u_inclination, inclination)]
     stated = [(limit, value) for limit, value in wanted if limit is not None]
-    reached = bool(stated) and not odd and all(value <= limit for limit, value in stated)
+    reached = bool(stated) and not outliers and all(value <= limit for limit, value in stated)
     noise = _worst(np.sqrt(table.components["sensor noise"].max(axis=(1, 2)))[rows])
     alone = _worst(table.from_calibration[rows])
     span = (float(table.inclination[rows][0]), float(table.inclination[rows][-1]))
-    return Progress(captured, found, "", azimuth, inclination, odd, reached, alone, noise, span)
+    return Progress(captured, found, "", azimuth, inclination, outliers, reached, alone, noise, span)
 
 
 def covering(inclination_range: tuple[float, float]) -> slice:
@@ -167,7 +167,7 @@ def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_ha
     squares = np.concatenate([np.square(v).ravel() for v in found.residuals.standardised.values()])
     squares = squares[np.isfinite(squares)]
     freedom = max(squares.size - len(found.parameter_names), 1)
-    if found.odd or not squares.size or squares.mean() <= 1.0 + SCATTER * np.sqrt(2.0 / freedom):
+    if found.outliers or not squares.size or squares.mean() <= 1.0 + SCATTER * np.sqrt(2.0 / freedom):
         return found
     wide = calibrate_joint(replace(readings, sd={}), rig_sd=rig_sd, name=name, left_handed=left_handed)
     return replace(wide, warnings=(*wide.warnings, MORE_THAN_NOISE))

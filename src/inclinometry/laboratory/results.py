@@ -125,7 +125,7 @@ def finish_calibration(
             "plan": seen.plan,
             "positions": len(seen.valid),
             "warnings": list(found.warnings),
-            "odd": {str(number): sentence for number, sentence in now.odd.items()},
+            "outliers": {str(number): sentence for number, sentence in now.outliers.items()},
             "parameters": [[name, *pair] for name, pair in parameters(found).items()],
         },
         "program": program(),

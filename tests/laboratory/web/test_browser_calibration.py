@@ -106,14 +106,14 @@ def resume(browser: Browser) -> None:
 
 
 def retake_the_odd(browser: Browser) -> None:
-    """The page names the misread dial; with arrows and space the position is taken again, and nothing is odd."""
+    """The page names the misread dial; with arrows and space the position is taken again, and nothing is an outlier."""
     named = "toolface dial seems misread"
-    browser.wait(lambda: named in browser.text(f"odd-{MISREAD}"), "no position is named")
-    assert [n for n in range(1, 13) if browser.state(f"position-{n}") == "odd"] == [MISREAD]
+    browser.wait(lambda: named in browser.text(f"outlier-{MISREAD}"), "no position is named")
+    assert [n for n in range(1, 13) if browser.state(f"position-{n}") == "outlier"] == [MISREAD]
     back_to(browser, MISREAD)
     press(browser, lambda: "attempt 2" in browser.text("position-state"))
-    browser.wait(lambda: browser.state(f"position-{MISREAD}") == "done", "still odd")
-    browser.wait(lambda: not browser.find('[data-testid^="odd-"]'), "something is odd")
+    browser.wait(lambda: browser.state(f"position-{MISREAD}") == "done", "still an outlier")
+    browser.wait(lambda: not browser.find('[data-testid^="outlier-"]'), "something is an outlier")
 
 
 def back_to(browser: Browser, number: int) -> None:

@@ -177,7 +177,7 @@ def reject_reading(
 
 @router.get("/sessions/{session}/progress")
 def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, Any]:
-    """What the readings would certify now, what is odd, where to go next."""
+    """What the readings would certify now, what is an outlier, where to go next."""
     seen = load_session(ledger, session)
     rig, goal = rig_of(ledger, session) or _rig(ledger, seen.rig), goal_of(ledger, seen)
     now = session_progress(seen, goal, rig, find_site(ledger, str(seen.settings.get("site", ""))))
@@ -270,7 +270,7 @@ def _progress(now: Progress) -> dict[str, Any]:
         "waiting_for": current().told(now.waiting),
         "U_azimuth_deg": _finite(now.u_azimuth),
         "U_inclination_deg": _finite(now.u_inclination),
-        "odd": {str(number): sentence for number, sentence in now.odd.items()},
+        "outliers": {str(number): sentence for number, sentence in now.outliers.items()},
         "reached": now.reached,
         "warnings": [] if now.calibration is None else [current().told(w) for w in now.calibration.warnings],
     }
