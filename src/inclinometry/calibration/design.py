@@ -30,7 +30,7 @@ from inclinometry.sensors import Tool, Triad, angle_sensitivity
 # Parameters are the tool's, relative to the full field of their triad, then two angles of each field direction.
 
 DIRECTION_SD = np.radians(5.0)
-"""How well the direction of each field at the stand is taken to be known beforehand, rad."""
+"""Prior standard uncertainty of the direction of each field at the stand, rad."""
 _STEP = np.radians(15.0)
 _TURNS = 12
 """Steps over azimuth and toolface: variances are trigonometric polynomials of degree 4 in toolface."""

@@ -282,7 +282,7 @@ class ScaleTracker:
 
 
 class _BeliefCheck:
-    """Whether the readings contradict what is believed of the scale beforehand.
+    """Whether the readings contradict the prior of the scale.
 
     One scale factor for all stations, but for what the belief allows them to differ by, is tried over 0.5 to 2: a wrong
     root is another scale at every station, the right one is the same at all. The squared misfit of each station and

@@ -26,12 +26,12 @@ class InertialSettings(Settings):
 
     window: Annotated[float, Range(0.2, 600.0, "s"), "Between two updates with gravity; spacing of the rows."] = 5.0
     gyro_noise: Annotated[float, Range(1e-9, 1.0, "rad/sqrt(s)"), "Angle random walk."] = 3e-5
-    gyro_bias_sigma: Annotated[float, Range(0.0, 1.0, "rad/s"), "Standard uncertainty beforehand."] = 3e-3
+    gyro_bias_sigma: Annotated[float, Range(0.0, 1.0, "rad/s"), "Prior standard uncertainty."] = 3e-3
     gyro_bias_walk: Annotated[float, Range(0.0, 0.1, "rad/s/sqrt(s)"), "Its random walk."] = 1e-6
     gyro_scale_sigma: Annotated[float, Range(0.0, 0.1), "Relative; times the rate the largest error of all."] = 2e-3
     gyro_scale_walk: Annotated[float, Range(0.0, 0.01, "1/sqrt(s)"), "Its random walk."] = 1e-7
     accel_noise: Annotated[float, Range(1e-6, 100.0, "m/s^2"), "Of a sample at rest; shaking is measured."] = 0.03
-    accel_bias_sigma: Annotated[float, Range(0.0, 10.0, "m/s^2"), "Standard uncertainty beforehand."] = 0.02
+    accel_bias_sigma: Annotated[float, Range(0.0, 10.0, "m/s^2"), "Prior standard uncertainty."] = 0.02
     accel_bias_walk: Annotated[float, Range(0.0, 1.0, "m/s^2/sqrt(s)"), "Its random walk."] = 1e-5
     mag_noise: Annotated[float, Range(1e-3, 1e5, "nT"), "Of one sample, at least; more where samples show it."] = 50.0
     hard_iron_sigma: Annotated[

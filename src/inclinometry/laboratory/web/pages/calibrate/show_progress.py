@@ -375,7 +375,7 @@ class Certifies:
         with self._box:
             self._goal()
             if guided.now is not None:
-                self._odd()
+                self._outliers()
                 self._uncertainty()
                 self._next_best()
         ready = (
@@ -403,7 +403,7 @@ class Certifies:
         if record is not None:
             ui.link(say("results.title"), f"/results/{record.id}")
 
-    def _odd(self) -> None:
+    def _outliers(self) -> None:
         guided, say = self._guided, self._guided.visitor.say
         for number, sentence in ({} if guided.now is None else guided.now.outliers).items():
             with ui.element("div").classes("outlier-row").props('role="alert"'):
