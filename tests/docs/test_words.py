@@ -1,4 +1,4 @@
-"""The package speaks the words of its field: private ones are in no name and no text; the glossary's page is current."""
+"""The package speaks the words of its field: private ones are in no name and no text; the glossary is current."""
 
 from __future__ import annotations
 
