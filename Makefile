@@ -50,11 +50,11 @@ docs: $(STAMP)
 figures: $(STAMP)
 	$(BIN)/python docs/computed.py
 
-# the house in figures: files, records, names, imports
+# the project in figures: files, records, names, imports
 metrics: $(STAMP)
 	$(BIN)/python tools/metrics.py $(if $(WRITE),--write)
 
-# what the program does today, to compare a change of the house with: make freeze TO=after AGAINST=before
+# what the program does today, to compare a change of the project with: make freeze TO=after AGAINST=before
 TO ?= frozen
 freeze: $(STAMP)
 	$(BIN)/python tools/freeze.py $(TO) $(if $(AGAINST),--against $(AGAINST))

@@ -18,9 +18,9 @@ import numpy as np
 from inclinometry.calibration import plans
 from inclinometry.calibration.design import NOISE, optimal_plan, plan_value
 from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.progress import AIM, Goal, Progress, _next_position, proposal, session_progress
 from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, find_rig, put_rig, put_tool
 from inclinometry.laboratory.session import Capture, capture, load_session, open_session
-from inclinometry.laboratory.standing import AIM, Goal, Standing, _ahead, proposal, standing
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 
@@ -47,7 +47,7 @@ def _by_design(span: tuple[float, float], sd: float) -> dict:
     goal = Goal(u_azimuth=2.0 * target / AIM, inclination_range=about["inclination_range"])
     taken = np.zeros((0, 3))
     while len(taken) < MOST:
-        place = _ahead(taken, goal, Standing(len(taken), None, "", np.nan, np.nan, {}, False), about)
+        place = _next_position(taken, goal, Progress(len(taken), None, "", np.nan, np.nan, {}, False), about)
         taken = np.vstack([taken, [place.azimuth, place.inclination, place.toolface]])
         if place.value <= target:
             break
@@ -73,10 +73,10 @@ def _simulated(seed: int) -> int:
         for position in session.positions:
             reading = _reading(tool, position.dial, seed, position.number)
             capture(ledger, session.id, position.number, reading, author="bench")
-        target = standing(load_session(ledger, session.id), goal, rig).from_calibration[1]
+        target = session_progress(load_session(ledger, session.id), goal, rig).from_calibration[1]
         session = open_session(ledger, "T", plans.Plan("adaptive", [0.0], [0.0], [0.0]), rig="R", author="bench")
         for number in range(1, MOST + 1):
-            now = standing(session, goal, rig)
+            now = session_progress(session, goal, rig)
             if now.from_calibration[1] <= target:
                 break
             # what a calibration can do about a goal is beside the noise of one reading

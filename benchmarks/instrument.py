@@ -2,12 +2,12 @@
 
     python benchmarks/instrument.py [--json] [--hours 24] [--protocol csv-line]
 
-A simulated instrument sends ten samples a second of its own time, as fast as the reader takes them, with rubbish,
+A simulated instrument sends ten samples a second of its own time, as fast as the reader takes them, with garbage,
 cut lines, drop-outs, repeated lines, values out of range and lost connections. The server keeps the number of each
 line it sent whole, the receiver that of each sample it was given. Readings are captured into a ledger all the while.
 
 Lost is what was sent whole and did not arrive, from the first line of each connection that was used on: what came
-before the port was open, and the first line after that, nobody promises. An acknowledged reading is one whose capture
+before the port was open and the first line after that do not count. An acknowledged reading is one whose capture
 returned; all of them must be in the ledger when it is opened again.
 """
 

@@ -74,7 +74,7 @@ def root_loop(a, b):
 
 
 class Blocked:
-    """The same angles by numpy in blocks that stay in the cache, every array made beforehand.
+    """The same angles by numpy in blocks that stay in the cache, every array made first.
 
     Leaves out what the kernel does besides (vertical rows, gaps), so the comparison favours numpy.
     """

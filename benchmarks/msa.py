@@ -23,7 +23,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np
 from scipy.optimize import least_squares
 
-from inclinometry.conventions import named, to_house
+from inclinometry.conventions import named, to_native
 from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.multistation import multistation
@@ -45,7 +45,7 @@ def runs():
         grouped.setdefault((row["geometry"], row["run"]), []).append([float(x) for x in list(row.values())[2:]])
     for (geometry, _), values in grouped.items():
         table = np.array(values)
-        stations = Stations(table[:, 0], *to_house(named("iscwsa"), table[:, 1:4], table[:, 4:7]))
+        stations = Stations(table[:, 0], *to_native(named("iscwsa"), table[:, 1:4], table[:, 4:7]))
         g, b, dip = table[0, 7:10]
         sigma = {"g_sigma": 0.01, "b_sigma": 130.0, "dip_sigma": np.radians(0.2)}
         yield geometry, stations, FieldReference(g=g, b=b, dip=np.radians(dip), **sigma), np.radians(table[:, 11])

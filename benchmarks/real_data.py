@@ -169,7 +169,7 @@ def mpu9150(name: str) -> dict:
 
 
 def cave_shots(name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Accelerometer and magnetometer in house axes: the instrument's Z, X, Y become x, y, z."""
+    """Accelerometer and magnetometer in tool axes: the instrument's Z, X, Y become x, y, z."""
     raw = json.loads((DATA / "sap6_cave" / f"{name}.json").read_text(encoding="utf-8"))
     mag, grav = np.array(raw["mag"]) * [1, 1, -1], np.array(raw["grav"])
     grav = np.column_stack([-grav[:, 1], -grav[:, 0], grav[:, 2]])

@@ -17,7 +17,15 @@ from importlib import import_module
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-MODULES = ("drawing", "figures", "survey_figures", "position_figures", "gyro_figures", "motion_figures")
+MODULES = (
+    "drawing",
+    "figures",
+    "survey_figures",
+    "position_figures",
+    "gyro_figures",
+    "motion_figures",
+    "glossary_table",
+)
 BLOCK = re.compile(r"<!-- (?P<name>[a-zA-Z]\w*) -->(?P<text>.*?)<!-- /(?P=name) -->", re.DOTALL)
 _NEW = re.compile(r"\{\{ (\w+) \}\}")
 # a comment that begins a line would end the paragraph: the number goes to the end of the line before

@@ -1,4 +1,4 @@
-"""What the program does today, written down, so that a change of the house can be compared with it byte for byte.
+"""What the program does today, written down, so that a change of the project can be compared with it byte for byte.
 
     python tools/freeze.py FOLDER              # record
     python tools/freeze.py FOLDER --against OLD     # record, then list what differs; exit status 1 if anything does

@@ -1,4 +1,4 @@
-"""The house in figures: how many files, records, names and imports a successor has to hold in the head.
+"""The project in figures: how many files, records, names and imports a successor has to hold in the head.
 
     python tools/metrics.py [--static] [--write]
 

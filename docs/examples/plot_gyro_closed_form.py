@@ -8,7 +8,7 @@ hot gyros have just now, with no calibration at all. The price is the factor
 .. math:: K = \\cos a \\cos\\theta + \\sin a \\sin\\theta \\cos\\psi,
 
 latitude :math:`a`, inclination :math:`\\theta`, azimuth :math:`\\psi`: the uncertainty goes as :math:`1/|K|`, and where
-K is nought the two scale factors that solve the equations coincide. That line crosses the map of every hole steeper
+K is zero the two scale factors that solve the equations coincide. That line crosses the map of every hole steeper
 than the complement of the latitude, on its southern side.
 """
 
@@ -56,7 +56,7 @@ figure.colorbar(filled, ax=axes, label="u(azimuth), deg", ticks=levels, format="
 
 # %%
 # White: refused, because within this noise the two scale factors cannot be told apart, or none is real. The pictures
-# complement each other: weighing what is known of the scale factor beforehand against what the Earth's rate says of
+# complement each other: weighing the prior of the scale factor against what the Earth's rate says of
 # it, as the joint estimate does, is better than either.
 
 names = [flag for flags in found["scale factor found"].flags for flag in flags]

@@ -3,7 +3,7 @@ A run into a hot hole
 =====================
 
 Sixty stations from 20 to 140 degrees Celsius. The scale factor of the gyros follows the temperature by some tenths of a
-per cent, which nobody has measured beforehand; the noise of a station is 0.015 deg/h. Three ways of finding north from
+per cent, which nobody has measured; the noise of a station is 0.015 deg/h. Three ways of finding north from
 the same readings: taking the scale factor for 1, the closed form of the patent, and the joint estimate with the scale
 factor learnt from the run itself.
 """

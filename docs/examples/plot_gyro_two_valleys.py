@@ -28,7 +28,7 @@ def misfit(rates, inclination, scale_sd):
     return ((rates[0] - k * x) ** 2 + (rates[1] - k * y) ** 2) / sigma**2 + ((k - 1.0) / scale_sd) ** 2
 
 
-PLACES = {"well posed": (30.0, 60.0), "two roots": (75.0, 135.0), "K nearly nought": (60.0, 127.0)}
+PLACES = {"well posed": (30.0, 60.0), "two roots": (75.0, 135.0), "K nearly zero": (60.0, 127.0)}
 figure, panels = plt.subplots(1, 3, figsize=(9, 3.4), sharey=True, layout="constrained")
 for axes, (title, (inclination, azimuth)) in zip(panels, PLACES.items(), strict=True):
     inc, psi = np.radians([inclination, azimuth])

@@ -15,7 +15,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.classical import hidden_scale_error, solve_classical
 from inclinometry.calibration.closed import ClosedForm
-from inclinometry.calibration.identifiability import blindness
+from inclinometry.calibration.identifiability import null_space
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.plans import Plan
@@ -174,7 +174,7 @@ def identifiability() -> dict[str, str]:
     """What each plan cannot see, and how much of a constant rig error shows in the residuals."""
     rows = []
     for name, plan in PLANS.items():
-        blind = blindness(*_model(plan, np.zeros(4)))
+        blind = null_space(*_model(plan, np.zeros(4)))
         said = "; ".join(s.removeprefix("this plan cannot see ") for s in blind.sentences) or "nothing"
         rows.append([name, f"{blind.rank}/{blind.size}", said, *(f"{100 * v:.0f} %" for v in share_left(plan))])
     head = ["plan", "rank", "cannot see", "inclination zero", "toolface zero", "outer axes", "inner axes"]

@@ -21,7 +21,7 @@ SETTINGS = {
 
 
 def reset(gallery: dict[str, Any], script: str) -> None:
-    """Set matplotlib back to the house's palette and settings."""
+    """Set matplotlib back to the manual's palette and settings."""
     import matplotlib as mpl
 
     from inclinometry.report.figure import SERIES

@@ -1,6 +1,6 @@
 """Borehole inclinometers made trustworthy, from the bench to the bottom of the hole.
 
-Conventions (the whole house; the documentation page "conventions" says the same)
+Conventions (of the whole package; the documentation page "conventions" says the same)
 ---------------------------------------------------------------------------------
 - n: north, east, down. Azimuth is clockwise from north seen from above; which north (magnetic, true, grid) is always
   stated with the number. true = magnetic + declination (east +); grid = true - convergence (+ where grid north is east

@@ -164,7 +164,7 @@ class Coefficient:
 
     @property
     def seen(self) -> bool:
-        """Whether the record shows it: its square is more than two standard deviations from nought."""
+        """Whether the record shows it: its square is more than two standard deviations from zero."""
         return bool(np.isfinite(self.value))
 
 
@@ -213,7 +213,7 @@ class NoiseModel:
 
         sqrt(N^2 / t + B^2 2 ln 2 / pi + K^2 t / 3): from white noise; from flicker as it stands against a reading of
         the same length before it (flicker has no standard deviation of its own); from a random walk that starts where
-        the reading does. Coefficients that were not seen count as nought.
+        the reading does. Coefficients that were not seen count as zero.
         """
         wanted = ("angle_random_walk", "bias_instability", "rate_random_walk")
         parts = [part**2 for name, part in self.parts(t).items() if name in wanted]
@@ -375,15 +375,15 @@ def _coefficient(place: int, squares: Array, gain: Array, tensor: Array, varianc
     row, square = gain[place], float(squares[place])
     without, alone = squares.copy(), np.zeros(len(squares))
     without[place], alone[place] = 0.0, 1.0
-    nought, both = (float(row @ _covariance(tensor, p) @ row) for p in (without, np.maximum(without, 0.0) + alone))
+    null, both = (float(row @ _covariance(tensor, p) @ row) for p in (without, np.maximum(without, 0.0) + alone))
     # what a coefficient adds to the scatter of its own square: by itself, as degrees of freedom, and with the others
     own = max(float(row @ _covariance(tensor, alone) @ row), 1e-12)
     lost = 1.0 - float(chi2.ppf(0.05, 2.0 / own)) * own / 2.0
     least, room, z2 = max(square, 0.0), 1.0 - lost**2, _ONE_SIDED_95**2
-    # (limit - square)^2 = z^2 (nought + crossed limit) + (lost limit)^2
-    half = least + z2 * max(both - nought - own, 0.0) / 2.0
-    limit = scale * float(np.sqrt((half + np.sqrt(half**2 - room * (least**2 - z2 * nought))) / room))
-    if square <= _SEEN * np.sqrt(nought):
+    # (limit - square)^2 = z^2 (null + crossed limit) + (lost limit)^2
+    half = least + z2 * max(both - null - own, 0.0) / 2.0
+    limit = scale * float(np.sqrt((half + np.sqrt(half**2 - room * (least**2 - z2 * null))) / room))
+    if square <= _SEEN * np.sqrt(null):
         return Coefficient(float("nan"), float("nan"), limit)
     value = float(np.sqrt(square))
     return Coefficient(scale * value, scale * float(np.sqrt(variance)) / (2.0 * value), limit)

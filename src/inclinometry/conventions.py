@@ -1,4 +1,4 @@
-"""Vendor axes and signs: translated to the house convention once, at the edge, by data.
+"""Vendor axes and signs: translated to the package's own once, at the edge, by data.
 
 A convention says for each triad which vendor channel, with which sign, is the tool's x (index mark), y (90 deg
 clockwise of it looking down hole) and z (down hole), whether accelerometers report specific force, and how far the
@@ -63,13 +63,13 @@ def axes_names(matrix: ArrayLike) -> Axes:
 
 @dataclass(frozen=True)
 class Convention:
-    """How a vendor's three channels per triad become components in the house's tool axes.
+    """How a vendor's three channels per triad become components in tool axes.
 
     Parameters
     ----------
     name : str
     accelerometer, magnetometer, gyro : (str, str, str)
-        Vendor channels that are the house's x, y, z, e.g. ("+y", "-x", "+z"). The gyro's default is the
+        Vendor channels that are the tool's x, y, z, e.g. ("+y", "-x", "+z"). The gyro's default is the
         magnetometer's.
     specific_force : bool
         True when an accelerometer that points up at rest reads positive (it reports the reaction to gravity).
@@ -115,16 +115,32 @@ class Convention:
 
 
 CONVENTIONS: Final[tuple[Convention, ...]] = (
-    Convention("house"),
+    Convention("native"),
     Convention("iscwsa", ("+y", "-x", "+z"), ("+y", "-x", "+z")),
     Convention("specific-force", specific_force=True),
     Convention("z-up", ("+x", "-y", "-z"), ("+x", "-y", "-z"), specific_force=True),
 )
-"""The four conventions met in practice; "iscwsa" is that of SPE 67616 (y along the index mark, x 90 deg before it)."""
+"""The four conventions met in practice; "native" is that of the package, "iscwsa" that of SPE 67616 (y along the index
+mark, x 90 deg before it).
+"""
+
+OLD_NATIVE: Final = "house"
+"""What "native" was called once: read wherever it was stored or is typed, never written."""
+
+
+def current_name(name: str) -> str:
+    """The name by which a convention goes today: "native" for "house", any other text as it is.
+
+    Examples
+    --------
+    >>> current_name("house"), current_name("z-up")
+    ('native', 'z-up')
+    """
+    return "native" if name.strip().lower() == OLD_NATIVE else name
 
 
 def named(name: str) -> Convention:
-    """Look a convention up by name; upper and lower case are the same.
+    """Look a convention up by name; upper and lower case are the same, and "house" is "native".
 
     Raises
     ------
@@ -137,14 +153,14 @@ def named(name: str) -> Convention:
     ('+y', '-x', '+z')
     """
     for convention in CONVENTIONS:
-        if convention.name == name.strip().lower():
+        if convention.name == current_name(name).strip().lower():
             return convention
     known = ", ".join(convention.name for convention in CONVENTIONS)
     raise InputError(f"there is no convention {name!r}; known: {known}")
 
 
-def to_house(convention: Convention, accelerometer: ArrayLike, magnetometer: ArrayLike) -> tuple[Array, Array]:
-    """Gravity and magnetic field in the house's tool axes from a vendor's channels.
+def to_native(convention: Convention, accelerometer: ArrayLike, magnetometer: ArrayLike) -> tuple[Array, Array]:
+    """Gravity and magnetic field in tool axes from a vendor's channels.
 
     Parameters
     ----------
@@ -160,7 +176,7 @@ def to_house(convention: Convention, accelerometer: ArrayLike, magnetometer: Arr
     --------
     A vertical tool that reports specific force in axes with z up reads +1 g on z:
 
-    >>> g, b = to_house(named("z-up"), [0.0, 0.0, 1.0], [0.4, 0.0, -0.9])
+    >>> g, b = to_native(named("z-up"), [0.0, 0.0, 1.0], [0.4, 0.0, -0.9])
     >>> g + 0.0, b + 0.0
     (array([0., 0., 1.]), array([0.4, 0. , 0.9]))
     """

@@ -1,4 +1,4 @@
-"""The few errors of the house; each is a child of the builtin a caller expects.
+"""The few errors of the package; each is a child of the builtin a caller expects.
 
 A message gives the value found, the range allowed and the remedy; a file's error also names file and line.
 """

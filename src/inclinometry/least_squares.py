@@ -1,4 +1,4 @@
-"""Least squares on a manifold: one Levenberg-Marquardt loop for every fit in the house.
+"""Least squares on a manifold: one Levenberg-Marquardt loop for every fit of the package.
 
 The problem says how it is stepped (`retract`) and what its normal equations are, so that a fit may keep unit vectors
 on the sphere or eliminate its nuisance parameters block by block; the loop only damps, tests and stops.

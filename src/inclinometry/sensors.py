@@ -217,7 +217,7 @@ class Triad:
     def by_length(self, field: ArrayLike, temperature: ArrayLike | None = None) -> Array:
         """Derivative (..., 3) of a field of known length by the logarithm of that length: |a|^2 n / (a.n).
 
-        Nought for a triad that sees three components; NaN where the field lies in the plane that two sensors see.
+        Zero for a triad that sees three components; NaN where the field lies in the plane that two sensors see.
         """
         a = finite(field, "field", (3,))
         if self.rank != 2:
@@ -499,7 +499,7 @@ class Sensitivity(NamedTuple):
 
     by_parameter : (..., 4, p) by the tool's parameters, in the order of `Tool.covariance`
     by_signal : (..., 4, M) by each sensor's reading, in the order of `kinds`
-    by_gravity : (..., 4) by the logarithm of |g|, from which two accelerometers have the third component; else nought
+    by_gravity : (..., 4) by the logarithm of |g|, from which two accelerometers have the third component; else zero
     """
 
     by_parameter: Array

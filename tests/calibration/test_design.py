@@ -77,11 +77,11 @@ def test_promised_covariance_is_what_the_fit_reports(aimed):
     readings = BenchReadings(signals, aimed.azimuth, aimed.inclination, aimed.toolface)
     found = fit_once(readings, sd, 0.1 * DEG, field_prior={k: (FIELDS[k], 5.0 * DEG) for k in FIELDS})
     inclination = np.array([10.0, 45.0, 90.0]) * DEG
-    promised = evaluate_plan(aimed, inclination, rig_sd=0.1 * DEG, noise=noise, dip=DIP, tool=truth)
+    expected = evaluate_plan(aimed, inclination, rig_sd=0.1 * DEG, noise=noise, dip=DIP, tool=truth)
     kept = Tool("", found.tool.triads, found.tool.covariance)
     # readings without error: the fit ends at the truth, to its tolerance of 1e-10 standard deviations
     given = expected_uncertainty(kept, inclination, DIP)
-    np.testing.assert_allclose(promised.from_calibration, given.from_calibration, rtol=1e-6)
+    np.testing.assert_allclose(expected.from_calibration, given.from_calibration, rtol=1e-6)
 
 
 def test_the_specified_table_of_classical_plans():
@@ -274,7 +274,7 @@ def test_next_positions_alone_make_a_plan_from_nothing():
         rows = np.concatenate([rows, [found[:3]]])
         values.append(found.value)
     finite = np.isfinite(values)
-    # until every parameter is seen nothing can be promised; then each station helps
+    # until every parameter is seen nothing can be expected; then each station helps
     assert not finite[:3].any()
     assert finite[6:].all()
     assert (np.diff(np.array(values)[finite]) <= 0.0).all()

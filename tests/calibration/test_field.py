@@ -84,7 +84,7 @@ def normalised_square(calibration, truth):
 
 
 def cave(name):
-    """Shots of a cave instrument in house axes: instrument Z, X, Y become x, y, z."""
+    """Shots of a cave instrument in tool axes: instrument Z, X, Y become x, y, z."""
     text = files("inclinometry.workflow").joinpath("demo_data", "sap6_cave", f"{name}.json").read_text()
     raw = json.loads(text)
     mag, grav = np.array(raw["mag"]) * [1, 1, -1], np.array(raw["grav"])

@@ -203,7 +203,7 @@ def test_printed_25_adds_the_horizontal_part_of_n1_to_n2_and_the_correction_does
         assert np.allclose(printed[:, 1] ** 2, n2**2 + horizontal * n1**2, atol=EXACT)
 
 
-def test_the_paper_turned_by_180_degrees_of_roll_is_the_house():
+def test_the_paper_turned_by_180_degrees_of_roll_is_the_native_convention():
     rng = np.random.default_rng(12)
     for phi, theta, alpha in rng.uniform(0, 6, (20, 3)):
         assert np.allclose(paper_rotation(phi, theta, alpha), dcm(alpha, theta, phi + np.pi), atol=EXACT)
@@ -225,8 +225,8 @@ def errors_of_printed_25(tilt, printed=True):
             tensor, offset = rng.uniform(0.95, 1.05, (3, 1)) * axes, rng.uniform(-0.05, 0.05, 3)
             lengths, level = paper_lengths(tensor, offset, tilted @ a, printed)
             readings = np.einsum("mi,kij,j->km", tensor, dcm(*attitude), a) + offset
-            house = np.copysign(lengths, tensor)
-            seen[name] = (readings - level) @ np.linalg.inv(house).T
+            own = np.copysign(lengths, tensor)
+            seen[name] = (readings - level) @ np.linalg.inv(own).T
         found = angles(seen["g"], seen["b"])
         truth = attitude[[1, 2, 0]]
         off = np.stack([found.inclination, found.toolface, found.azimuth]) - truth

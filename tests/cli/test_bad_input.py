@@ -1,4 +1,4 @@
-"""Rubbish in: one clear line, exit status 2, nothing written - or a named warning where the numbers are of use."""
+"""Bad input: one clear line, exit status 2, nothing written - or a named warning where the numbers are of use."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def test_saturated_channel_is_named(run, bench):
     assert done.status == 2 or "saturated" in done.err
 
 
-def test_survey_refuses_rubbish_and_writes_nothing(run, bench):
+def test_survey_refuses_garbage_and_writes_nothing(run, bench):
     bench("orthogonal")
     run("calibrate", "readings.csv", "-o", "tool.json")
     run("simulate", "well", "--truth", "truth.json", "-o", "raw.csv")

@@ -99,3 +99,13 @@ def test_a_column_named_dip_is_no_trap(run, bench):
     assert done.status == 2
     assert "name it inclination_deg and state --inclination-from horizontal" in done.err
     assert "reference_dip_deg" in done.err
+
+
+def test_the_old_name_of_the_convention_is_still_taken(run):
+    """And is not among the choices."""
+    Path("six.csv").write_text("md_m,gx_g,gy_g,gz_g\n0,0,0.1,1\n", encoding="utf-8")
+    for name in ("house", "native"):
+        assert run("convert", "six.csv", f"{name}.csv", "--convention", name).status == 0
+    assert Path("house.csv").read_bytes() == Path("native.csv").read_bytes()
+    refused = run("convert", "six.csv", "c.csv", "--convention", "nasa")
+    assert (refused.status, "native" in refused.err, "house" in refused.err) == (2, True, False)

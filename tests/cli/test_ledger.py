@@ -54,8 +54,8 @@ def test_verify_tells_by_its_status(run, lab, monkeypatch):
     refused = run("ledger", "users", "--ledger", lab)
     assert refused.status == 2
     assert "ledger verify" in refused.err
-    Path("rubbish").write_text("rubbish" * 500)
-    assert run("ledger", "verify", "--ledger", "rubbish").status == 2
+    Path("garbage").write_text("garbage" * 500)
+    assert run("ledger", "verify", "--ledger", "garbage").status == 2
     assert run("ledger", "verify", "--ledger", "none.sqlite").status == 2
     assert run("ledger", "verify", "--ledger", lab, "--head", "7").status == 2
 
@@ -109,11 +109,11 @@ def test_a_password_in_an_address_is_not_printed(run):
 
 def test_an_import_that_fails_leaves_no_ledger(run, tmp_path):
     """Nor does it remove one that was there."""
-    Path("rubbish.zip").write_bytes(b"rubbish")
-    assert run("ledger", "import", "rubbish.zip", "--ledger", "new.sqlite").status == 2
+    Path("garbage.zip").write_bytes(b"garbage")
+    assert run("ledger", "import", "garbage.zip", "--ledger", "new.sqlite").status == 2
     assert not list(tmp_path.glob("new.sqlite*"))
     assert run("ledger", "init", "old.sqlite").status == 0
-    assert run("ledger", "import", "rubbish.zip", "--ledger", "old.sqlite").status == 2
+    assert run("ledger", "import", "garbage.zip", "--ledger", "old.sqlite").status == 2
     assert Path("old.sqlite").exists()
 
 

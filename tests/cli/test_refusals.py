@@ -134,7 +134,7 @@ def test_tables_and_warnings_do_not_read_markup(capsys):
         ("calibrate readings.csv --rig-sd-deg -0.1", ("--rig-sd-deg is -0.1 degrees",)),
         ("calibrate readings.csv --level-sd-deg 100", ("--level-sd-deg is 100 degrees",)),
         ("calibrate readings.csv --nonorthogonality-sd-deg nan", ("--nonorthogonality-sd-deg", "degrees")),
-        ("calibrate readings.csv --created rubbish", ("--created", "YYYY-MM-DD")),
+        ("calibrate readings.csv --created garbage", ("--created", "YYYY-MM-DD")),
         ("calibrate readings.csv --created 2024-13-01", ("--created",)),
         ("calibrate readings.csv --specific-force", ("joint", "--specific-force", "rig")),
         ("calibrate readings.csv --specific-force --method twelve", ("--specific-force",)),

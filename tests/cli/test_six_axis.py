@@ -12,8 +12,8 @@ import pytest
 DATA = Path(__file__).parents[1] / "reference" / "msa" / "msa_runs.csv"
 AXES = ("gx", "gy", "gz", "bx", "by", "bz")
 HEADER = ("md_m", *(f"{name}_m_s2" if name[0] == "g" else f"{name}_nT" for name in AXES))
-# to the house's axes: the runs are in ISCWSA axes (y along the index mark, x against the house's y)
-HOUSE = {
+# to tool axes: the runs are in ISCWSA axes (y along the index mark, x against the tool's y)
+TOOL_AXES = {
     "gx": ("gy", 1.0),
     "gy": ("gx", -1.0),
     "gz": ("gz", 1.0),
@@ -29,9 +29,9 @@ def shipped(geometry, number):
 
 
 def table(rows, change=None):
-    """(n, 7) depth and six axes in the house's convention; `change` edits them."""
+    """(n, 7) depth and six axes in the native convention; `change` edits them."""
     columns = [[float(row["md"]) for row in rows]]
-    columns += [[sign * float(row[name]) for row in rows] for name, sign in (HOUSE[axis] for axis in AXES)]
+    columns += [[sign * float(row[name]) for row in rows] for name, sign in (TOOL_AXES[axis] for axis in AXES)]
     values = np.transpose(columns)
     return values if change is None else change(values)
 
@@ -85,7 +85,7 @@ MSA = ("msa", "raw.csv", "--site", "site.toml", "-o", "corrections.json")
     ("geometry", "part"), [("build", 0.5), ("horiz_EW", 0.85), ("horiz_NS", 0.75), ("turn3d", 0.4)]
 )
 def test_analysis_makes_azimuths_better(run, geometry, part):
-    before, after, promised = [], [], []
+    before, after, expected = [], [], []
     for number in range(4):
         truth = given(geometry, number)
         assert run(*SURVEY).status == 0
@@ -93,12 +93,12 @@ def test_analysis_makes_azimuths_better(run, geometry, part):
         done = run(*SURVEY, "--correct", "msa")
         assert done.status == 0, done.err
         after.append(azimuth_errors("survey.csv", truth))
-        promised.append([float(row["u_azimuth_deg"]) for row in read("survey.csv")])
+        expected.append([float(row["u_azimuth_deg"]) for row in read("survey.csv")])
     rms = [float(np.sqrt(np.mean(np.square(np.concatenate(errors))))) for errors in (before, after)]
     # medians of forty runs are .12, .56, .43 and .11 of what was; four runs scatter about that
     assert rms[1] < part * rms[0]
     # the errors of a run are common to its stations: four runs are four draws, 3.3 u is exceeded once in a thousand
-    worst = np.abs(np.concatenate(after) / np.concatenate(promised)).max()
+    worst = np.abs(np.concatenate(after) / np.concatenate(expected)).max()
     assert worst < 4.0
 
 

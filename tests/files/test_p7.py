@@ -85,7 +85,7 @@ def test_records_are_kept_and_counted(tmp_path):
     assert read_p7(tmp_path / "b.p717").surveys[1].same_as(found.surveys[1])
 
 
-@pytest.mark.parametrize("convention", ["iscwsa", "house", "specific-force", "z-up"])
+@pytest.mark.parametrize("convention", ["iscwsa", "native", "specific-force", "z-up"])
 @pytest.mark.parametrize("survey", [magnetic(), gyro()], ids=["M7", "G7"])
 def test_round_trip_to_the_byte(tmp_path, survey, convention):
     """Angles are written to 1e-10 deg (2e-12 rad), rates to 1e-10 deg/h."""

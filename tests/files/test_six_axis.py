@@ -96,7 +96,7 @@ def test_three_columns_and_a_north_are_a_survey(write):
     assert read_csv(in_name).azimuth_reference == "grid"
 
 
-def test_the_survey_file_of_the_house_in_and_out(tmp_path):
+def test_the_native_survey_file_in_and_out(tmp_path):
     columns = {
         "md": [0.0, 30.0], "inclination": [0.1, 0.2], "azimuth": [1.0, np.nan], "azimuth_reference": "magnetic",
         "toolface": [0.3, 0.4], "g_total": [9.81, 9.82], "b_total": [5e4, 5.1e4], "dip": [1.2, 1.21],

@@ -1,4 +1,4 @@
-"""The one reader of tables: every dialect it promises, every error with its place, and nothing but FileError."""
+"""The one reader of tables: every dialect it accepts, every error with its place, and nothing but FileError."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def put(*keys_and_value):
         (put("schema", "other"), "$.schema is 'other'; a file with schema \"inclinometry/tool\" is needed"),
         (put("version", 2), "$.version is 2, written by a newer release; this one reads version 1: update"),
         (put("version", "1"), '$.version is "1"; it must be 1'),
-        (put("convention", "z-up"), '$.convention is "z-up"; it must be "house"'),
+        (put("convention", "z-up"), '$.convention is "z-up"; it must be "native"'),
         (put("triads", {}), "$.triads is {}; it must be one or more of accelerometer, magnetometer, gyro"),
         (
             put("triads", "accelerometer", "tensor", 0, 1, "x"),

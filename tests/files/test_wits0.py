@@ -53,7 +53,7 @@ def test_survey_record(tmp_path):
     assert found.header == {"frames": "2", "frames_broken": "0", "frames_passed_over": "1", "frames_repeated": "0"}
 
 
-@pytest.mark.parametrize("convention", ["house", "iscwsa", "specific-force", "z-up"])
+@pytest.mark.parametrize("convention", ["native", "iscwsa", "specific-force", "z-up"])
 def test_round_trip_with_raw_sensors(tmp_path, convention):
     """Numbers are written to 1e-10 of their unit: deg 2e-12 rad, mg 1e-12 m/s^2, uT 1e-7 nT."""
     channels = Wits0Map(record_7() | RAW, convention, "magnetic")

@@ -54,6 +54,6 @@ def test_frozen_is_a_copy_that_cannot_be_written():
         kept[0] = 2.0
 
 
-def test_house_errors_are_children_of_what_a_caller_expects():
+def test_the_errors_are_children_of_what_a_caller_expects():
     assert issubclass(InputError, ValueError)
     assert issubclass(InputError, InclinometryError)

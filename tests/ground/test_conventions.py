@@ -12,7 +12,7 @@ from inclinometry.conventions import (
     axes_names,
     find_mapping,
     named,
-    to_house,
+    to_native,
 )
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, dip_angle, fields
@@ -58,19 +58,19 @@ def vendor_readings(name: str, g, b) -> tuple[np.ndarray, np.ndarray]:  # type: 
     table = {
         "iscwsa": ((gx, gy, gz), (bx, by, bz)),
         "specific-force": ((-gy, gx, -gz), (by, -bx, bz)),
-        "house": ((gy, -gx, gz), (by, -bx, bz)),
+        "native": ((gy, -gx, gz), (by, -bx, bz)),
         "z-up": ((-gy, -gx, gz), (by, bx, -bz)),
     }
     accelerometer, magnetometer = table[name]
     return np.stack(accelerometer, axis=-1), np.stack(magnetometer, axis=-1)
 
 
-@pytest.mark.parametrize("name", ["iscwsa", "specific-force", "house", "z-up"])
+@pytest.mark.parametrize("name", ["iscwsa", "specific-force", "native", "z-up"])
 def test_four_conventions_on_5000_attitudes(name: str) -> None:
     azimuth, inclination, toolface, dip = attitudes(5000)
     readings = spe_67616_readings(azimuth, inclination, toolface, dip)
     published = spe_67616_angles(*readings)
-    found = angles(*to_house(named(name), *vendor_readings(name, *readings)))
+    found = angles(*to_native(named(name), *vendor_readings(name, *readings)))
     # both start from the same readings and round to a few 1e-16 rad; 5e-14 deg is the most seen
     for mine, theirs in zip((found.inclination, found.azimuth, found.toolface), published, strict=True):
         assert np.abs(np.degrees(wrap_signed(mine - np.radians(theirs)))).max() < 1e-13
@@ -78,9 +78,9 @@ def test_four_conventions_on_5000_attitudes(name: str) -> None:
 
 
 def test_lookup() -> None:
-    assert [convention.name for convention in CONVENTIONS] == ["house", "iscwsa", "specific-force", "z-up"]
-    assert named(" House ").name == "house"
-    with pytest.raises(InputError, match="known: house, iscwsa, specific-force, z-up"):
+    assert [convention.name for convention in CONVENTIONS] == ["native", "iscwsa", "specific-force", "z-up"]
+    assert named(" Native ").name == "native"
+    with pytest.raises(InputError, match="known: native, iscwsa, specific-force, z-up"):
         named("nasa")
 
 
@@ -95,7 +95,7 @@ def test_axes_in_words() -> None:
         with pytest.raises(InputError, match="once each"):
             Convention("bad", bad)
     with pytest.raises(InputError, match="kind is 'compass'"):
-        named("house").matrix("compass")
+        named("native").matrix("compass")
     with pytest.raises(InputError, match="gyro_toolface_offset"):
         Convention("bad", gyro_toolface_offset=float("nan"))
 
@@ -103,14 +103,14 @@ def test_axes_in_words() -> None:
 def test_toolface_offset_per_triad() -> None:
     g, b = fields(1.0, 0.5, 2.0, 1.1)
     both = Convention("turned", accelerometer_toolface_offset=0.3, magnetometer_toolface_offset=0.3)
-    found = angles(*to_house(both, g, b))
+    found = angles(*to_native(both, g, b))
     assert found.toolface == pytest.approx(2.3, abs=1e-14)
     assert found.azimuth == pytest.approx(1.0, abs=1e-14)
     # a magnetometer whose mark is 0.2 rad before the accelerometer's
     from inclinometry.rotations import rotation_z
 
     one = Convention("one", magnetometer_toolface_offset=0.2)
-    found = angles(*to_house(one, g, rotation_z(-0.2) @ b))
+    found = angles(*to_native(one, g, rotation_z(-0.2) @ b))
     assert found.azimuth == pytest.approx(1.0, abs=1e-14)
     assert found.toolface == pytest.approx(2.0, abs=1e-14)
 

@@ -110,7 +110,7 @@ def test_small_root_keeps_its_digits() -> None:
     assert roots[1] == pytest.approx(small, rel=1e-12)
 
 
-def test_double_root_where_k_is_nought() -> None:
+def test_double_root_where_k_is_zero() -> None:
     latitude = rad(60.0)
     inclination = rad(np.linspace(31.0, 89.0, 59))
     azimuth = np.arccos(-1.0 / (np.tan(latitude) * np.tan(inclination)))
@@ -182,7 +182,7 @@ def test_wrong_signs_do_not_turn_the_azimuth_round() -> None:
     assert degrees(gx, gy, wx, wy, G, latitude) == pytest.approx(180.0 - 57.29578, abs=1e-5)
 
 
-def test_patent_azimuth_has_no_number_where_it_is_nought_over_nought() -> None:
+def test_patent_azimuth_has_no_number_where_it_is_zero_over_zero() -> None:
     assert np.isnan(patent_azimuth(0.0, 0.0, 1e-5, 1e-5, G, 0.5))
     assert np.isnan(patent_azimuth(-G, 0.0, 1e-5, 1e-5, G, 0.5))
 

@@ -221,7 +221,7 @@ def test_readings_without_any_noise_raise_no_flags():
     assert set(found.flags) == {()}
 
 
-def test_readings_that_are_all_nought_do_no_harm():
+def test_readings_that_are_all_zero_do_no_harm():
     station, index, signals, _ = rows(3, FOUR, [0.0, 0.0, 0.0])
     found = average_index(station, index, signals, scheme="four")
     np.testing.assert_array_equal(found.field[:, :2], 0.0)

@@ -250,7 +250,7 @@ def test_at_one_temperature_stations_are_averaged(follow: Any) -> None:
 
 
 @BOTH
-def test_nothing_is_learnt_where_k_is_nought(follow: Any) -> None:
+def test_nothing_is_learnt_where_k_is_zero(follow: Any) -> None:
     size, belief = 10, quadratic_belief(sd=0.003)
     inclination = np.full(size, rad(60.0))
     azimuth = np.full(size, np.arccos(-1.0 / np.tan(inclination[0])))

@@ -30,6 +30,7 @@ from inclinometry.laboratory.certificates import (
 )
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
 from inclinometry.laboratory.ledger.verify import verify
+from inclinometry.laboratory.progress import Goal, session_progress
 from inclinometry.laboratory.registry import (
     RegisteredRig,
     RegisteredSite,
@@ -41,7 +42,6 @@ from inclinometry.laboratory.registry import (
 )
 from inclinometry.laboratory.results import finish_calibration
 from inclinometry.laboratory.session import open_session
-from inclinometry.laboratory.standing import Goal, standing
 from inclinometry.laboratory.verification import finish_verification
 from inclinometry.report.words import significant
 from inclinometry.sensors import Tool
@@ -255,8 +255,8 @@ def test_the_rig_is_traced_and_somebody_answers(
     assert record.body["record"]["laboratory"]["authoriser"] == "bert"
     assert b"NMI cert 12" in documents(laboratory, record)["dcc"][2]
     record = issue(laboratory, two, None, LABORATORY, author="bert", authoriser=("Bert B", "metrologist"))
-    house = record.body["record"]["laboratory"]
-    assert (house["authoriser"], house["authoriser_role"]) == ("Bert B", "metrologist")
+    issuer = record.body["record"]["laboratory"]
+    assert (issuer["authoriser"], issuer["authoriser_role"]) == ("Bert B", "metrologist")
 
 
 def forged(change: Callable[[dict[str, Any]], object], true: Record) -> dict[str, Any]:
@@ -300,10 +300,10 @@ def test_what_would_be_certified_is_what_is_certified(
     rig = find_rig(laboratory, "stand 1")
     assert rig is not None
     goal = Goal(inclination_range=(float(np.radians(span[0])), float(np.radians(span[1]))))
-    now = standing(session, goal, rig)
+    now = session_progress(session, goal, rig)
     limits = {"u_azimuth": now.u_azimuth, "u_inclination": now.u_inclination}
-    assert standing(session, replace(goal, **limits), rig).reached
-    assert not standing(session, replace(goal, u_azimuth=now.u_azimuth * (1.0 - 1e-12)), rig).reached
+    assert session_progress(session, replace(goal, **limits), rig).reached
+    assert not session_progress(session, replace(goal, u_azimuth=now.u_azimuth * (1.0 - 1e-12)), rig).reached
     calibration = finish_calibration(laboratory, session.id, author="anna", goal=goal).id
     table = issue(laboratory, calibration, None, LABORATORY, author="anna").body["record"]["results"]["uncertainty"]
     # 12 to 88 deg is covered by the rows from 10 to 90 deg
@@ -326,7 +326,7 @@ def test_a_goal_below_the_noise_of_one_reading_is_never_reached(laboratory: Ledg
     session = bench.calibrated(laboratory, plans.orthogonal())
     rig = find_rig(laboratory, "stand 1")
     assert rig is not None
-    now = standing(session, Goal(), rig)
+    now = session_progress(session, Goal(), rig)
     assert 0.0 < now.noise[1] < now.u_azimuth <= np.hypot(now.noise[1], now.from_calibration[1]) * (1.0 + 1e-12)
-    low = standing(session, Goal(u_azimuth=0.9 * now.noise[1]), rig)
+    low = session_progress(session, Goal(u_azimuth=0.9 * now.noise[1]), rig)
     assert not low.reached

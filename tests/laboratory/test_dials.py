@@ -13,6 +13,7 @@ from inclinometry.calibration.conventions import USUAL, WAYS, Dials
 from inclinometry.errors import InputError
 from inclinometry.laboratory.import_file import import_file
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
+from inclinometry.laboratory.progress import Goal, proposal, session_progress
 from inclinometry.laboratory.registry import (
     RegisteredRig,
     RegisteredSite,
@@ -23,7 +24,6 @@ from inclinometry.laboratory.registry import (
 )
 from inclinometry.laboratory.results import at_the_bench, calibration_of, finish_calibration
 from inclinometry.laboratory.session import bench_readings, load_session, open_session, setting_of
-from inclinometry.laboratory.standing import Goal, proposal, standing
 from inclinometry.laboratory.verification import begin_verification, finish_verification
 from inclinometry.simulate.tool import realistic_tool
 
@@ -58,7 +58,7 @@ def test_dials_that_are_none_are_not_recorded(laboratory: Ledger) -> None:
 
 @pytest.mark.long
 def test_a_session_shows_and_keeps_what_the_dials_say(laboratory: Ledger, bench: SimpleNamespace) -> None:
-    """The same tool calibrated and verified on a rig of odd dials, its wrongly stated readings refused before."""
+    """The same tool calibrated and verified on a rig of reversed dials, its wrongly stated readings refused before."""
     put_site(laboratory, RegisteredSite("yard", dip=bench.dip), author="a")
     stated(laboratory, ODD, bench.sd)
     plan = plans.orthogonal()
@@ -116,7 +116,7 @@ def test_a_proposed_position_is_planned_from_what_the_dials_mean(laboratory: Led
         rig = stated(laboratory, dials, bench.sd)
         session = open_session(laboratory, "IN-7", plans.twelve(), rig="stand 1", author="a")
         session = bench.take(laboratory, session, on_stand(bench, dials), range(1, 9))
-        place = proposal(session, goal, rig, standing(session, goal, rig))
+        place = proposal(session, goal, rig, session_progress(session, goal, rig))
         assert place is not None
         places.append((place.azimuth, place.inclination, place.toolface))
     # dials are kept to 1e-9 degrees

@@ -11,7 +11,7 @@ import pytest
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
-from inclinometry.motion.reference import azimuth_doubt
+from inclinometry.motion.reference import azimuth_uncertainty
 from inclinometry.motion.result import Samples
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
@@ -297,6 +297,6 @@ def test_a_field_off_the_site_widens_the_azimuth() -> None:
     """2 deg of dip at a dip of 65 deg: 2 / cos 65 = 4.7 deg of azimuth."""
     site = Site(b=50_000.0, dip=np.radians(67.0))
     for one in checked(run("stationary"), site=site):
-        assert abs(np.degrees(azimuth_doubt(one.off, site)) - 2.0 / np.cos(np.radians(67.0))) < 0.5
+        assert abs(np.degrees(azimuth_uncertainty(one.off, site)) - 2.0 / np.cos(np.radians(67.0))) < 0.5
     for one in checked(run("stationary"), site=SITE):
-        assert azimuth_doubt(one.off, SITE) == 0.0
+        assert azimuth_uncertainty(one.off, SITE) == 0.0

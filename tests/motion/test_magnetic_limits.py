@@ -177,7 +177,7 @@ def test_exact_and_still() -> None:
 @pytest.mark.parametrize("accel", [0.0, 5.0])
 @pytest.mark.parametrize("mag", [0.0, 3e4])
 @pytest.mark.parametrize("rate", [0.0, 1.0, 1e3])
-def test_rubbish_is_survived(accel: float, mag: float, rate: float) -> None:
+def test_garbage_is_survived(accel: float, mag: float, rate: float) -> None:
     """Dead sensors, noise alone, an absurd gyro: rows come out, refused or not, and nothing is divided by zero."""
     rng = np.random.default_rng(1)
     noise = rng.normal(size=(2000, 3))

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from inclinometry.errors import InputError
-from inclinometry.motion.decimate import fit_grid, unit_doubt
+from inclinometry.motion.decimate import fit_grid, unit_warning
 from inclinometry.motion.timing import GATHERED, StretchCutter, TimingSettings, cut_stretches, rejoined
 
 RATE = 200.0
@@ -251,6 +251,6 @@ def test_strong_jitter_leaves_the_interval(seed: int, dropped: int) -> None:
     [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds"), (1.0 / 3600.0, "hours"), (1.0, "")],
 )
 def test_the_unit_of_stamps_is_guessed(factor: float, told: str) -> None:
-    said = unit_doubt(factor * 0.005)
+    said = unit_warning(factor * 0.005)
     assert told in said
     assert bool(said) == bool(told)

@@ -72,7 +72,7 @@ def test_what_is_not_a_formula_is_refused(text, message):
         parse(text, VARIABLES)
 
 
-def test_a_variable_without_value_is_an_error_and_never_nought():
+def test_a_variable_without_value_is_an_error_and_never_zero():
     with pytest.raises(InputError, match=r"'Sin\(Dip\)' needs dip, of which nothing is known"):
         parse("Sin(Dip)").evaluate({"inc": 0.5})
 

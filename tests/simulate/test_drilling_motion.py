@@ -87,10 +87,10 @@ def test_the_lever_arm_agrees_with_finite_differences_of_the_position(name):
     c = cosines(run)
     place = np.swapaxes(c, -1, -2) @ lever
     acceleration = (place[2:] - 2.0 * place[1:-1] + place[:-2]) / run.interval**2
-    felt = (c[1:-1] @ acceleration[..., None])[..., 0]
+    sensed = (c[1:-1] @ acceleration[..., None])[..., 0]
     # second differences: h^2/12 of the fourth derivative, 1.3e-3 of the acceleration at 40 Hz; rounding 1e-9
-    size = np.abs(felt).max()
-    np.testing.assert_allclose((still.accel - run.accel)[1:-1], felt, atol=2e-3 * size + 1e-7)
+    size = np.abs(sensed).max()
+    np.testing.assert_allclose((still.accel - run.accel)[1:-1], sensed, atol=2e-3 * size + 1e-7)
     assert size > 1e-3
 
 
@@ -148,13 +148,13 @@ def test_whirl_is_the_acceleration_of_a_circling_axis():
     run = simulate_drilling(scenario(rotation, hole=Hole(0.0), vibration=Vibration(whirl=whirl)), 7, duration=1.0)
     # in the axes of the hole, as a complex number; apparent gravity has the opposite sign
     turned = np.unwrap(run.truth.toolface)
-    felt = -(run.accel[:, 0] + 1j * run.accel[:, 1]) * np.exp(1j * turned)
-    start = np.angle(-felt[0] * np.exp(8j * turned[0]))  # the centripetal part dominates
+    sensed = -(run.accel[:, 0] + 1j * run.accel[:, 1]) * np.exp(1j * turned)
+    start = np.angle(-sensed[0] * np.exp(8j * turned[0]))  # the centripetal part dominates
     circle = 0.004 * np.exp(1j * (start - 8.0 * turned))
     acceleration = (circle[2:] - 2.0 * circle[1:-1] + circle[:-2]) / run.interval**2
     # second differences h^2/12 w^2 = 5e-4 at 24 Hz; the start is found to the ratio f''/f'^2 = 0.02
-    np.testing.assert_allclose(np.abs(felt[1:-1]), np.abs(acceleration), rtol=2e-3, atol=0.01)
-    np.testing.assert_allclose(felt[1:-1], acceleration, atol=0.06 * np.abs(acceleration).max())
+    np.testing.assert_allclose(np.abs(sensed[1:-1]), np.abs(acceleration), rtol=2e-3, atol=0.01)
+    np.testing.assert_allclose(sensed[1:-1], acceleration, atol=0.06 * np.abs(acceleration).max())
 
 
 def test_synchronous_forward_whirl_hides_in_a_constant():
@@ -171,7 +171,7 @@ def test_contacts_push_to_the_middle_of_the_hole():
     run, bare = (simulate_drilling(s, 8, duration=2.0) for s in (base, without))
     outwards = bare.accel[:, :2] / np.hypot(*bare.accel[:, :2].T)[:, None]  # as thrown by the circle
     push = np.sum((run.accel - bare.accel)[:, :2] * outwards, axis=1)
-    # apparent gravity: a push inwards is felt outwards, first; a pulse of 3 ms at 4 Hz of whirl turns by 4 deg
+    # apparent gravity: a push inwards is sensed outwards, first; a pulse of 3 ms at 4 Hz of whirl turns by 4 deg
     starts = np.flatnonzero((np.abs(push) > 1.0) & (np.abs(np.roll(push, 1)) <= 1.0))
     assert starts.size > 20
     assert (push[starts] > 0.0).mean() > 0.9  # a blow may run into another, or into the run

@@ -13,7 +13,7 @@ TILT = 1e-4 * G
 
 
 def stations(latitude_deg, count=30, seed=1, noise=1.0, inclination=(5.0, 70.0)):
-    """Gravity and rate in tool axes, station by station, with nothing of the house."""
+    """Gravity and rate in tool axes, station by station, with nothing of the package."""
     random = np.random.default_rng(seed)
     gravity, rate = np.empty((count, 3)), np.empty((count, 3))
     a = np.radians(latitude_deg)

@@ -21,8 +21,8 @@ INCLINATION, AZIMUTH = np.radians([10.0, 30.0, 60.0]), np.radians([1.0, 120.0, 3
 
 def north(rows=slice(None)):
     inclination, azimuth = INCLINATION[rows], AZIMUTH[rows]
-    nought = np.zeros_like(inclination)
-    down = 9.8 * np.stack([-np.sin(inclination), nought, np.cos(inclination)], axis=1)
+    zero = np.zeros_like(inclination)
+    down = 9.8 * np.stack([-np.sin(inclination), zero, np.cos(inclination)], axis=1)
     rate = EARTH_RATE * earth_in_tool(azimuth, inclination, LATITUDE)
     return estimate_north(
         down, rate, LATITUDE, gravity_covariance=1e-7 * np.eye(3), rate_covariance=1e-15 * np.eye(3), scale_sd=0.001

@@ -235,7 +235,7 @@ def test_after_an_axial_correction_the_reference_is_not_counted_twice():
     # 800 draws: 2.5 %; three of them
     np.testing.assert_allclose(np.std(residuals, axis=0), found.sigma[0], rtol=0.075)
     assert any("axial correction has used up" in note for note in found.notes)
-    # one combination of b and dip is nought by construction: two degrees of freedom are left
+    # one combination of b and dip is zero by construction: two degrees of freedom are left
     assert found.distance_limit[0] == pytest.approx(distance_limit(3.0, np.array([2]))[0])
 
 

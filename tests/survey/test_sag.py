@@ -240,8 +240,8 @@ def test_stations_are_turned_by_the_sag_and_by_nothing_else():
 
 
 def test_survey_carries_the_sag_as_a_component():
-    md, tilt, nought = np.array([0.0, 30.0]), np.radians([40.0, 41.0]), np.zeros(2)
-    survey = Survey(md, tilt, nought, nought, nought, nought, nought, nought, {}, "true", [[], []])
+    md, tilt, zero = np.array([0.0, 30.0]), np.radians([40.0, 41.0]), np.zeros(2)
+    survey = Survey(md, tilt, zero, zero, zero, zero, zero, zero, {}, "true", [[], []])
     bha = simple()
     done = correct_survey(survey, bha)
     found = run_sag(md, tilt, bha)

@@ -137,7 +137,7 @@ def test_options_go_to_the_reader_that_has_them(tmp_path):
     )  # fmt: skip
     assert done.survey.azimuth_reference == "magnetic"
     np.testing.assert_allclose(done.survey.g, [[0.0, 0.0, 9.80665]])
-    # what is written is in the house's axes
+    # what is written is in tool axes
     np.testing.assert_allclose(read_survey_file(tmp_path / "b.xlsx", "xlsx").g, [[0.0, 0.0, 9.80665]])
     with pytest.raises(InputError, match="--sheet is of no use for csv"):
         convert(tmp_path / "a.txt", tmp_path / "c.xlsx", from_format="csv", sheet="one")
@@ -146,7 +146,7 @@ def test_options_go_to_the_reader_that_has_them(tmp_path):
     assert not (tmp_path / "c.xlsx").exists()
 
 
-MAP = """convention = "house"
+MAP = """convention = "native"
 azimuth_reference = "grid"
 [channels]
 0708 = "md_m"

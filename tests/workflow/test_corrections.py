@@ -8,7 +8,7 @@ from inclinometry.orientation import angles, fields
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.sag import Bha, Element, Stabiliser, run_sag
 from inclinometry.survey.stations import Stations
-from inclinometry.workflow.corrections import CORRECTIONS, Means, apply_corrections, correction_names
+from inclinometry.workflow.corrections import CORRECTIONS, CorrectionInputs, apply_corrections, correction_names
 
 SITE = FieldReference(g=9.81, b=50_000.0, dip=1.2, g_sigma=0.001, b_sigma=130.0, dip_sigma=0.0035)
 BHA = Bha(
@@ -21,7 +21,7 @@ BHA = Bha(
     hole=0.2159,
     mud_density=1200.0,
 )
-MEANS = Means(reference=SITE, bha=BHA)
+MEANS = CorrectionInputs(reference=SITE, bha=BHA)
 
 
 def run(axial=400.0):
@@ -67,7 +67,7 @@ def test_orders_that_make_none(text, message):
 @pytest.mark.parametrize(("name", "message"), [("sag", "bha.toml"), ("axial", "site.toml"), ("msa", "site.toml")])
 def test_a_correction_without_its_means(name, message):
     with pytest.raises(InputError, match=message):
-        apply_corrections(run()[0], [name], Means())
+        apply_corrections(run()[0], [name], CorrectionInputs())
 
 
 def test_the_order_is_that_of_the_history():

@@ -17,7 +17,7 @@ from inclinometry.motion.result import BITS, METHODS
 from inclinometry.sensors import Tool, Triad
 from inclinometry.uncertainty import UNKNOWN
 from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run, write_dynamic
-from inclinometry.workflow.dynamic_methods import Setup, offset_doubt
+from inclinometry.workflow.dynamic_methods import Setup, offset_uncertainty
 from inclinometry.workflow.simulate_drilling import RUN, DrillingRequest, write_drilling
 
 HOLE = DrillingRequest("vibration-5g").chosen.hole
@@ -195,10 +195,10 @@ def test_offsets_a_calibration_leaves_open_reach_the_methods():
     for share in (1.0, 1e-3):
         sd = [share * (3.0 if n.startswith("acc") else 10.0) * (".offset[" in n) for n in names]
         tool = Tool("SN 7", triads, np.diag(np.square(sd)))
-        doubt = offset_doubt(replace(calibrated(0.0), tool=tool), SITE)
-        assert doubt["accelerometer"] == pytest.approx(share * 3e-3 * HOLE.gravity)
-        assert doubt["magnetometer"] == doubt["axial"] == pytest.approx(share * 250.0)
-        setup = Setup(SITE, 10.0, doubt)
+        offsets = offset_uncertainty(replace(calibrated(0.0), tool=tool), SITE)
+        assert offsets["accelerometer"] == pytest.approx(share * 3e-3 * HOLE.gravity)
+        assert offsets["magnetometer"] == offsets["axial"] == pytest.approx(share * 250.0)
+        setup = Setup(SITE, 10.0, offsets)
         plain = Setup(SITE, 10.0, {})
         better = share < 1.0
         assert (setup.magnetic().accel_sigma == plain.magnetic().accel_sigma) == better
@@ -207,7 +207,7 @@ def test_offsets_a_calibration_leaves_open_reach_the_methods():
         assert setup.static().accel_sigma == setup.inertial().accel_bias_sigma == setup.magnetic().accel_sigma
         assert setup.static().mag_sigma == setup.inertial().hard_iron_sigma[0] == setup.magnetic().offset_sigma
         assert setup.static().mag_axial_sigma == setup.inertial().hard_iron_sigma[2] == setup.magnetic().axial_sigma
-    assert offset_doubt(None, SITE) == {}
+    assert offset_uncertainty(None, SITE) == {}
 
 
 @pytest.mark.parametrize(("factor", "told"), [(1e3, "milliseconds.*divide by 1000"), (1e6, "microseconds")])

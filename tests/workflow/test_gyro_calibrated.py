@@ -53,8 +53,8 @@ def make_tool(axes=3, degree=1, seed=1, sensitivity=None):
             tensor.append(1e-4 * tensor[0] * rng.standard_normal((axes, 1)))
             offset.append(1e-5 * full * rng.standard_normal(axes))
         strength = EARTH_RATE if kind == "gyro" else float(normal_gravity(LATITUDE, 0.0))
-        felt = sensitivity if kind == "gyro" else None
-        triads[kind] = Triad(kind, np.array(tensor), np.array(offset), "counts", strength, 80.0, felt)
+        sensed = sensitivity if kind == "gyro" else None
+        triads[kind] = Triad(kind, np.array(tensor), np.array(offset), "counts", strength, 80.0, sensed)
     noise = {kind: np.full(axes, sd) for kind, sd in NOISE.items()}
     return Tool("A7", triads, noise=noise, temperature_range=(25.0, 135.0))
 

@@ -234,7 +234,7 @@ def test_corrected_rates_are_written(measured, tmp_path, method):
 
 
 def test_a_wrong_scale_of_three_accelerometers_is_named(tmp_path):
-    """The patent promises corrected accelerometers; only gravity itself, seen along the tool too, tells of them."""
+    """The patent claims corrected accelerometers; only gravity itself, seen along the tool too, tells of them."""
     for factor in (1.0, 1.004):
         sensors = GyroSensors(
             gyro_tensor=np.eye(3)[:2], accelerometer_tensor=factor * np.eye(3), arw=1e-9, accelerometer_noise=1e-4

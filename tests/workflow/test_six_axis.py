@@ -9,7 +9,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.orientation import angles, dip_angle, fields
-from inclinometry.workflow.six_axis import declination_doubts, fields_of_survey, judge, read_six_axis, survey_six_axis
+from inclinometry.workflow.six_axis import declination_warnings, fields_of_survey, judge, read_six_axis, survey_six_axis
 
 HEADER = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
 SITE = "g = 9.81\nsigma_g = 0.01\nb_nT = 50000\nsigma_b_nT = 130\ndip_deg = 70\nsigma_dip_deg = 0.2\n"
@@ -137,4 +137,4 @@ PLACE = {"latitude": 0.7, "longitude": -1.4, "height_m": 0.0}
 def test_doubts_about_the_declination(declination, date, said):
     # WMM2025: 9 deg west
     site = Site(declination=np.radians(declination), date=date, **PLACE)
-    assert bool(declination_doubts(site)) is said
+    assert bool(declination_warnings(site)) is said

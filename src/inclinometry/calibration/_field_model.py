@@ -277,7 +277,7 @@ class FieldProblem:
         return FieldProblem(self.shots, self.prior, levels)
 
 
-def upended(at: Unknowns) -> Unknowns:
+def reversed_z(at: Unknowns) -> Unknowns:
     """The same readings described in tool axes turned by half a turn about x: the tool axis points the other way."""
     turn = np.diag([1.0, -1.0, -1.0])
     return replace(at, tensors=[n @ turn for n in at.tensors], attitude=turn @ at.attitude, pointing=-at.pointing)

@@ -212,7 +212,7 @@ def verify(
     idle[steep, 1:] = True
     idle[:, 1] |= len(kinds) == 1
     if not calibration.tool.triads[kinds[0]].full:
-        # the component that is not seen is the root of what is left of g: near nought it has no linear error
+        # the component that is not seen is the root of what is left of g: near zero it has no linear error
         idle |= (3.0 * u[:, 0] > np.abs(np.sum(where.fields[kinds[0]] * _unseen(calibration, kinds[0]), axis=1)))[
             :, None
         ]
@@ -662,7 +662,7 @@ def _variance(readings: BenchReadings, calibration: Calibration, where: _Where, 
     shift = np.concatenate([where.by_setting @ directions[k] for k in kinds], axis=-1)  # (K, dial, 3 per kind)
     by_dial = np.einsum("kai,kdi->kad", jacobian, shift)
     total += np.sum((by_dial * where.setting_sd) ** 2, axis=2)
-    # a fit leaves nothing of as many errors as it has angles: rounding must not make a variance of less than nought
+    # a fit leaves nothing of as many errors as it has angles: rounding must not make a variance of less than zero
     return np.asarray(np.where(np.isfinite(total), np.maximum(total, 1e-24), np.pi**2 / 3.0))
 
 

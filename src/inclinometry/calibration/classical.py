@@ -2,7 +2,7 @@
 
 It trusts the conversion factor of the nameplate, the rig's dials and the assumed direction of the field, and looks only
 for small increments of the sensitive axes and for the offsets. It is what many calibration instructions do; the other
-methods of this room do not need any of the three.
+methods of this module do not need any of the three.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class ClosedForm:
 
 
 Solver: TypeAlias = Callable[[Array], ClosedForm]
-"""Signals (..., K, m) -> ClosedForm, everything else bound beforehand (functools.partial)."""
+"""Signals (..., K, m) -> ClosedForm, everything else bound (functools.partial)."""
 
 
 def sensitivity(solver: Solver, signals: ArrayLike) -> Array:

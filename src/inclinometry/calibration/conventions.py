@@ -43,7 +43,7 @@ _LEAST = 1e-6  # share of the field below which a residual is rounding
 class Dials:
     """How the dials of a stand count.
 
-    inclination_from : "vertical" (0 with the tool's end down: the convention of the house), "other-end" (180 there),
+    inclination_from : "vertical" (0 with the tool's end down: the native convention), "other-end" (180 there),
         "horizontal" (90 with the end down, positive below the horizon), "horizontal-up" (-90 there).
     azimuth_counts, toolface_counts : "clockwise" seen from above and looking down hole, or "counterclockwise".
 
@@ -114,7 +114,7 @@ class Dials:
 
 
 USUAL = Dials()
-"""As the house counts: from the vertical, clockwise, clockwise."""
+"""The native convention: from the vertical, clockwise, clockwise."""
 
 WAYS = sorted(
     (Dials(*way) for way in product(get_args(InclinationFrom), get_args(Counts), get_args(Counts))),

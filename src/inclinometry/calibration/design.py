@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.calibration.dials import same
 from inclinometry.calibration.expected import ExpectedUncertainty, expected_uncertainty
-from inclinometry.calibration.identifiability import blindness
+from inclinometry.calibration.identifiability import null_space
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.start import Stand, stand_within
@@ -30,7 +30,7 @@ from inclinometry.sensors import Tool, Triad, angle_sensitivity
 # Parameters are the tool's, relative to the full field of their triad, then two angles of each field direction.
 
 DIRECTION_SD = np.radians(5.0)
-"""How well the direction of each field at the stand is taken to be known beforehand, rad."""
+"""Prior standard uncertainty of the direction of each field at the stand, rad."""
 _STEP = np.radians(15.0)
 _TURNS = 12
 """Steps over azimuth and toolface: variances are trigonometric polynomials of degree 4 in toolface."""
@@ -659,7 +659,7 @@ def _enough(about: Information, n: int, captured: int, positions: int) -> None:
 
 def _determined(about: Information, settings: Array, what: str) -> None:
     """Refuse settings that leave parameters undetermined, naming them."""
-    blind = blindness(*about.model(settings))
+    blind = null_space(*about.model(settings))
     if not blind.complete:
         words = "; ".join(blind.sentences)
         raise IdentifiabilityError(f"{what}: {words}; add stations, or allow further inclinations and toolfaces")

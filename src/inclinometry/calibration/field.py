@@ -19,8 +19,8 @@ from inclinometry.calibration._field_model import (
     estimate,
     first_levels,
     references,
+    reversed_z,
     rotations,
-    upended,
     warn_axes,
 )
 from inclinometry.calibration.norm import algebraic_ellipsoid, require_coverage, unit
@@ -397,7 +397,7 @@ def _leading(at: Unknowns, flip: bool) -> Unknowns:
     """Tool z on the side where the third sensor of the first triad points, or the one most along it."""
     along = unit(at.tensors[0])[:, 2] * (-1.0 if flip else 1.0)
     leader = 2 if abs(along[2]) > 0.3 else int(np.argmax(np.abs(along)))
-    return upended(at) if along[leader] < 0.0 else at
+    return reversed_z(at) if along[leader] < 0.0 else at
 
 
 def _reads_force(given: bool | None, reference: Mapping[str, float], sine: float, *, both: bool) -> bool:

@@ -19,7 +19,7 @@ _TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Blindness:
+class NullSpace:
     """Directions a plan cannot see.
 
     rank, size : of the trusted-dial model with whatever priors on field directions it has
@@ -36,7 +36,7 @@ class Blindness:
         return self.rank == self.size
 
 
-def blindness(model: Model, state: State) -> Blindness:
+def null_space(model: Model, state: State) -> NullSpace:
     """Rank and unseen directions of a plan for the tool at `state`."""
     bare = replace(model, rig_sd=np.zeros(3), nuisance_sd=np.ones(4))
     still = State(state.coefficients, state.directions, np.zeros_like(state.errors), np.zeros(4))
@@ -55,7 +55,7 @@ def blindness(model: Model, state: State) -> Blindness:
     names, dictionary = _dictionary(bare, still, tool, tangent)
     dictionary = dictionary / scale[: extra.start]
     sentences = _explain(null, names, dictionary)
-    return Blindness(rank, design.shape[1], sentences)
+    return NullSpace(rank, design.shape[1], sentences)
 
 
 def constant_errors(fitted: Fitted) -> dict[str, tuple[float, float]]:

@@ -13,7 +13,7 @@ from inclinometry.arrays import Array, finite, within
 from inclinometry.calibration import direct
 from inclinometry.calibration.causes import parameter_causes
 from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
-from inclinometry.calibration.identifiability import blindness
+from inclinometry.calibration.identifiability import null_space
 from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State, tangent_basis
 from inclinometry.calibration.outliers import Outlier, find_outliers
 from inclinometry.calibration.readings import BenchReadings
@@ -154,7 +154,7 @@ def calibrate_joint(
     start, _ = fix_signs(start, readings.reference, priors, left_handed=left_handed)
     warnings = check_dials(readings, left_handed=left_handed) if diagnose else []
     warnings += _contradicted(model, start, free_noise, free_rig) if diagnose else []
-    blind = blindness(model, start) if diagnose else None
+    blind = null_space(model, start) if diagnose else None
     if blind is not None and not blind.complete:
         model, sentence = _cure(model, start, blind.sentences, readings.reference)
         warnings.append(sentence)
@@ -174,8 +174,8 @@ def calibrate_joint(
         if robust and outliers:
             fitted, kept = without, np.delete(kept, [o.row for o in outliers])
     used = readings.take(kept)
-    odd = direct.outlier_warnings(readings, outliers, robust)
-    warnings += odd.values()
+    named = direct.outlier_warnings(readings, outliers, robust)
+    warnings += named.values()
     best = without if outliers else fitted
     check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
     # a prior on a level field says where the rig's zero points
@@ -191,7 +191,7 @@ def calibrate_joint(
     if diagnose:
         warnings += _stand_warnings(fitted)
     found = direct.calibration(readings, used, fitted, name, reference, [*readings.warnings, *warnings])
-    return replace(found, odd=odd, causes=causes, response=response)
+    return replace(found, outliers=named, causes=causes, response=response)
 
 
 def fit_once(readings: BenchReadings, noise_sd: Mapping[str, ArrayLike], rig_sd: ArrayLike, **more: Any) -> Calibration:
@@ -250,7 +250,7 @@ def _contradicted(model: Model, start: State, free_noise: Set[str], free_rig: bo
     Five standard uncertainties apart are refused, three are named. A plan that cannot do without it tells nothing.
     """
     alone = replace(model, field_prior={}, stand=())
-    if not (model.field_prior or model.stand) or not blindness(alone, start).complete:
+    if not (model.field_prior or model.stand) or not null_space(alone, start).complete:
         return []
     try:
         found = fit_with_variances(alone, start, free_noise, free_rig)
@@ -329,7 +329,7 @@ def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Map
     cured = replace(model, field_prior=prior, stand=stand)
     words = "; ".join(sentences)
     cure = "add stations at a second azimuth, or at inclinations such as 30 and 120"
-    left = blindness(cured, start)
+    left = null_space(cured, start)
     if not left.complete:
         first = left.sentences[0].removeprefix("this plan cannot see ")
         raise IdentifiabilityError(
@@ -343,7 +343,7 @@ def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Map
 
 def _north_off(model: Model, start: State, north: StandAngle) -> float:
     """How far from it the readings put the rig's zero, rad; 0 where they cannot tell."""
-    if not blindness(model, start).complete:
+    if not null_space(model, start).complete:
         return 0.0
     try:
         found = fit(model, start).state.directions

@@ -223,7 +223,7 @@ class NormFit:
         unit : str
             Unit of the signals.
         specific_force : bool
-            True for an accelerometer that reads +1 g upwards at rest: the house's tensor is for gravity, downwards.
+            True for an accelerometer that reads +1 g upwards at rest: the package's tensor is for gravity, downwards.
         """
         return Triad(kind, -self.tensor if specific_force else self.tensor, self.bias, unit, self.strength)
 

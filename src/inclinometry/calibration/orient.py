@@ -103,7 +103,7 @@ def orient_rig(
     Returns
     -------
     RigOrientation
-        Zeros that these settings cannot tell apart from tilt and north are taken to be nought, and a warning says so.
+        Zeros that these settings cannot tell apart from tilt and north are taken to be zero, and a warning says so.
 
     Raises
     ------

@@ -142,7 +142,7 @@ class Calibration:
         and is meaningless along directions named in `warnings` as invisible to the plan.
     warnings : sentences a person can act on.
     notes : sentences for the record: what was done, with nothing to be settled.
-    odd : station -> sentence, of stations at odds with the others (also among the warnings); not kept in tool.json.
+    outliers : station -> sentence, of stations at odds with the others (also warnings); not kept in tool.json.
     causes : of a joint fit, cause -> covariance that it brings to the tool's parameters, for `causes.error_budget`; and
         response (p, K M), how the parameters follow each reading, station by station. Neither is kept in tool.json.
     """
@@ -156,7 +156,7 @@ class Calibration:
     rig: Rig
     residuals: Residuals
     warnings: Sequence[str] = ()
-    odd: Mapping[str, str] = field(default_factory=dict)
+    outliers: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
     causes: Mapping[str, Array] = field(default_factory=dict)
     response: Array = field(default_factory=lambda: np.zeros((0, 0)))

@@ -12,7 +12,7 @@ def main(arguments: list[str] | None = None) -> None:
 
     With INCLINOMETRY_TRACEBACK=1 in the environment errors nobody foresaw are raised and Python's warnings shown.
     """
-    # the house's matrices are small: threads only make them slower, many times so on a busy machine
+    # all matrices here are small: threads only make them slower, many times so on a busy machine
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         with warnings.catch_warnings():

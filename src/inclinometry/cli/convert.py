@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from inclinometry.cli import output
-from inclinometry.cli.options import Json
+from inclinometry.cli.options import Convention, Json
 from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
 
@@ -22,7 +22,7 @@ def convert(
     *,
     from_: Annotated[Form | None, Parameter(name="--from")] = None,
     to: Form | None = None,
-    convention: Literal["house", "iscwsa", "specific-force", "z-up"] | None = None,
+    convention: Convention = None,
     azimuth_reference: Literal["magnetic", "true", "grid"] | None = None,
     sheet: str | None = None,
     depth_unit: Literal["m", "ft", "ftUS"] | None = None,
@@ -42,7 +42,7 @@ def convert(
     to
         Format of the target; by its ending when not given.
     convention
-        Axes and signs of the sensors in the source; those of its format when not given, the house's in a table.
+        Axes and signs of the sensors in the source; those of its format when not given, native in a table.
     azimuth_reference
         North of the azimuths, where the source does not say it.
     sheet

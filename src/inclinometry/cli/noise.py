@@ -108,7 +108,7 @@ def plan_gyro(
     bias_instability_deg_h
         Of one gyro.
     scale_sd_percent
-        Standard uncertainty of the scale factor beforehand.
+        Prior standard uncertainty of the scale factor.
     at_azimuth_deg
         Azimuth of the hole from true north; all round when not given.
     gyros
@@ -126,7 +126,7 @@ def plan_gyro(
     """
     per_hour = np.radians(1.0) / 3600.0
     setup = GyroSetup(
-        arw=np.radians(_more_than_nought(arw_deg_sqrt_h, "--arw-deg-sqrt-h", 10.0)) / 60.0,
+        arw=np.radians(_positive(arw_deg_sqrt_h, "--arw-deg-sqrt-h", 10.0)) / 60.0,
         bias_instability=per_hour * _up_to(bias_instability_deg_h, "--bias-instability-deg-h", 1000.0),
         scale_sd=_up_to(scale_sd_percent, "--scale-sd-percent", 100.0) / 100.0,
         gyros=gyros,
@@ -137,7 +137,7 @@ def plan_gyro(
     found = standstill_time(
         options.angle(latitude_deg, "--latitude-deg", -90.0, 90.0),
         options.angle(inclination_deg, "--inclination-deg", 0.0, 180.0),
-        np.radians(_more_than_nought(azimuth_deg, "--azimuth-deg", options.LARGEST_SD)),
+        np.radians(_positive(azimuth_deg, "--azimuth-deg", options.LARGEST_SD)),
         setup,
         azimuth=options.angle_or_none(at_azimuth_deg, "--at-azimuth-deg"),
         move_time=_up_to(move_s, "--move-s", 3600.0),
@@ -193,7 +193,7 @@ def _up_to(value: float, option: str, high: float) -> float:
     return value
 
 
-def _more_than_nought(value: float, option: str, high: float) -> float:
+def _positive(value: float, option: str, high: float) -> float:
     if value == 0.0:
         raise InputError(f"{option} is 0; give more than 0, up to {high:g}")
     return _up_to(value, option, high)

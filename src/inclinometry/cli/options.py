@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from cyclopts import Parameter
+from cyclopts import Parameter, Token, convert
 
+from inclinometry.conventions import current_name
 from inclinometry.errors import InputError
 
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 Json = Annotated[bool, Parameter(name="--json", negative="")]
 Flag = Annotated[bool, Parameter(negative="")]
-Convention: TypeAlias = Literal["house", "iscwsa", "specific-force", "z-up"] | None
+
+
+def _convention(type_: Any, tokens: Sequence[Token]) -> Any:
+    """The name of a convention; its old one is taken, too."""
+    return convert(type_, [current_name(token.value) for token in tokens])
+
+
+Convention: TypeAlias = Annotated[
+    Literal["native", "iscwsa", "specific-force", "z-up"] | None, Parameter(converter=_convention)
+]
 
 LARGEST_SD = 30.0
 """A rig or a stand worse than this, deg, is none."""

@@ -38,7 +38,7 @@ def rotation(
     from_
         Format of the file; by its ending when not given.
     convention
-        Axes and signs of the sensors in the file, without a calibration; the house's when not given.
+        Axes and signs of the sensors in the file, without a calibration; native when not given.
     json
         Print JSON.
     """
@@ -82,7 +82,7 @@ def repeat(
     from_
         Format of the files; by their endings when not given.
     convention
-        Axes and signs of the sensors in the files, without a calibration; the house's when not given.
+        Axes and signs of the sensors in the files, without a calibration; native when not given.
     json
         Print JSON.
     """

@@ -50,7 +50,7 @@ def quality(
     from_
         Format of the file; by its ending when not given.
     convention
-        Axes and signs of the sensors in the file, without a calibration; the house's when not given.
+        Axes and signs of the sensors in the file, without a calibration; native when not given.
     json
         Print JSON.
     """
@@ -149,7 +149,7 @@ def msa(
     from_
         Format of the file; by its ending when not given.
     convention
-        Axes and signs of the sensors in the file, without a calibration; the house's when not given.
+        Axes and signs of the sensors in the file, without a calibration; native when not given.
     report
         Write an HTML report.
     json

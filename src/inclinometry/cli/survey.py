@@ -248,7 +248,7 @@ def survey(
     from_
         Format of the readings; by the file's ending when not given.
     convention
-        Axes and signs of the sensors in the file, without a calibration; the house's when not given.
+        Axes and signs of the sensors in the file, without a calibration; native when not given.
     switch_deg
         Inclination below which toolface_type says magnetic: the toolface to steer by is then magnetic_toolface_deg.
     report

@@ -17,7 +17,7 @@ from inclinometry.errors import InputError
 from inclinometry.files.columns import channel, closest
 
 EXTRA = "extra_"
-"""Begins the name of a column the house does not read, where it would be taken for one the house reads."""
+"""Begins the name of a column that is not read, where it would be taken for one that is."""
 
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]\s*")
 Candidates: TypeAlias = tuple[tuple[str, str | None], ...]
@@ -39,10 +39,10 @@ class Quantity:
     """One quantity of a survey file.
 
     key : place in SurveyFile, e.g. "md", "g.0", "reference.dip", "covariance.01".
-    column : the house's column name, with its unit.
+    column : the package's column name, with its unit.
     unit : the unit of that column.
     las : mnemonic in LAS.
-    low, high : what the column may hold, in the house's unit.
+    low, high : what the column may hold, in the package's unit.
     """
 
     key: str
@@ -81,7 +81,7 @@ def quantities() -> Mapping[str, Quantity]:
         dimension = entry["dimension"]
         own = _data()["units"][dimension]
         column = f"{entry['names'][0]}_{own['suffix']}"
-        unit = next(u for u in _units(dimension).values() if u.label == own["house"])
+        unit = next(u for u in _units(dimension).values() if u.label == own["native"])
         found[key] = Quantity(key, column, unit, dimension, entry["las"], entry["low"], entry["high"])
     return found
 
@@ -145,7 +145,7 @@ def _split(name: str, stated: str | None) -> tuple[Candidates, str | None] | Non
 
 
 def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) -> Meaning | None:
-    """What a column is, by its name and, where it stands apart, its unit; None for a column the house does not read.
+    """What a column is, by its name and, where it stands apart, its unit; None for a column that is not read.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     stated : str, optional
         Unit stated apart from the name.
     beside : collection of str
-        The other columns; they tell a table of the house's, whose contract fixes some units.
+        The other columns; they tell a table of the package's own, whose contract fixes some units.
 
     Raises
     ------
@@ -256,7 +256,7 @@ def is_number(name: str) -> bool:
 
 
 def from_si(values: Array, quantity: Quantity) -> Array:
-    """Values in the unit of the house's column; what was turned is rounded to 1e-10, so that 120 deg prints as 120."""
+    """Values in the unit of the package's column; turned ones are rounded to 1e-10, so that 120 deg prints as 120."""
     unit = quantity.unit
     if unit.factor == 1.0 and unit.offset == 0.0:
         return values

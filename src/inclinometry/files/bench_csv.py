@@ -417,8 +417,8 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     try:
         with np.errstate(over="raise", invalid="raise"):
             repeats = find_repeats(table, station, settings, temperature, roll_set)
-            doubts = [*signals.notes, *unused, *_suspicions(table, signals, settings, repeats)]
-            return _merged(table, signals, settings, temperature, count, station, roll_set, repeats, doubts)
+            warned = [*signals.notes, *unused, *_suspicions(table, signals, settings, repeats)]
+            return _merged(table, signals, settings, temperature, count, station, roll_set, repeats, warned)
     except (InputError, FloatingPointError) as error:
         if isinstance(error, FileError):
             raise

@@ -1,4 +1,4 @@
-"""Names of columns: the vocabulary of every table of the house, with the units in the names."""
+"""Names of columns: the vocabulary of every table of the package, with the units in the names."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def channel(name: str) -> Channel | None:
 
 
 def is_number(name: str) -> bool:
-    """Whether the house reads a column of this name as numbers; every other column is kept as text.
+    """Whether a column of this name is read as numbers; every other column is kept as text.
 
     Examples
     --------

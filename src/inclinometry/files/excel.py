@@ -126,7 +126,7 @@ _OLD: Final = b"\xd0\xcf\x11\xe0"
 
 
 def read_excel(
-    path: str | Path, *, sheet: str | None = None, convention: str = "house", azimuth_reference: str | None = None
+    path: str | Path, *, sheet: str | None = None, convention: str = "native", azimuth_reference: str | None = None
 ) -> SurveyFile:
     """Read a survey from one sheet of an .xlsx workbook; names of columns as `six_axis.read_csv` knows them.
 

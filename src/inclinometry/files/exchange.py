@@ -49,7 +49,7 @@ class SurveyFile:
     azimuth_reference : "magnetic", "true" or "grid"; required with an azimuth.
     north, east, tvd : (n,) m from the well's origin.
     g, b, w : (n, 3) gravity, m/s^2 (the field: positive down, not the specific force), magnetic flux density, nT, and
-        rotation rate, rad/s, in the house's tool axes: x = index mark, y = 90 deg clockwise of it looking down hole,
+        rotation rate, rad/s, in tool axes: x = index mark, y = 90 deg clockwise of it looking down hole,
         z down hole. The reader of a format has already mapped that format's own axes and signs.
     measured : name of `MEASURED` -> (n,), what the file says was found.
     reference : name of `REFERENCE` -> (n,), what was expected, or the correction between norths.
@@ -241,7 +241,7 @@ def row_error(path: str | Path, problem: str, row: int | None, word: str = "row"
     return error
 
 
-def survey_of(sheet: Sheet, *, convention: str = "house", azimuth_reference: str | None = None) -> SurveyFile:
+def survey_of(sheet: Sheet, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
     """The survey a table holds.
 
     Parameters
@@ -297,7 +297,7 @@ def _shown(names: Sequence[str]) -> str:
 
 
 def _meanings(sheet: Sheet) -> dict[str, Meaning]:
-    """What each column of the house's is; one column a quantity."""
+    """What each column of the package's own is; one column a quantity."""
     meanings: dict[str, Meaning] = {}
     taken: dict[str, str] = {}
     for name in sheet.columns:
@@ -369,7 +369,7 @@ def _flags(sheet: Sheet, name: str) -> Mask | None:
 def _texts(
     sheet: Sheet, meanings: Mapping[str, Meaning], time: str | None
 ) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...] | None]:
-    """Columns the house does not read, as text, and the times; times that are not ISO 8601 are such a column."""
+    """Columns that are not read, as text, and the times; times that are not ISO 8601 are such a column."""
     extra: dict[str, tuple[str, ...]] = {}
     for name, values in sheet.columns.items():
         if name not in meanings:
@@ -452,12 +452,12 @@ def _parts(sheet: Sheet, found: Mapping[str, Array], there: Collection[str], ven
             raise sheet.error(f"column {lacking[0]!r} is missing; a triad or covariance is given whole or not at all")
     for group in VECTORS:
         if group in parts:
-            parts[group] = _to_house(parts[group], vendor.matrix(KINDS[group]))
+            parts[group] = _to_native(parts[group], vendor.matrix(KINDS[group]))
     return parts
 
 
-def _to_house(values: Array, matrix: Array) -> Array:
-    """Components in the house's axes; unknown where a component they are made of is unknown."""
+def _to_native(values: Array, matrix: Array) -> Array:
+    """Components in tool axes; unknown where a component they are made of is unknown."""
     turned = np.nan_to_num(values) @ matrix.T + 0.0
     turned[np.isnan(values) @ (np.abs(matrix.T) > 1e-12)] = np.nan
     return np.asarray(turned)

@@ -159,7 +159,7 @@ _MARK: Final = "Head of the survey, one name and text a line:"
 _GRID: Final = ("STRT", "STOP", "STEP", "NULL")
 
 
-def read_las(path: str | Path, *, convention: str = "house", azimuth_reference: str | None = None) -> SurveyFile:
+def read_las(path: str | Path, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
     """Read a survey from LAS 1.2 or 2.0; mnemonics as the names of columns `six_axis.read_csv` knows.
 
     Parameters

@@ -137,7 +137,7 @@ def read_p7(
     ----------
     path : str or Path
     convention : str
-        Axes and signs of the sensors: iscwsa (the format's), house, specific-force or z-up.
+        Axes and signs of the sensors: iscwsa (the format's), native, specific-force or z-up.
     depth_unit : {"m", "ft", "ftUS"}, optional
         Where the file has no Survey Details (H7,1,5,1); it may not contradict them.
     azimuth_reference : {"magnetic", "true", "grid"}, optional
@@ -235,7 +235,7 @@ def _agreed(path: str | Path, line: int, what: str, stated: str | None, given: s
 
 
 def _sheet(path: Path, kind: str, rows: Sequence[_Row], unit: str, digest: str) -> Sheet:
-    """The records as columns by the house's names."""
+    """The records as columns by the package's names."""
     lines = [row.line for row in rows]
     numbers, known = NumberReader(path), quantities()
     columns: dict[str, Column] = {}

@@ -20,7 +20,7 @@ _HEADER: Final = b"inclinometry.header"
 _UNITS: Final = (b"unit", b"units", b"uom")
 
 
-def read_parquet(path: str | Path, *, convention: str = "house", azimuth_reference: str | None = None) -> SurveyFile:
+def read_parquet(path: str | Path, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
     """Read a survey from a Parquet file; names of columns as `six_axis.read_csv` knows them.
 
     A unit may stand in the name or in the column's metadata (`unit`, `units` or `uom`). Null is unknown.

@@ -16,11 +16,11 @@ from inclinometry.files import writing
 from inclinometry.files._quantities import is_number, meaning
 from inclinometry.files.columns import SURVEY
 from inclinometry.files.exchange import KINDS, VECTORS, Sheet, SurveyFile, survey_of
-from inclinometry.files.exchange import _to_house as turned
+from inclinometry.files.exchange import _to_native as turned
 from inclinometry.files.survey_csv import column_texts, columns_of
 from inclinometry.files.table import Progress, read_table
 
-# From the house's axes to those of a file, for the writers; the reverse is done where columns are read.
+# From tool axes to those of a file, for the writers; the reverse is done where columns are read.
 
 CORRECTED: Final = {"g": ("gx", "gy", "gz"), "b": ("bx", "by", "bz")}
 """Corrections that are vectors: field -> their names in `SurveyFile.corrections`."""
@@ -52,12 +52,12 @@ def _back(values: Array, vendor: Convention, field: str) -> Array:
 
 
 def corrections_back(corrections: Mapping[str, Array], vendor: Convention) -> dict[str, Array]:
-    """Corrections in the vendor's axes from those in the house's."""
+    """Corrections in the vendor's axes from those in tool axes."""
     return _corrections(corrections, {field: vendor.matrix(KINDS[field]).T for field in CORRECTED})
 
 
-def corrections_to_house(corrections: Mapping[str, Array], vendor: Convention) -> dict[str, Array]:
-    """Corrections in the house's axes from those in the vendor's."""
+def corrections_to_native(corrections: Mapping[str, Array], vendor: Convention) -> dict[str, Array]:
+    """Corrections in tool axes from those in the vendor's."""
     return _corrections(corrections, {field: vendor.matrix(KINDS[field]) for field in CORRECTED})
 
 
@@ -88,7 +88,7 @@ class _AllButDepth(frozenset[str]):
 def read_csv(
     path: str | Path,
     *,
-    convention: str = "house",
+    convention: str = "native",
     azimuth_reference: str | None = None,
     progress: Progress | None = None,
 ) -> SurveyFile:
@@ -99,9 +99,9 @@ def read_csv(
     path : str or Path
         CSV as `table.read_table` understands it, e.g. `md_m, gx_m_s2, gy_m_s2, gz_m_s2, bx_nT, by_nT, bz_nT`, or `MD
         (ft), Inc (deg), Azi (deg), GX(g), ...`, or the survey file of `survey_csv`; survey_columns.toml lists the
-        names. Cells besides the depth may be empty. Columns the house does not know become `extra`.
+        names. Cells besides the depth may be empty. Columns that are not known become `extra`.
     convention : str
-        Axes and signs of the sensors in the file: house, iscwsa, specific-force or z-up.
+        Axes and signs of the sensors in the file: native, iscwsa, specific-force or z-up.
     azimuth_reference : {"magnetic", "true", "grid"}, optional
         Where the file has no column `azimuth_reference` and no azimuth that says it in its name.
     progress : callable, optional
@@ -130,7 +130,7 @@ def read_csv(
 def read_six_axis(
     path: str | Path,
     *,
-    convention: str = "house",
+    convention: str = "native",
     azimuth_reference: str | None = None,
     progress: Progress | None = None,
 ) -> SurveyFile:
@@ -146,7 +146,7 @@ def read_six_axis(
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "a.csv").write_text("Depth(m),Gx(g),Gy(g),Gz(g),Mx(uT),My(uT),Mz(uT)\\n9,0,0,1,20,0,45\\n")
-    ...     six = read_six_axis(Path(folder, "a.csv"), convention="house")
+    ...     six = read_six_axis(Path(folder, "a.csv"), convention="native")
     >>> six.g, six.b
     (array([[0.     , 0.     , 9.80665]]), array([[20000.,     0., 45000.]]))
     """

@@ -74,7 +74,7 @@ def _texts(file: SurveyFile) -> list[OutColumn]:
 
 
 def _extra_name(name: str) -> str:
-    """A name under which the column is not taken for one of the house's when it is read."""
+    """A name under which the column is not taken for one of the package's when it is read."""
     try:
         taken = meaning(name) is not None or name.startswith(EXTRA)
     except InputError:
@@ -102,7 +102,7 @@ _QUANTITIES = {
     "u_toolface": "u_toolface_deg",
     "flags": "flags",
 }
-"""Name inside the house (SI, rad, nT) -> column of the file."""
+"""Name inside the package (SI, rad, nT) -> column of the file."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -242,7 +242,7 @@ class Table:
 
     path : where it was read.
     header : column names in the file's order.
-    columns : name -> (n,) float64, or a tuple of text where the name is not one of the house's numbers.
+    columns : name -> (n,) float64, or a tuple of text where the name is not one of the package's numbers.
     lines : (n,) line of the file each row stands in, from 1.
     header_line : line of the header.
     digest : SHA-256 of the file's bytes.
@@ -323,7 +323,7 @@ def read_table(
     progress : callable, optional
         Called with the number of bytes read so far.
     numeric : callable, optional
-        Which column names hold numbers; the house's vocabulary when not given.
+        Which column names hold numbers; the package's vocabulary when not given.
     gaps : collection of str
         Numeric columns whose cells may be empty (NaN).
 

@@ -102,7 +102,7 @@ def covariance(entry: Mapping[str, Any], path: str | Path, where: str) -> Array:
 
 
 VERSION = 1
-CONVENTION = "house"
+CONVENTION = "native"
 
 
 def write_calibration(calibration: Calibration, path: str | Path, *, created: str | None = None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,6 +12,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.acceptance import Limits, Verification
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import ANGLES
+from inclinometry.conventions import OLD_NATIVE
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
@@ -23,7 +25,17 @@ VERSION: Final = 1
 
 def calibration_digest(calibration: Calibration) -> str:
     """What binds a verification to its calibration: the digest of its content, however the file was spelled."""
-    return digest_bytes(json_codec.canonical(calibration_content(calibration)))
+    return _digest(calibration_content(calibration))
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    return digest_bytes(json_codec.canonical(content))
+
+
+def _digests(calibration: Calibration) -> tuple[str, str]:
+    """The digest of its content, and that of the content as it was written when "native" was called "house"."""
+    content = calibration_content(calibration)
+    return _digest(content), _digest(content | {"convention": OLD_NATIVE})
 
 
 def write_verification(path: str | Path, found: Verification, limits: Limits | None, calibration: Calibration) -> None:
@@ -107,6 +119,6 @@ def read_verification(path: str | Path, calibration: Calibration) -> dict[str, A
             f"this verification is of tool {content['tool']!r:.60}, the calibration of {calibration.tool.name!r:.60}",
             path=path,
         )
-    if content["calibration"] != calibration_digest(calibration):
+    if content["calibration"] not in _digests(calibration):
         raise FileError("this verification was made with another calibration of the tool; verify again", path=path)
     return content

@@ -141,7 +141,7 @@ class Wits0Map:
 
     channels : item, four digits (record and item) -> column name with its unit, as in a survey table: "md_ft",
         "inclination_deg", "gx_mg", "bx_nT". Times are read from items 05 (date) and 06 (time) of the depth's record.
-    convention : axes and signs of the sensors: house, iscwsa, specific-force or z-up.
+    convention : axes and signs of the sensors: native, iscwsa, specific-force or z-up.
     azimuth_reference : "magnetic", "true" or "grid".
 
     Raises
@@ -157,12 +157,12 @@ class Wits0Map:
     """
 
     channels: Mapping[str, str]
-    convention: str = "house"
+    convention: str = "native"
     azimuth_reference: str | None = None
     meanings: Mapping[str, Meaning] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        named(self.convention)
+        object.__setattr__(self, "convention", named(self.convention).name)
         if self.azimuth_reference not in (None, *REFERENCES):
             raise InputError(f"azimuth reference {self.azimuth_reference!r}; allowed: {', '.join(REFERENCES)}")
         found: dict[str, Meaning] = {}
@@ -227,7 +227,7 @@ def read_wits0_map(path: str | Path) -> Wits0Map:
     channels = settings.content.get("channels")
     if not isinstance(channels, dict) or not all(isinstance(name, str) for name in channels.values()):
         raise FileError('a table [channels] of lines like 0713 = "inclination_deg" is needed', path=path)
-    convention = settings.text("convention") or "house"
+    convention = settings.text("convention") or "native"
     try:
         return Wits0Map(channels, convention, settings.text("azimuth_reference", REFERENCES))
     except InputError as error:

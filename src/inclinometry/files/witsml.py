@@ -29,7 +29,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities
 from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
-from inclinometry.files.six_axis import corrections_to_house, to_vendor
+from inclinometry.files.six_axis import corrections_to_native, to_vendor
 from inclinometry.files.survey_csv import columns_of
 from inclinometry.files.writing import write_bytes
 from inclinometry.rotations import wrap_signed
@@ -325,7 +325,8 @@ def read_witsml(
     SurveyFile
         A station of status "rejected" is not used. `corrections` is the sum of drill string and multi-station
         corrections. Convergence, from stnGridConUsed or the deprecated stnGridCorUsed, is positive where true north is
-        west of grid north, as in the house. Texts of stations are in `extra`, those of the trajectory in `header`.
+        west of grid north, as everywhere in the package. Texts of stations are in `extra`, those of the trajectory in
+        `header`.
 
     Raises
     ------
@@ -460,7 +461,7 @@ def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
 
 
 def _sheet(path: Path, stations: list[_Station], shared: dict[str, float], convention: str) -> Sheet:
-    """Stations as columns of the house's."""
+    """Stations as columns by the package's names."""
     found: dict[str, Array] = {}
     for group in ("station", *GROUPS):
         for name, element in _elements(group).items():
@@ -502,12 +503,12 @@ def _joined(path: Path, stations: list[_Station], name: str, before: Array, valu
 
 
 def _turned(found: dict[str, Array], convention: str) -> dict[str, Array]:
-    """Corrections in the house's axes; the fields themselves are turned with the columns."""
+    """Corrections in tool axes; the fields themselves are turned with the columns."""
     start = "corrections."
     corrections = {key.removeprefix(start): values for key, values in found.items() if key.startswith(start)}
-    house = corrections_to_house(corrections, named(convention))
+    native = corrections_to_native(corrections, named(convention))
     rest = {key: values for key, values in found.items() if not key.startswith(start)}
-    return rest | {f"{start}{name}": values for name, values in house.items()}
+    return rest | {f"{start}{name}": values for name, values in native.items()}
 
 
 def _lacking(found: dict[str, Array]) -> list[str]:

@@ -75,7 +75,7 @@ def solve_joint(
     inclination, latitude : (n,) array_like
         rad, 0..pi and -pi/2..pi/2; a scalar serves all stations.
     scale, scale_sd : (n,) array_like
-        What is known of the scale factor beforehand; infinite: nothing, 0: exactly.
+        Prior of the scale factor; infinite: nothing, 0: exactly.
 
     Returns
     -------

@@ -65,7 +65,7 @@ def estimate_north(
     gravity_covariance, rate_covariance : (n, k, k) array_like
         Of gravity and rate, in their units.
     scale, scale_sd : (n,) or scalar
-        What is known of the scale factor beforehand: from the calibration, the station before, or both; infinite:
+        Prior of the scale factor: from the calibration, the station before, or both; infinite:
         nothing.
     g : float, optional
         Gravity, m/s^2; needed where gravity has no z.
@@ -334,7 +334,7 @@ def _azimuth_only(variance: Array) -> Array:
 
 
 def _scale_part(problem: _Problem, prior_sd: Array, best: JointBatch, response: _Response) -> Array:
-    """Variance of azimuth from what is not known of the scale beforehand."""
+    """Variance of azimuth from the prior of the scale."""
     sd_k = problem.scale_sd / problem.scale**2
     fixed = prior_sd == 0.0
     own = (response.by_prior[:, 0] * sd_k) ** 2

@@ -31,7 +31,7 @@ class GyroSetup:
 
     arw : angle random walk N of one gyro, rad/sqrt(s).
     bias_instability : B; what flicker leaves in the mean over the index positions, whatever the time.
-    scale_sd : relative standard uncertainty of the scale factor beforehand.
+    scale_sd : prior relative standard uncertainty of the scale factor.
     gyros : 1 or 2 across the tool.
     axes : 2, or 3 with a gyro along the tool, whose bias no turn about the tool axis removes.
     axial_bias_sd : of that bias after calibration.
@@ -121,7 +121,7 @@ def standstill_time(
 
     Notes
     -----
-    The joint estimate reads h = k E(psi) with E the Earth rate in high-side axes and k = 1/scale, known beforehand to
+    The joint estimate reads h = k E(psi) with E the Earth rate in high-side axes and k = 1/scale, known to
     `scale_sd`; its variance of azimuth is the inverse of the Fisher information. One gyro across the tool, turned to
     three or more even positions in total time T, gives each cross-axis rate a standard deviation N sqrt(2/T), two give
     N / sqrt(T). With D the squared areas |E x dE/dpsi| and r = sigma^2 / scale_sd^2

@@ -1,4 +1,4 @@
-"""What the gyro room returns: rates averaged over index positions, and stations with north and scale factor."""
+"""What the gyro package returns: rates averaged over index positions, and stations with north and scale factor."""
 
 from __future__ import annotations
 

@@ -224,7 +224,7 @@ class ScaleTracker:
         self.thermometer = thermometer
         self._stations: list[tuple[Array, Array, float, float]] = []
         self.steps: list[ScaleStep] = []
-        self._doubt = _Doubt(belief, self.latitude)
+        self._check = _BeliefCheck(belief, self.latitude)
         self._begin(belief)
 
     def _begin(self, belief: ScaleBelief) -> None:
@@ -244,8 +244,8 @@ class ScaleTracker:
         last = self._stations[-1][3] if self._stations else self.stated.stands[2]
         heat = float(_temperatures([last + UNSEEN if temperature is None else temperature], 1)[0])
         self._stations.append((high, cov, slant, heat))
-        self._doubt.add(high, cov, np.array([slant]), np.array([heat]))
-        prior = self._doubt.verdict()
+        self._check.add(high, cov, np.array([slant]), np.array([heat]))
+        prior = self._check.verdict()
         if abs(prior.coefficients[0] - self.prior.coefficients[0]) > 0.1 * np.sqrt(prior.covariance[0, 0]):
             self._begin(prior)
             self.steps = [self._take(*station) for station in self._stations[:-1]]
@@ -281,8 +281,8 @@ class ScaleTracker:
         return (*widened(self.stated, self.prior), *_note(np.array([step.learnt for step in self.steps], dtype=bool)))
 
 
-class _Doubt:
-    """Whether the readings contradict what is believed of the scale beforehand.
+class _BeliefCheck:
+    """Whether the readings contradict the prior of the scale.
 
     One scale factor for all stations, but for what the belief allows them to differ by, is tried over 0.5 to 2: a wrong
     root is another scale at every station, the right one is the same at all. The squared misfit of each station and
@@ -350,9 +350,9 @@ def contradicted(
     Parameters as `track_scale`, checked.
     """
     rows = np.unique(np.linspace(0, len(rates) - 1, min(len(rates), ENOUGH)).astype(int))
-    doubt = _Doubt(belief, latitude)
-    doubt.add(rates[rows], covariance[rows], inclination[rows], temperature[rows])
-    return doubt.verdict()
+    check = _BeliefCheck(belief, latitude)
+    check.add(rates[rows], covariance[rows], inclination[rows], temperature[rows])
+    return check.verdict()
 
 
 def widened(stated: ScaleBelief, used: ScaleBelief) -> tuple[str, ...]:

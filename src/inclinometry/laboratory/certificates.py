@@ -121,7 +121,7 @@ PAGE: Final = 20
 
 
 @dataclass(frozen=True)
-class Standing:
+class CertificateStatus:
     """A certificate as it stands now.
 
     state : "issued", "void" or "superseded".
@@ -180,7 +180,7 @@ def issue(
     """
     return _issued(
         ledger,
-        _Wish(
+        _Request(
             calibration,
             verification,
             laboratory,
@@ -215,7 +215,7 @@ def supersede(
     """Issue a certificate in place of another, which stays in the ledger as superseded; arguments as `issue`."""
     return _issued(
         ledger,
-        _Wish(
+        _Request(
             calibration, verification, laboratory, language, nonconforming, None, tuple(fonts), about or {}, authoriser
         ),
         author,
@@ -224,7 +224,7 @@ def supersede(
     )
 
 
-def void(ledger: Ledger, number: str, reason: str, *, author: str) -> Standing:
+def void(ledger: Ledger, number: str, reason: str, *, author: str) -> CertificateStatus:
     """Declare a certificate void; it stays in the ledger with the reason.
 
     Raises
@@ -232,25 +232,27 @@ def void(ledger: Ledger, number: str, reason: str, *, author: str) -> Standing:
     LedgerError
         No such certificate, or it is void or superseded already; no reason.
     """
-    _standing_only(status(ledger, number))
+    _issued_only(status(ledger, number))
     event = {"subject_kind": "certificate", "subject": number, "action": "void"}
     ledger.append("event", event, {"reason": _said(reason)}, author=author)
     return status(ledger, number)
 
 
-def status(ledger: Ledger, number: str) -> Standing:
+def status(ledger: Ledger, number: str) -> CertificateStatus:
     """How a certificate stands; LedgerError when there is none of that number."""
     record = ledger.latest("certificate", number=number)
     if record is None:
         raise LedgerError(f"there is no certificate {number!r:.60} in {ledger.shown}")
-    return _standing(ledger, record)
+    return _status(ledger, record)
 
 
-def certificates(ledger: Ledger, *, serial: str | None = None, limit: int = 50, before: int = 0) -> list[Standing]:
+def certificates(
+    ledger: Ledger, *, serial: str | None = None, limit: int = 50, before: int = 0
+) -> list[CertificateStatus]:
     """Certificates as they stand, newest first, beyond the place `before`."""
     keys = {} if serial is None else {"serial": serial}
     found = ledger.find("certificate", newest=True, after=before, limit=limit, **keys)
-    return [_standing(ledger, record) for record in found]
+    return [_status(ledger, record) for record in found]
 
 
 def documents(ledger: Ledger, record: Record) -> dict[str, tuple[str, str, bytes]]:
@@ -275,7 +277,7 @@ def next_number(ledger: Ledger, year: int) -> str:
 
 
 @dataclass(frozen=True)
-class _Wish:
+class _Request:
     """What is to be certified."""
 
     calibration: str
@@ -289,15 +291,17 @@ class _Wish:
     authoriser: tuple[str, str]
 
 
-def _issued(ledger: Ledger, wish: _Wish, author: str, today: date, replaced: tuple[str, str] | None = None) -> Record:
+def _issued(
+    ledger: Ledger, request: _Request, author: str, today: date, replaced: tuple[str, str] | None = None
+) -> Record:
     for _ in range(ATTEMPTS):
         # the number first: whoever certifies the same calibration meanwhile takes it, and all is looked at anew
-        number = wish.number or next_number(ledger, today.year)
+        number = request.number or next_number(ledger, today.year)
         if ledger.count("certificate", number=number):
-            if wish.number is not None:
+            if request.number is not None:
                 raise LedgerError(f"certificate number {number!r:.60} is taken; leave it out for the next one")
             number = _free(ledger, number)
-        drafts = _drafts(ledger, wish, author, number, today, replaced)
+        drafts = _drafts(ledger, request, author, number, today, replaced)
         try:
             return ledger.append_all(drafts, author=author)[0]
         except ConflictError:
@@ -314,14 +318,18 @@ def _free(ledger: Ledger, number: str) -> str:
 
 
 def _drafts(
-    ledger: Ledger, wish: _Wish, author: str, number: str, today: date, replaced: tuple[str, str] | None
+    ledger: Ledger, request: _Request, author: str, number: str, today: date, replaced: tuple[str, str] | None
 ) -> list[Draft]:
-    calibration = ledger.get("calibration", wish.calibration)
-    verification = None if wish.verification is None else ledger.get("verification", wish.verification)
-    _belonging(calibration, verification, wish)
+    calibration = ledger.get("calibration", request.calibration)
+    verification = None if request.verification is None else ledger.get("verification", request.verification)
+    _belonging(calibration, verification, request)
     _not_certified(ledger, calibration, replaced)
-    record = _record(ledger, wish, author, calibration, verification, number, today, replaced)
-    files = {"pdf": certificate_pdf(record, fonts=wish.fonts), "dcc": dcc_bytes(record), "json": record_bytes(record)}
+    record = _record(ledger, request, author, calibration, verification, number, today, replaced)
+    files = {
+        "pdf": certificate_pdf(record, fonts=request.fonts),
+        "dcc": dcc_bytes(record),
+        "json": record_bytes(record),
+    }
     body = {
         "record": record,
         "calibration": calibration.id,
@@ -338,7 +346,7 @@ def _drafts(
     return drafts
 
 
-def _belonging(calibration: Record, verification: Record | None, wish: _Wish) -> None:
+def _belonging(calibration: Record, verification: Record | None, request: _Request) -> None:
     if verification is None:
         return
     serial = calibration.keys["serial"]
@@ -346,7 +354,7 @@ def _belonging(calibration: Record, verification: Record | None, wish: _Wish) ->
         raise LedgerError(f"the verification is of tool {verification.keys['serial']}, the calibration of {serial}")
     if verification.keys["calibration"] != calibration.id:
         raise LedgerError("the verification was made with another calibration of this tool; verify with this one")
-    if verification.body["verdict"] == "fail" and not wish.nonconforming:
+    if verification.body["verdict"] == "fail" and not request.nonconforming:
         raise LedgerError(
             "the verification failed: a certificate would state that the tool does not conform; agree to that, "
             "or calibrate and verify again"
@@ -357,7 +365,7 @@ def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str
     serial = calibration.keys["serial"]
     if replaced is not None:
         old = status(ledger, replaced[0])
-        _standing_only(old)
+        _issued_only(old)
         if old.record.keys["serial"] != serial:
             raise LedgerError(f"certificate {old.number} is of tool {old.record.keys['serial']}, not of {serial}")
     for found in certificates(ledger, serial=serial, limit=1000):
@@ -375,7 +383,7 @@ def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str
 
 def _record(
     ledger: Ledger,
-    wish: _Wish,
+    request: _Request,
     author: str,
     calibration: Record,
     verification: Record | None,
@@ -397,11 +405,11 @@ def _record(
         inputs["verification record"] = f"sha256:{verification.digest}"
     return certificate_record(
         found,
-        authorised(wish.laboratory or laboratory_of(ledger, session), wish.authoriser, author),
-        order(ledger, session, calibration, verification, today, wish.about),
+        authorised(request.laboratory or laboratory_of(ledger, session), request.authoriser, author),
+        order(ledger, session, calibration, verification, today, request.about),
         number=number,
         program=program(),
-        language=wish.language,
+        language=request.language,
         verification=None if verification is None else verification.body,
         previous=before,
         previous_from="" if before is None else _named(ledger, older[0]),
@@ -425,17 +433,17 @@ def _named(ledger: Ledger, calibration: Record) -> str:
     return day
 
 
-def _standing(ledger: Ledger, record: Record) -> Standing:
+def _status(ledger: Ledger, record: Record) -> CertificateStatus:
     number = record.keys["number"]
     for event in ledger.find("event", subject_kind="certificate", subject=number):
         action, reason = event.keys["action"], str(event.body.get("reason", ""))
         if action in ("void", "superseded"):
             by = str(event.body.get("details", {}).get("by", ""))
-            return Standing(number, action, record, by, reason)
-    return Standing(number, "issued", record)
+            return CertificateStatus(number, action, record, by, reason)
+    return CertificateStatus(number, "issued", record)
 
 
-def _standing_only(found: Standing) -> None:
+def _issued_only(found: CertificateStatus) -> None:
     if found.state != "issued":
         by = f" by {found.by}" if found.by else ""
         raise LedgerError(f"certificate {found.number} is {found.state}{by} already")
@@ -459,12 +467,12 @@ def digest_of(record: Record) -> str:
 class Check:
     """What was found.
 
-    standing : of the certificate.
+    status : of the certificate.
     digest : of its record, to be compared with the one on paper.
     problems : sentences; none when everything agrees.
     """
 
-    standing: Standing
+    status: CertificateStatus
     digest: str
     problems: tuple[str, ...]
 

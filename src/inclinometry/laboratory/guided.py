@@ -10,9 +10,9 @@ import numpy as np
 from inclinometry.calibration.plans import Plan
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.progress import Goal
 from inclinometry.laboratory.registry import RegisteredRig, find_tool
 from inclinometry.laboratory.session import campaign
-from inclinometry.laboratory.standing import Goal
 from inclinometry.laboratory.verification import protocols
 from inclinometry.workflow.plan import aimed_range, make_plan
 
@@ -33,7 +33,7 @@ class GuidedPlan:
 def plan_for(wanted: GuidedPlan, ledger: Ledger, serial: str, rig: RegisteredRig) -> tuple[Plan, dict[str, Any]]:
     """The positions to begin with, and what the session record keeps of the choice.
 
-    An adaptive plan begins with the one position that tells most and is continued by `standing.proposal`.
+    An adaptive plan begins with the one position that tells most and is continued by `progress.proposal`.
 
     Raises
     ------

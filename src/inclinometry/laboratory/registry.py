@@ -16,6 +16,7 @@ from sqlalchemy import func, select
 from inclinometry.arrays import within
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.start import Stand, stand_within
+from inclinometry.conventions import current_name
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.engine import KINDS, TABLES
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
@@ -39,10 +40,13 @@ class RegisteredTool:
     manufacturer: str = ""
     customer: str = ""
     description: str = ""
-    convention: str = "house"
+    convention: str = "native"
     inclination_range: tuple[float, float] = (float(np.radians(10.0)), float(np.radians(90.0)))
     interval_months: int | None = None
     retired: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "convention", current_name(self.convention))
 
 
 @dataclass(frozen=True)
@@ -226,7 +230,7 @@ def _tool(record: Record) -> RegisteredTool:
         body.get("manufacturer", ""),
         body.get("customer", ""),
         body.get("description", ""),
-        body.get("convention", "house"),
+        body.get("convention", "native"),
         _pair(body.get("range_deg", {}).get("inclination", [10.0, 90.0])),
         body.get("interval_months"),
         body.get("retired", False),

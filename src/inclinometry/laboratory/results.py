@@ -19,9 +19,9 @@ from inclinometry.files.json_codec import canonical
 from inclinometry.files.tool_json import calibration_content, calibration_from
 from inclinometry.files.writing import program
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
+from inclinometry.laboratory.progress import Goal, session_progress
 from inclinometry.laboratory.registry import extract, find_site, listed, rig_of
 from inclinometry.laboratory.session import Session, close_session_draft, load_session, unless_closed
-from inclinometry.laboratory.standing import Goal, standing
 from inclinometry.sensors import parameter_vector
 
 _DIALS: Final = {
@@ -107,7 +107,7 @@ def finish_calibration(
     if len(seen.valid) > 1 and _distinct(seen) == 1:
         raise LedgerError(f"these readings do not make a calibration: {UNTURNED}")
     site = find_site(ledger, str(seen.settings.get("site", "")))
-    now = standing(seen, goal or Goal(), rig, site, estimate_rig=estimate_rig)
+    now = session_progress(seen, goal or Goal(), rig, site, estimate_rig=estimate_rig)
     if now.calibration is None:
         raise LedgerError(f"these readings do not make a calibration: {now.waiting}")
     found = now.calibration
@@ -125,7 +125,7 @@ def finish_calibration(
             "plan": seen.plan,
             "positions": len(seen.valid),
             "warnings": list(found.warnings),
-            "odd": {str(number): sentence for number, sentence in now.odd.items()},
+            "outliers": {str(number): sentence for number, sentence in now.outliers.items()},
             "parameters": [[name, *pair] for name, pair in parameters(found).items()],
         },
         "program": program(),

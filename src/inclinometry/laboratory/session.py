@@ -14,7 +14,7 @@ from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
 from inclinometry.constants import KINDS
 from inclinometry.errors import InputError
-from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record, Unless
+from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Precondition, Record
 from inclinometry.laboratory.registry import dials_of
 from inclinometry.rotations import wrap_positive
 
@@ -115,7 +115,7 @@ class Capture:
 
 
 @dataclass(frozen=True)
-class Taken:
+class RecordedReading:
     """A reading as the ledger has it: its record, position and attempt, and the capture."""
 
     record: str
@@ -147,7 +147,7 @@ class Session:
     rig: str
     created: str
     author: str
-    taken: Mapping[int, Taken]
+    taken: Mapping[int, RecordedReading]
     attempts: Mapping[int, int]
     closed: str
     settings: Mapping[str, Any]
@@ -163,7 +163,7 @@ class Session:
         return number in self.taken and not self.taken[number].rejected
 
     @property
-    def valid(self) -> tuple[Taken, ...]:
+    def valid(self) -> tuple[RecordedReading, ...]:
         """The newest reading of each position that was not rejected, in order of position."""
         return tuple(t for _, t in sorted(self.taken.items()) if not t.rejected)
 
@@ -269,7 +269,7 @@ def _closing(ledger: Ledger, session: str) -> Record | None:
 
 def capture(
     ledger: Ledger, session: str, number: int, taken: Capture, *, author: str, attempt: int | None = None
-) -> Taken:
+) -> RecordedReading:
     """Record the reading of a position; when this returns it survives a power cut.
 
     Parameters
@@ -309,7 +309,7 @@ def reading_draft(session: str, number: int, taken: Capture) -> Draft:
     return Draft("reading", {"session": session, "position": number, "attempt": 1}, _capture_body(taken))
 
 
-def reject(ledger: Ledger, taken: Taken, reason: str, *, author: str) -> None:
+def reject(ledger: Ledger, taken: RecordedReading, reason: str, *, author: str) -> None:
     """Leave a reading out from now on; it stays in the ledger with the reason."""
     ledger.append(
         "event",
@@ -333,9 +333,9 @@ def close_session_draft(session: str, how: str, reason: str = "") -> Draft:
     return Draft("event", {"subject_kind": "session", "subject": session, "action": how}, {"reason": reason})
 
 
-def unless_closed(session: str, message: str = "this session is closed already") -> Unless:
+def unless_closed(session: str, message: str = "this session is closed already") -> Precondition:
     """For what may be recorded only while a session is open: two who finish at once record one result."""
-    return Unless("event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, message)
+    return Precondition("event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, message)
 
 
 def bench_readings(
@@ -399,7 +399,7 @@ def _assembled(ledger: Ledger, record: Record) -> Session:
         Position(i, _radians(row), name)
         for i, (row, name) in enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
     )
-    taken: dict[int, Taken] = {}
+    taken: dict[int, RecordedReading] = {}
     attempts: dict[int, int] = {}
     for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
         found = _taken(reading)
@@ -408,7 +408,7 @@ def _assembled(ledger: Ledger, record: Record) -> Session:
     reasons = _rejections(ledger, [one.record for one in taken.values()])
     for number, one in taken.items():
         if one.record in reasons:
-            taken[number] = Taken(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
+            taken[number] = RecordedReading(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
     return Session(
         record.id,
         record.keys["serial"],
@@ -477,7 +477,7 @@ def _capture_body(taken: Capture) -> dict[str, Any]:
     return body
 
 
-def _taken(record: Record) -> Taken:
+def _taken(record: Record) -> RecordedReading:
     body = record.body
     vectors = {
         name: {kind: np.array(values) for kind, values in body.get(name, {}).items()}
@@ -497,4 +497,4 @@ def _taken(record: Record) -> Taken:
         note=body.get("note", ""),
     )
     keys = record.keys
-    return Taken(record.id, keys["position"], keys["attempt"], record.created, record.author, found)
+    return RecordedReading(record.id, keys["position"], keys["attempt"], record.created, record.author, found)

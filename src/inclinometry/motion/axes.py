@@ -52,7 +52,7 @@ LEAST_SWING: Final = 0.004
 """rad, the same of a tool that swings to and fro,"""
 CLEARLY: Final = 4.0
 """and times by which one sense of rotation leaves less than the other."""
-ROOM: Final = 4.0
+MARGIN: Final = 4.0
 """Standard deviations allowed to the dip of a single window, beside `SLACK`."""
 _AGAINST: Final = (
     "the magnetic field turns against the gyro: one of them has a wrong sign or two exchanged transverse axes; gyro_z "
@@ -62,7 +62,7 @@ _AGAINST: Final = (
 STATED: Final = (
     ("--convention specific-force", "accelerometers that report specific force", named("specific-force"), AXES),
     ("--convention z-up", "z up the hole, and specific force", named("z-up"), AXES),
-    ("--axes=x,-y,-z", "z up the hole, and gravity", named("house"), ("x", "-y", "-z")),
+    ("--axes=x,-y,-z", "z up the hole, and gravity", named("native"), ("x", "-y", "-z")),
 )
 """How axes and signs that are often met are stated: option, words, convention and axes before it."""
 TURNED_TO: Final = {"x": ("y,z,x", "z,y,-x"), "y": ("z,x,y", "x,z,-y")}
@@ -202,11 +202,11 @@ class AxesCheck:
         expected = None if self.site is None else self.site.dip
         if expected is None or not np.isfinite(off.dip):
             return []
-        limit = SLACK + ROOM * off.u
+        limit = SLACK + MARGIN * off.u
         if off.off <= limit:
             self._right += 1
             return []
-        opposite = abs(expected) > np.radians(10.0) and abs(off.dip + expected) < FAR_DIP + ROOM * off.u
+        opposite = abs(expected) > np.radians(10.0) and abs(off.dip + expected) < FAR_DIP + MARGIN * off.u
         self._up = self._up + 1 if opposite else 0
         said = f"the dip comes out as {np.degrees(off.dip):.1f} deg, the site's is {np.degrees(expected):.1f} deg"
         if self._up >= ENOUGH and not self._right:

@@ -16,11 +16,11 @@ from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.state import InertialSettings
 from inclinometry.motion.magnetic.phase import MagneticSettings
 from inclinometry.motion.magnetic.window import MagneticStream
-from inclinometry.motion.reference import azimuth_doubt, to_magnetic, widened
+from inclinometry.motion.reference import azimuth_uncertainty, to_magnetic, widened
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined, refusals
 from inclinometry.motion.static import StaticSettings, static_attitude
 from inclinometry.motion.window_filter import WindowBuffer
-from inclinometry.motion.window_smoother import Standby, single
+from inclinometry.motion.window_smoother import LazyStream, single
 
 TURNING: Final = 2.0 * np.pi
 """Rotation in a window, rad, from which it is called rotating, below it sliding."""
@@ -85,8 +85,8 @@ class AttitudeChooser:
         self._health = HealthCheck(self._settings.health, site)
         self._buffer: WindowBuffer | None = None
         self._magnetic: dict[bool, MagneticStream] = {}  # with and without the gyro
-        self._filter = Standby(self._make_filter)
-        self._gyro = Standby(lambda: GyroStream(self._inertial(), site))
+        self._filter = LazyStream(self._make_filter)
+        self._gyro = LazyStream(lambda: GyroStream(self._inertial(), site))
         self._counts: Counter[tuple[str, str]] = Counter()
         self._why: Counter[str] = Counter()
         self._interval, self._size, self._phased = 0.0, 0, False
@@ -233,7 +233,7 @@ class AttitudeChooser:
 
     def _honest(self, row: Attitude, health: WindowHealth) -> Attitude:
         """The row with what the field's departure from the site's adds to its uncertainty."""
-        return widened(row, azimuth_doubt(health.off, self._site))
+        return widened(row, azimuth_uncertainty(health.off, self._site))
 
     def _carried(self, health: WindowHealth) -> Attitude | None:
         """Row by gyro: of the filter that began in a good field, else of the gyro that finds north itself."""

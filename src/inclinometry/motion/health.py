@@ -15,7 +15,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.motion.axes import AxesCheck
 from inclinometry.motion.decimate import aliasing_findings
-from inclinometry.motion.reference import FieldOff, SiteDoubt, field_findings, field_off, field_strength
+from inclinometry.motion.reference import FieldOff, SiteCheck, field_findings, field_off, field_strength
 from inclinometry.motion.result import BITS, CHANNELS, Attitude, Finding, Samples
 from inclinometry.motion.turning import Turning, find_harmonics, find_turning
 from inclinometry.rotations import wrap_signed
@@ -28,7 +28,7 @@ PILE: Final = 4.0
 """and so many times as many as at the next value: a rotating field's own turning points pile by 2.4."""
 FAR: Final = 10.0
 """Steps of the converter between the extreme and the median: a still tool's noise does not reach so far."""
-ROOM: Final = 4.5
+MARGIN: Final = 4.5
 """Least distance of a range from the mean, in standard deviations: of a low-passed channel more was cut off before the
 filter than is left in it, 12 g under 5 g rms (0.4 deg) still looks like 4."""
 OUTER: Final = 0.8
@@ -124,14 +124,14 @@ def clipping_findings(window: Samples, ranges: Mapping[str, float]) -> tuple[lis
 
 def _too_near(triad: str, axis: str, column: Array, reach: float) -> list[Finding]:
     """A range so near that samples before the filter must have left it."""
-    room = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12)
-    if room >= ROOM:
+    margin = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12)
+    if margin >= MARGIN:
         return []
     text = (
-        f"{triad}_{axis}: the end of its range is {max(room, 0.0):.1f} standard deviations away; samples were cut off "
-        "before the filter"
+        f"{triad}_{axis}: the end of its range is {max(margin, 0.0):.1f} standard deviations away; samples were cut "
+        "off before the filter"
     )
-    return [Finding("clipped", f"{triad}_{axis}", ROOM / max(room, 0.1), True, text)]
+    return [Finding("clipped", f"{triad}_{axis}", MARGIN / max(margin, 0.1), True, text)]
 
 
 def stuck_findings(window: Samples) -> list[Finding]:
@@ -230,7 +230,7 @@ def _largest(values: Array) -> float:
 
 STILL: Final = 0.5
 """m/s^2, range of the accelerometers in a window at rest, by whose means the site is held against the field."""
-LEAST_FELT: Final = 0.5 * STANDARD_GRAVITY
+LEAST_SENSED: Final = 0.5 * STANDARD_GRAVITY
 """m/s^2: gravity and shaking together are more."""
 
 
@@ -322,7 +322,7 @@ class HealthCheck:
         self._counts: Counter[tuple[str, str]] = Counter()
         self._first: dict[tuple[str, str], str] = {}
         self._windows = 0
-        self._site_doubt = SiteDoubt(site)
+        self._site_check = SiteCheck(site)
 
     def check(self, window: Samples) -> WindowHealth:
         """Findings of the next window.
@@ -344,7 +344,7 @@ class HealthCheck:
         found = None if aliased else find_harmonics(judged, turning)
         off = field_off(judged, found, self._site, strength=strength.off, scatter=strength.scatter)
         if judged.accel is not None and judged.mag is not None and np.ptp(judged.accel, axis=0).max() < STILL:
-            self._site_doubt.add(judged.accel.mean(axis=0), judged.mag.mean(axis=0), 0.0)
+            self._site_check.add(judged.accel.mean(axis=0), judged.mag.mean(axis=0), 0.0)
         if not self._settings.believe_axes and not any(
             one.refuse for one in findings if one.flag in ("stuck", "clipped")
         ):
@@ -372,7 +372,7 @@ class HealthCheck:
             if key[0] not in besides
         )
         asked = any("right site file" in text for text in said)
-        return (*(() if asked else self._site_doubt.notes("at rest")), *said, *self._axes.notes())
+        return (*(() if asked else self._site_check.notes("at rest")), *said, *self._axes.notes())
 
 
 def named(row: Attitude, health: WindowHealth) -> Attitude:
@@ -388,11 +388,11 @@ def _dead(window: Samples) -> list[Finding]:
     """An accelerometer that does not even feel gravity."""
     if window.accel is None or not len(window):
         return []
-    felt = float(np.sqrt(np.mean(np.sum(window.accel**2, axis=1))))
-    if felt >= LEAST_FELT:
+    sensed = float(np.sqrt(np.mean(np.sum(window.accel**2, axis=1))))
+    if sensed >= LEAST_SENSED:
         return []
-    text = f"the accelerometer reads {felt:.3g} m/s^2 (root mean square), less than half of gravity"
-    return [Finding("misfit", "accel", LEAST_FELT / max(felt, 1e-9), True, text)]
+    text = f"the accelerometer reads {sensed:.3g} m/s^2 (root mean square), less than half of gravity"
+    return [Finding("misfit", "accel", LEAST_SENSED / max(sensed, 1e-9), True, text)]
 
 
 def _missing(window: Samples) -> list[Finding]:

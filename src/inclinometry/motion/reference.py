@@ -48,9 +48,9 @@ def field_findings(window: Samples, turning: Turning, site: Site | None) -> list
     shares = [_strength(strength, site), _scatter(strength), _phase(turning)]
     worst = max(shares, key=lambda one: one[0])
     found = [Finding("no-field", "mag", value, True, text) for value, _, text in [worst] if value > 1.0]
-    doubt = max(shares, key=lambda one: one[1])
-    if not found and doubt[1] > 1.0:
-        found.append(Finding("disturbed", "mag", doubt[1], False, doubt[2]))
+    worst = max(shares, key=lambda one: one[1])
+    if not found and worst[1] > 1.0:
+        found.append(Finding("disturbed", "mag", worst[1], False, worst[2]))
     return found
 
 
@@ -215,7 +215,7 @@ class RunDip:
         return float(np.arcsin(np.clip(self._dots / strength, -1.0, 1.0))) if strength > 0.0 else float("nan")
 
 
-def azimuth_doubt(off: FieldOff, site: Site | None) -> float:
+def azimuth_uncertainty(off: FieldOff, site: Site | None) -> float:
     """rad, standard uncertainty of azimuth in a field that is off by so much: its share over the cosine of the dip.
 
     Notes
@@ -225,7 +225,7 @@ def azimuth_doubt(off: FieldOff, site: Site | None) -> float:
 
     Examples
     --------
-    >>> round(azimuth_doubt(FieldOff(1.1, 0.05, 0.001, 0.0, 0.0), Site(dip=1.0)), 4)
+    >>> round(azimuth_uncertainty(FieldOff(1.1, 0.05, 0.001, 0.0, 0.0), Site(dip=1.0)), 4)
     0.0924
     """
     noise = UNSURE * float(np.hypot(off.u, (site.dip_sigma or 0.0) if site is not None else 0.0))
@@ -238,17 +238,17 @@ def azimuth_doubt(off: FieldOff, site: Site | None) -> float:
     return float(np.linalg.norm(parts)) / max(level, STEEPEST)
 
 
-def widened(row: Attitude, doubt: float) -> Attitude:
-    """The rows with the uncertainty `doubt` (rad) of azimuth added where theirs is less than a third of it."""
-    if not doubt > 0.0:
+def widened(row: Attitude, u: float) -> Attitude:
+    """The rows with the uncertainty `u` (rad) of azimuth added where theirs is less than a third of it."""
+    if not u > 0.0:
         return row
     spread = row.u.azimuth
-    short = ~row.refused & (UNSURE * np.nan_to_num(spread, nan=np.inf) < doubt)
+    short = ~row.refused & (UNSURE * np.nan_to_num(spread, nan=np.inf) < u)
     if not short.any():
         return row
     covariance = row.covariance.copy()
     down = dcm_from_quaternion(row.quaternion[short])[:, :, 2]
-    covariance[short] += doubt**2 * down[:, :, None] * down[:, None, :]
+    covariance[short] += u**2 * down[:, :, None] * down[:, None, :]
     return replace(row, covariance=covariance)
 
 
@@ -374,7 +374,7 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
 
 
 @dataclass
-class SiteDoubt:
+class SiteCheck:
     """Windows that agree with each other on a field that is not the site's: another place, more likely than steel.
 
     Parameters
@@ -384,10 +384,10 @@ class SiteDoubt:
     Examples
     --------
     >>> from inclinometry.earth.site import Site
-    >>> doubt = SiteDoubt(Site(dip=1.2))
+    >>> check = SiteCheck(Site(dip=1.2))
     >>> for _ in range(3):
-    ...     doubt.add(np.array([0.0, 0.0, 9.8]), np.array([np.cos(1.1), 0.0, np.sin(1.1)]), 0.0)
-    >>> doubt.notes("at rest")[0].partition(":")[0]
+    ...     check.add(np.array([0.0, 0.0, 9.8]), np.array([np.cos(1.1), 0.0, np.sin(1.1)]), 0.0)
+    >>> check.notes("at rest")[0].partition(":")[0]
     'the site says dip 68.8 deg, all 3 windows at rest show 63.0'
     """
 
@@ -427,7 +427,7 @@ class SiteDoubt:
         return (f"{'; '.join(said)}: is this the right site file, or does steel go with the tool?",) if said else ()
 
 
-def doubted(covariance: Array, extra: float) -> Array:
+def inflated(covariance: Array, extra: float) -> Array:
     """Covariance (6, 6) of gravity and field with the further error of the field."""
     wider = covariance.copy()
     wider[[3, 4, 5], [3, 4, 5]] += extra**2

@@ -45,7 +45,7 @@ class Stream(Protocol):
         ...
 
 
-class Standby:
+class LazyStream:
     """A stream of whole windows that sleeps while nobody wants its rows.
 
     Parameters

@@ -504,7 +504,7 @@ def levers(md: Array, inclination: Array, azimuth: Array, surface: bool, surface
 
 
 UNBOUNDED: Final = 1e12
-"""A weight as large as this comes of a division by nought, e.g. by the cosine of an inclination of 90 deg."""
+"""A weight as large as this comes of a division by zero, e.g. by the cosine of an inclination of 90 deg."""
 
 
 REMEDIES: Final = {

@@ -128,7 +128,7 @@ def hole_covariance(covariance: ArrayLike, inclination: ArrayLike, azimuth: Arra
     Notes
     -----
     High side (cos I cos A, cos I sin A, -sin I), lateral (-sin A, cos A, 0), along hole (sin I cos A, sin I sin A,
-    cos I): the rows of C_tn at toolface 0 of the house's conventions.
+    cos I): the rows of C_tn at toolface 0 of the package's conventions.
 
     Examples
     --------

@@ -27,7 +27,7 @@ def allan_figure(channel: ChannelNoise) -> Figure:
     figure = new_figure(3.6)
     axes = figure.add_subplot()
     seen = points > 0.0
-    # in the logarithm the band keeps its width and never reaches nought
+    # in the logarithm the band keeps its width and never reaches zero
     spread = np.exp(COVERAGE_FACTOR * u[seen] / points[seen])
     axes.fill_between(
         curve.tau[seen], points[seen] / spread, points[seen] * spread, color=SERIES[0], alpha=0.22, linewidth=0.0

@@ -349,7 +349,7 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
 
 
 def _edges(middle: Array) -> Array:
-    """Edges (f + 1,) of cells about their middles; the first cell begins at nought."""
+    """Edges (f + 1,) of cells about their middles; the first cell begins at zero."""
     if len(middle) < 2:
         return np.array([0.0, 2.0 * float(middle[0]) if len(middle) else 1.0])
     inner = 0.5 * (middle[1:] + middle[:-1])

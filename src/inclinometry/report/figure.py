@@ -67,7 +67,7 @@ _R = TypeVar("_R")
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The house style while the block runs, whatever the user's own settings; one thread at a time."""
+    """The package's style while the block runs, whatever the user's own settings; one thread at a time."""
     import matplotlib
 
     with _LOCK, matplotlib.rc_context(), warnings.catch_warnings():
@@ -80,7 +80,7 @@ def style() -> Iterator[None]:
 
 
 def styled(draw: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Run a drawing function in the house style."""
+    """Run a drawing function in the package's style."""
 
     @wraps(draw)
     def inside(*args: _P.args, **kwargs: _P.kwargs) -> _R:

@@ -642,7 +642,7 @@ def _scale(run: _Run, track: ScaleTrack | None) -> Section:
     blind = int((np.abs(k) < SINGULAR).sum())
     sentences.append(
         f"K is within ±{SINGULAR:g} at {blind} of {len(k)} stations: there the Earth’s rotation says next to "
-        "nothing of the scale factor, and what is known of it beforehand decides."
+        "nothing of the scale factor, and its prior decides."
     )
     lost = np.zeros(len(k), dtype=bool)
     for other in run.others.values():

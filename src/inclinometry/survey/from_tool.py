@@ -154,7 +154,7 @@ def stations_plain(
     sigma_b: ArrayLike = 0.0,
     temperature: ArrayLike | None = None,
 ) -> Stations:
-    """Six-axis stations from readings that are fields in the house's axes already.
+    """Six-axis stations from readings that are fields in tool axes already.
 
     Parameters
     ----------

@@ -196,7 +196,7 @@ def horizontals(down: Array) -> tuple[Array, Array]:
 
 
 def misfit(rate: Array, down: Array, weight: Array, seen: Mask, prior: Array) -> Misfit:
-    """The misfit of rates (n, 3) over the Earth rate; their weight (n, 3, 3) is nought where z is not `seen` (n,)."""
+    """The misfit of rates (n, 3) over the Earth rate; their weight (n, 3, 3) is zero where z is not `seen` (n,)."""
     p, q = horizontals(down)
     y = np.where(np.isnan(rate), 0.0, rate)
 
@@ -210,7 +210,7 @@ def misfit(rate: Array, down: Array, weight: Array, seen: Mask, prior: Array) ->
 
 
 def weights(covariance: Array, seen: Mask) -> Array:
-    """Inverse (n, 3, 3) of each covariance; over x and y only, z nought, where z is not `seen`."""
+    """Inverse (n, 3, 3) of each covariance; over x and y only, z zero, where z is not `seen`."""
     full = np.where(np.isnan(covariance), 0.0, covariance).copy()
     full[~seen, 2, :] = full[~seen, :, 2] = 0.0
     full[~seen, 2, 2] = 1.0

@@ -755,7 +755,7 @@ def _distances(difference: Array, covariance: Array, judged: Mask) -> tuple[Arra
         some = judged[row]
         scale = np.sqrt(np.diagonal(covariance[row])[some])
         values, vectors = np.linalg.eigh(covariance[row][np.ix_(some, some)] / np.outer(scale, scale))
-        # after an axial correction one combination of |b| and dip is nought by construction and says nothing
+        # after an axial correction one combination of |b| and dip is zero by construction and says nothing
         keep = values > _FLAT * values[-1]
         part = (vectors.T @ (difference[row, some] / scale))[keep] / np.sqrt(values[keep])
         distance[row], freedom[row] = float(np.sqrt(part @ part)), int(keep.sum())

@@ -162,7 +162,7 @@ def matching_correction(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Means:
+class CorrectionInputs:
     """What corrections may need: the reference field, the tool's calibration (multi-station priors), the assembly."""
 
     reference: FieldReference | None = None
@@ -171,37 +171,37 @@ class Means:
 
 
 @dataclass(frozen=True, eq=False)
-class Corrected:
+class CorrectedStations:
     """Stations after the corrections, and what each of them returned, by its name."""
 
     stations: Stations
     results: Mapping[str, Any]
 
 
-def _axial(stations: Stations, means: Means) -> tuple[Stations, Any]:
+def _axial(stations: Stations, given: CorrectionInputs) -> tuple[Stations, Any]:
     from inclinometry.survey.axial import axial_correction
 
-    found = axial_correction(stations, _reference(means, "axial"))
+    found = axial_correction(stations, _reference(given, "axial"))
     return found.stations, found
 
 
-def _multistation(stations: Stations, means: Means) -> tuple[Stations, Any]:
+def _multistation(stations: Stations, given: CorrectionInputs) -> tuple[Stations, Any]:
     from inclinometry.survey.multistation import multistation
 
-    found = multistation(stations, _reference(means, "msa"), calibration=means.calibration)
+    found = multistation(stations, _reference(given, "msa"), calibration=given.calibration)
     return found.corrected, found
 
 
-def _sag(stations: Stations, means: Means) -> tuple[Stations, Any]:
+def _sag(stations: Stations, given: CorrectionInputs) -> tuple[Stations, Any]:
     from inclinometry.survey.sag import correct_stations
 
-    if means.bha is None:
+    if given.bha is None:
         raise InputError("the correction 'sag' needs the assembly; give --bha bha.toml")
-    done = correct_stations(stations, means.bha)
+    done = correct_stations(stations, given.bha)
     return done, None
 
 
-CORRECTIONS: Final[Mapping[str, Callable[[Stations, Means], tuple[Stations, Any]]]] = MappingProxyType(
+CORRECTIONS: Final[Mapping[str, Callable[[Stations, CorrectionInputs], tuple[Stations, Any]]]] = MappingProxyType(
     {"axial": _axial, "msa": _multistation, "sag": _sag}
 )
 """The corrections by the names used at the command line."""
@@ -237,7 +237,7 @@ def correction_names(text: str) -> tuple[str, ...]:
     return names
 
 
-def apply_corrections(stations: Stations, names: Sequence[str], means: Means) -> Corrected:
+def apply_corrections(stations: Stations, names: Sequence[str], given: CorrectionInputs) -> CorrectedStations:
     """Apply corrections one after the other.
 
     Parameters
@@ -245,11 +245,11 @@ def apply_corrections(stations: Stations, names: Sequence[str], means: Means) ->
     stations : Stations
     names : sequence of str
         As `correction_names` returns them.
-    means : Means
+    given : CorrectionInputs
 
     Returns
     -------
-    Corrected
+    CorrectedStations
         `results` hold an AxialCorrection, a MultiStation, None for sag; every step leaves a line in the history and its
         residual as a source of error.
 
@@ -260,11 +260,11 @@ def apply_corrections(stations: Stations, names: Sequence[str], means: Means) ->
     """
     done, results = stations, {}
     for name in correction_names(",".join(names)):
-        done, results[name] = CORRECTIONS[name](done, means)
-    return Corrected(done, MappingProxyType(results))
+        done, results[name] = CORRECTIONS[name](done, given)
+    return CorrectedStations(done, MappingProxyType(results))
 
 
-def _reference(means: Means, name: str) -> FieldReference:
-    if means.reference is None:
+def _reference(given: CorrectionInputs, name: str) -> FieldReference:
+    if given.reference is None:
         raise InputError(f"the correction {name!r} needs g, b and dip of the site; give --site site.toml with them")
-    return means.reference
+    return given.reference

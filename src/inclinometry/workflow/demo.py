@@ -353,7 +353,7 @@ BENCHES = {"twelve": plans.twelve, "orthogonal": plans.orthogonal, "rotations": 
 RIG = Rig(dip=np.radians(70.0), setting_sd=np.radians(0.1), base_tilt=np.radians(0.2))
 SEED = 1
 HOT_SEED = 8
-"""A run in which the scale drifts by 1 % and K passes nought, so that every method shows its weakness."""
+"""A run in which the scale drifts by 1 % and K passes zero, so that every method shows its weakness."""
 HOT_RUNS = 150
 HOT_SPACING = 30.0  # m
 

@@ -20,7 +20,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.attitude_file import write_attitude
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.run_file import BLOCK, RunFile
-from inclinometry.motion.decimate import unit_doubt
+from inclinometry.motion.decimate import unit_warning
 from inclinometry.motion.result import (
     BITS,
     CHANNELS,
@@ -51,12 +51,12 @@ from inclinometry.workflow.dynamic_methods import (
     Stream,
     chosen_method,
     gyro_known,
-    offset_doubt,
+    offset_uncertainty,
 )
 from inclinometry.workflow.dynamic_signals import Envelopes, Signals, Spectra, temperature_doubts, tool_name
 from inclinometry.workflow.field import completed
 
-# From the motion room's attitudes to the rows of a file: the north asked for, and what the calibration adds.
+# From the motion package's attitudes to the rows of a file: the north asked for, and what the calibration adds.
 
 TURNS: Final = 8
 """Toolfaces over which the calibration's share is averaged while the tool turns."""
@@ -522,7 +522,7 @@ def dynamic_run(
         *run.notes,
         *said,
         *known,
-        *work.signals.absurd.notes(),
+        *work.signals.out_of_range.notes(),
         *work.cutter.report.notes(),
         *heat,
         *work.rows.notes,
@@ -548,16 +548,16 @@ def _setup(
     run: RunFile, place: Site, calibration: Calibration | None, options: DynamicOptions
 ) -> tuple[Setup, tuple[str, ...]]:
     """What the method is made from, and what is to be said of the gyro where there is one."""
-    doubt = offset_doubt(calibration, place)
+    offsets = offset_uncertainty(calibration, place)
     stated = (options.gyro_noise, options.gyro_bias_sigma, options.allan)
     if "gyro" not in run.names:
         if any(one is not None for one in stated):
             raise FileError("the gyro's noise or bias is stated, and the run has no gyro", path=run.path)
-        return Setup(place, options.window, doubt, options.delay_sigma), ()
-    known, said = gyro_known(options.gyro_noise, options.gyro_bias_sigma, doubt, options.allan)
+        return Setup(place, options.window, offsets, options.delay_sigma), ()
+    known, said = gyro_known(options.gyro_noise, options.gyro_bias_sigma, offsets, options.allan)
     # said where it decides: known from somewhere, or an azimuth that rests on the gyro
     say = bool(known) or options.method == "gyro" or "magnetometer" not in run.names
-    return Setup(place, options.window, doubt, options.delay_sigma, known), (said,) if say else ()
+    return Setup(place, options.window, offsets, options.delay_sigma, known), (said,) if say else ()
 
 
 def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptions) -> dict[str, Array]:
@@ -566,7 +566,7 @@ def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptio
         return {}
     if calibration is not None:
         raise InputError("a convention or axes are of no use with a calibration, which knows them; leave them out")
-    convention = named(options.convention or "house")
+    convention = named(options.convention or "native")
     found = {}
     for kind in run.names:
         found[kind] = convention.matrix(kind) @ axes_matrix(options.axes or AXES)
@@ -611,14 +611,14 @@ def attitude_stream(
     """
     chosen = options or DynamicOptions()
     place, _ = completed(site)
-    doubt = offset_doubt(calibration, place)
-    known, _ = gyro_known(chosen.gyro_noise, chosen.gyro_bias_sigma, doubt, chosen.allan)
-    return chosen_method(chosen.method).make(Setup(place, chosen.window, doubt, chosen.delay_sigma, known))
+    offsets = offset_uncertainty(calibration, place)
+    known, _ = gyro_known(chosen.gyro_noise, chosen.gyro_bias_sigma, offsets, chosen.allan)
+    return chosen_method(chosen.method).make(Setup(place, chosen.window, offsets, chosen.delay_sigma, known))
 
 
 @dataclass
 class _Work:
-    """The rooms a run passes through."""
+    """The stages a run passes through."""
 
     run: RunFile
     signals: Signals
@@ -641,9 +641,9 @@ class _Work:
             samples = piece.samples
             if not len(samples):
                 continue
-            doubt = unit_doubt(samples.interval)
-            if doubt:
-                raise InputError(doubt)
+            said = unit_warning(samples.interval)
+            if said:
+                raise InputError(said)
             if self.start != self.start:
                 self.start = float(samples.time[0])
             self.stop = float(samples.time[-1])
@@ -654,7 +654,7 @@ class _Work:
                 self.rows.add(found)
 
     def end(self) -> None:
-        """What the rooms still hold."""
+        """What the stages still hold."""
         self.take(self.cutter.finish(), 0)
         for found in self.carried.finish():
             self.rows.add(found)

@@ -1,4 +1,4 @@
-"""The methods of the motion room by the names of the command line, each as a stream that takes even pieces."""
+"""The methods of the motion package by the names of the command line, each as a stream that takes even pieces."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ class Setup:
 
     site : where the tool is, completed by the field models.
     window : s, spacing of the rows.
-    doubt : standard uncertainties of offsets by the calibration, SI, where there is one: "accelerometer",
+    offsets : standard uncertainties of offsets by the calibration, SI, where there is one: "accelerometer",
         "magnetometer" across and "axial", "gyro" of its worst axis.
     delay : s, standard uncertainty of the time by which the sensors are out of step.
     gyro : what is known of the gyro, by the names of `InertialSettings`: gyro_noise, gyro_bias_sigma, gyro_bias_walk.
@@ -201,20 +201,20 @@ class Setup:
 
     site: Site
     window: float
-    doubt: Mapping[str, float]
+    offsets: Mapping[str, float]
     delay: float = 1e-4
     gyro: Mapping[str, float] = field(default_factory=dict)
 
     def magnetic(self) -> MagneticSettings:
         """Windows side by side; offsets as the calibration leaves them, but no better than drilling allows."""
         plain = MagneticSettings()
-        across = self.doubt.get("magnetometer")
+        across = self.offsets.get("magnetometer")
         return MagneticSettings(
             window_s=self.window,
             overlap=0.0,
             offset_sigma=plain.offset_sigma if across is None else min(1e5, max(STRING_FIELD, across)),
-            accel_sigma=min(1.0, max(plain.accel_sigma, self.doubt.get("accelerometer", 0.0))),
-            axial_sigma=min(1e5, max(plain.axial_sigma, self.doubt.get("axial", 0.0))),
+            accel_sigma=min(1.0, max(plain.accel_sigma, self.offsets.get("accelerometer", 0.0))),
+            axial_sigma=min(1e5, max(plain.axial_sigma, self.offsets.get("axial", 0.0))),
             delay_sigma_s=self.delay,
             site=self.site,
         )
@@ -443,8 +443,8 @@ def chosen_method(name: MethodName) -> Method:
     return METHODS[name]
 
 
-def offset_doubt(calibration: Calibration | None, site: Site) -> dict[str, float]:
-    """Standard uncertainties of the offsets (SI) that a calibration leaves, as `Setup.doubt` names them."""
+def offset_uncertainty(calibration: Calibration | None, site: Site) -> dict[str, float]:
+    """Standard uncertainties of the offsets (SI) that a calibration leaves, as `Setup.offsets` names them."""
     if calibration is None:
         return {}
     tool, found = calibration.tool, {}
@@ -464,7 +464,7 @@ def offset_doubt(calibration: Calibration | None, site: Site) -> dict[str, float
 
 
 def gyro_known(
-    noise: float | None, bias_sigma: float | None, doubt: Mapping[str, float], allan: Mapping[str, Any] | None
+    noise: float | None, bias_sigma: float | None, offsets: Mapping[str, float], allan: Mapping[str, Any] | None
 ) -> tuple[dict[str, float], str]:
     """What is known of the gyro, as `Setup.gyro` takes it, and a sentence that says from where.
 
@@ -472,8 +472,8 @@ def gyro_known(
     ----------
     noise, bias_sigma : float, optional
         As stated: angle random walk, rad/sqrt(s), and standard deviation of the bias, rad/s.
-    doubt : name -> float
-        Of `offset_doubt`: "gyro" where a calibration has one, rad/s.
+    offsets : name -> float
+        Of `offset_uncertainty`: "gyro" where a calibration has one, rad/s.
     allan : mapping, optional
         Content of an allan.json.
 
@@ -506,8 +506,8 @@ def gyro_known(
     said.append(f"noise {np.degrees(known.get('gyro_noise', plain.gyro_noise)) * 60.0:.3g} deg/sqrt(h) ({source})")
     if bias_sigma is not None:
         known["gyro_bias_sigma"], source = bias_sigma, "as stated"
-    elif "gyro" in doubt:
-        known["gyro_bias_sigma"], source = float(np.hypot(doubt["gyro"], curve.get("bias", 0.0))), "the calibration"
+    elif "gyro" in offsets:
+        known["gyro_bias_sigma"], source = float(np.hypot(offsets["gyro"], curve.get("bias", 0.0))), "the calibration"
     else:
         source = "taken for granted: no option and no calibration states it"
     if "walk" in curve:

@@ -21,7 +21,7 @@ from inclinometry.files.run_file import RunBlock, RunFile
 from inclinometry.motion.axes import FAR_DIP, expected_dip
 from inclinometry.motion.choose import TURNING
 from inclinometry.motion.health import HealthCheck, WindowHealth, named
-from inclinometry.motion.reference import RunDip, azimuth_doubt, widened
+from inclinometry.motion.reference import RunDip, azimuth_uncertainty, widened
 from inclinometry.motion.result import BITS, Attitude, Envelope, Finding, Samples, Spectrogram, joined
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.sensors import Triad
@@ -36,7 +36,7 @@ ALONE: Final = 0.01
 """Share of rows up to which such values stand alone; more are a unit or a calibration that is wrong."""
 
 
-class Absurd:
+class OutOfRange:
     """Finds such values block by block, blanks their rows and says so.
 
     Parameters
@@ -51,7 +51,7 @@ class Absurd:
         self._first: dict[str, tuple[int, float]] = {}  # column -> row from 1, value as in the file
         self._counts: dict[str, int] = {}
 
-    def blanked(self, kind: str, signals: Array, vectors: Array) -> Array:
+    def masked(self, kind: str, signals: Array, vectors: Array) -> Array:
         """Vectors (n, 3) in SI with NaN where such a value is among the `signals` (n, m) of the file."""
         bad: Mask = np.array(np.isin(signals, MARKERS))
         far: Mask = np.asarray(np.abs(np.nan_to_num(vectors)) > MOST[kind])
@@ -210,14 +210,14 @@ class Stream(Protocol):
 
 
 class _Verdict(NamedTuple):
-    """What a window from `start` to `stop` (s) means for the rows in it: flags, refusal, doubt of azimuth in rad."""
+    """What a window from `start` to `stop` (s) means for its rows: flags, refusal, azimuth's uncertainty in rad."""
 
     start: float
     stop: float
     health: WindowHealth
     flags: int
     refused: int
-    doubt: float
+    u_azimuth: float
     turned: bool
 
 
@@ -291,14 +291,14 @@ class Checked:
         for window in windows:
             health = self._check.check(window)
             refused = sum(BITS[flag] for flag in {one.flag for one in health.findings if self._forbids(one)})
-            doubt = azimuth_doubt(health.off, self._site) if "mag" in self._needs else 0.0
+            u_azimuth = azimuth_uncertainty(health.off, self._site) if "mag" in self._needs else 0.0
             if self._carries:
-                self._best = doubt = min(self._best, doubt) if window.has("mag") else 0.0
+                self._best = u_azimuth = min(self._best, u_azimuth) if window.has("mag") else 0.0
             half = 0.5 * window.interval
             start, stop = float(window.time[0]) - half, float(window.time[-1]) + half
             lean = replace(health, samples=window.part(0, 0))  # the readings themselves are not kept
             turned = health.turning.span >= TURNING
-            self._verdicts.append(_Verdict(start, stop, lean, health.flags, refused, doubt, turned))
+            self._verdicts.append(_Verdict(start, stop, lean, health.flags, refused, u_azimuth, turned))
 
     def _forbids(self, one: Finding) -> bool:
         """Whether a finding leaves nothing to be made of the window by this method."""
@@ -327,7 +327,7 @@ class Checked:
         verdict = self._verdicts[0] if self._verdicts else None
         if verdict is None or not verdict.start <= float(row.time[0]) <= verdict.stop:
             return row
-        row = widened(named(row, verdict.health), verdict.doubt)
+        row = widened(named(row, verdict.health), verdict.u_azimuth)
         refused = verdict.refused
         if self._still:
             moved = verdict.turned or bool(int(row.flags[0]) & (BITS["not-still"] | BITS["vibration"]))
@@ -390,7 +390,7 @@ class Signals:
         self._run, self._calibration, self._turned = run, calibration, turned
         self._warm: float | None = None
         self._judged = False
-        self.absurd = Absurd(run.names)
+        self.out_of_range = OutOfRange(run.names)
         if calibration is None:
             self._factors = {kind: _factor(kind, run.units[kind], names) for kind, names in run.names.items()}
         else:
@@ -414,10 +414,10 @@ class Signals:
             else:
                 triad = self._calibration.tool.triads[kind]
                 found[kind] = self._strengths[kind] * _field(triad, values, heat, found.get("accelerometer"))
-            found[kind] = self.absurd.blanked(kind, values, found[kind])
+            found[kind] = self.out_of_range.masked(kind, values, found[kind])
             if kind in self._turned:
                 found[kind] = found[kind] @ self._turned[kind].T
-        self.absurd.counted(len(block.time))
+        self.out_of_range.counted(len(block.time))
         if not self._judged:
             self._judged = True
             for kind, vectors in found.items():

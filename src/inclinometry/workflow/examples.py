@@ -1,4 +1,4 @@
-"""The real measurements that come with the package, in the house's types."""
+"""The real measurements that come with the package, in the package's types."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def xsens_log() -> tuple[Array, Array, str]:
 
 
 def xsens_stations() -> tuple[BenchReadings, StillIntervals]:
-    """The poses of the Xsens log, found by the house's own detector; one second of each once it has settled.
+    """The poses of the Xsens log, found by the package's own detector; one second of each once it has settled.
 
     The poses creep: means over a whole pose move the parameters by up to two standard uncertainties.
     """
@@ -48,10 +48,10 @@ def xsens_stations() -> tuple[BenchReadings, StillIntervals]:
 
 
 def cave_instrument(name: str) -> BenchReadings:
-    """The 24 shots of a real hand-held cave-survey instrument, mapped to house axes.
+    """The 24 shots of a real hand-held cave-survey instrument, mapped to tool axes.
 
     Shots 1-8 are free, 9-16 and 17-24 two sets of 8 rolls about the tool axis, the instrument's y, at a fixed target.
-    House axes are the instrument's z (taken as index mark), x, y. Source: furbrain, CircuitPython_mag_cal.
+    Tool axes are the instrument's z (taken as index mark), x, y. Source: furbrain, CircuitPython_mag_cal.
     """
     data = files("inclinometry.workflow").joinpath(_DATA, "sap6_cave", f"{name}.json").read_bytes()
     raw = json.loads(data)
@@ -59,7 +59,7 @@ def cave_instrument(name: str) -> BenchReadings:
     # the makers' maps from chip axes to instrument axes: "+x+y-z" and "-y-x+z"
     b = np.stack([mag[:, 0], mag[:, 1], -mag[:, 2]], axis=1)
     g = np.stack([-grav[:, 1], -grav[:, 0], grav[:, 2]], axis=1)
-    to_house = [2, 0, 1]
+    to_tool = [2, 0, 1]
     rolls = [""] * 8 + ["1"] * 8 + ["2"] * 8
-    channels = {"accelerometer": g[:, to_house], "magnetometer": b[:, to_house]}
+    channels = {"accelerometer": g[:, to_tool], "magnetometer": b[:, to_tool]}
     return BenchReadings(channels, roll_set=rolls, units={"magnetometer": "uT"}, digest=digest_bytes(data))

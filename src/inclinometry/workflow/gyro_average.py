@@ -17,7 +17,7 @@ from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.gyro.result import IndexAverage
 from inclinometry.rotations import rotation_z
 from inclinometry.sensors import Triad
-from inclinometry.workflow.gyro_doubt import field_doubt, reading_variance
+from inclinometry.workflow.gyro_uncertainty import field_covariance_of_calibration, reading_variance
 
 TO_SI: Final = {
     "counts": 1.0,
@@ -102,8 +102,8 @@ def average_run(
         nothing = np.zeros((len(readings), 3, 3))
         return Averages(gravity, rate, nothing, nothing, np.zeros(len(readings)))
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
-    own = field_doubt(calibration.tool, "accelerometer", gravity.field, heat)
-    turned = field_doubt(calibration.tool, "gyro", rate.field, heat)
+    own = field_covariance_of_calibration(calibration.tool, "accelerometer", gravity.field, heat)
+    turned = field_covariance_of_calibration(calibration.tool, "gyro", rate.field, heat)
     unit = np.nan_to_num(rate.field / np.linalg.norm(np.nan_to_num(rate.field), axis=1, keepdims=True))
     across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
     along = np.einsum("ni,nij,nj->n", unit, turned, unit) / np.sum(np.nan_to_num(rate.field) ** 2, axis=1)

@@ -36,7 +36,7 @@ STANDS = (80.0, 100.0)
 """Spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft."""
 
 
-STANDING = 0.6
+SHARE_OF_STANDS = 0.6
 """Share of such intervals from which the question is asked."""
 
 
@@ -108,9 +108,9 @@ def read_position(
     calibration = None if tool is None else read_calibration(tool)
     channels = None if raw is None else read_raw_survey(raw)
     correction: SensorCorrection | None = None
-    doubts: list[str] = []
+    warned: list[str] = []
     if corrections is not None and calibration is not None and channels is not None and tool is not None:
-        correction, doubts = _correction(corrections, calibration, channels, site, digest_file(tool))
+        correction, warned = _correction(corrections, calibration, channels, site, digest_file(tool))
     found = well_position(
         stations,
         site,
@@ -126,7 +126,7 @@ def read_position(
     files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw, "corrections": corrections}
     read = {name: path for name, path in files.items() if path is not None and Path(path).is_file()}
     digests = {name: digest_file(path) for name, path in read.items()}
-    warnings = (*doubts, *found.warnings)
+    warnings = (*warned, *found.warnings)
     return replace(found, notes=(*said, *found.notes), warnings=warnings, inputs={**found.inputs, **digests})
 
 
@@ -274,7 +274,7 @@ def _doubts(stations: WellStations, path: WellPath) -> list[str]:
     alike = (intervals >= STANDS[0]) & (intervals <= STANDS[1])
     spacing = float(np.median(intervals[alike])) if alike.any() else 0.0
     # the unit of the file, not the metres it became; a long first interval proves nothing
-    if np.mean(alike) >= STANDING:
+    if np.mean(alike) >= SHARE_OF_STANDS:
         found.append(
             f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
             "feet, name their column md_ft"

@@ -141,7 +141,7 @@ def _causes(ratio: float, unit: str, residuals: _Residuals, together: bool) -> l
 
 
 def _expected(steps: RateSteps, before: Triad | None) -> Array | None:
-    """Directions the gyros should have (m, 3), None where nothing says: a unit promises the sense, counts do not."""
+    """Directions the gyros should have (m, 3), None where nothing says: a unit states the sense, counts do not."""
     if before is not None and steps.unit not in PER_RADIAN:
         return np.asarray(before.tensor[0] / np.linalg.norm(before.tensor[0], axis=1)[:, None])
     return np.eye(3)[: len(steps.axes)] if steps.axes else None

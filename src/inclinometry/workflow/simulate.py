@@ -1,4 +1,4 @@
-"""Simulated benches and wells in the files the rest of the house reads."""
+"""Simulated benches and wells in the files the rest of the package reads."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correctio
 from inclinometry.survey.stations import Stations
 from inclinometry.workflow.convert import format_of, read_survey_file
 from inclinometry.workflow.corrections import (
-    Means,
+    CorrectionInputs,
     apply_corrections,
     correction_names,
     matching_correction,
@@ -291,14 +291,14 @@ def read_six_axis(
         )
     place, said = completed(Site() if site is None else read_site(site))
     inputs = {} if site is None else {"site": digest_file(site)}
-    doubts = declination_doubts(place)
+    warned = declination_warnings(place)
     if calibration is None:
         _refuse_unknown(place)
         stations, digest, notes = plain_stations(raw, place, form, convention)
         code = load_tool_code(SENSORS)
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
         said = [*said, f"no calibration: the sensors' errors are taken from the tool code {SENSORS}"]
-        return SixAxis(stations, place, None, None, (*said, *notes), doubts, {"raw": digest, **inputs})
+        return SixAxis(stations, place, None, None, (*said, *notes), warned, {"raw": digest, **inputs})
     if convention is not None:
         raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
     record = read_calibration(calibration)
@@ -306,18 +306,18 @@ def read_six_axis(
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": digest, "tool": digest_file(calibration)}
     inherited = [f"calibration: {sentence}" for sentence in record.warnings]
-    return SixAxis(stations, place, record.tool, record.dip, (*said, *notes), (*inherited, *doubts), inputs)
+    return SixAxis(stations, place, record.tool, record.dip, (*said, *notes), (*inherited, *warned), inputs)
 
 
-def declination_doubts(site: Site) -> list[str]:
+def declination_warnings(site: Site) -> list[str]:
     """A warning where the declination stated has the sign opposite to the model's of the same place and date.
 
     Examples
     --------
     >>> import datetime
     >>> place = {"latitude": 0.9, "longitude": -1.4, "height_m": 0.0, "date": datetime.date(2026, 5, 1)}
-    >>> said = declination_doubts(Site(declination=np.radians(13.0), **place))
-    >>> "wrong sign" in said[0], declination_doubts(Site(declination=np.radians(-13.0), **place))
+    >>> said = declination_warnings(Site(declination=np.radians(13.0), **place))
+    >>> "wrong sign" in said[0], declination_warnings(Site(declination=np.radians(-13.0), **place))
     (True, [])
     """
     place = (site.latitude, site.longitude, site.date)
@@ -414,7 +414,7 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
         As the corrections; an assembly without the correction that needs it; a correction of a survey without
         sensors; units, axes or signs that are wrong before axial or msa; an estimate beyond ten times its prior.
     """
-    stations, results, doubts = _corrected(run, correct, bha)
+    stations, results, warned = _corrected(run, correct, bha)
     digests = {f"correction {Path(name).name}": digest_file(name) for name in _files(correct)}
     inputs = {**run.inputs, **digests, **({} if bha is None else {"bha": digest_file(bha)})}
     survey = survey_from_stations(stations, site=run.site, tool=run.tool, calibration_dip=run.dip, inputs=inputs)
@@ -426,8 +426,8 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
             # a correction has bent the dips: what they say of the axes they said before it
             judged = replace(judged, wiring=before.wiring)
         if before is not None and not {"axial", "msa"}.isdisjoint(_names(correct)) and judged.wiring.verdict != "fail":
-            doubts = [*unsettled(before.wiring), *doubts]
-    told = [*run.warnings, *_of_order(correct), *doubts, *_of_results(results), *_of_checks(judged, survey)]
+            warned = [*unsettled(before.wiring), *warned]
+    told = [*run.warnings, *_of_order(correct), *warned, *_of_results(results), *_of_checks(judged, survey)]
     survey = replace(survey, warnings=(*told, *survey.warnings))
     return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
 
@@ -449,20 +449,20 @@ def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tup
         )
     if run.reference is not None and not {"axial", "msa"}.isdisjoint(names):
         refuse_uncorrectable(run.stations, run.reference)
-    means = Means(reference=run.reference, calibration=run.tool, bha=assembly)
-    stations, doubts = run.stations, list[str]()
+    given = CorrectionInputs(reference=run.reference, calibration=run.tool, bha=assembly)
+    stations, warned = run.stations, list[str]()
     results: dict[str, Any] = {}
     for part, name in zip(parts, names, strict=True):
         if _is_file(part):
             tool = "" if run.tool is None else run.tool.name
-            correction, doubts = matching_correction(part, tool, run.inputs, run.stations)
+            correction, warned = matching_correction(part, tool, run.inputs, run.stations)
             stations = apply_correction(stations, correction)
             continue
-        done = apply_corrections(stations, (name,), means)
+        done = apply_corrections(stations, (name,), given)
         stations, results = done.stations, {**results, **done.results}
         if name == "msa":
             refuse_beyond(done.results[name].parameters)
-    return stations, results, doubts
+    return stations, results, warned
 
 
 def _names(correct: str | None) -> tuple[str, ...]:

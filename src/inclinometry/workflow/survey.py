@@ -24,7 +24,7 @@ from inclinometry.workflow.field import completed
 from inclinometry.workflow.six_axis import (
     Judged,
     SixAxisSurvey,
-    declination_doubts,
+    declination_warnings,
     has_reference,
     judge,
     read_six_axis,
@@ -127,9 +127,9 @@ def survey_file(
     data = read_raw_survey(raw, progress=progress)
     record = read_calibration(calibration)
     found = survey_raw(data, record, place, second=second, hole=hole, gravity_sd=gravity_sd)
-    doubts = [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
+    warned = [] if place is None or found.azimuth_reference == "magnetic" else declination_warnings(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
-    found = replace(found, inputs=inputs, warnings=(*doubts, *found.warnings))
+    found = replace(found, inputs=inputs, warnings=(*warned, *found.warnings))
     judged = _judged(data, record, place) if charts and second != "gyro" and place is not None else None
     return SixAxisSurvey(found, place or Site(), judged, notes=notes)
 

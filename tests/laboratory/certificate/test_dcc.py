@@ -112,7 +112,7 @@ def test_a_dcc_of_another_program_is_refused() -> None:
 
 
 def test_units() -> None:
-    """Those of the house; what the SI does not know is said, not guessed."""
+    """Those of the package; what the SI does not know is said, not guessed."""
     assert unit("V/K") == r"\volt\kelvin\tothe{-1}"
     assert unit("counts/K") == r"\kelvin\tothe{-1}"
     assert unit("furlong") is None

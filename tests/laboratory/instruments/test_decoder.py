@@ -1,4 +1,4 @@
-"""Bytes to samples whatever comes: cut anywhere, rubbish in between, without end, out of range, again and again."""
+"""Bytes to samples whatever comes: cut anywhere, garbage in between, without end, out of range, again and again."""
 
 from itertools import pairwise
 
@@ -74,9 +74,9 @@ def test_no_bytes_raise_and_every_event_is_known(data, name):
 
 
 @settings(max_examples=40, deadline=None)
-@given(rubbish=st.binary(max_size=60).filter(lambda b: b"\n" not in b))
-def test_a_line_of_rubbish_costs_only_itself(rubbish):
-    taken = Taken().feed(b"1,1,2\n" + rubbish + b"\n2,3,4\n")
+@given(garbage=st.binary(max_size=60).filter(lambda b: b"\n" not in b))
+def test_an_unreadable_line_costs_only_itself(garbage):
+    taken = Taken().feed(b"1,1,2\n" + garbage + b"\n2,3,4\n")
     assert taken.numbers[0] == 1
     assert taken.numbers[-1] == 2
 

@@ -116,7 +116,7 @@ def test_bytes_one_by_one(served, until, kept):
     assert kept.numbers == [1, 2]
 
 
-def test_rubbish_and_a_line_without_end_do_not_stop_it(served, until, kept):
+def test_garbage_and_a_line_without_end_do_not_stop_it(served, until, kept):
     def serve(connection, count):
         greet(lambda: kept.kinds, count)
         connection.sendall(line(1) + bytes(range(256)) + b"\r\n" + b"x" * 500_000 + b"\r\n" + line(2))

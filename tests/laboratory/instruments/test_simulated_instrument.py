@@ -18,8 +18,8 @@ from inclinometry.laboratory.instruments.protocol_toml import read_protocol
 from inclinometry.laboratory.instruments.rig import RigDriver, ScpiRig
 from inclinometry.laboratory.instruments.simulated_instrument import (
     SHARES,
-    Fate,
     Faults,
+    FaultSource,
     SimulatedInstrument,
     SimulatedStand,
     StandSettings,
@@ -170,7 +170,7 @@ def test_faults_in_words():
 
 
 def test_faults_happen_as_often_as_asked():
-    fate = Fate(Faults(**dict.fromkeys(SHARES, 0.1)), 3)
+    fate = FaultSource(Faults(**dict.fromkeys(SHARES, 0.1)), 3)
     hits = [fate.of(number) for number in range(5000)]
     for name in SHARES:
         assert sum(name in hit for hit in hits) == pytest.approx(500, abs=110)  # sd 21, five times that

@@ -194,9 +194,9 @@ def test_a_changed_export_is_refused_as_a_whole(tmp_path: Path) -> None:
         with pytest.raises(FileError, match=r"line 2: .*the export was changed"):
             restore(ledger, tmp_path / "bad.zip")
         assert ledger.head().seq == 0
-        (tmp_path / "rubbish").write_text("rubbish")
+        (tmp_path / "garbage").write_text("garbage")
         with pytest.raises(FileError, match="not an export"):
-            restore(ledger, tmp_path / "rubbish")
+            restore(ledger, tmp_path / "garbage")
 
 
 def test_a_backup_is_a_ledger(tmp_path: Path) -> None:
@@ -212,12 +212,12 @@ def test_a_backup_is_a_ledger(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_no_ledger_is_said_so(tmp_path: Path) -> None:
-    """Missing, rubbish, another database."""
+    """Missing, garbage, another database."""
     with pytest.raises(LedgerError, match="no such ledger"):
         Ledger(tmp_path / "none.sqlite")
-    (tmp_path / "rubbish").write_text("rubbish" * 1000)
+    (tmp_path / "garbage").write_text("garbage" * 1000)
     with pytest.raises(LedgerError, match="not a"):
-        Ledger(tmp_path / "rubbish")
+        Ledger(tmp_path / "garbage")
     sqlite3.connect(tmp_path / "other.sqlite").execute("CREATE TABLE t (x)").connection.close()
     with pytest.raises(LedgerError, match="not a ledger"):
         Ledger(tmp_path / "other.sqlite")

@@ -93,8 +93,8 @@ def test_a_power_cut_leaves_whole_records(tmp_path: Path) -> None:
     for turn, cut in enumerate([0, *sizes, *random.integers(1, len(log), 12)]):
         copy = tmp_path / f"c{turn}.sqlite"
         copy.write_bytes(main)
-        rubbish = random.bytes(len(log) - int(cut)) if turn % 2 else b""
-        copy.with_name(copy.name + "-wal").write_bytes(log[:cut] + rubbish)
+        garbage = random.bytes(len(log) - int(cut)) if turn % 2 else b""
+        copy.with_name(copy.name + "-wal").write_bytes(log[:cut] + garbage)
         with Ledger(copy) as found:
             assert found.head().seq == sum(size <= cut for size in sizes)
             assert verify(found).ok

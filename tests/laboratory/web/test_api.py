@@ -46,7 +46,7 @@ def test_a_run_is_opened_captured_and_left(api, session):
     assert [p["done"] for p in api.get(f"/api/v1/sessions/{session}").json()["positions"][:4]] == [True] * 3 + [False]
     refused = api.post(f"/api/v1/sessions/{session}/readings/2/reject", json={"reason": "bumped"})
     assert refused.json()["readings"][1]["rejected"] == "bumped"
-    assert api.get(f"/api/v1/sessions/{session}/standing").json()["captured"] == 2
+    assert api.get(f"/api/v1/sessions/{session}/progress").json()["captured"] == 2
     assert api.post(f"/api/v1/sessions/{session}/abandon", json={"reason": "test"}).status_code == 204
     late = api.post(f"/api/v1/sessions/{session}/readings/2", json=reading(2))
     assert (late.status_code, "closed" in late.json()["detail"]) == (422, True)
@@ -63,7 +63,7 @@ def test_a_repeated_request_is_noticed(api, session):
 @pytest.mark.parametrize(("method", "path", "body"), [
     ("get", "tools/none", None),
     ("get", f"sessions/{UNKNOWN}", None),
-    ("get", f"sessions/{UNKNOWN}/standing", None),
+    ("get", f"sessions/{UNKNOWN}/progress", None),
     ("get", f"calibrations/{UNKNOWN}", None),
     ("get", "certificates/none", None),
     ("post", f"sessions/{UNKNOWN}/readings/1", reading()),

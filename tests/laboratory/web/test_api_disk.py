@@ -36,7 +36,7 @@ def asked(ledger, method, path, **more):
     app = FastAPI()
     refusals.explain(app)
     app.include_router(router)
-    guard = Guard(app, logins=logins, hosts=frozenset({"bench"}), open_house=True)
+    guard = Guard(app, logins=logins, hosts=frozenset({"bench"}), single_user=True)
 
     async def ask():
         transport = httpx.ASGITransport(guard, raise_app_exceptions=False)

@@ -24,7 +24,7 @@ ROUTES = {
     ("get", "/api/v1/sessions"): READ,
     ("post", "/api/v1/sessions"): CAPTURE,
     ("get", "/api/v1/sessions/{session}"): READ,
-    ("get", "/api/v1/sessions/{session}/standing"): READ,
+    ("get", "/api/v1/sessions/{session}/progress"): READ,
     ("post", "/api/v1/sessions/{session}/readings/{number}"): CAPTURE,
     ("post", "/api/v1/sessions/{session}/readings/{number}/reject"): CAPTURE,
     ("post", "/api/v1/sessions/{session}/capture/{number}"): CAPTURE,

@@ -44,7 +44,7 @@ def test_from_an_empty_ledger_to_a_certificate(tmp_path):
         with chromium(stand.url, downloads=downloads) as browser:
             resume(browser)
             capture(browser, 4)
-            retake_the_odd(browser)
+            retake_the_outlier(browser)
             finish(browser)
             verify_by_rolls(browser)
             number = issue(browser)
@@ -105,15 +105,15 @@ def resume(browser: Browser) -> None:
     assert browser.text("position-name") == "Position 9 of 12"
 
 
-def retake_the_odd(browser: Browser) -> None:
-    """The page names the misread dial; with arrows and space the position is taken again, and nothing is odd."""
+def retake_the_outlier(browser: Browser) -> None:
+    """The page names the misread dial; with arrows and space the position is taken again, and nothing is an outlier."""
     named = "toolface dial seems misread"
-    browser.wait(lambda: named in browser.text(f"odd-{MISREAD}"), "no position is named")
-    assert [n for n in range(1, 13) if browser.state(f"position-{n}") == "odd"] == [MISREAD]
+    browser.wait(lambda: named in browser.text(f"outlier-{MISREAD}"), "no position is named")
+    assert [n for n in range(1, 13) if browser.state(f"position-{n}") == "outlier"] == [MISREAD]
     back_to(browser, MISREAD)
     press(browser, lambda: "attempt 2" in browser.text("position-state"))
-    browser.wait(lambda: browser.state(f"position-{MISREAD}") == "done", "still odd")
-    browser.wait(lambda: not browser.find('[data-testid^="odd-"]'), "something is odd")
+    browser.wait(lambda: browser.state(f"position-{MISREAD}") == "done", "still an outlier")
+    browser.wait(lambda: not browser.find('[data-testid^="outlier-"]'), "something is an outlier")
 
 
 def back_to(browser: Browser, number: int) -> None:

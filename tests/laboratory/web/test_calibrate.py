@@ -1,4 +1,4 @@
-"""The bench page's logic without a browser: captures, retakes, odd positions, the adaptive plan, two pages, a rig."""
+"""The bench page's logic without a browser: captures, retakes, outliers, the adaptive plan, two pages, a rig."""
 
 from __future__ import annotations
 
@@ -145,11 +145,11 @@ def test_a_rejected_reading_opens_its_position_again(laboratory):
 def test_a_misread_dial_is_named_while_the_tool_is_on_the_stand_and_gone_after_a_retake(laboratory):
     page = laboratory.page(laboratory.open(plans.orthogonal()))
     laboratory.run(page, 16, misread=13)
-    assert list(page.now.odd) == [13]
-    assert "toolface" in page.now.odd[13]
+    assert list(page.now.outliers) == [13]
+    assert "toolface" in page.now.outliers[13]
     page.choose(13)
     laboratory.run(page, 1)
-    assert not page.now.odd
+    assert not page.now.outliers
 
 
 @pytest.mark.long

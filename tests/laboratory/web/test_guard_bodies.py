@@ -10,7 +10,7 @@ import time
 import httpx
 import pytest
 
-from inclinometry.laboratory.web.refusals import BodyError, Metered
+from inclinometry.laboratory.web.refusals import BodyError, BodyLimit
 
 MB = 1_000_000
 
@@ -123,7 +123,7 @@ def test_a_slow_body_is_given_up():
         await asyncio.sleep(3600)
 
     async def waiting():
-        body = Metered({"path": "/api/v1/x"}, never, {}, longest_s=0.05)
+        body = BodyLimit({"path": "/api/v1/x"}, never, {}, longest_s=0.05)
         with pytest.raises(BodyError, match="did not arrive"):
             await body.receive()
         assert body.problem[0] == 408

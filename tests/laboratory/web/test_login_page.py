@@ -27,7 +27,7 @@ def test_the_cookie_cannot_be_read_by_scripts_or_sent_by_other_sites(users_serve
         assert browser.get("/").status_code == 200
 
 
-def test_a_token_set_beforehand_is_not_taken_over(users_server):
+def test_a_token_set_before_is_not_taken_over(users_server):
     with users_server.client() as browser:
         name = f"inclinometry-{users_server.port}"
         browser.cookies.set(name, "chosen-by-somebody-else", domain="127.0.0.1")

@@ -42,7 +42,7 @@ _UNITS: Final = {
 
 
 def unit(text: str) -> str | None:
-    r"""The D-SI form of a unit of the house; None for one the SI does not know, which a reader must be told.
+    r"""The D-SI form of a unit of the package; None for one the SI does not know, which a reader must be told.
 
     Examples
     --------
@@ -325,10 +325,10 @@ def _identified(parent: Any, issuer: str, value: str, name: str, ref: str = "") 
 
 def _people(parent: Any, record: Record) -> None:
     laboratory, customer = record["laboratory"], record["customer"]
-    house = element(parent, "dcc:calibrationLaboratory")
+    issuer = element(parent, "dcc:calibrationLaboratory")
     if laboratory["accreditation"]:
-        element(house, "dcc:calibrationLaboratoryCode", laboratory["accreditation"])
-    contact = element(house, "dcc:contact")
+        element(issuer, "dcc:calibrationLaboratoryCode", laboratory["accreditation"])
+    contact = element(issuer, "dcc:contact")
     named(contact, "dcc:name", laboratory["name"])
     for tag, key in (("eMail", "email"), ("phone", "phone")):
         if laboratory[key]:

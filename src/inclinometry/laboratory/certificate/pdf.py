@@ -124,7 +124,7 @@ def _view(record: Content) -> Content:
     day = date.fromisoformat(record["dates"]["issued"])
     statement = record["conformity"]["statement"]
     # whoever reads the box alone reads what speaks against relying on it
-    doubts = [] if statement == "not assessed" else [*record["verification"]["report"]["warnings"], *record["warnings"]]
+    warned = [] if statement == "not assessed" else [*record["verification"]["report"]["warnings"], *record["warnings"]]
     sections = [
         tables.uncertainty_section(record, say),
         tables.parameter_section(record, say),
@@ -149,9 +149,9 @@ def _view(record: Content) -> Content:
         "letterhead": _letterhead(laboratory, say),
         "incomplete": "" if record["laboratory"] else say("incomplete"),
         "facts": _facts(record, say),
-        "conformity_colour": COLOURS["doubted" if statement == "pass" and doubts else statement],
+        "conformity_colour": COLOURS["doubted" if statement == "pass" and warned else statement],
         "conformity_head": say("conformity"),
-        "conformity": [*_conformity(record, say), *doubts],
+        "conformity": [*_conformity(record, say), *warned],
         "authorised": _authorised(laboratory, record, say),
         "marks": _marks(record, digest, say),
         "qr_says": qr_text(number, digest),
@@ -227,8 +227,8 @@ def _rig(method: Content, say: Words) -> str:
 
 def _traceability(laboratory: Mapping[str, str], method: Content, say: Words) -> str:
     """What the laboratory states and what is recorded of the rig's reference, each once."""
-    house, rig = laboratory.get("traceability", ""), method.get("rig_traceability", "")
-    return "; ".join(filter(None, (house, rig and rig != house and f"{say('rig')} {method['rig']}: {rig}")))
+    own, rig = laboratory.get("traceability", ""), method.get("rig_traceability", "")
+    return "; ".join(filter(None, (own, rig and rig != own and f"{say('rig')} {method['rig']}: {rig}")))
 
 
 def _environment(about: Content, say: Words) -> str:

@@ -29,6 +29,7 @@ from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Orde
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import Row, classical_rows, differences, parameter_rows, sensor_names
 from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
+from inclinometry.report.glossary import terms
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
@@ -209,7 +210,8 @@ def words(language: str) -> Words:
     text = (
         files("inclinometry.laboratory.certificate").joinpath("templates", "certificate_words.json").read_text("utf-8")
     )
-    return Words(json.loads(text)[language])
+    found = json.loads(text)
+    return Words(found[language] | terms(found["terms"], language))
 
 
 def needs_chinese(text: str) -> bool:

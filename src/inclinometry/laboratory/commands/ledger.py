@@ -100,13 +100,13 @@ def _certificate(where: str, number: str, head: str | None, json: bool) -> int:
         found = verify_certificate(opened, number)
     if json:
         output.print_json(
-            {"ok": found.ok, "state": found.standing.state, "digest": found.digest, "problems": found.problems}
+            {"ok": found.ok, "state": found.status.state, "digest": found.digest, "problems": found.problems}
         )
         return 0 if found.ok else 1
     for problem in found.problems:
         output.say(problem)
     if found.ok:
-        output.say(f"certificate {number} ({found.standing.state}): files, record and calibration agree")
+        output.say(f"certificate {number} ({found.status.state}): files, record and calibration agree")
     output.say(f"digest of its record {found.digest}; compare it with the one on paper")
     return 0 if found.ok else 1
 

@@ -160,7 +160,7 @@ class ChannelMap:
     unit : str
         Of the signals after `scale`.
     axes : sequence of str
-        For three sensors: which of them, with which sign, is the house's x, y, z; e.g. ("+y", "-x", "+z"). Empty
+        For three sensors: which of them, with which sign, is the tool's x, y, z; e.g. ("+y", "-x", "+z"). Empty
         where the order of the fields is right.
     scale : float or sequence of float
         What a number of the line is multiplied by, one for all or one a field; negative turns a sign.

@@ -158,7 +158,7 @@ _MOST_POSITIONS: Final = 5000
 class Faults:
     """Faults of a simulated instrument.
 
-    garbage : share of samples before which a line of rubbish is sent.
+    garbage : share of samples before which an unreadable line is sent.
     dropout : share of samples that are not sent.
     partial : share of lines that lose their end, so that the next line hangs on.
     encoding : share of samples before which bytes that are no text are sent.
@@ -238,7 +238,7 @@ def parse_faults(text: str) -> Faults:
     return Faults(**found)
 
 
-class Fate:
+class FaultSource:
     """What happens to each sample: a function of the seed and the number of the sample alone."""
 
     def __init__(self, faults: Faults, seed: int) -> None:
@@ -272,9 +272,9 @@ class Fate:
             return float("inf")
         return now + float(self._streams[f"disconnect.{index}"].exponential(self.faults.disconnect))
 
-    def rubbish(self, number: int, kind: str) -> bytes:
-        """A line of rubbish without its end; for "endless" one that is too long."""
-        random: Array = self._streams[f"rubbish.{number}"].random(24)
+    def unreadable(self, number: int, kind: str) -> bytes:
+        """An unreadable line without its end; for "endless" one that is too long."""
+        random: Array = self._streams[f"unreadable.{number}"].random(24)
         if kind == "endless":
             return b"7" * 5000
         if kind == "encoding":
@@ -489,7 +489,7 @@ class Timing:
                 stopping.wait(left)
 
 
-class Talker:
+class ProtocolEmulator:
     """Serves the samples of a stand in a protocol, with faults.
 
     Parameters
@@ -504,12 +504,12 @@ class Talker:
         self,
         protocol: Protocol,
         stand: SimulatedStand,
-        fate: Fate,
+        source: FaultSource,
         timing: Timing,
         on_line: Callable[[int, int], None] | None = None,
         last: int | None = None,
     ) -> None:
-        self.protocol, self.stand, self.fate, self.timing = protocol, stand, fate, timing
+        self.protocol, self.stand, self.source, self.timing = protocol, stand, source, timing
         self._on_line, self._last = on_line, last
         self._lock = threading.Lock()
         self._next = 0
@@ -541,7 +541,7 @@ class Talker:
     def _next_drop(self) -> float:
         with self._lock:
             self._drops += 1
-            return self.fate.next_disconnect(self._drops, self.now())
+            return self.source.next_disconnect(self._drops, self.now())
 
     def _stream(self, connection: socket.socket, stopping: threading.Event, link: int, drop: float) -> None:
         timing, glued = self.timing, False
@@ -555,14 +555,14 @@ class Talker:
                 receive(connection, stopping)
                 return
             time = number / timing.rate
-            timing.wait(time + self.fate.delay(number), stopping)
+            timing.wait(time + self.source.delay(number), stopping)
             lines, here, glued = self._lines(number, time, glued)
             batch += lines
             whole += [number] if here else []
             number += 1
             self._next = max(self._next, number)
             lost = time >= drop
-            cut = lost and here and "repeat" not in self.fate.of(number - 1)
+            cut = lost and here and "repeat" not in self.source.of(number - 1)
             if timing.speed == 0.0 and number % BATCH and not lost:
                 continue
             if cut:  # in the middle of a line
@@ -586,8 +586,8 @@ class Talker:
                 with self._lock:
                     number, self._next = self._next, self._next + 1
                 time = self.now()
-                if self.fate.faults.latency:
-                    stopping.wait(self.fate.delay(number) / (self.timing.speed or 1.0))
+                if self.source.faults.latency:
+                    stopping.wait(self.source.delay(number) / (self.timing.speed or 1.0))
                 lines, here, glued = self._lines(number, time, glued)
                 if not send(connection, lines, stopping):
                     return
@@ -602,7 +602,7 @@ class Talker:
 
     def _lines(self, number: int, time: float, glued: bool) -> tuple[bytes, bool, bool]:
         """Bytes of a sample; whether its line is whole; whether its end is missing, so that the next hangs on."""
-        sample, fate = self.stand.sample(number, time), self.fate.of(number)
+        sample, fate = self.stand.sample(number, time), self.source.of(number)
         if "stuck" in fate and number > self._stuck_until:
             self._stuck, self._stuck_until = sample, number + STUCK
         if number <= self._stuck_until and self._stuck is not None:
@@ -616,7 +616,7 @@ class Talker:
         if not glued:
             for kind in ("garbage", "encoding", "endless"):
                 if kind in fate:
-                    out += self.fate.rubbish(number, kind) + self.protocol.terminator
+                    out += self.source.unreadable(number, kind) + self.protocol.terminator
         if "dropout" in fate:
             return out, False, glued
         line = encode(self.protocol, sample)
@@ -756,12 +756,14 @@ class SimulatedInstrument:
         self.stand = SimulatedStand(self.tool, default_rig() if rig is None else rig, seed, settings)
         self.rig = self.stand.rig
         speaks(self.protocol, self.stand.sample(0, 0.0))
-        self._talker = Talker(self.protocol, self.stand, Fate(faults, seed), Timing(rate, speed), on_line, last)
-        self._server = LineServer(host, port, self._talker.serve)
+        self._emulator = ProtocolEmulator(
+            self.protocol, self.stand, FaultSource(faults, seed), Timing(rate, speed), on_line, last
+        )
+        self._server = LineServer(host, port, self._emulator.serve)
         self._rig_server: LineServer | None = None
         if rig_port is not None:
             try:
-                self._rig_server = LineServer(host, rig_port, RigCommands(self.stand, self._talker.now).serve)
+                self._rig_server = LineServer(host, rig_port, RigCommands(self.stand, self._emulator.now).serve)
             except InputError:
                 self._server.stop()
                 raise
@@ -818,7 +820,7 @@ class SimulatedInstrument:
     @property
     def sent(self) -> int:
         """How many samples there have been."""
-        return self._talker.sent
+        return self._emulator.sent
 
     @property
     def name(self) -> str:
@@ -827,15 +829,15 @@ class SimulatedInstrument:
 
     def move(self, azimuth: float, inclination: float, toolface: float) -> None:
         """Turn the tool to azimuth, inclination, toolface, rad; it takes `StandSettings.turn` s."""
-        self.stand.move((azimuth, inclination, toolface), self._talker.now())
+        self.stand.move((azimuth, inclination, toolface), self._emulator.now())
 
     def position(self) -> Angles:
         """What the dials show now, rad."""
-        return self.stand.indicated(self._talker.now())
+        return self.stand.indicated(self._emulator.now())
 
     def ready(self) -> bool:
         """Whether the tool stands at its setting."""
-        return self.stand.ready(self._talker.now())
+        return self.stand.ready(self._emulator.now())
 
     def disconnect(self) -> None:
         """Drop the connections of all readers, as a pulled plug does; they may connect again."""

@@ -407,7 +407,7 @@ class Record:
     digest: str = field(default="", compare=False)
 
 
-class Unless(NamedTuple):
+class Precondition(NamedTuple):
     """What must not be in the ledger yet when something is recorded: a kind, keys as for `Ledger.find`, what to say."""
 
     kind: str

@@ -26,8 +26,8 @@ from inclinometry.laboratory.ledger.engine import (
     ConflictError,
     Draft,
     LedgerError,
+    Precondition,
     Record,
-    Unless,
     check,
     default_path,
     engine,
@@ -97,7 +97,7 @@ def body_text(draft: Draft) -> str:
     return body
 
 
-__all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Record", "Unless", "default_path"]
+__all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Precondition", "Record", "default_path"]
 
 CLOCK_SLACK: Final = timedelta(minutes=2)
 """How far the clock may have gone back since the last record; beyond that nothing is recorded."""
@@ -174,7 +174,7 @@ class Ledger:
         *,
         author: str,
         slack: timedelta = CLOCK_SLACK,
-        unless: Sequence[Unless] = (),
+        unless: Sequence[Precondition] = (),
     ) -> list[Record]:
         """Record several things in one step: all of them or none; `unless` is looked at in the same step."""
         if self.read_only:

@@ -185,14 +185,14 @@ def create_app(
     InputError
         A host that is not loopback with a ledger that has no active administrator.
     """
-    open_house = is_loopback(host)
-    if not open_house and not any(user.may("administer") for user in users(ledger)):
+    single_user = is_loopback(host)
+    if not single_user and not any(user.may("administer") for user in users(ledger)):
         raise InputError(
             f"the bench would be open to the network at {host}, and this ledger has no administrator yet: make one "
             f"with `inclinometry ledger users NAME --role administrator --ledger {ledger.shown}`"
         )
     logins = Logins(ledger)
-    serve(Bench(ledger, logins, feed, rig, open_house, instrument))
+    serve(Bench(ledger, logins, feed, rig, single_user, instrument))
     app = FastAPI(
         title="inclinometry bench",
         description='Angles in degrees, each with its unit in its name. Every refusal is {"detail": "a sentence"}.',
@@ -215,7 +215,7 @@ def create_app(
     ui.run_with(app, title="inclinometry", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0)
     refusals.explain_pages(core.app)
     guard_sockets()
-    return Guard(app, logins=logins, hosts=LOOPBACK_NAMES | frozenset(names), open_house=open_house)
+    return Guard(app, logins=logins, hosts=LOOPBACK_NAMES | frozenset(names), single_user=single_user)
 
 
 def _alive() -> PlainTextResponse:

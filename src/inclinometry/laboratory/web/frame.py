@@ -33,14 +33,14 @@ class Bench:
 
     ledger, logins : as named.
     feed, rig : live channels of the instrument and what turns the rig, None without one.
-    open_house : True on loopback: one user, no password.
+    single_user : True on loopback: one user, no password.
     """
 
     ledger: Ledger
     logins: Logins
     feed: LiveFeed | None = None
     rig: RigDriver | None = None
-    open_house: bool = True
+    single_user: bool = True
     instrument: str = ""
 
     def told(self, text: str) -> str:
@@ -48,7 +48,7 @@ class Bench:
         network nobody is told where on this computer the ledger lies.
         """
         text = at_the_bench(text)
-        return text if self.open_house else text.replace(self.ledger.shown, "the ledger")
+        return text if self.single_user else text.replace(self.ledger.shown, "the ledger")
 
     def user(self, login: Login | None) -> User:
         """The user of a login as the ledger has it now; RefusedError when the login has ended."""
@@ -175,7 +175,7 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
         yield visitor
     with ui.row().classes("foot"):
         ui.label(visitor.say("frame.units"))
-        if visitor.bench.open_house:
+        if visitor.bench.single_user:
             ui.label(visitor.say("frame.local"))
 
 
@@ -216,6 +216,6 @@ def _choices(visitor: Visitor) -> None:
             label.on("click", js_handler=f"() => {{ {pick} }}")
             if code == visitor.language:
                 label.classes("chosen")
-    if not visitor.bench.open_house:
+    if not visitor.bench.single_user:
         ui.label(visitor.user.name).classes("user")
         ui.link(visitor.say("frame.log_out"), "/logout").classes("nav")

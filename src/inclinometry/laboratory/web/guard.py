@@ -12,7 +12,7 @@ from typing import Any, Final
 from nicegui import Client, core
 
 from inclinometry.laboratory.web.logins import Login, Logins, same_secret
-from inclinometry.laboratory.web.refusals import Metered, browser_headers, cookie_token, problem_of
+from inclinometry.laboratory.web.refusals import BodyLimit, browser_headers, cookie_token, problem_of
 
 # The live connection of a page belongs to whoever opened the page.
 
@@ -84,11 +84,11 @@ class Guard:
     hosts : names (without port) by which this server may be addressed; a page of another site that makes its own name
         point here is refused. Where users log in, the numeric address of the server itself will do, too: no foreign
         site can have it for a name.
-    open_house : True on loopback, where whoever sits at the computer is the one user.
+    single_user : True on loopback, where whoever sits at the computer is the one user.
     """
 
-    def __init__(self, app: App, *, logins: Logins, hosts: frozenset[str], open_house: bool) -> None:
-        self._app, self._logins, self._open_house = app, logins, open_house
+    def __init__(self, app: App, *, logins: Logins, hosts: frozenset[str], single_user: bool) -> None:
+        self._app, self._logins, self._single_user = app, logins, single_user
         self._hosts = frozenset(host.lower() for host in hosts)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -110,13 +110,13 @@ class Guard:
         if scope["type"] == "websocket":
             await self._app(scope, self._watched(receive, send, login), send)
             return
-        body = Metered(scope, receive, headers)
+        body = BodyLimit(scope, receive, headers)
         await self._app(scope, body.receive, _answered(scope, headers, body, send))
 
     def _foreign(self, scope: Scope, headers: dict[str, str]) -> Problem | None:
         """Requests meant for another host, or sent by a page of another site."""
         host = headers.get("host", "").lower()
-        if _name(host) not in self._hosts and not (not self._open_house and _own_address(scope, host)):
+        if _name(host) not in self._hosts and not (not self._single_user and _own_address(scope, host)):
             return 421, f"this server does not answer to the name {host[:80]!r}; use the address it printed"
         origin = headers.get("origin")
         # whoever only follows a link here sends no origin
@@ -132,7 +132,7 @@ class Guard:
     def _who(self, headers: dict[str, str]) -> Login | None:
         """The login of a request, None for a stranger."""
         given = bearer(headers)
-        if self._open_house and not given:
+        if self._single_user and not given:
             return self._logins.local()
         token = given or cookie_token(headers)
         found = self._logins.find(token) if token else None
@@ -199,7 +199,7 @@ def _own_address(scope: Scope, host: str) -> bool:
         return False
 
 
-def _answered(scope: Scope, headers: dict[str, str], body: Metered, send: Send) -> Send:
+def _answered(scope: Scope, headers: dict[str, str], body: BodyLimit, send: Send) -> Send:
     """Adds the headers that every answer carries; a body that was cut short is answered with the reason instead."""
     over = False
 

@@ -141,7 +141,7 @@ def problem_of(scope: MutableMapping[str, Any], headers: dict[str, str]) -> tupl
     return None
 
 
-class Metered:
+class BodyLimit:
     """Hands on the body of a request until it is too large or takes too long.
 
     problem : status and sentence once that has happened, for the answer.

@@ -26,12 +26,12 @@ class InertialSettings(Settings):
 
     window: Annotated[float, Range(0.2, 600.0, "s"), "Between two updates with gravity; spacing of the rows."] = 5.0
     gyro_noise: Annotated[float, Range(1e-9, 1.0, "rad/sqrt(s)"), "Angle random walk."] = 3e-5
-    gyro_bias_sigma: Annotated[float, Range(0.0, 1.0, "rad/s"), "Standard uncertainty beforehand."] = 3e-3
+    gyro_bias_sigma: Annotated[float, Range(0.0, 1.0, "rad/s"), "Prior standard uncertainty."] = 3e-3
     gyro_bias_walk: Annotated[float, Range(0.0, 0.1, "rad/s/sqrt(s)"), "Its random walk."] = 1e-6
     gyro_scale_sigma: Annotated[float, Range(0.0, 0.1), "Relative; times the rate the largest error of all."] = 2e-3
     gyro_scale_walk: Annotated[float, Range(0.0, 0.01, "1/sqrt(s)"), "Its random walk."] = 1e-7
     accel_noise: Annotated[float, Range(1e-6, 100.0, "m/s^2"), "Of a sample at rest; shaking is measured."] = 0.03
-    accel_bias_sigma: Annotated[float, Range(0.0, 10.0, "m/s^2"), "Standard uncertainty beforehand."] = 0.02
+    accel_bias_sigma: Annotated[float, Range(0.0, 10.0, "m/s^2"), "Prior standard uncertainty."] = 0.02
     accel_bias_walk: Annotated[float, Range(0.0, 1.0, "m/s^2/sqrt(s)"), "Its random walk."] = 1e-5
     mag_noise: Annotated[float, Range(1e-3, 1e5, "nT"), "Of one sample, at least; more where samples show it."] = 50.0
     hard_iron_sigma: Annotated[
@@ -121,7 +121,7 @@ class Model:
 
     @property
     def spin(self) -> Array:
-        """Earth rate (3,) in north, east, down of the north that is used; nought without a latitude."""
+        """Earth rate (3,) in north, east, down of the north that is used; zero without a latitude."""
         if self.site.latitude is None:
             return np.zeros(3)
         w = earth_rate(self.site.latitude)
@@ -227,7 +227,7 @@ class State:
     strength : nT, of the reference field.
     field_variance : nT^2, of the noise that successive samples of the field show, averaged over windows.
     shaking : of the tool, as far as known.
-    axis : (3,) of the tool, north, east, down, averaged over some minutes; nought before the first window.
+    axis : (3,) of the tool, north, east, down, averaged over some minutes; zero before the first window.
     """
 
     nominal: Array

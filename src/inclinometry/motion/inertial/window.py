@@ -360,7 +360,7 @@ def _standstill(nominal: Array, rate: Array, seconds: float, model: Model, ends:
 
 
 TILT: Final = 0.3
-"""rad, uncertainty beforehand of a tilt that the first window is only linearised at, not yet measured with."""
+"""rad, prior uncertainty of a tilt that the first window is only linearised at, not yet measured with."""
 PASSES: Final = 3
 """Times the first window is linearised again at what its backward pass found: scale x turns bends the first one."""
 BENT: Final = 0.2

@@ -179,7 +179,7 @@ class ToolConstants:
         )
 
 
-def beforehand(settings: MagneticSettings) -> ToolConstants:
+def prior_constants(settings: MagneticSettings) -> ToolConstants:
     """What is known before the first window."""
     return ToolConstants(
         complex(settings.offset_x, settings.offset_y),

@@ -23,7 +23,7 @@ LEAST_NODES: Final = 40
 
 @dataclass(frozen=True, kw_only=True)
 class MagneticSettings(Settings):
-    """How windows are laid and what is known of the tool beforehand."""
+    """How windows are laid and the prior of the tool."""
 
     window_s: Annotated[float, Range(0.5, 600.0, "s"), "Length of a window."] = 10.0
     overlap: Annotated[float, Range(0.0, 0.9), "Share of a window that the next one repeats."] = 0.5
@@ -89,7 +89,7 @@ SATURATION: Final = 3.0
 SLOPES: Final = ((2, (1.0, 1e1, 1e2, 1e3)), (4, (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)))
 """Exponent of frequency, and powers that rise with it, averaged over the band, per white power; steeper look alike."""
 DOUBT: Final = 0.7
-"""Nats by which each step of slope is thought less likely beforehand: white data else look steep once in a while, and
+"""Nats by which each step of slope is less likely by the prior: white data else look steep once in a while, and
 their mean is then believed too much (normalised square 2.6 instead of 1.4 in a first window; later ones 1.0)."""
 MEMORY: Final = 0.9
 """Of the evidence about spectra, what counts in the next window."""
@@ -180,7 +180,7 @@ def fit(
     mean, precision : (p,), (p, p) ndarray
         Prior of the coefficients, precision per real component; zero where nothing is known.
     trust : (r,) ndarray
-        Logarithm of what is thought of each spectrum beforehand: `untried` or, after a window, `remembered`.
+        Logarithm of the prior of each spectrum: `untried` or, after a window, `remembered`.
 
     Notes
     -----
@@ -294,7 +294,7 @@ def sectors(points: Complex, centre: complex) -> Complex:
 
 
 def fit_circle(points: Complex, start: complex, prior: Array) -> Circle:
-    """Circle of least squared distances, its centre known beforehand to (2, 2) `prior` covariance about `start`.
+    """Circle of least squared distances, its centre known to (2, 2) `prior` covariance about `start`.
 
     Notes
     -----

@@ -17,9 +17,9 @@ from inclinometry.motion.magnetic.demodulate import (
     Demodulated,
     Held,
     ToolConstants,
-    beforehand,
     demodulate,
     prior,
+    prior_constants,
     regressors,
 )
 from inclinometry.motion.magnetic.phase import (
@@ -37,7 +37,7 @@ from inclinometry.motion.magnetic.phase import (
     raised,
     sectors,
 )
-from inclinometry.motion.reference import SiteDoubt, departure, doubted
+from inclinometry.motion.reference import SiteCheck, departure, inflated
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined
 from inclinometry.orientation import angles, dip_angle, dip_jacobian
 from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_z
@@ -92,7 +92,7 @@ class Clocks(NamedTuple):
     delay, sigma : float
         Of the magnetometer against the accelerometer, and the standard deviation left.
     seen : bool
-        Whether the readings tell more of it than was known beforehand.
+        Whether the readings tell more of it than the prior.
     stepped : bool
         Whether it departs from the setting by five standard deviations.
     gyro_lag : float
@@ -115,16 +115,16 @@ def clocks(known: ToolConstants, settings: MagneticSettings) -> Clocks:
     what was stated.
     """
     delay, sigma = _found(known.delay)
-    off, beforehand_sigma = delay - settings.mag_delay_s, settings.delay_sigma_s
-    both = float(np.hypot(sigma, beforehand_sigma))
+    off, prior_sigma = delay - settings.mag_delay_s, settings.delay_sigma_s
+    both = float(np.hypot(sigma, prior_sigma))
     stepped = abs(off) > SIGNIFICANT * sigma
-    seen = sigma < beforehand_sigma
+    seen = sigma < prior_sigma
     lag, lag_sigma = _found(known.gyro_lag)
     lag = lag if abs(lag) > SIGNIFICANT * lag_sigma else 0.0
     if abs(off) > SIGNIFICANT * both:
         return Clocks(delay, sigma, True, stepped, lag)
-    share = (beforehand_sigma / both) ** 2
-    return Clocks(settings.mag_delay_s + share * off, sigma * beforehand_sigma / both, seen, stepped, lag)
+    share = (prior_sigma / both) ** 2
+    return Clocks(settings.mag_delay_s + share * off, sigma * prior_sigma / both, seen, stepped, lag)
 
 
 def _found(evidence: tuple[float, float]) -> tuple[float, float]:
@@ -176,7 +176,7 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
     size = chosen.nodes(samples.interval) * step
     if len(samples) < size:
         raise InputError(f"the run of {len(samples)} samples is shorter than a window of {size}; shorten the window")
-    known = beforehand(chosen)
+    known = prior_constants(chosen)
     with_gyro = chosen.use_gyro and samples.has("gyro")
     delay, lag, windows = (DELAY_SIGMA**-2, 0.0), (DELAY_SIGMA**-2, 0.0), 0
     held = Held()
@@ -572,7 +572,7 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     off = departure(window.gravity, window.field, window.covariance, settings.site)
     if off.far:
         return _refused(("disturbed", "axes"), method, off.text)
-    doubtful = replace(window, covariance=doubted(window.covariance, off.extra))
+    doubtful = replace(window, covariance=inflated(window.covariance, off.extra))
     matrix, covariance = attitude_of(doubtful)
     if _tilt(covariance, matrix) > WORTHLESS * SHAKEN:
         return _refused(("vibration",), method)
@@ -712,12 +712,12 @@ class MagneticStream:
         self.settings = settings or MagneticSettings()
         self._held = Held()
         self._first = 0  # index in the run of the first sample held
-        self._known: list[tuple[int, ToolConstants]] = [(0, beforehand(self.settings))]
+        self._known: list[tuple[int, ToolConstants]] = [(0, prior_constants(self.settings))]
         self._gaps = 0
         self._fastest = 0.0  # rad/s
         self._far = ("", 0)  # why windows were refused, in words, and how many
         self._rows = 0
-        self._site_doubt = SiteDoubt(self.settings.site)
+        self._site_check = SiteCheck(self.settings.site)
 
     def push(self, samples: Samples) -> Attitude:
         """Take a block; rows of the windows it completes.
@@ -765,7 +765,7 @@ class MagneticStream:
                 f"transverse magnetic offset found and taken off: {constants.offset.real:.0f} and "
                 f"{constants.offset.imag:.0f} nT, standard uncertainty {sigma:.1f} nT"
             )
-        notes += self._site_doubt.notes("that turn or shake")
+        notes += self._site_check.notes("that turn or shake")
         notes += clock_notes(constants, self.settings, self._fastest)
         if self._far[1]:
             notes.append(f"{self._far[0]} ({self._far[1]} windows were refused for the like)")
@@ -786,7 +786,7 @@ class MagneticStream:
         if told and not set(verdict.flags) & {"clipped", "stuck", "aliased", "no-field"}:
             slopes = dip_jacobian(window.gravity, window.field)
             u = float(np.sqrt(slopes @ window.covariance @ slopes))
-            self._site_doubt.add(window.gravity, window.field, u)
+            self._site_check.add(window.gravity, window.field, u)
         if verdict.said:
             self._far = (self._far[0] or verdict.said, self._far[1] + 1)
         if told:

@@ -306,7 +306,7 @@ class Shaking:
         return first, random.uniform(shocks.low, shocks.high, count), random.uniform(0.0, 2.0 * np.pi, count)
 
 
-class Felt(NamedTuple):
+class Sensed(NamedTuple):
     """(3, n) tool components on the internal grid, m/s^2, nT, rad/s; toolface and the rate of the drive, (n,)."""
 
     accel: Array
@@ -331,7 +331,7 @@ class Physics:
         self._casing_phase = noise.streams["casing"].uniform(0.0, 2.0 * np.pi, (3, 3))
         self._earth = _about_z(earth_rate(self._hole.latitude)[:, None], self._hole.declination)
 
-    def at(self, start: int, stop: int) -> Felt:
+    def at(self, start: int, stop: int) -> Sensed:
         time = np.arange(start, stop) / self._rate
         drive = self._drive.at(time)
         torsion = self._twist(start, stop, (0, 1, 2))
@@ -344,7 +344,7 @@ class Physics:
         if self._lag:
             turn, path = self._lagging(time, start, stop)
         mag = _to_tool(_to_hole(self._field(time - self._lag), path), turn)
-        return Felt(accel, mag, gyro, angle.angle, drive.rate)
+        return Sensed(accel, mag, gyro, angle.angle, drive.rate)
 
     def _turned(self, path: Path, angle: Angle, turn: tuple[Array, Array]) -> tuple[Array, Array]:
         """Rate of the tool against the Earth, and what the lever arm adds to apparent gravity.
@@ -514,18 +514,18 @@ class Reading:
         self.reach = max(self.before, self.after)
         self._walk = {name: np.zeros(3) for name in ("accel", "mag", "gyro")}
 
-    def read(self, felt: Felt, index: int, warming: Array) -> tuple[Array, Array, Array, Mask]:
+    def read(self, sensed: Sensed, index: int, warming: Array) -> tuple[Array, Array, Array, Mask]:
         """Rows (n, 3) of accelerometer, magnetometer and gyro, and where one of them clipped."""
         clipped = np.zeros(self._rows, dtype=np.bool_)
         tool = self._tool
-        mag = felt.mag + np.asarray(tool.hard_iron)[:, None]
-        accel = self._triad("accel", tool.accel, felt.accel, index, warming, clipped)
+        mag = sensed.mag + np.asarray(tool.hard_iron)[:, None]
+        accel = self._triad("accel", tool.accel, sensed.accel, index, warming, clipped)
         magnetic = self._triad("mag", tool.mag, mag, index, warming, clipped)
-        gyro = self._triad("gyro", tool.gyro, felt.gyro, index, warming, clipped)
+        gyro = self._triad("gyro", tool.gyro, sensed.gyro, index, warming, clipped)
         return accel, magnetic, gyro, clipped
 
-    def _triad(self, name: str, errors: TriadErrors, felt: Array, index: int, warming: Array, clipped: Mask) -> Array:
-        signal = (1.0 + np.asarray(errors.scale))[:, None] * felt + np.asarray(errors.bias)[:, None]
+    def _triad(self, name: str, errors: TriadErrors, sensed: Array, index: int, warming: Array, clipped: Mask) -> Array:
+        signal = (1.0 + np.asarray(errors.scale))[:, None] * sensed + np.asarray(errors.bias)[:, None]
         if np.isfinite(errors.reach):
             clipped |= self._under_filter((np.abs(signal) >= errors.reach).any(axis=0))
             signal = np.clip(signal, -errors.reach, errors.reach)
@@ -560,7 +560,7 @@ class Reading:
         return np.asarray(total[first + self._tool.taps] > total[first])
 
 
-class Spoiling:
+class Corruption:
     """The faults of one run; remembers from chunk to chunk what a stuck channel shows."""
 
     def __init__(self, faults: tuple[Fault, ...], streams: Streams) -> None:
@@ -692,30 +692,30 @@ def _generate(scenario: Scenario, streams: Streams, length: float) -> Iterator[D
     noise = Chunked(streams, CHUNK)
     reading = Reading(scenario, streams, rows)
     physics = Physics(scenario, noise, reading.reach)
-    spoiling = Spoiling(scenario.faults, streams)
+    corruption = Corruption(scenario.faults, streams)
     total = round(length / tool.interval) if math.isfinite(length) else math.inf
     index = 0
     while index * rows < total:
         first = index * rows * tool.factor
-        felt = physics.at(first - reading.before, first + rows * tool.factor + reading.after)
-        block = _recorded(scenario, reading, felt, index, rows)
-        yield spoiling.spoil(block.rows(slice(0, int(min(rows, total - index * rows)))), index)
+        sensed = physics.at(first - reading.before, first + rows * tool.factor + reading.after)
+        block = _recorded(scenario, reading, sensed, index, rows)
+        yield corruption.spoil(block.rows(slice(0, int(min(rows, total - index * rows)))), index)
         index += 1
 
 
-def _recorded(scenario: Scenario, reading: Reading, felt: Felt, index: int, rows: int) -> DrillingSimulation:
+def _recorded(scenario: Scenario, reading: Reading, sensed: Sensed, index: int, rows: int) -> DrillingSimulation:
     """The chunk as read, with its truth."""
     tool, hole = scenario.instrument, scenario.hole
     time = np.arange(index * rows, (index + 1) * rows) * tool.factor / tool.rate
     warming = hole.heating * time
-    accel, mag, gyro, clipped = reading.read(felt, index, warming)
+    accel, mag, gyro, clipped = reading.read(sensed, index, warming)
     path = path_at(hole, time)
     middle = slice(reading.before, reading.before + rows * tool.factor, tool.factor)
     truth = DrillingTruth(
         azimuth=wrap_positive(np.broadcast_to(path.azimuth, time.shape)),
         inclination=np.broadcast_to(path.inclination, time.shape).copy(),
-        toolface=wrap_positive(felt.toolface[middle]),
-        rate=felt.rate[middle].copy(),
+        toolface=wrap_positive(sensed.toolface[middle]),
+        rate=sensed.rate[middle].copy(),
         clipped=clipped,
     )
     depth = hole.depth + hole.penetration * time

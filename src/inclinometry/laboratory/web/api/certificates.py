@@ -134,7 +134,7 @@ def _wish(body: IssueBody, user: User) -> dict[str, Any]:
     }
 
 
-def _shown(one: workflow.Standing) -> dict[str, Any]:
+def _shown(one: workflow.CertificateStatus) -> dict[str, Any]:
     record = one.record
     return {
         "number": one.number,

@@ -11,12 +11,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from inclinometry.laboratory.guided import GuidedPlan, plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.progress import Progress, goal_of, proposal, session_progress
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
 from inclinometry.laboratory.results import finish_calibration
 from inclinometry.laboratory.session import (
     Capture,
+    RecordedReading,
     Session,
-    Taken,
     capture,
     close_session,
     dial_at,
@@ -25,7 +26,6 @@ from inclinometry.laboratory.session import (
     reject,
     sessions,
 )
-from inclinometry.laboratory.standing import Standing, goal_of, proposal, standing
 from inclinometry.laboratory.web.api.access import REFUSALS, After, Limit, Operator, Reader, RecordId, TheLedger
 from inclinometry.laboratory.web.api.registry import shown
 from inclinometry.laboratory.web.frame import current
@@ -175,14 +175,14 @@ def reject_reading(
     return _session(load_session(ledger, session))
 
 
-@router.get("/sessions/{session}/standing")
+@router.get("/sessions/{session}/progress")
 def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, Any]:
-    """What the readings would certify now, what is odd, where to go next."""
+    """What the readings would certify now, what is an outlier, where to go next."""
     seen = load_session(ledger, session)
     rig, goal = rig_of(ledger, session) or _rig(ledger, seen.rig), goal_of(ledger, seen)
-    now = standing(seen, goal, rig, find_site(ledger, str(seen.settings.get("site", ""))))
+    now = session_progress(seen, goal, rig, find_site(ledger, str(seen.settings.get("site", ""))))
     place = proposal(seen, goal, rig, now)
-    return _standing(now) | {
+    return _progress(now) | {
         "next_deg": None
         if place is None
         else _degrees(dial_at(seen.dials, place.azimuth, place.inclination, place.toolface))
@@ -248,7 +248,7 @@ def _session(session: Session) -> dict[str, Any]:
     }
 
 
-def _reading(taken: Taken) -> dict[str, Any]:
+def _reading(taken: RecordedReading) -> dict[str, Any]:
     return {
         "id": taken.record,
         "number": taken.number,
@@ -263,14 +263,14 @@ def _reading(taken: Taken) -> dict[str, Any]:
     }
 
 
-def _standing(now: Standing) -> dict[str, Any]:
+def _progress(now: Progress) -> dict[str, Any]:
     return {
         "captured": now.captured,
         "fitted": now.calibration is not None,
         "waiting_for": current().told(now.waiting),
         "U_azimuth_deg": _finite(now.u_azimuth),
         "U_inclination_deg": _finite(now.u_inclination),
-        "odd": {str(number): sentence for number, sentence in now.odd.items()},
+        "outliers": {str(number): sentence for number, sentence in now.outliers.items()},
         "reached": now.reached,
         "warnings": [] if now.calibration is None else [current().told(w) for w in now.calibration.warnings],
     }

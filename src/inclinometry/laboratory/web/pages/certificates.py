@@ -13,7 +13,7 @@ from inclinometry.errors import InclinometryError, InputError
 from inclinometry.laboratory.certificate.laboratory_toml import LONGEST, Laboratory, laboratory_from
 from inclinometry.laboratory.certificates import (
     MEDIA,
-    Standing,
+    CertificateStatus,
     certificates,
     digest_of,
     issue,
@@ -204,7 +204,7 @@ def certificates_page(request: Request, serial: str = "", before: int = 0) -> No
             ui.link(say("ledger.older"), to("/certificates", serial=serial, before=found[-1].record.seq))
 
 
-def _line(visitor: Visitor, one: Standing) -> tuple[Cell | str, ...]:
+def _line(visitor: Visitor, one: CertificateStatus) -> tuple[Cell | str, ...]:
     record = one.record
     order = record.body["record"].get("order", {})
     return (
@@ -226,7 +226,7 @@ def certificate_page(request: Request, number: str) -> None:
             found = status(ledger, number)
         except LedgerError as error:
             raise HTTPException(404, str(error)) from None
-        _standing(visitor, found)
+        _status(visitor, found)
         record = found.record
         with ui.card().classes("panel"):
             ui.label(say("certificates.documents")).classes("subtitle")
@@ -240,7 +240,7 @@ def certificate_page(request: Request, number: str) -> None:
             _change(visitor, found)
 
 
-def _standing(visitor: Visitor, found: Standing) -> None:
+def _status(visitor: Visitor, found: CertificateStatus) -> None:
     say, record = visitor.say, found.record
     with ui.card().classes("panel"):
         ui.label(found.number).classes("subtitle number")
@@ -260,7 +260,7 @@ def _standing(visitor: Visitor, found: Standing) -> None:
                 ui.link(say("verify.one"), f"/verifications/{record.body['verification']}")
 
 
-def _change(visitor: Visitor, found: Standing) -> None:
+def _change(visitor: Visitor, found: CertificateStatus) -> None:
     say, number = visitor.say, found.number
     with ui.dialog() as dialog, ui.card().classes("panel"):
         ui.label(say("certificates.void_ask", number=number))

@@ -44,7 +44,7 @@ def _form(language: str, problem: str = "", status: int = 200) -> HTMLResponse:
 @router.get("/login")
 def show(request: Request) -> Response:
     """The form; nothing to do on a bench without passwords."""
-    return RedirectResponse("/", 303) if current().open_house else _form(_language(request))
+    return RedirectResponse("/", 303) if current().single_user else _form(_language(request))
 
 
 @router.post("/login")

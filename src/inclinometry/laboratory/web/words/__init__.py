@@ -1,4 +1,7 @@
-"""What the pages say, in English, Russian and Chinese: one catalogue, one file a language."""
+"""What the pages say, in English, Russian and Chinese: one catalogue, one file a language.
+
+Texts that are a term are not there but in terms.json, which names the term of the glossary.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,19 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
+from inclinometry.report.glossary import terms
+
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
 
 
 @cache
 def catalogue(language: str) -> Mapping[str, str]:
     """Key -> text of one language."""
-    text = files("inclinometry.laboratory.web.words").joinpath(f"{language}.json").read_text("utf-8")
+    return _texts(language) | terms(_texts("terms"), language)
+
+
+def _texts(name: str) -> dict[str, str]:
+    text = files("inclinometry.laboratory.web.words").joinpath(f"{name}.json").read_text("utf-8")
     found: dict[str, str] = json.loads(text)
     return found
 

@@ -17,20 +17,20 @@ from inclinometry.errors import InclinometryError, InputError
 from inclinometry.laboratory.instruments.rig import ManualRig, rig_driver
 from inclinometry.laboratory.ledger.ledger import Record
 from inclinometry.laboratory.live import LiveFeed, Stability
+from inclinometry.laboratory.progress import Progress, goal_of, proposal, session_progress
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
 from inclinometry.laboratory.results import finish_calibration
 from inclinometry.laboratory.session import (
     Capture,
     Position,
+    RecordedReading,
     Session,
-    Taken,
     capture,
     close_session,
     dial_at,
     load_session,
     reject,
 )
-from inclinometry.laboratory.standing import Standing, goal_of, proposal, standing
 from inclinometry.laboratory.web.frame import Visitor
 from inclinometry.rotations import dcm
 
@@ -359,7 +359,7 @@ class Guided:
         today = find_rig(self.ledger, self.session.rig) or self.about_rig
         self.rig = visitor.bench.rig if visitor.bench.rig is not None else driver_of(today)
         self.turner: RigWatch | None = watch_of(self.rig, _nothing if self.feed is None else self.feed.moved)
-        self.now: Standing | None = None
+        self.now: Progress | None = None
         self.place: NextPosition | None = None
         self.automatic = False
         self._moved = True
@@ -456,7 +456,7 @@ class Guided:
         """Make the running fit, and where it is wanted the next position."""
         if self.verifies:
             return
-        self.now = standing(self.session, self.goal, self.about_rig, self.site)
+        self.now = session_progress(self.session, self.goal, self.about_rig, self.site)
         self.place = None
         if self.session.next is None and not self.now.reached and (self.adaptive or self.now.calibration is not None):
             self.place = proposal(self.session, self.goal, self.about_rig, self.now)
@@ -509,7 +509,7 @@ class Guided:
         if self.feed is not None:
             self.feed.moved()
 
-    def take(self, how: str = "key") -> Taken:
+    def take(self, how: str = "key") -> RecordedReading:
         """Capture the position on the card; it is on the disk when this returns.
 
         Raises

@@ -6,9 +6,9 @@ For tests and assistive programs, `data-testid` names what does not depend on th
   "moving" or "closed"; `automatic` the switch; `next` the next open position; `reject` leaves the shown reading out;
 - `verdict` the word on the stillness, its `data-state` is the word of `Stability` or "lost";
 - `target-azimuth`, `target-inclination`, `target-toolface` the large angles; `position-name`, `position-state`, `heat`;
-- `position-N` the button of a position, its `data-state` open, done, odd or proposed; `progress`;
+- `position-N` the button of a position, its `data-state` open, done, outlier or proposed; `progress`;
 - `u_azimuth`, `u_inclination` what would be certified now; `goal` the large sentence when the end is reached;
-  `odd-N` the sentence on an odd position, `retake-N` its button; `proposed` the next best position;
+  `outlier-N` the sentence on an outlier, `retake-N` its button; `proposed` the next best position;
 - `finish`, `abandon`; `rig` the state of the rig, `events` the log of the instrument, `picture` the drawing;
 - in the dialogs `reason`, `confirm`, `cancel`.
 
@@ -37,7 +37,7 @@ from inclinometry.laboratory.web.pages.calibrate.show_progress import (
     Events,
     Live,
     Picture,
-    Progress,
+    PositionList,
     Target,
 )
 from inclinometry.laboratory.web.pages.calibrate.start import ask_reason, ask_sure, say_problem
@@ -84,7 +84,7 @@ class BenchView:
             with ui.element("div").classes("right"):
                 self._picture = Picture(guided)
                 self._certifies = Certifies(guided, self._choose, self._finish)
-        self._progress = Progress(guided, self._choose)
+        self._progress = PositionList(guided, self._choose)
         self._events = Events(guided)
         with ui.row().classes("end"):
             ui.label(say("bench.keys")).classes("dim small")
@@ -253,10 +253,10 @@ class BenchView:
 
     async def _finish(self) -> None:
         guided = self.guided
-        left, odd = len(guided.open_positions), {} if guided.now is None else guided.now.odd
-        if left or odd:
-            question = "bench.finish_odd" if odd else "bench.finish_open"
-            numbers = ", ".join(str(number) for number in odd)
+        left, outliers = len(guided.open_positions), {} if guided.now is None else guided.now.outliers
+        if left or outliers:
+            question = "bench.finish_outliers" if outliers else "bench.finish_open"
+            numbers = ", ".join(str(number) for number in outliers)
             ask_sure(guided.visitor, question, "bench.finish_anyway", self._end, number=left, numbers=numbers)
         else:
             await self._end()

@@ -301,7 +301,7 @@ MANY: Final = 60
 """Positions beyond which the list is scrolled to the chosen one."""
 
 
-class Progress:
+class PositionList:
     """The list of positions; a click puts one on the card. A button is changed only when its state is."""
 
     def __init__(self, guided: Guided, choose: Callable[[int], Awaitable[None]]) -> None:
@@ -331,8 +331,8 @@ class Progress:
 
     def _one(self, position: Position) -> None:
         guided, say, number = self._guided, self._guided.visitor.say, position.number
-        odd = {} if guided.now is None else guided.now.odd
-        state = "odd" if number in odd else "done" if guided.session.has(number) else "open"
+        outliers = {} if guided.now is None else guided.now.outliers
+        state = "outlier" if number in outliers else "done" if guided.session.has(number) else "open"
         if number == guided.proposed:
             state = "proposed"
         here = " here" if number == guided.chosen.number else ""
@@ -356,7 +356,7 @@ class Progress:
 
 
 class Certifies:
-    """What would be certified now, odd positions, the next best position, warnings; or how a verification stands."""
+    """What would be certified now, outliers, the next best position, warnings; or how a verification stands."""
 
     def __init__(self, guided: Guided, choose: Callable[[int], Awaitable[None]], finish: Callable[[], object]) -> None:
         self._guided, self._choose = guided, choose
@@ -375,7 +375,7 @@ class Certifies:
         with self._box:
             self._goal()
             if guided.now is not None:
-                self._odd()
+                self._outliers()
                 self._uncertainty()
                 self._next_best()
         ready = (
@@ -394,7 +394,7 @@ class Certifies:
             text, colour = say(f"bench.closed_{guided.session.closed}"), "dim"
         elif now is not None and now.reached:
             text, colour = say("bench.reached"), "good"
-        elif not guided.open_positions and not (now is not None and now.odd):
+        elif not guided.open_positions and not (now is not None and now.outliers):
             text, colour = say("bench.complete"), "good"
         else:
             return
@@ -403,11 +403,11 @@ class Certifies:
         if record is not None:
             ui.link(say("results.title"), f"/results/{record.id}")
 
-    def _odd(self) -> None:
+    def _outliers(self) -> None:
         guided, say = self._guided, self._guided.visitor.say
-        for number, sentence in ({} if guided.now is None else guided.now.odd).items():
-            with ui.element("div").classes("odd-row").props('role="alert"'):
-                ui.label(sentence).classes("bad").props(f'data-testid="odd-{number}"')
+        for number, sentence in ({} if guided.now is None else guided.now.outliers).items():
+            with ui.element("div").classes("outlier-row").props('role="alert"'):
+                ui.label(sentence).classes("bad").props(f'data-testid="outlier-{number}"')
                 retake = ui.button(say("bench.retake", number=number), on_click=lambda n=number: self._choose(n))
                 retake.props(f'outline dense no-caps data-testid="retake-{number}"')
 
@@ -428,7 +428,7 @@ class Certifies:
         ui.label(say("bench.range", low=f"{low:.0f}", high=f"{high:.0f}", k=f"{COVERAGE_FACTOR:g}")).classes(
             "dim small number"
         )
-        others = [w for w in now.calibration.warnings if w not in now.odd.values()]
+        others = [w for w in now.calibration.warnings if w not in now.outliers.values()]
         for sentence in others[:3]:
             ui.label(guided.visitor.bench.told(sentence)).classes("warn small")
 
@@ -455,7 +455,7 @@ class Certifies:
         text = say("bench.proposed", number=number)
         if gain is not None:
             text += " · " + say("bench.gain", name=name, now=_degrees(gain[0]), then=_degrees(gain[1]))
-        with ui.element("div").classes("odd-row"):
+        with ui.element("div").classes("outlier-row"):
             ui.label(text).classes("number").props('data-testid="proposed"')
             if number != guided.chosen.number:
                 ui.button(say("bench.take_it"), on_click=lambda: self._choose(number)).props("outline dense no-caps")

@@ -17,7 +17,7 @@ def reading_variance(tool: Tool, kind: str, powers: Array) -> Array:
     return np.asarray(np.einsum("np,spq,nq->ns", powers, mean, powers))
 
 
-def field_doubt(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
+def field_covariance_of_calibration(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
     """Covariance (n, 3, 3) of a field from its triad's tensor; offsets are turned away by the index."""
     triad = tool.triads[kind]
     seen = np.nan_to_num(field)

@@ -1,4 +1,4 @@
-"""How a calibration stands with the tool still on the rig: what it would certify now, what is odd, where to go next."""
+"""How a calibration proceeds with the tool on the rig: what it would certify now, outliers, where to go next."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Goal:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class Progress:
     """A session's fit as of now.
 
     captured : valid readings.
@@ -82,8 +82,8 @@ class Standing:
     from_calibration : (inclination, azimuth), the same from the calibration alone.
     noise : (inclination, azimuth), the same from the noise of one reading alone, which no calibration can better.
     covered : lowest and highest inclination of those rows, rad.
-    odd : position number -> sentence, of readings at odds with the others: retake them while the tool is on the stand.
-    reached : whether every wanted uncertainty is reached and nothing is odd.
+    outliers : position number -> sentence, of readings at odds with the others: retake them while the tool is there.
+    reached : whether every wanted uncertainty is reached and nothing is an outlier.
     """
 
     captured: int
@@ -91,16 +91,16 @@ class Standing:
     waiting: str
     u_azimuth: float
     u_inclination: float
-    odd: Mapping[int, str]
+    outliers: Mapping[int, str]
     reached: bool
     from_calibration: tuple[float, float] = (np.nan, np.nan)
     noise: tuple[float, float] = (0.0, 0.0)
     covered: tuple[float, float] = (np.nan, np.nan)
 
 
-def standing(
+def session_progress(
     session: Session, goal: Goal, rig: RegisteredRig, site: RegisteredSite | None = None, *, estimate_rig: bool = False
-) -> Standing:
+) -> Progress:
     """The running fit of an open session.
 
     Parameters
@@ -120,18 +120,18 @@ def standing(
         left = bool(dict(session.settings.get("settings", {})).get("left_handed", False))
         found = _fitted(readings, sd, session.serial, left_handed=left)
     except (InputError, IdentifiabilityError, ConvergenceError, np.linalg.LinAlgError) as error:
-        return Standing(captured, None, str(error), np.nan, np.nan, {}, False)
+        return Progress(captured, None, str(error), np.nan, np.nan, {}, False)
     table = expected_uncertainty(found, INCLINATIONS)
     rows = covering(goal.inclination_range)
     inclination, azimuth = _worst(table.of_one_reading[rows])
-    odd = {int(station): sentence for station, sentence in found.odd.items()}
+    outliers = {int(station): sentence for station, sentence in found.outliers.items()}
     wanted = [(goal.u_azimuth, azimuth), (goal.u_inclination, inclination)]
     stated = [(limit, value) for limit, value in wanted if limit is not None]
-    reached = bool(stated) and not odd and all(value <= limit for limit, value in stated)
+    reached = bool(stated) and not outliers and all(value <= limit for limit, value in stated)
     noise = _worst(np.sqrt(table.components["sensor noise"].max(axis=(1, 2)))[rows])
     alone = _worst(table.from_calibration[rows])
     span = (float(table.inclination[rows][0]), float(table.inclination[rows][-1]))
-    return Standing(captured, found, "", azimuth, inclination, odd, reached, alone, noise, span)
+    return Progress(captured, found, "", azimuth, inclination, outliers, reached, alone, noise, span)
 
 
 def covering(inclination_range: tuple[float, float]) -> slice:
@@ -167,13 +167,13 @@ def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_ha
     squares = np.concatenate([np.square(v).ravel() for v in found.residuals.standardised.values()])
     squares = squares[np.isfinite(squares)]
     freedom = max(squares.size - len(found.parameter_names), 1)
-    if found.odd or not squares.size or squares.mean() <= 1.0 + SCATTER * np.sqrt(2.0 / freedom):
+    if found.outliers or not squares.size or squares.mean() <= 1.0 + SCATTER * np.sqrt(2.0 / freedom):
         return found
     wide = calibrate_joint(replace(readings, sd={}), rig_sd=rig_sd, name=name, left_handed=left_handed)
     return replace(wide, warnings=(*wide.warnings, MORE_THAN_NOISE))
 
 
-def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing) -> NextPosition | None:
+def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Progress) -> NextPosition | None:
     """The position to take next, in the conventions; None when the stand has no more.
 
     With a wanted uncertainty the rest of the run is planned ahead: the fewest positions that reach it together with
@@ -198,12 +198,12 @@ def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Standing)
         "stand": rig.stand,
     }
     try:
-        return _ahead(settings, goal, so_far, about) or next_position(settings, **about)
+        return _next_position(settings, goal, so_far, about) or next_position(settings, **about)
     except (InputError, IdentifiabilityError):
         return None
 
 
-def _ahead(settings: Array, goal: Goal, so_far: Standing, about: Mapping[str, Any]) -> NextPosition | None:
+def _next_position(settings: Array, goal: Goal, so_far: Progress, about: Mapping[str, Any]) -> NextPosition | None:
     """The first of the fewest positions that reach what the goal's criterion is to reach; None where none do."""
     limit = {"azimuth": goal.u_azimuth, "inclination": goal.u_inclination}.get(goal.criterion)
     noise = dict(zip(("inclination", "azimuth"), so_far.noise, strict=True)).get(goal.criterion, 0.0)

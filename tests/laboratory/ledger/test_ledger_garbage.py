@@ -12,7 +12,7 @@ from inclinometry.laboratory.ledger.ledger import LedgerError
 
 
 @pytest.mark.parametrize("size", [30, 5000])
-def test_rubbish_is_not_made_a_ledger(tmp_path: Path, size: int) -> None:
+def test_garbage_is_not_made_a_ledger(tmp_path: Path, size: int) -> None:
     """It says so, and leaves the file as it was."""
     path = tmp_path / "notes.txt"
     path.write_bytes(np.random.default_rng(1).bytes(size))
