@@ -51,6 +51,15 @@ if numba is None:
     )  # fmt: skip
     math = _numpy
 
+# what the signatures of all compiled loops are made of
+VECTOR = types.Array(types.float64, 1, "C", readonly=True)
+VECTOR_OUT = types.Array(types.float64, 1, "C")
+MATRIX = types.Array(types.float64, 2, "C", readonly=True)
+MATRIX_OUT = types.Array(types.float64, 2, "C")
+CUBE_OUT = types.Array(types.float64, 3, "C")
+MASK = types.Array(types.boolean, 1, "C", readonly=True)
+FLAGS_OUT = types.Array(types.uint32, 1, "C")
+
 # atan(t) = t + t^3 P(t^2); P interpolates at Chebyshev nodes of [0, 0.43^2] in 60 digits, relative error 1.2e-17
 P0: Final = -0.33333333333333326
 P1: Final = 0.1999999999999109
@@ -175,12 +184,7 @@ def _attitude(gx: float, gy: float, gz: float, bx: float, by: float, bz: float) 
     return inclination + spoilt, azimuth + spoilt, toolface + spoilt
 
 
-_IN = types.Array(types.float64, 1, "C", readonly=True)
-_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_OUT = types.Array(types.float64, 1, "C")
-
-
-@compiled(types.void(_IN, _IN, _IN, _IN, _IN, _IN, _IN, _OUT, _OUT, _OUT))
+@compiled(types.void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR_OUT, VECTOR_OUT, VECTOR_OUT))
 def from_channels(
     ux: Array,
     uy: Array,
@@ -211,7 +215,7 @@ def from_channels(
         )
 
 
-@compiled(types.void(_ROWS, _IN, _OUT, _OUT, _OUT))
+@compiled(types.void(MATRIX, VECTOR, VECTOR_OUT, VECTOR_OUT, VECTOR_OUT))
 def from_rows(signals: Array, c: Array, inclination: Array, azimuth: Array, toolface: Array) -> None:
     """Angles of n samples kept row by row (n, 6), sorted into channels a block at a time."""
     u = np.empty((6, BLOCK))

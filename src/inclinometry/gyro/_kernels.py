@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import compiled, inlined, math, types
+from inclinometry.compiled import MATRIX, MATRIX_OUT, VECTOR, compiled, inlined, math, types
 
 GRID: Final = 64  # azimuths at which every cost is laid out; valleys are never narrower than 40 deg apart from twins
 STEPS: Final = 40  # at most; six are enough away from singular places
@@ -22,9 +22,6 @@ FLAT: Final = 0.5  # standard uncertainty, rad, beyond which the cost is called 
 LEAST: Final = 1e-12  # information below which there is none
 COLUMNS: Final = 10
 
-_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_IN = types.Array(types.float64, 1, "C", readonly=True)
-_OUT = types.Array(types.float64, 2, "C")
 _TABLE = np.stack([np.cos(2.0 * np.pi * np.arange(GRID) / GRID), np.sin(2.0 * np.pi * np.arange(GRID) / GRID)])
 
 
@@ -141,7 +138,7 @@ def _twin_starts(h: Array, e: Array, starts: Array) -> int:
     return 2
 
 
-@compiled(types.void(_ROWS, _ROWS, _IN, _IN, _IN, _IN, _OUT))
+@compiled(types.void(MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX_OUT))
 def north(
     rate: Array, covariance: Array, inclination: Array, latitude: Array, k0: Array, weight: Array, out: Array
 ) -> None:

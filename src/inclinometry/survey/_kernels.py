@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import _half_turn, compiled, inlined, math, types
+from inclinometry.compiled import MATRIX_OUT, VECTOR, VECTOR_OUT, _half_turn, compiled, inlined, math, types
 
 # sin(y) = y + y^3 S(y^2) and cos(y) = 1 - y^2/2 + y^4 C(y^2) to pi/4, interpolated at Chebyshev nodes in 60 digits;
 # errors 1.8e-17 of y and 8.9e-19
@@ -75,12 +75,7 @@ def _add(total: float, lost: float, part: float) -> tuple[float, float]:
     return new, lost + taken
 
 
-_IN = types.Array(types.float64, 1, "C", readonly=True)
-_OUT = types.Array(types.float64, 1, "C")
-_WORK = types.Array(types.float64, 2, "C")
-
-
-@compiled(types.void(_IN, _IN, _WORK))
+@compiled(types.void(VECTOR, VECTOR, MATRIX_OUT))
 def _directions(inclination: Array, azimuth: Array, t: Array) -> None:
     """Rows north, east, down of the unit vectors along the hole."""
     for i in range(inclination.size):
@@ -91,7 +86,7 @@ def _directions(inclination: Array, azimuth: Array, t: Array) -> None:
         t[2, i] = ci
 
 
-@compiled(types.void(_IN, _WORK, _WORK, _OUT, _OUT))
+@compiled(types.void(VECTOR, MATRIX_OUT, MATRIX_OUT, VECTOR_OUT, VECTOR_OUT))
 def _displacements(md: Array, t: Array, step: Array, dogleg: Array, severity: Array) -> None:
     """Rows north, east, down of the chords of the arcs, and the angles the arcs span."""
     for i in range(dogleg.size):
@@ -109,7 +104,7 @@ def _displacements(md: Array, t: Array, step: Array, dogleg: Array, severity: Ar
         severity[i] = 2.0 * half / length
 
 
-@compiled(types.void(_IN, _IN, _IN, _IN, _OUT, _OUT, _OUT, _OUT, _OUT))
+@compiled(types.void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR_OUT, VECTOR_OUT, VECTOR_OUT, VECTOR_OUT, VECTOR_OUT))
 def minimum_curvature(
     md: Array,
     inclination: Array,

@@ -8,7 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.compiled import compiled, inlined, math, types
+from inclinometry.compiled import (
+    CUBE_OUT,
+    FLAGS_OUT,
+    MASK,
+    MATRIX,
+    MATRIX_OUT,
+    VECTOR,
+    VECTOR_OUT,
+    compiled,
+    inlined,
+    math,
+    types,
+)
 from inclinometry.motion.complementary import _kernels as k
 from inclinometry.motion.result import BITS
 from inclinometry.uncertainty import UNKNOWN
@@ -272,20 +284,14 @@ def _start(
     return bool(first[F_COUNT] >= par[k.START])
 
 
-_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_GOOD = types.Array(types.boolean, 1, "C", readonly=True)
-_IN = types.Array(types.float64, 1, "C", readonly=True)
-_OUT = types.Array(types.float64, 1, "C")
-_SQUARE = types.Array(types.float64, 2, "C")
-_CUBE = types.Array(types.float64, 3, "C")
 _COUNT = types.Array(types.int64, 1, "C")
-_FLAGS = types.Array(types.uint32, 1, "C")
 _STEPS = (types.int64, types.int64)
 
 
 @compiled(
     types.int64(
-        _ROWS, _ROWS, _ROWS, _GOOD, _IN, *_STEPS, _OUT, _COUNT, _SQUARE, _CUBE, _OUT, _OUT, _FLAGS, _SQUARE
+        MATRIX, MATRIX, MATRIX, MASK, VECTOR, *_STEPS,
+        VECTOR_OUT, _COUNT, MATRIX_OUT, CUBE_OUT, VECTOR_OUT, VECTOR_OUT, FLAGS_OUT, MATRIX_OUT
     )
 )  # fmt: skip
 def advance(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import compiled, inlined, math, types
+from inclinometry.compiled import MATRIX, MATRIX_OUT, VECTOR, VECTOR_OUT, compiled, inlined, math, types
 
 STATES: Final = 16
 NOMINAL: Final = 20  # quaternion 0-3, then bias, scale, accelerometer bias, hard iron, dip; rest unused
@@ -28,11 +28,7 @@ UPDATE: Final = 34  # of the tape: direction h, gain k, innovation over its vari
 USE_MAG: Final = 1
 USE_HELD: Final = 2  # the gyro's sample was unusable: the last one was held
 
-_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_IN = types.Array(types.float64, 1, "C", readonly=True)
 _MARKS = types.Array(types.uint8, 1, "C", readonly=True)
-_OUT = types.Array(types.float64, 1, "C")
-_WORK = types.Array(types.float64, 2, "C")
 
 
 @inlined
@@ -216,7 +212,23 @@ def _note(row: Array, h: Array, k: Array, ratio: float, inverse: float) -> None:
     row[2 * STATES], row[2 * STATES + 1] = ratio, inverse if done else 0.0
 
 
-@compiled(types.void(_ROWS, _ROWS, _ROWS, _MARKS, _ROWS, _IN, _OUT, _WORK, _OUT, _OUT, _OUT, _WORK, _WORK))
+@compiled(
+    types.void(
+        MATRIX,
+        MATRIX,
+        MATRIX,
+        _MARKS,
+        MATRIX,
+        VECTOR,
+        VECTOR_OUT,
+        MATRIX_OUT,
+        VECTOR_OUT,
+        VECTOR_OUT,
+        VECTOR_OUT,
+        MATRIX_OUT,
+        MATRIX_OUT,
+    )
+)
 def forward(
     gyro: Array,
     accel: Array,
@@ -287,7 +299,7 @@ def forward(
         out[DRIFT + j] = drift[j] - out[DRIFT + j]
 
 
-@compiled(types.float64(_IN, types.float64, types.float64, types.float64, _WORK, _OUT, _OUT))
+@compiled(types.float64(VECTOR, types.float64, types.float64, types.float64, MATRIX_OUT, VECTOR_OUT, VECTOR_OUT))
 def measure(h: Array, z: float, r: float, gate: float, p: Array, x: Array, row: Array) -> float:
     """One scalar measurement at the end of a window, noted on a row of the tape.
 
@@ -353,7 +365,7 @@ def _unpredict(lam: Array, info: Array, step: Array, t: Array) -> None:
         lam[6 + j] += step[10 + j] * both
 
 
-@compiled(types.void(_ROWS, _ROWS, _OUT, _WORK))
+@compiled(types.void(MATRIX, MATRIX, VECTOR_OUT, MATRIX_OUT))
 def backward(steps: Array, updates: Array, lam: Array, info: Array) -> None:
     """The tape of one window played backwards (modified Bryson-Frazier); updates after the last step come first."""
     g, t = np.empty(STATES), np.empty((3, STATES))

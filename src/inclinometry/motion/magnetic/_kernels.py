@@ -9,15 +9,10 @@ from __future__ import annotations
 from typing import Final
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import compiled, inlined, types
+from inclinometry.compiled import MATRIX, MATRIX_OUT, VECTOR, VECTOR_OUT, compiled, inlined, types
 
 COLUMNS: Final = 9
 """Of `demodulated`: Re s, Im s, g_z, Re m, Im m, b_z, Re u, -Im u, weight; s, m: transverse gravity, field times u*."""
-
-_IN = types.Array(types.float64, 1, "C", readonly=True)
-_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_OUT = types.Array(types.float64, 1, "C")
-_TABLE = types.Array(types.float64, 2, "C")
 
 
 @inlined
@@ -29,7 +24,7 @@ def _small(x: float) -> tuple[float, float]:
     return sine, cosine
 
 
-@compiled(types.void(_ROWS, _OUT, types.float64))
+@compiled(types.void(MATRIX, VECTOR_OUT, types.float64))
 def turned(gyro: Array, theta: Array, interval: float) -> None:
     """Angle (n,) turned about z since the first sample: the integral of the cubic through four rates.
 
@@ -45,7 +40,7 @@ def turned(gyro: Array, theta: Array, interval: float) -> None:
         theta[i] = total
 
 
-@compiled(types.void(_ROWS, _IN, _IN, types.float64, types.float64, types.int64, _TABLE))
+@compiled(types.void(MATRIX, VECTOR, VECTOR, types.float64, types.float64, types.int64, MATRIX_OUT))
 def averaged(mag: Array, theta: Array, middle: Array, hx: float, hy: float, step: int, out: Array) -> None:
     """Means (2, nodes) of (bx - hx + i (by - hy)) exp(i (theta - middle)) over the `step` samples of each node."""
     for j in range(middle.size):
@@ -58,7 +53,7 @@ def averaged(mag: Array, theta: Array, middle: Array, hx: float, hy: float, step
         out[0, j], out[1, j] = re / step, im / step
 
 
-@compiled(types.void(_ROWS, types.float64, types.float64, types.int64, _TABLE))
+@compiled(types.void(MATRIX, types.float64, types.float64, types.int64, MATRIX_OUT))
 def averaged_as_is(mag: Array, hx: float, hy: float, step: int, out: Array) -> None:
     """Means (2, nodes) of bx - hx and by - hy over the samples of each node."""
     for j in range(out.shape[1]):
@@ -69,7 +64,7 @@ def averaged_as_is(mag: Array, hx: float, hy: float, step: int, out: Array) -> N
         out[0, j], out[1, j] = re / step - hx, im / step - hy
 
 
-@compiled(types.void(_OUT, _ROWS, types.int64, _IN, _IN))
+@compiled(types.void(VECTOR_OUT, MATRIX, types.int64, VECTOR, VECTOR))
 def phased(phase: Array, at: Array, step: int, theta: Array, middle: Array) -> None:
     """Phase (n,) of samples less that of their node: `at` (2, nodes) slope and curvature per sample, less theta."""
     half = 0.5 * (step - 1)
@@ -85,7 +80,7 @@ def phased(phase: Array, at: Array, step: int, theta: Array, middle: Array) -> N
                 phase[i] -= theta[i] - middle[j]
 
 
-@compiled(types.void(_ROWS, _ROWS, _IN, _ROWS, types.float64, types.float64, types.int64, _TABLE))
+@compiled(types.void(MATRIX, MATRIX, VECTOR, MATRIX, types.float64, types.float64, types.int64, MATRIX_OUT))
 def demodulated(accel: Array, mag: Array, phase: Array, u: Array, hx: float, hy: float, step: int, out: Array) -> None:
     """Sums (COLUMNS, nodes) of samples turned back by their phase, under triangles twice as long as a node.
 

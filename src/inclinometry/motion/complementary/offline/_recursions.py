@@ -6,7 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.compiled import compiled, inlined, math, types
+from inclinometry.compiled import (
+    CUBE_OUT,
+    FLAGS_OUT,
+    MASK,
+    MATRIX,
+    MATRIX_OUT,
+    VECTOR,
+    VECTOR_OUT,
+    compiled,
+    inlined,
+    math,
+    types,
+)
 from inclinometry.motion.complementary import _kernels as k
 from inclinometry.motion.complementary import _recursions as f
 
@@ -43,15 +55,7 @@ def _solve(a: Array, b: Array) -> None:
             b[i, c] = total / a[i, i]
 
 
-_HISTORY = types.Array(types.float64, 2, "C", readonly=True)
-_IN = types.Array(types.float64, 1, "C", readonly=True)
-_OUT = types.Array(types.float64, 1, "C")
-_SQUARE = types.Array(types.float64, 2, "C")
-_CUBE = types.Array(types.float64, 3, "C")
-_GOOD = types.Array(types.boolean, 1, "C", readonly=True)
-
-
-@compiled(types.void(_HISTORY, _IN, _SQUARE, _CUBE))
+@compiled(types.void(MATRIX, VECTOR, MATRIX_OUT, CUBE_OUT))
 def backward(history: Array, par: Array, change: Array, spread: Array) -> None:
     """Rauch-Tung-Striebel pass: what the later blocks change in the estimate after each block, and its covariance.
 
@@ -123,15 +127,13 @@ def _rate(i: int, gyro: Array, good: Mask, nav: Array, held: Array, half: float,
         step[c] = half * (held[c] - nav[k.N_BIAS + c])
 
 
-_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_FLAGS = types.Array(types.uint32, 1, "C")
 _LONG = types.int64
 
 
 @compiled(
     types.void(
-        _ROWS, _GOOD, _IN, _LONG, _LONG, _LONG, types.float64, _HISTORY, _SQUARE, _CUBE,
-        _SQUARE, _CUBE, _OUT, _OUT, _FLAGS,
+        MATRIX, MASK, VECTOR, _LONG, _LONG, _LONG, types.float64, MATRIX, MATRIX_OUT, CUBE_OUT,
+        MATRIX_OUT, CUBE_OUT, VECTOR_OUT, VECTOR_OUT, FLAGS_OUT,
     )
 )  # fmt: skip
 def write_rows(
