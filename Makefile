@@ -8,7 +8,7 @@ STAMP := $(VENV)/.installed
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test]"
 	touch $@
 
 demo: $(STAMP)
@@ -32,7 +32,7 @@ test-long: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m long
 
 bench: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,bench]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test,bench]"
 	$(BIN)/python -m benchmarks
 
 lint: $(STAMP)
@@ -42,7 +42,7 @@ lint: $(STAMP)
 	$(BIN)/lint-imports
 
 docs: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,docs]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test,docs]"
 	$(BIN)/python -m sphinx -W --keep-going -n -b html docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
 
@@ -52,7 +52,7 @@ figures: $(STAMP)
 
 # the project in figures: files, records, names, imports
 metrics: $(STAMP)
-	$(BIN)/python tools/metrics.py
+	$(BIN)/python tools/metrics.py $(if $(WRITE),--write)
 
 # what the program does today, to compare a change of the project with: make freeze TO=after AGAINST=before
 TO ?= frozen

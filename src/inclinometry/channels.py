@@ -84,7 +84,7 @@ def angles_from_channels(
     the last place below pi/4), by 6.7e-16 where almost a whole turn is rounded to 0.
 
     Short arrays go through numpy until the compiled kernel is in memory, because loading it takes longer than they
-    do; the two agree to rounding.
+    do; all arrays where numba is not installed; the two agree to rounding.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def angles_from_channels(
     coefficients = _coefficients(matrix_g, offset_g, matrix_b, offset_b)
     result = ChannelAngles(*(np.empty(count) for _ in range(3))) if out is None else _checked_out(out, count, source)
     workers = _workers(threads)
-    if count < WORTH_LOADING and KERNEL_MODULE not in sys.modules:
+    if (count < WORTH_LOADING and KERNEL_MODULE not in sys.modules) or not _compiled():
         _plain(source, coefficients, result)
     elif count <= WORTH_THREADS or workers == 1:
         _kernel(source, coefficients, result)
@@ -177,8 +177,15 @@ def _workers(threads: int | None) -> int:
     return cores if threads is None else min(threads, cores)
 
 
+def _compiled() -> bool:
+    """Whether there is a kernel; without numba numpy is far quicker than its loop."""
+    from inclinometry.compiled import COMPILED  # here and not above: it brings in numba
+
+    return COMPILED
+
+
 def _kernel(source: Array | Channels, coefficients: Array, result: ChannelAngles) -> None:
-    from inclinometry import compiled as _kernels  # here and not above: it brings in numba
+    from inclinometry import compiled as _kernels
 
     if isinstance(source, np.ndarray):
         _kernels.from_rows(source, coefficients, *result)

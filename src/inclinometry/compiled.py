@@ -1,6 +1,8 @@
 """Compiled loops: six raw channels to inclination, azimuth and toolface. Arrays in and out, no checks.
 
-Importing this module imports numba and compiles (or loads from the cache), so import it where a kernel is called.
+The one module that knows numba. Importing it imports numba and compiles (or loads from the cache), so import it where a
+kernel is called. Where numba is not installed (the extra `fast`) the decorators do nothing: every loop runs as the
+Python it is written in, with the same result to rounding, some hundred times slower.
 
 The loops have no branch, so that the compiler turns them into vector instructions. Two things make that possible: an
 arctangent of selections, one division and a polynomial; and the single rewriting rule "contract" (fused multiply-add)
@@ -9,15 +11,45 @@ instead of full fast mathematics, which would be free to assume that no value is
 
 from __future__ import annotations
 
-import math
+import math as math  # the kernels take it from here
 from collections.abc import Callable
+from functools import wraps
+from types import SimpleNamespace
 from typing import Any, Final, TypeVar, cast
 
-import numba
 import numpy as np
-from numba import types
 
 from inclinometry.arrays import Array
+
+try:
+    import numba as _installed
+except ImportError:  # not installed, or not for this numpy
+    numba: Any = None
+else:
+    numba = _installed
+
+COMPILED: Final = numba is not None
+"""Whether the loops are machine code."""
+
+
+class _NoType:
+    """Stands for every type of a signature that nobody compiles."""
+
+    def __getattr__(self, name: str) -> _NoType:
+        return self
+
+    def __call__(self, *_: object, **__: object) -> _NoType:
+        return self
+
+
+types: Any = _NoType() if numba is None else numba.types
+if numba is None:
+    # as machine code does: a root of -1 is NaN and 1 / 0 infinite, where Python's own module and numbers raise
+    _numpy: Any = SimpleNamespace(
+        sqrt=np.sqrt, sin=np.sin, cos=np.cos, atan2=np.arctan2, acos=np.arccos, exp=np.exp, floor=np.floor,
+        copysign=np.copysign, radians=np.radians, isnan=np.isnan, pi=math.pi, inf=math.inf, nan=math.nan,
+    )  # fmt: skip
+    math = _numpy
 
 # atan(t) = t + t^3 P(t^2); P interpolates at Chebyshev nodes of [0, 0.43^2] in 60 digits, relative error 1.2e-17
 P0: Final = -0.33333333333333326
@@ -48,6 +80,8 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 def inlined(function: Function) -> Function:
     """A formula to be pasted into the loops that use it."""
+    if numba is None:
+        return function
     return cast(Function, numba.njit(forceinline=True, **FAST)(function))
 
 
@@ -55,6 +89,8 @@ def compiled(signature: Any) -> Callable[[Function], Function]:
     """Compile at once and keep the machine code on disk; where nothing can be written, in memory only."""
 
     def build(function: Function) -> Function:
+        if numba is None:
+            return cast(Function, _quiet(function))
         try:
             kernel = numba.njit([signature], nogil=True, cache=True, **FAST)(function)
         except (RuntimeError, OSError):  # no folder that can be written, or a full disk
@@ -62,6 +98,17 @@ def compiled(signature: Any) -> Callable[[Function], Function]:
         return cast(Function, kernel)
 
     return build
+
+
+def _quiet(function: Callable[..., object]) -> Callable[..., object]:
+    """The loop as it stands; what is infinite or no number is not commented, as in machine code."""
+
+    @wraps(function)
+    def run(*arguments: object) -> object:
+        with np.errstate(all="ignore"):
+            return function(*arguments)
+
+    return run
 
 
 @inlined

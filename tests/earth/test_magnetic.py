@@ -69,6 +69,24 @@ def test_grid_of_igrf14():
     np.testing.assert_allclose(ned(igrf14(*place, 1e3 * height + 2.7, year)).T, xyz, atol=0.018, rtol=0)
 
 
+def test_the_coefficients_are_those_that_other_packages_carry():
+    import ppigrf
+    from wmm import wmm_calc
+
+    ours, theirs = wmm2025_coefficients(), wmm_calc().load_coeffs()
+    assert (ours.years[0], theirs["model_name"]) == (theirs["epoch"], "WMM-2025")
+    rows, columns = np.tril_indices(ours.degree + 1)
+    for name, square in (("g", ours.g), ("h", ours.h)):
+        value, rate = (np.array(theirs[key][: len(rows)]) for key in (name, f"{name}_sv"))
+        np.testing.assert_array_equal(square[0, rows, columns], value)
+        np.testing.assert_array_equal(square[1, rows, columns], value + 5.0 * rate)
+    model = igrf14_coefficients()
+    for table, square in zip(ppigrf.ppigrf.read_shc(ppigrf.ppigrf.shc_fn_igrf14), (model.g, model.h), strict=True):
+        np.testing.assert_array_equal(table.index.year, model.years)
+        for n, m in table.columns:
+            np.testing.assert_array_equal(square[:, n, m], table[(n, m)])
+
+
 def test_the_packages_own_evaluation_agrees_away_from_the_poles():
     import ppigrf
     from wmm import wmm_calc

@@ -39,6 +39,7 @@ def _run(arguments: list[str]) -> int:
     from cyclopts import CycloptsError
 
     from inclinometry.cli.app import app
+    from inclinometry.cli.extras import missing
     from inclinometry.errors import InclinometryError
 
     try:
@@ -48,6 +49,12 @@ def _run(arguments: list[str]) -> int:
         return 2
     except InclinometryError as error:
         _say(f"inclinometry: {_one_line(str(error))}")
+        return 2
+    except ImportError as error:
+        needed = missing(error)
+        if needed is None:
+            raise
+        _say(f"inclinometry: {needed}")
         return 2
     return status if isinstance(status, int) else 0
 

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import output
 from inclinometry.cli.bench import show_comparison
+from inclinometry.cli.extras import need
 from inclinometry.cli.options import Json
 from inclinometry.cli.survey import show_survey, show_verification
 from inclinometry.errors import FileError
@@ -38,6 +39,7 @@ def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
     json
         Print JSON.
     """
+    need("matplotlib", "jinja2", "pyarrow")
     found = Demo(output_)
     try:
         output_.mkdir(parents=True, exist_ok=True)

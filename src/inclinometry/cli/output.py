@@ -17,6 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from inclinometry.cli.extras import need_for
 from inclinometry.errors import FileError
 
 _WIDEST = 110  # columns the widest table needs; a narrower terminal wraps lines rather than cells
@@ -55,11 +56,14 @@ def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None])
     ------
     FileError
         A folder, a folder that is missing or may not be written, a file that is also an input or another output.
+    ModuleNotFoundError
+        An output whose package, one of an extra, is not installed.
     """
     taken = [(name, path) for name, path in inputs.items() if path is not None and _exists(path)]
     for name, path in outputs.items():
         if path is None:
             continue
+        need_for(name, path)
         if _is_writable_stream(path):
             continue
         for other, there in taken:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -121,7 +121,7 @@ def _zonal(degree: int, sine: Array, cosine: Array) -> list[tuple[Array, Array, 
     return found
 
 
-# Gauss coefficients of the models, from the files that wmm-calculator and ppigrf carry; read once, never fetched.
+# Gauss coefficients of the models, from the files beside this module (ORIGIN.md); read once, never fetched.
 
 _WMM_YEARS = 5.0
 
@@ -129,14 +129,14 @@ _WMM_YEARS = 5.0
 @cache
 def wmm2025_coefficients() -> Coefficients:
     """WMM2025: values at 2025 and what their yearly change makes of them in 2030."""
-    from wmm import wmm_calc
-
-    calculator = wmm_calc()
-    content = calculator.load_coeffs()
-    if content["model_name"] != "WMM-2025":
-        raise InputError(f"the installed wmm-calculator carries {content['model_name']}; install one with WMM-2025")
-    g, h, g_rate, h_rate = (_square(content[k], calculator.nmax) for k in ("g", "h", "g_sv", "h_sv"))
-    epoch = float(content["epoch"])
+    head, *lines = _published("WMM2025.COF")
+    # two lines of nines end the table
+    rows = np.array([line.split() for line in lines if not line.startswith("9999")], dtype=np.float64)
+    n, m = rows[:, :2].T.astype(int)
+    values = np.zeros((4, n.max() + 1, n.max() + 1))
+    values[:, n, m] = rows[:, 2:].T
+    g, h, g_rate, h_rate = values
+    epoch = float(head.split()[0])
     g, h = np.stack([g, g + _WMM_YEARS * g_rate]), np.stack([h, h + _WMM_YEARS * h_rate])
     return Coefficients(frozen([epoch, epoch + _WMM_YEARS]), frozen(g), frozen(h))
 
@@ -144,26 +144,18 @@ def wmm2025_coefficients() -> Coefficients:
 @cache
 def igrf14_coefficients() -> Coefficients:
     """IGRF-14: every five years from 1900 to 2030."""
-    from ppigrf import ppigrf
-
-    tables = ppigrf.read_shc(ppigrf.shc_fn_igrf14)
-    years = tables[0].index.year.to_numpy(dtype=np.float64)
-    degree = max(n for n, _ in tables[0].columns)
-    found = []
-    for table in tables:
-        square = np.zeros((len(years), degree + 1, degree + 1))
-        for n, m in table.columns:
-            square[:, n, m] = table[(n, m)]
-        found.append(frozen(square))
-    return Coefficients(frozen(years), found[0], found[1])
+    head, dates, *lines = (line for line in _published("IGRF14.shc") if not line.startswith("#"))
+    years, degree = np.array(dates.split(), dtype=np.float64), int(head.split()[1])
+    g, h = np.zeros((2, len(years), degree + 1, degree + 1))
+    for line in lines:
+        n, m, *values = line.split()
+        # a negative order is that of a sine
+        (h if int(m) < 0 else g)[:, int(n), abs(int(m))] = np.array(values, dtype=np.float64)
+    return Coefficients(frozen(years), frozen(g), frozen(h))
 
 
-def _square(values: Sequence[float], degree: int) -> Array:
-    """By degree and order, from a row that runs (unused), (1, 0), (1, 1), (2, 0), ..."""
-    square = np.zeros((degree + 1, degree + 1))
-    rows, columns = np.tril_indices(degree + 1)
-    square[rows[1:], columns[1:]] = values[1 : len(rows)]
-    return square
+def _published(name: str) -> list[str]:
+    return files("inclinometry.earth").joinpath(name).read_text(encoding="ascii").splitlines()
 
 
 UNKNOWN_ANGLE: Final = float(np.pi / np.sqrt(3.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -208,7 +208,9 @@ class CsvRun:
         self._nan = re.compile(rf"(^|{mark})[ \t]*[+-]?nan[ \t]*(?={mark}|$)", re.IGNORECASE)
         self._pointed = False
         self._check = RunCheck()
-        self._arrow = _ArrowNumbers(names, self.header.wanted, self._body.delimiter)
+        self._arrow: _ArrowNumbers | None = None
+        with suppress(ModuleNotFoundError):  # without Arrow, an extra, every block goes the careful way
+            self._arrow = _ArrowNumbers(names, self.header.wanted, self._body.delimiter)
 
     def _opened(self, path: Path) -> tuple[_Body, Block | None]:
         """The header, and what stands behind it in the same block."""
@@ -241,7 +243,7 @@ class CsvRun:
     def _quick(self, block: Block) -> dict[str, Array] | None:
         """Columns by Arrow; None where a block holds more than numbers with points, or the first points of the file."""
         text = "\n".join(block.lines)
-        if not block.plain or "#" in text or (self._body.delimiter != "," and "," in text):
+        if self._arrow is None or not block.plain or "#" in text or (self._body.delimiter != "," and "," in text):
             return None
         if not self._pointed and "." in text:
             return None  # the careful way notes where the first point stands

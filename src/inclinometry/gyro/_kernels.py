@@ -9,14 +9,12 @@ Newton's method on azimuth and k.
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
-from numba import types
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import compiled, inlined
+from inclinometry.compiled import compiled, inlined, math, types
 
 GRID: Final = 64  # azimuths at which every cost is laid out; valleys are never narrower than 40 deg apart from twins
 STEPS: Final = 40  # at most; six are enough away from singular places

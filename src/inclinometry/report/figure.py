@@ -17,11 +17,10 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from markupsafe import Markup, escape
-
 from inclinometry.files.writing import write_bytes
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -120,6 +119,7 @@ def inline_svg(figure: Figure, name: str, description: str) -> Markup:
     description : str
         Plain text.
     """
+    from markupsafe import Markup, escape
 
     def tag(found: re.Match[str]) -> str:
         text = found.group(0)

@@ -9,14 +9,12 @@ stations end as exactly as a hundred.
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
-from numba import types
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import _half_turn, compiled, inlined
+from inclinometry.compiled import _half_turn, compiled, inlined, math, types
 
 # sin(y) = y + y^3 S(y^2) and cos(y) = 1 - y^2/2 + y^4 C(y^2) to pi/4, interpolated at Chebyshev nodes in 60 digits;
 # errors 1.8e-17 of y and 8.9e-19

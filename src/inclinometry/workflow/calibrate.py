@@ -6,24 +6,17 @@ from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, replace
 from dataclasses import fields as fields_of
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.conventions import USUAL, Dials
-from inclinometry.calibration.direct import (
-    calibrate_classical,
-    calibrate_orthogonal,
-    calibrate_rotations,
-    calibrate_twelve,
-)
 from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, expected_uncertainty
-from inclinometry.calibration.field import calibrate_field
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.calibration.norm import calibrate_norms
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import DIP, KINDS, SHORT_INCLINATIONS, STEPS
@@ -37,15 +30,16 @@ from inclinometry.sensors import Tool
 
 # The one table of identification methods by name, and which of them a set of readings allows.
 
-METHODS: dict[str, Callable[..., Calibration]] = {
-    "joint": calibrate_joint,
-    "twelve": calibrate_twelve,
-    "orthogonal": calibrate_orthogonal,
-    "rotations": calibrate_rotations,
-    "classical": calibrate_classical,
-    "field": calibrate_field,
-    "norm": calibrate_norms,
+METHODS: Final = {
+    "joint": "joint:calibrate_joint",
+    "twelve": "direct:calibrate_twelve",
+    "orthogonal": "direct:calibrate_orthogonal",
+    "rotations": "direct:calibrate_rotations",
+    "classical": "direct:calibrate_classical",
+    "field": "field:calibrate_field",
+    "norm": "norm:calibrate_norms",
 }
+"""Method -> module of `calibration` and function; a run loads its own alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +55,9 @@ def method(name: str) -> Callable[..., Calibration]:
     """A method by name; InputError lists the names."""
     if name not in METHODS:
         raise InputError(f"method {name!r} is unknown; allowed: {', '.join(METHODS)}")
-    return METHODS[name]
+    module, _, function = METHODS[name].partition(":")
+    found: Callable[..., Calibration] = getattr(import_module(f"inclinometry.calibration.{module}"), function)
+    return found
 
 
 def attempt_all(
@@ -84,13 +80,13 @@ def attempt_all(
     """
     attempts = []
     stand: dict[str, Any] = {"field_prior": field_prior, "reference_sd": reference_sd}
-    for name, run in METHODS.items():
+    for name in METHODS:
         if name == "norm":
             continue  # its triads stand in axes of their own: nothing to compare
         known: dict[str, Any] = {"rig_sd": rig_sd, "left_handed": left_handed, **(stand if name == "joint" else {})}
         if name == "classical":
             known["nameplate"] = nameplate
-        run = partial(run, readings, **({} if name == "field" else known))
+        run = partial(method(name), readings, **({} if name == "field" else known))
         attempts.append(_attempt(name, run, strict=name == "joint" and readings.azimuth is not None))
         if name == "joint":
             plain = {"rig_sd": 0.0, "diagnose": False, "left_handed": left_handed, **stand}

@@ -48,7 +48,7 @@ from inclinometry.survey.path import minimum_curvature
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.survey.stations import Stations
 from inclinometry.workflow import simulate
-from inclinometry.workflow.calibrate import METHODS, Comparison, Options, compare, true_errors
+from inclinometry.workflow.calibrate import Comparison, Options, compare, method, true_errors
 from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run, write_dynamic
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
 from inclinometry.workflow.hot_run import JOINT, HotRunMethods, many_hot_runs, reduce_hot_run, rms_degrees
@@ -593,6 +593,6 @@ def simulated_errors(methods: Sequence[str], plan: Plan, inclination: Array, dra
         run = simulate.bench(plan, seed, rig=RIG)
         known["classical"] = {"nameplate": run.truth}  # at its best: each conversion factor is what the nameplate says
         for name in methods:
-            found = METHODS[name](run.readings, **known.get(name, {}))
+            found = method(name)(run.readings, **known.get(name, {}))
             squared[name].append(true_errors(found.tool, run.truth, RIG.dip, inclination) ** 2)
     return {name: np.sqrt(np.mean(values, axis=0)) for name, values in squared.items()}

@@ -7,11 +7,10 @@ tool axes, rad/s), field (3, level frame, nT). Vectors and matrices are flat arr
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import inlined
+from inclinometry.compiled import inlined, math
 
 STATES: Final = 12
 SWAY, SPEED, SLOPE, BIAS, FIELD = 0, 2, 4, 6, 9

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.compiled import compiled, inlined
+from inclinometry.compiled import compiled, inlined, math, types
 from inclinometry.motion.complementary import _kernels as k
 from inclinometry.motion.result import BITS
 from inclinometry.uncertainty import UNKNOWN

@@ -9,15 +9,13 @@ Within a window the strapdown attitude is left alone; the errors are estimated b
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import compiled, inlined
+from inclinometry.compiled import compiled, inlined, math, types
 
 STATES: Final = 16
 NOMINAL: Final = 20  # quaternion 0-3, then bias, scale, accelerometer bias, hard iron, dip; rest unused

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import types
-
 from inclinometry.arrays import Array
-from inclinometry.compiled import compiled, inlined
+from inclinometry.compiled import compiled, inlined, types
 
 COLUMNS: Final = 9
 """Of `demodulated`: Re s, Im s, g_z, Re m, Im m, b_z, Re u, -Im u, weight; s, m: transverse gravity, field times u*."""

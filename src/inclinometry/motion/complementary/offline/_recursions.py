@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.compiled import compiled, inlined
+from inclinometry.compiled import compiled, inlined, math, types
 from inclinometry.motion.complementary import _kernels as k
 from inclinometry.motion.complementary import _recursions as f
 
