@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from inclinometry.errors import InputError
-from inclinometry.motion._hole_direction import offset_of, rolled, see, turned
+from inclinometry.motion._hole_direction import observe, offset_of, rolled, turned
 from inclinometry.motion.result import BITS, METHODS, Attitude, joined
 from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings, robust_filter
 from inclinometry.motion.window_smoother import smooth_windows
@@ -94,7 +94,7 @@ def test_offsets_and_frames_are_inverse() -> None:
         moved = turned(frame, vector)
         np.testing.assert_allclose(moved, rotation_exp([-vector[0], -vector[1], 0.0]) @ frame, atol=1e-14)
         np.testing.assert_allclose(offset_of(frame, moved[2]), vector, atol=1e-13)
-        np.testing.assert_allclose(see(frame, moved, np.eye(3)).roll, 0.0, atol=1e-14)
+        np.testing.assert_allclose(observe(frame, moved, np.eye(3)).roll, 0.0, atol=1e-14)
 
 
 def test_a_row_taken_as_it_is_comes_back() -> None:
@@ -103,7 +103,7 @@ def test_a_row_taken_as_it_is_comes_back() -> None:
     matrix, frame = dcm(1.0, 0.5, 2.0), dcm(1.001, 0.5, 0.0)
     root = random.standard_normal((3, 3))
     covariance = root @ root.T
-    seen = see(frame, matrix, covariance)
+    seen = observe(frame, matrix, covariance)
     found, spread = rolled(turned(frame, seen.offset), seen.noise, matrix, covariance)
     np.testing.assert_allclose(found, matrix, atol=1e-14)
     np.testing.assert_allclose(spread, covariance, rtol=1e-10)
@@ -123,7 +123,7 @@ def test_the_update_is_that_of_a_filter_of_three_angles() -> None:
     wanted = gain @ measured
     spread = wide - gain @ wide
     # the same with the direction alone filtered, the prior's frame being the truth: z of the frame is z of the tool
-    seen = see(truth, matrix, covariance)
+    seen = observe(truth, matrix, covariance)
     keep = prior @ np.linalg.inv(prior + seen.noise)
     frame = turned(truth, keep @ seen.offset)
     found, joint = rolled(frame, prior - keep @ prior, matrix, covariance)

@@ -18,9 +18,9 @@ from inclinometry.survey.sag import (
     Bha,
     Element,
     Stabiliser,
-    bent,
     correct_stations,
     correct_survey,
+    deflected_shape,
     deflection,
     run_sag,
     sag_angles,
@@ -43,7 +43,7 @@ def pinned(one, *rows):
 
 
 def at_rest(one, share=1.0, curvature=0.0):
-    return bent(one, share, curvature, (one.gap == 0.0).astype(float))
+    return deflected_shape(one, share, curvature, (one.gap == 0.0).astype(float))
 
 
 def assembly(name, sensor, **more):
@@ -99,7 +99,7 @@ def test_beam_on_three_supports():
 
 
 def test_cantilever():
-    found = bent(beam(clamped=True), 1.0, 0.0, np.zeros(11))
+    found = deflected_shape(beam(clamped=True), 1.0, 0.0, np.zeros(11))
     # the upper end is held: q L^4 / 8 EI, -q L^3 / 6 EI at the free end
     assert found.deflection[0] == pytest.approx(1000.0 * 1e4 / (8 * 2e6), rel=1e-9)
     assert found.slope[0] == pytest.approx(-1000.0 * 1e3 / (6 * 2e6), rel=1e-9)
@@ -127,7 +127,7 @@ def test_body_that_touches_between_supports_rests_on_the_wall():
 def test_the_result_does_not_depend_on_the_contacts_it_starts_from():
     one = simple(hole=0.2159).beam
     starts = [np.zeros(len(one.x)), np.ones(len(one.x)), -np.ones(len(one.x))]
-    shapes = [bent(one, 1.0, 0.0, start).deflection for start in starts]
+    shapes = [deflected_shape(one, 1.0, 0.0, start).deflection for start in starts]
     for other in shapes[1:]:
         np.testing.assert_allclose(other, shapes[0], atol=1e-8)  # m; contacts are found to 1e-9
 
@@ -266,7 +266,7 @@ def test_forces_carry_the_buoyant_weight_across_the_hole():
 
 def test_the_slower_way_gives_the_same():
     one = simple(over_gauge=1e-3, hole=0.222).beam
-    fast = bent(one, 1.0, 1e-3, np.zeros(len(one.x)))
+    fast = deflected_shape(one, 1.0, 1e-3, np.zeros(len(one.x)))
     band, force = _beam._assembled(one, 1.0, 1e-3)
     bounded, wall = np.zeros(len(force), dtype=bool), np.zeros(len(force))
     bounded[::2], wall[::2] = np.isfinite(one.gap), np.where(np.isfinite(one.gap), one.gap, 0.0)

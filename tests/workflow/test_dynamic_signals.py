@@ -153,7 +153,7 @@ def test_single_values_that_are_no_readings_are_missing(tmp_path):
     found = signals.fields(RunBlock(np.arange(400.0), {"accelerometer": accel, "magnetometer": mag}, None))
     assert np.argwhere(np.isnan(found["accel"])).tolist() == [[50, 1], [60, 0]]
     assert np.argwhere(np.isnan(found["mag"])).tolist() == [[70, 2]]
-    assert signals.absurd.notes() == (
+    assert signals.out_of_range.notes() == (
         "accel_x is -999.25 in row 61: no reading; taken for missing",
         "accel_y is 1e+06 in row 51: no reading; taken for missing",
         "mag_z is -99999 in row 71: no reading; taken for missing",
@@ -162,4 +162,4 @@ def test_single_values_that_are_no_readings_are_missing(tmp_path):
     accel[:, 1] = 3000.0
     again = signals.fields(RunBlock(np.arange(400.0), {"accelerometer": accel, "magnetometer": mag}, None))
     assert np.isnan(again["accel"]).sum() == 1
-    assert "and 1 more of its values" in signals.absurd.notes()[0]
+    assert "and 1 more of its values" in signals.out_of_range.notes()[0]

@@ -242,7 +242,7 @@ NEAR_START = 0.1
 """Standard deviation of the fields' directions about their start while the variances are looked for, rad."""
 
 
-class Known(TypedDict, total=False):
+class KnownAngles(TypedDict, total=False):
     """What may be known of a run; as for `calibrate_joint`."""
 
     noise_sd: Mapping[str, ArrayLike] | None
@@ -251,7 +251,7 @@ class Known(TypedDict, total=False):
     name: str
 
 
-def calibrate_twelve(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
+def calibrate_twelve(readings: BenchReadings, **known: Unpack[KnownAngles]) -> Calibration:
     """The twelve positions (equations (17)-(25), corrected) as a calibration of all triads.
 
     Parameters
@@ -270,12 +270,12 @@ def calibrate_twelve(readings: BenchReadings, **known: Unpack[Known]) -> Calibra
     return _closed(readings, "twelve", lambda kind, a: partial(_solve, solve_twelve, readings, a), **known)
 
 
-def calibrate_orthogonal(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
+def calibrate_orthogonal(readings: BenchReadings, **known: Unpack[KnownAngles]) -> Calibration:
     """The 24 orthogonal positions, their half or the two-face plan; parameters as `calibrate_twelve`."""
     return _closed(readings, "orthogonal", lambda kind, a: partial(_solve, solve_orthogonal, readings, a), **known)
 
 
-def calibrate_rotations(readings: BenchReadings, **known: Unpack[Known]) -> Calibration:
+def calibrate_rotations(readings: BenchReadings, **known: Unpack[KnownAngles]) -> Calibration:
     """Two full turns about the tool axis, 90 degrees apart in inclination; parameters as `calibrate_twelve`.
 
     The magnetic field's direction comes from the dip of the readings' reference, else from the turns themselves where
@@ -295,7 +295,7 @@ def calibrate_rotations(readings: BenchReadings, **known: Unpack[Known]) -> Cali
 
 
 def calibrate_classical(
-    readings: BenchReadings, *, nameplate: Tool | None = None, **known: Unpack[Known]
+    readings: BenchReadings, *, nameplate: Tool | None = None, **known: Unpack[KnownAngles]
 ) -> Calibration:
     """The small-angle method with a level rig, trusted dials and nameplate scale; for comparison only.
 

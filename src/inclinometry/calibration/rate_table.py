@@ -182,7 +182,7 @@ def chance_of(fit: Fit) -> float:
 def chance_unasked(
     u: Array, w: Array, g: Array | None, heat: Array | None, reference: float, degree: int, spread: Array | None
 ) -> tuple[float | None, str]:
-    """The same where nobody asked: None where gravity or the steps cannot tell, and a sentence where it matters."""
+    """The same where none is asked for: None where gravity or the steps cannot tell; a sentence where it matters."""
     if g is None:
         return None, ""
     try:

@@ -178,7 +178,7 @@ class Calibration:
 
 
 def same_units(units: Mapping[str, str], calibration: Calibration) -> None:
-    """Refuse signals stated in another unit than the calibration's; nothing is converted behind anybody's back.
+    """Refuse signals stated in another unit than the calibration's; nothing is converted unasked.
 
     A unit that is not stated ("counts") is taken for the calibration's own.
 

@@ -17,7 +17,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         with warnings.catch_warnings():
             if not _traceback():
-                # what a user must know is said in words; a line of source helps nobody at the bench
+                # what a user must know is said in words; a line of source is of no use at the bench
                 warnings.simplefilter("ignore")
             status = _run(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:

@@ -21,7 +21,7 @@ _DEG = 180.0 / np.pi
 
 
 @dataclass(frozen=True)
-class Shown:
+class PlottedCurve:
     """A quantity as people read it: its name in files, title, unit, and the factor from the unit inside."""
 
     key: str
@@ -34,25 +34,25 @@ class Shown:
 class NoiseUnits:
     """How the noise of one kind of channel is shown; `coefficients` in the order of `COEFFICIENTS`."""
 
-    coefficients: tuple[Shown, Shown, Shown]
-    deviation: Shown
+    coefficients: tuple[PlottedCurve, PlottedCurve, PlottedCurve]
+    deviation: PlottedCurve
 
 
 _GYRO = NoiseUnits(
     (
-        Shown("arw_deg_sqrt_h", "angle random walk", "deg/√h", _DEG * 60.0),
-        Shown("bias_instability_deg_h", "bias instability", "deg/h", _DEG * 3600.0),
-        Shown("rate_random_walk_deg_h_sqrt_h", "rate random walk", "deg/h/√h", _DEG * 3600.0 * 60.0),
+        PlottedCurve("arw_deg_sqrt_h", "angle random walk", "deg/√h", _DEG * 60.0),
+        PlottedCurve("bias_instability_deg_h", "bias instability", "deg/h", _DEG * 3600.0),
+        PlottedCurve("rate_random_walk_deg_h_sqrt_h", "rate random walk", "deg/h/√h", _DEG * 3600.0 * 60.0),
     ),
-    Shown("deviation_deg_h", "Allan deviation", "deg/h", _DEG * 3600.0),
+    PlottedCurve("deviation_deg_h", "Allan deviation", "deg/h", _DEG * 3600.0),
 )
 _ACCELEROMETER = NoiseUnits(
     (
-        Shown("velocity_random_walk_m_s_sqrt_h", "velocity random walk", "m/s/√h", 60.0),
-        Shown("bias_instability_m_s2", "bias instability", "m/s²", 1.0),
-        Shown("acceleration_random_walk_m_s2_sqrt_h", "acceleration random walk", "m/s²/√h", 60.0),
+        PlottedCurve("velocity_random_walk_m_s_sqrt_h", "velocity random walk", "m/s/√h", 60.0),
+        PlottedCurve("bias_instability_m_s2", "bias instability", "m/s²", 1.0),
+        PlottedCurve("acceleration_random_walk_m_s2_sqrt_h", "acceleration random walk", "m/s²/√h", 60.0),
     ),
-    Shown("deviation_m_s2", "Allan deviation", "m/s²", 1.0),
+    PlottedCurve("deviation_m_s2", "Allan deviation", "m/s²", 1.0),
 )
 
 
@@ -66,15 +66,15 @@ def units_of(channel: ChannelNoise) -> NoiseUnits:
     label = unit.replace("/", "_").replace("^", "")
     return NoiseUnits(
         (
-            Shown(f"white_noise_{label}_sqrt_s", "white noise", f"{unit}·√s", 1.0),
-            Shown(f"bias_instability_{label}", "bias instability", unit, 1.0),
-            Shown(f"random_walk_{label}_per_sqrt_s", "random walk", f"{unit}/√s", 1.0),
+            PlottedCurve(f"white_noise_{label}_sqrt_s", "white noise", f"{unit}·√s", 1.0),
+            PlottedCurve(f"bias_instability_{label}", "bias instability", unit, 1.0),
+            PlottedCurve(f"random_walk_{label}_per_sqrt_s", "random walk", f"{unit}/√s", 1.0),
         ),
-        Shown(f"deviation_{label}", "Allan deviation", unit, 1.0),
+        PlottedCurve(f"deviation_{label}", "Allan deviation", unit, 1.0),
     )
 
 
-def coefficients_of(channel: ChannelNoise) -> list[tuple[Shown, Coefficient]]:
+def coefficients_of(channel: ChannelNoise) -> list[tuple[PlottedCurve, Coefficient]]:
     """The three coefficients with how each is shown."""
     found = [getattr(channel.model, name) for name in COEFFICIENTS]
     return list(zip(units_of(channel).coefficients, found, strict=True))

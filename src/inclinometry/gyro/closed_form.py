@@ -421,7 +421,7 @@ def sensitivity(s: Array, psi: Array, th: Array, lat: float) -> tuple[Array, Arr
 
     From s A = X, s B = Y by implicit differentiation, at the point where they hold.
     """
-    # in the vertical azimuth and toolface change without bound and their sum does not: a hair from it both are numbers
+    # in the vertical azimuth and toolface change without bound and their sum does not: very near to it both are numbers
     th = np.maximum(th, STEEPEST)
     x, y, z = expected_rates(psi, th, lat)
     x_psi, y_psi = y * np.cos(th), -np.cos(lat) * np.cos(psi)
@@ -700,7 +700,7 @@ def solve_fixed_arctan2(
     th = np.minimum(attitude.inclination, HALF_PI)
     lost = attitude.up | attitude.horizontal
     psi = np.where(lost, np.nan, azimuth_arctan2(a, b, s, th, lat))
-    # derivatives in the vertical: a hair from it, where azimuth and toolface are numbers
+    # derivatives in the vertical: very near to it, where azimuth and toolface are numbers
     hair = np.maximum(th, STEEPEST)
     a, th = a + np.sin(lat) * (np.sin(hair) - np.sin(th)) / s, hair
     sine, cosine = -s * b * np.cos(th), s * a - np.sin(lat) * np.sin(th)

@@ -43,7 +43,7 @@ def laboratory_of(ledger: Ledger, session: Record) -> Laboratory:
 
 
 def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> Laboratory:
-    """The laboratory with who answers for the certificate: nobody is not allowed (ISO/IEC 17025, 7.8.2.1 o)."""
+    """The laboratory with who authorises the certificate, who is required (ISO/IEC 17025, 7.8.2.1 o)."""
     if any(wanted):
         return replace(laboratory, authoriser=wanted[0] or author, authoriser_role=wanted[1])
     return laboratory if laboratory.authoriser else replace(laboratory, authoriser=author)

@@ -211,7 +211,7 @@ class NoiseFloor:
     def _learn(self) -> Floor:
         variance, mean = np.stack(self._variance), np.stack(self._mean)
         step = np.zeros(mean.shape[1]) if self._step is None else np.where(np.isfinite(self._step), self._step, 0.0)
-        # between two counts a reading may rest on one or alternate: up to a quarter of a step squared, where it likes
+        # between two counts a reading may rest on one or alternate: variance up to a quarter of a step squared
         variance = np.maximum(variance, step**2 / 4.0)
         unit = chdtri(BLOCK - 1.0, 0.5) / (BLOCK - 1.0)  # median of a variance over its mean
         floor = np.maximum(noise_floor(variance, 4.0) / unit, np.finfo(float).tiny)

@@ -84,7 +84,7 @@ def _in_degrees(angle: float) -> float:
     return round(float(np.degrees(angle)), 9)
 
 
-def held_to(session: Session, calibration: str, limits: Limits | None) -> Limits | None:
+def applicable_limits(session: Session, calibration: str, limits: Limits | None) -> Limits | None:
     """The limits to judge a session by; what was agreed at its opening is not changed once there are results.
 
     Raises
@@ -172,9 +172,9 @@ def finish_verification(
         raise LedgerError(f"the calibration is of tool {record.keys['serial']}, the session of {seen.serial}")
     if record.keys["session"] == session:
         raise LedgerError(OWN_SESSION)
-    limits = held_to(seen, calibration, limits)
+    limits = applicable_limits(seen, calibration, limits)
     found = judged(ledger, session, calibration, limits)
-    lost = lacking(seen, found, limits)
+    lost = missing_positions(seen, found, limits)
     if lost:
         raise LedgerError(lost)
     body = {
@@ -192,7 +192,7 @@ def finish_verification(
     return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
 
 
-def lacking(seen: Session, found: Verification, limits: Limits | None) -> str:
+def missing_positions(seen: Session, found: Verification, limits: Limits | None) -> str:
     """What a verdict lacks, in one sentence; "" when it may be recorded: every position read, every limit judged."""
     open_ = [str(place.number) for place in seen.positions if not seen.has(place.number)]
     if open_:

@@ -19,7 +19,7 @@ AZIMUTH_KNOWN = 0.3
 """Standard deviation of the turn about the vertical, rad, beyond which a row's azimuth is no measurement."""
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """A row's attitude held against a hole frame."""
 
     offset: Array  # (2,) rotation vector from the frame to the measured direction
@@ -57,13 +57,13 @@ def offset_of(frame: Array, direction: Array) -> Array:
     return np.array([-h[1] * ratio, h[0] * ratio])
 
 
-def see(frame: Array, matrix: Array, covariance: Array) -> Seen:
+def observe(frame: Array, matrix: Array, covariance: Array) -> Observation:
     """Offset of a row's direction from the frame, its noise, and the roll."""
     offset = offset_of(frame, matrix[2])
     spin = matrix @ turned(frame, offset).T
     roll = math.atan2(spin[0, 1], spin[0, 0])
     back = _turn(roll)
-    return Seen(offset, back @ covariance[:2, :2] @ back.T, roll)
+    return Observation(offset, back @ covariance[:2, :2] @ back.T, roll)
 
 
 def with_azimuth(matrix: Array, covariance: Array, direction: Array) -> Array:
@@ -97,7 +97,7 @@ def rolled(frame: Array, spread: Array, matrix: Array, covariance: Array) -> tup
     e_z given e_xy: with G = P_z,xy P_xy^-1 the roll is corrected by G e_xy, and
     P_zz <- P_zz - G P_xy,z + G P_xy(estimate) G': the Kalman update of a roll about which nothing else is known.
     """
-    seen = see(frame, matrix, covariance)
+    seen = observe(frame, matrix, covariance)
     back = _turn(seen.roll)
     gain: Array = np.asarray(np.linalg.solve(covariance[:2, :2], covariance[:2, 2]), dtype=np.float64)
     roll = seen.roll - float(gain @ (back.T @ seen.offset))

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.motion._hole_direction import (
-    Seen,
+    Observation,
     azimuth_unknown,
     carried,
     clean,
+    observe,
     rolled,
-    see,
     turned,
     with_azimuth,
 )
@@ -367,7 +367,7 @@ class Recursion:
             return 0.0
         if after is None or after.matrix is None or after.covariance is None:
             return 0.0
-        seen = see(belief.frame, with_azimuth(after.matrix, after.covariance, belief.frame[2]), after.covariance)
+        seen = observe(belief.frame, with_azimuth(after.matrix, after.covariance, belief.frame[2]), after.covariance)
         return _size(seen.offset, belief.covariance[:2, :2] + seen.noise)
 
     def _predict(self, belief: Belief, time: float) -> Belief:
@@ -400,7 +400,7 @@ class Recursion:
         tuning = self._tuning
         if tuning.adaptive_two is None and tuning.adaptive_three is None:
             return predicted
-        found = self._agreement(predicted, row, before, after)
+        found = self._gate(predicted, row, before, after)
         if found is None:
             return predicted
         middle, noise = found
@@ -413,14 +413,12 @@ class Recursion:
         extra = min((1.0 / max(factor, 1e-12) - 1.0) * 0.5 * float(np.trace(predicted.covariance[:2, :2])), most)
         return replace(predicted, covariance=predicted.covariance + np.diag([extra, extra, 0.0, 0.0]))
 
-    def _agreement(
-        self, predicted: Belief, row: Row, before: Row | None, after: Row | None
-    ) -> tuple[Array, Array] | None:
+    def _gate(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> tuple[Array, Array] | None:
         """Mean offset of this row and the neighbour it agrees with best, with its noise; None when with neither."""
-        own = self._testimony(predicted, row, row.time)
+        own = self._measurement(predicted, row, row.time)
         best, least = None, AGREE
         for each in (before, after):
-            other = None if each is None else self._testimony(predicted, each, row.time)
+            other = None if each is None else self._measurement(predicted, each, row.time)
             if own is None or other is None:
                 continue
             apart = _size(own[0] - other[0], own[1] + other[1])
@@ -428,13 +426,13 @@ class Recursion:
                 least, best = apart, (0.5 * (own[0] + other[0]), 0.25 * (own[1] + other[1]))
         return best
 
-    def _testimony(self, predicted: Belief, row: Row, time: float) -> tuple[Array, Array] | None:
+    def _measurement(self, predicted: Belief, row: Row, time: float) -> tuple[Array, Array] | None:
         """Offset and noise of a row from the prediction for `time`; None when the row is no evidence."""
         if row.matrix is None or row.covariance is None or not row.known:
             return None
         if not row.evidence and self._rejected < PATIENCE:
             return None
-        seen = see(predicted.frame, row.matrix, row.covariance)
+        seen = observe(predicted.frame, row.matrix, row.covariance)
         return seen.offset - predicted.rate * (row.time - time), seen.noise * self._scale
 
     def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
@@ -468,11 +466,11 @@ class Recursion:
 
 def measured(
     tuning: Tuning, row: Row, matrix: Array, covariance: Array, predicted: Belief, scale: float
-) -> tuple[Step, Seen, float]:
+) -> tuple[Step, Observation, float]:
     """Row taken into a prediction with its robust weight; also how it was seen, and its normalised innovation."""
     matrix = with_azimuth(matrix, covariance, predicted.frame[2])
     doubt = tuning.doubt**2 if row.doubtful else 1.0
-    seen = see(predicted.frame, matrix, covariance)
+    seen = observe(predicted.frame, matrix, covariance)
     size = _size(seen.offset, predicted.covariance[:2, :2] + seen.noise * (doubt * scale))
     weight = 1.0
     if tuning.huber is not None:
@@ -482,7 +480,7 @@ def measured(
     factor = doubt * scale / max(weight, LEAST_WEIGHT)
     belief = updated(predicted, seen.offset, seen.noise * factor)
     out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
-    roll = see(belief.frame, out, joint).roll
+    roll = observe(belief.frame, out, joint).roll
     quality = min(row.quality, max(1.0 - size / LARGEST, 0.0))
     known = row._replace(matrix=matrix)
     step = Step(known, predicted, belief, out, joint, row.rate, roll, float(joint[2, 2]), factor, weight, quality)

@@ -46,7 +46,7 @@ class Stream(Protocol):
 
 
 class LazyStream:
-    """A stream of whole windows that sleeps while nobody wants its rows.
+    """A stream of whole windows that works only while its rows are asked for.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ import numpy as np
 
 from inclinometry.allan import ChannelNoise, Coefficient, NoiseRecord
 from inclinometry.constants import COVERAGE_FACTOR
-from inclinometry.files.allan_json import COEFFICIENTS, Shown, coefficients_of, units_of
+from inclinometry.files.allan_json import COEFFICIENTS, PlottedCurve, coefficients_of, units_of
 from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, picture, render
 from inclinometry.report.words import listed, significant, with_uncertainty
@@ -111,7 +111,7 @@ def allan_report(record: NoiseRecord) -> str:
     )
 
 
-def coefficient_text(shown: Shown, found: Coefficient) -> str:
+def coefficient_text(shown: PlottedCurve, found: Coefficient) -> str:
     """A coefficient as people read it: value and standard uncertainty, or the limit it does not exceed."""
     if not found.seen:
         return f"< {significant(shown.factor * found.limit)}"

@@ -164,7 +164,7 @@ def minimum_curvature(
     ------
     InputError
         Naming the row: a value that is not finite or out of range, depth that does not increase, a dogleg of half a
-        turn (the plane of the arc is then anybody's guess); fewer than two stations.
+        turn (the plane of the arc is then undefined); fewer than two stations.
 
     Notes
     -----

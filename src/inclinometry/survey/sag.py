@@ -55,7 +55,7 @@ class Shape:
     force: Array
 
 
-def bent(beam: Beam, share: float, curvature: float, touching: Sequence[int] | Array) -> Shape:
+def deflected_shape(beam: Beam, share: float, curvature: float, touching: Sequence[int] | Array) -> Shape:
     """The shape of least energy within the walls.
 
     Parameters
@@ -379,7 +379,7 @@ def deflection(bha: Bha, inclination: float, curvature: float = 0.0) -> Shape:
     """
     within(inclination, "inclination", 0.0, np.pi, "rad")
     within(curvature, "curvature", -0.1, 0.1, "rad/m")
-    return bent(bha.beam, float(np.sin(inclination)), curvature, _start(bha.beam))
+    return deflected_shape(bha.beam, float(np.sin(inclination)), curvature, _start(bha.beam))
 
 
 def sag_angles(bha: Bha, inclination: ArrayLike, curvature: ArrayLike = 0.0) -> Sag:
@@ -536,7 +536,7 @@ def _slopes(beam: Beam, sensor: float, inclination: Array, curvature: Array) -> 
     for row, (tilt, turn) in enumerate(zip(inclination, curvature, strict=True)):
         share = float(np.sin(tilt))
         if share > 1e-9:
-            shape = bent(beam, share, float(turn), touching)
+            shape = deflected_shape(beam, share, float(turn), touching)
             slopes[row], touching = shape.slope[at], shape.contact
     return slopes
 

@@ -54,7 +54,7 @@ from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens
 from inclinometry.workflow.hot_run import JOINT, HotRunMethods, many_hot_runs, reduce_hot_run, rms_degrees
 from inclinometry.workflow.position import WellPosition, read_position
 from inclinometry.workflow.simulate_drilling import DrillingRequest, site_text, write_drilling
-from inclinometry.workflow.six_axis import Analysis, Judged, analyse, judge, read_six_axis, survey_six_axis
+from inclinometry.workflow.six_axis import Analysis, JudgedStations, analyse, judge, read_six_axis, survey_six_axis
 from inclinometry.workflow.survey import survey_raw, write_survey
 
 TEXTBOOK_GAIN: Final = 0.041
@@ -80,7 +80,7 @@ def textbook_filter(run: DrillingSimulation, gain: float = TEXTBOOK_GAIN) -> Arr
     Notes
     -----
     Source: S. O. H. Madgwick, "An efficient orientation filter for inertial and inertial/magnetic sensor arrays",
-    2010, equations (25), (34), (42) to (47). Two favours are done to it: it starts at the true attitude, and the gyros
+    2010, equations (25), (34), (42) to (47). It is given two advantages: it starts at the true attitude, and the gyros
     turn it by the exact exponential; his first-order step loses 0.8 % of the speed at 600 rpm and 200 Hz.
     """
     start = dcm(run.truth.azimuth[0], run.truth.inclination[0], run.truth.toolface[0])
@@ -239,7 +239,7 @@ class DemoWell:
     survey: Survey
     corrected: Survey
     error_deg: Mapping[str, float]
-    judged: tuple[Judged, Judged]
+    judged: tuple[JudgedStations, JudgedStations]
     analysis: Analysis
     position: WellPosition
     off_m: Array
@@ -359,7 +359,7 @@ HOT_SPACING = 30.0  # m
 
 
 @dataclass(frozen=True, eq=False)
-class Cave:
+class CaveSurvey:
     """A cave instrument, calibrated on shots 1-16 and judged on the roll set it has not seen."""
 
     calibration: Calibration
@@ -374,7 +374,7 @@ class Demo:
     folder: Path
     xsens: NormFit | None = None
     xsens_poses: int = 0
-    cave: Cave | None = None
+    cave: CaveSurvey | None = None
     comparisons: dict[str, Comparison] = field(default_factory=dict)
     verification: Verification | None = None
     survey: Survey | None = None
@@ -425,7 +425,7 @@ def _cave(demo: Demo) -> None:
     demo.page("SAP6 cave instrument, real shots", "cave/report.html", calibration_report(record, readings=readings))
 
 
-def judge_cave(record: Calibration, rolls: BenchReadings) -> Cave:
+def judge_cave(record: Calibration, rolls: BenchReadings) -> CaveSurvey:
     """Spread of the tool axis and of the dip over a roll set the calibration has not seen."""
     seen = reduce_survey(np.arange(float(len(rolls))), rolls.channels, record.tool)
     axis = np.stack(
@@ -438,7 +438,7 @@ def judge_cave(record: Calibration, rolls: BenchReadings) -> Cave:
     )
     mean = axis.mean(axis=0) / np.linalg.norm(axis.mean(axis=0))
     off = np.arctan2(np.linalg.norm(np.cross(axis, mean), axis=1), axis @ mean)
-    return Cave(record, float(np.sqrt(np.mean(off**2))), float(np.std(seen.dip)))
+    return CaveSurvey(record, float(np.sqrt(np.mean(off**2))), float(np.std(seen.dip)))
 
 
 def _bench(demo: Demo, name: str) -> None:

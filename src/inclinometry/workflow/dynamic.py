@@ -44,7 +44,7 @@ from inclinometry.workflow.dynamic_methods import (
     LONGEST,
     METHODS,
     SHORTEST,
-    Carried,
+    CarriedAttitude,
     Method,
     MethodName,
     Setup,
@@ -496,7 +496,7 @@ def dynamic_run(
     _check_triads(run, chosen.method, method)
     _check_north(place, run)
     setup, known = _setup(run, place, calibration, chosen)
-    work = _Work(
+    work = _Pipeline(
         run,
         Signals(run, place, calibration, _turned(run, calibration, chosen)),
         Rows(place, calibration, chosen.window, chosen.scale_sigma),
@@ -617,7 +617,7 @@ def attitude_stream(
 
 
 @dataclass
-class _Work:
+class _Pipeline:
     """The stages a run passes through."""
 
     run: RunFile
@@ -632,7 +632,7 @@ class _Work:
 
     def __post_init__(self) -> None:
         self.monitor = Monitor(self.setup.window)
-        self.carried = Carried(self.method, self.setup)
+        self.carried = CarriedAttitude(self.method, self.setup)
 
     def take(self, pieces: list[Piece], count: int) -> None:
         """Even pieces that became certain, and the rows read for them."""

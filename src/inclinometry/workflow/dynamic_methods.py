@@ -28,7 +28,7 @@ from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
 from inclinometry.motion.static import NorthSeekingStream, StaticSettings, StaticStream
 from inclinometry.motion.timing import rejoined
 from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings
-from inclinometry.workflow.dynamic_signals import Checked
+from inclinometry.workflow.dynamic_signals import CheckedStream
 
 # Smoothers over runs of any length: piece by piece, each with a lead-in and a tail that are thrown away.
 
@@ -220,7 +220,7 @@ class Setup:
         )
 
     def static(self) -> StaticSettings:
-        """As above."""
+        """Settings of the method at rest."""
         same = self.magnetic()
         return StaticSettings(
             window=self.window,
@@ -231,7 +231,7 @@ class Setup:
         )
 
     def inertial(self) -> InertialSettings:
-        """As above."""
+        """Settings of the filter over gyros."""
         same = self.magnetic()
         plain = InertialSettings(
             window=self.window,
@@ -279,7 +279,7 @@ def _auto(setup: Setup) -> Stream:
 
 def _checked(stream: Stream, setup: Setup, *needs: str, carries: bool = True) -> Stream:
     """With the checks that the chooser makes itself."""
-    return Checked(stream, setup.window, setup.site, needs, carries=carries)
+    return CheckedStream(stream, setup.window, setup.site, needs, carries=carries)
 
 
 def _magnetic(setup: Setup) -> Stream:
@@ -325,7 +325,7 @@ def _still(setup: Setup, first: Samples, *, weighted: bool) -> Stream:
     kind = NorthSeekingStream if by_gyro else StaticStream
     needs = ("accel", "gyro" if by_gyro else "mag")
     stream = kind(setup.static(), setup.site, weighted=weighted)
-    return Checked(stream, setup.window, setup.site, needs, carries=False, still=True)
+    return CheckedStream(stream, setup.window, setup.site, needs, carries=False, still=True)
 
 
 class _Robust:
@@ -541,7 +541,7 @@ def _gyro_curve(allan: Mapping[str, Any]) -> dict[str, float]:
     return found
 
 
-class Carried:
+class CarriedAttitude:
     """One method over all stretches of a run: a new stream where the grid or the triads change."""
 
     def __init__(self, method: Method, setup: Setup) -> None:

@@ -221,7 +221,7 @@ class _Verdict(NamedTuple):
     turned: bool
 
 
-class Checked:
+class CheckedStream:
     """A method whose rows are held until the window they lie in has been judged.
 
     Parameters

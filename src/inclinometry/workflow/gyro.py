@@ -38,7 +38,7 @@ from inclinometry.survey.gyro_quality import rate_unit_suspect
 from inclinometry.survey.reduce import Survey
 from inclinometry.workflow.gyro_average import Averages, average_run, gravity_suspect
 from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, gravity_scale, misfit_hint, refusal
-from inclinometry.workflow.gyro_methods import Known, Stations, solve, stations_of
+from inclinometry.workflow.gyro_methods import ScalePrior, Stations, solve, stations_of
 
 METHODS: Final = ("joint", "patent", "fixed")
 PRIORS: Final = ("calibration", "previous", "both", "run")
@@ -216,7 +216,7 @@ def north_run(
 
 
 def _notes(
-    readings: GyroReadings, averages: Averages, known: Known, calibration: Calibration | None, remarks: list[str]
+    readings: GyroReadings, averages: Averages, known: ScalePrior, calibration: Calibration | None, remarks: list[str]
 ) -> list[str]:
     """What reader, averages and calibration have to say."""
     inherited = [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
@@ -275,7 +275,7 @@ def _gravity_sd(chosen: GyroOptions, site: Site, calibration: Calibration | None
     return float(np.hypot(own, STATED_GRAVITY_SD))
 
 
-def _expected(stations: Stations, averages: Averages, heat: Array | None, options: GyroOptions) -> Known:
+def _expected(stations: Stations, averages: Averages, heat: Array | None, options: GyroOptions) -> ScalePrior:
     """What is known of each station's scale factor before and beside its own rates."""
     size = len(stations.rate)
     own = float(np.max(averages.scale_calibration, initial=0.0))
@@ -293,10 +293,10 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
         at = np.full(size, start) if heat is None else heat
         used = contradicted(*given, at, stated)
         known = used.predict(at)
-        return Known(*known, *known, *stated.predict(at), None, widened(stated, used))
+        return ScalePrior(*known, *known, *stated.predict(at), None, widened(stated, used))
     track = (smooth_scale if prior == "run" else track_scale)(*given, heat, stated)
     before = track.prior.predict(track.temperature), stated.predict(track.temperature)
-    return Known(track.expected, track.expected_sd, *before[0], *before[1], track, track.notes)
+    return ScalePrior(track.expected, track.expected_sd, *before[0], *before[1], track, track.notes)
 
 
 def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) -> ScaleBelief:

@@ -15,7 +15,7 @@ from inclinometry.gyro.result import North
 from inclinometry.survey.flags import Check
 from inclinometry.survey.gyro_quality import rate_checks
 from inclinometry.workflow.gyro_average import LIGHTEST
-from inclinometry.workflow.gyro_methods import Known, Stations, solve
+from inclinometry.workflow.gyro_methods import ScalePrior, Stations, solve
 
 HEAVY: Final = (1e-3, 5.0)
 """Share, and standard uncertainties, by which the median gravity of a run must be off to be named. Gravity by latitude
@@ -28,7 +28,7 @@ VAGUE: Final = 0.01
 """Standard uncertainty of a scale factor while units are still in doubt."""
 
 
-def check_rates(stations: Stations, known: Known, joint: North, calibration: Array) -> list[Check]:
+def check_rates(stations: Stations, known: ScalePrior, joint: North, calibration: Array) -> list[Check]:
     """The rates against the Earth's; gravity along the tool is taken from the solution where it is not measured."""
     gravity, covariance = stations.gravity.copy(), stations.gravity_covariance.copy()
     blind = np.isnan(gravity[:, 2])
@@ -115,7 +115,7 @@ def gravity_in_g(stations: Stations) -> str | None:
         gravity_covariance=stations.gravity_covariance * STANDARD_GRAVITY**2,
     )
     ones, vague_sd = np.ones(len(level)), np.full(len(level), VAGUE)
-    vague = Known(ones, vague_sd, ones, vague_sd, ones, vague_sd, None)
+    vague = ScalePrior(ones, vague_sd, ones, vague_sd, ones, vague_sd, None)
     try:
         given, other = (float(np.sum(solve("joint", s, vague).chi_square)) for s in (stations, larger))
     except InputError:

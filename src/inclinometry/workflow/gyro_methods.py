@@ -57,7 +57,7 @@ def stations_of(averages: Averages, site: Site, hole: str | None, gravity_sd: fl
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class ScalePrior:
     """What is known of each station's scale without its own rates.
 
     scale, sd : (n,) from the calibration, the history and, where the run is followed, its other stations.
@@ -75,7 +75,7 @@ class Known:
     notes: tuple[str, ...] = ()
 
 
-def solve(method: str, stations: Stations, known: Known) -> North:
+def solve(method: str, stations: Stations, known: ScalePrior) -> North:
     if method == "patent":
         found = solve_patent(
             stations.gravity,

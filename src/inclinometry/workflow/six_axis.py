@@ -340,7 +340,7 @@ def declination_warnings(site: Site) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class JudgedStations:
     """Quality of a run: the fields against the reference, axes and signs, and the verdict on all."""
 
     quality: FieldQuality
@@ -357,7 +357,7 @@ class Judged:
         return worst(self.checks)
 
 
-def judge(stations: Stations, site: Site, limits: FieldLimits | None = None) -> Judged:
+def judge(stations: Stations, site: Site, limits: FieldLimits | None = None) -> JudgedStations:
     """Judge stations against their site.
 
     Raises
@@ -367,7 +367,7 @@ def judge(stations: Stations, site: Site, limits: FieldLimits | None = None) -> 
     """
     _refuse_unknown(site)
     reference = reference_of_site(site)
-    return Judged(judge_fields(stations, reference, limits=limits), wiring_check(stations, reference.dip))
+    return JudgedStations(judge_fields(stations, reference, limits=limits), wiring_check(stations, reference.dip))
 
 
 def _refuse_unknown(site: Site) -> None:
@@ -391,8 +391,8 @@ class SixAxisSurvey:
 
     survey: Survey
     site: Site
-    judged: Judged | None = None
-    before: Judged | None = None
+    judged: JudgedStations | None = None
+    before: JudgedStations | None = None
     results: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[str] = ()
 
@@ -494,7 +494,7 @@ def _of_order(correct: str | None) -> list[str]:
 
 
 def _of_results(results: Mapping[str, Any]) -> list[str]:
-    """What corrections have to say against themselves."""
+    """Warnings of the corrections."""
     said = []
     for name, result in results.items():
         if isinstance(result, MultiStation):
@@ -505,7 +505,7 @@ def _of_results(results: Mapping[str, Any]) -> list[str]:
     return said
 
 
-def _of_checks(judged: Judged | None, survey: Survey) -> list[str]:
+def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[str]:
     """Failures that the flags of the stations do not tell already."""
     if judged is None:
         return []
@@ -521,7 +521,7 @@ class Analysis:
 
     found: MultiStation
     correction: SensorCorrection
-    judged: Judged
+    judged: JudgedStations
 
     @property
     def warnings(self) -> list[str]:

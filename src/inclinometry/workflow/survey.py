@@ -22,7 +22,7 @@ from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.workflow.field import completed
 from inclinometry.workflow.six_axis import (
-    Judged,
+    JudgedStations,
     SixAxisSurvey,
     declination_warnings,
     has_reference,
@@ -134,7 +134,7 @@ def survey_file(
     return SixAxisSurvey(found, place or Site(), judged, notes=notes)
 
 
-def _judged(raw: RawSurvey, record: Calibration, site: Site) -> Judged | None:
+def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations | None:
     """Quality of the stations where site and calibration know the strengths of both fields."""
     triads = [record.tool.triads.get(kind) for kind in VECTORS]
     strong = all(triad is not None and triad.full and triad.field_strength for triad in triads)

@@ -43,7 +43,7 @@ class Bench:
     single_user: bool = True
     instrument: str = ""
 
-    def told(self, text: str) -> str:
+    def without_path(self, text: str) -> str:
         """What an error or a warning says, for a user of the bench, who has no options of the command line; on a
         network nobody is told where on this computer the ledger lies.
         """
@@ -129,7 +129,9 @@ class Visitor:
             try:
                 do(self.require(what))
             except InclinometryError as error:
-                ui.notify(self.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK")
+                ui.notify(
+                    self.bench.without_path(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK"
+                )
 
         return handler
 
@@ -167,7 +169,7 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
     visitor = visitor_of(request)
     if not visitor.user.may(needs):
         raise HTTPException(403, visitor.say("error.not_allowed"))
-    dress(visitor.language, request)
+    set_theme(visitor.language, request)
     ui.page_title(f"{visitor.say(title)} - inclinometry")
     _header(visitor, request)
     with ui.column().classes("page").props('id="content" role="main"'):
@@ -179,7 +181,7 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
             ui.label(visitor.say("frame.local"))
 
 
-def dress(language: str, request: Request) -> None:
+def set_theme(language: str, request: Request) -> None:
     """Styles, theme and language of a page."""
     ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
     theme = request.cookies.get(THEME_COOKIE, "")

@@ -20,7 +20,7 @@ EVENTS: Final = ("handshake", "event", "javascript_response", "ack", "log")
 
 
 def guard_sockets() -> None:
-    """Let nobody speak for a page that another user opened, whatever page they know the name of."""
+    """Refuse messages for a page that another user opened."""
     for name in ("connect", *EVENTS):
         known = core.sio.handlers["/"][name]
         if not getattr(known, "owned", False):

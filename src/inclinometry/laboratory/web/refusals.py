@@ -162,7 +162,7 @@ class BodyLimit:
 
     @property
     def unread(self) -> bool:
-        """Whether so much of the body is still to come that hanging up is better than reading on to no purpose."""
+        """Whether so much of the body is still to come that closing the connection is better than reading it all."""
         return self._long and self._more
 
     async def receive(self) -> Message:
@@ -276,7 +276,7 @@ def _short(value: Any) -> str:
 
 
 def _mendable(_: Request, error: Exception) -> JSONResponse:
-    return JSONResponse({"detail": current().told(str(error))}, status_of(error))
+    return JSONResponse({"detail": current().without_path(str(error))}, status_of(error))
 
 
 def _invalid(_: Request, error: Exception) -> JSONResponse:
@@ -292,14 +292,14 @@ def _page(request: Request, error: Exception) -> Response:
     """A page of its own with the sentence and a way back."""
     status, sentence = 500, OURS
     if isinstance(error, HTTPException):
-        status, sentence = error.status_code, current().told(str(error.detail))
+        status, sentence = error.status_code, current().without_path(str(error.detail))
         place = (error.headers or {}).get("location")
         if place is not None:
             return RedirectResponse(place, status)
     elif isinstance(error, RequestValidationError):
         status, sentence = 422, in_words(list(error.errors()))
     elif isinstance(error, InclinometryError):
-        status, sentence = status_of(error), current().told(str(error))
+        status, sentence = status_of(error), current().without_path(str(error))
     else:
         _LOG.error("page %s failed", ascii(request.url.path), exc_info=error)
     return HTMLResponse(_PAGE.format(status=status, sentence=escape(sentence)), status)

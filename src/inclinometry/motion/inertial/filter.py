@@ -14,11 +14,11 @@ from inclinometry.motion.inertial.state import InertialSettings, Model, State
 from inclinometry.motion.inertial.window import (
     MISFIT,
     MOST_REFUSED,
-    Seen,
+    Observation,
     azimuth_variance,
-    bent,
     blank,
     given,
+    is_moving,
     is_still,
     linearised,
     reduce_window,
@@ -43,7 +43,14 @@ FASTEST: Final = 1.5
 
 
 def row(
-    time: float, state: State, covariance: Array, seen: Seen, age: int, window: Samples, model: Model, method: str
+    time: float,
+    state: State,
+    covariance: Array,
+    seen: Observation,
+    age: int,
+    window: Samples,
+    model: Model,
+    method: str,
 ) -> Attitude:
     """One row; `age` counts windows since the start."""
     quaternion, dip = state.quaternion, float(state.nominal[16])
@@ -100,7 +107,9 @@ def common(quaternion: Array, dip: float, speed: float, model: Model) -> Array:
     return np.asarray(found)
 
 
-def _names(quaternion: Array, covariance: Array, seen: Seen, age: int, window: Samples, model: Model) -> list[str]:
+def _names(
+    quaternion: Array, covariance: Array, seen: Observation, age: int, window: Samples, model: Model
+) -> list[str]:
     down = dcm_from_quaternion(quaternion)[:, 2]
     fastest = np.abs(np.asarray(window.gyro)).max() * window.interval
     conditions = {
@@ -116,7 +125,7 @@ def _names(quaternion: Array, covariance: Array, seen: Seen, age: int, window: S
     return [name for name, holds in conditions.items() if holds]
 
 
-def _quality(covariance: Array, seen: Seen, settings: InertialSettings) -> float:
+def _quality(covariance: Array, seen: Observation, settings: InertialSettings) -> float:
     """Least of what uncertainty, field and gravity leave of their limits."""
     spread = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     shares = [spread / settings.u_limit, 1.0 if seen.gravity < 0.0 else seen.gravity / settings.gate]
@@ -144,7 +153,7 @@ class Node(NamedTuple):
 
     before: State | None
     after: State | None
-    seen: Seen | None
+    seen: Observation | None
     anew: bool
     age: int
     time: float
@@ -175,7 +184,7 @@ class Engine:
         state, anew, model = self._before(window)
         if state is None:
             return Node(None, None, None, True, 0, time, model)
-        if not anew and bent(state, window):
+        if not anew and is_moving(state, window):
             state, after, seen = _finer(state, window, model)
         else:
             after, seen = reduce_window(state, window, model)
@@ -235,7 +244,7 @@ class Engine:
         return state, False, model
 
 
-def _finer(state: State, window: Samples, model: Model) -> tuple[State, State, Seen]:
+def _finer(state: State, window: Samples, model: Model) -> tuple[State, State, Observation]:
     """The state linearised again by the window, without a field that is disturbed, and `reduce_window` of it."""
     finer = linearised(state, window, model, model.magnetic)
     after, seen = reduce_window(finer, window, model)

@@ -185,7 +185,7 @@ HELD: Final = 0.2
 """rad/s, how far the rate may have moved while an unusable sample of the gyro was bridged."""
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """What a window tells besides the state: for flags and quality.
 
     rate : rad/s, mean about the tool axis.
@@ -210,7 +210,7 @@ class Seen(NamedTuple):
     shaking: float
 
 
-def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_TAPE) -> tuple[State, Seen]:
+def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_TAPE) -> tuple[State, Observation]:
     """State at the last sample of the window from that at the sample before the first.
 
     A window whose field contradicts what was known by more than its noise is gone through again without the field: as
@@ -225,7 +225,7 @@ def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_T
 
 def filter_window(
     state: State, window: Samples, model: Model, with_field: bool, tape: Tape = NO_TAPE
-) -> tuple[State, Seen]:
+) -> tuple[State, Observation]:
     """`reduce_window` with the field or without it, whatever comes of it."""
     from inclinometry.motion.inertial import _recursions as kernels
 
@@ -278,10 +278,12 @@ def filter_window(
     return replace(done, axis=axis if not state.axis.any() else state.axis + (axis - state.axis) / SLOW), seen
 
 
-def _seen(counts: Array, size: int, still: bool, clipped: bool, level: float, state: State, shaking: Shaking) -> Seen:
+def _seen(
+    counts: Array, size: int, still: bool, clipped: bool, level: float, state: State, shaking: Shaking
+) -> Observation:
     """Of a window, from what the loop counted."""
     used, refused = counts[0], counts[1]
-    return Seen(
+    return Observation(
         rate=float(counts[5]) / size,
         still=still,
         clipped=clipped,
@@ -471,7 +473,7 @@ def beginning(window: Samples, model: Model) -> Samples:
     return window.part(0, min(max(size, SHORTEST), len(window)))
 
 
-def bent(state: State, window: Samples) -> bool:
+def is_moving(state: State, window: Samples) -> bool:
     """Whether what is not known of bias and scale turns the tool too far in a window for the filter to be linear.
 
     After a standstill the bias is known and the scale is not: the first window that turns shows it, from the start.

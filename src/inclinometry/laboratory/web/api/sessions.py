@@ -267,12 +267,12 @@ def _progress(now: Progress) -> dict[str, Any]:
     return {
         "captured": now.captured,
         "fitted": now.calibration is not None,
-        "waiting_for": current().told(now.waiting),
+        "waiting_for": current().without_path(now.waiting),
         "U_azimuth_deg": _finite(now.u_azimuth),
         "U_inclination_deg": _finite(now.u_inclination),
         "outliers": {str(number): sentence for number, sentence in now.outliers.items()},
         "reached": now.reached,
-        "warnings": [] if now.calibration is None else [current().told(w) for w in now.calibration.warnings],
+        "warnings": [] if now.calibration is None else [current().without_path(w) for w in now.calibration.warnings],
     }
 
 

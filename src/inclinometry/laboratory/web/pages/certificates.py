@@ -44,7 +44,7 @@ def new_page(request: Request, calibration: str = "", verification: str = "", su
         try:
             record = ledger.get("calibration", calibration) if calibration else None
         except LedgerError as error:
-            ui.label(visitor.bench.told(str(error))).classes("warn")
+            ui.label(visitor.bench.without_path(str(error))).classes("warn")
             record = None
         if record is None:
             _choose(visitor)
@@ -102,7 +102,7 @@ class IssueForm:
             wish = self._wish(user)
             made = await aside(lambda: self._issued(user, wish))
         except InclinometryError as error:
-            sentence = self._visitor.bench.told(str(error))
+            sentence = self._visitor.bench.without_path(str(error))
             ui.notify(sentence, type="negative", multi_line=True, timeout=0, close_button="OK")
             self.button.enable()
             return

@@ -145,7 +145,7 @@ def _check(visitor: Visitor) -> None:
                 wanted = parse_head(noted.value.strip()) if noted.value.strip() else None
                 found = await aside(lambda: verify(ledger, head=wanted, progress=lambda x: _set(done, x)))
             except InclinometryError as error:
-                found = visitor.bench.told(str(error))
+                found = visitor.bench.without_path(str(error))
             timer.cancel()
             box.clear()
             button.enable()

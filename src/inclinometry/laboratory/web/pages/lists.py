@@ -61,7 +61,11 @@ class ImportForm:
         except InclinometryError as error:
             self.upload.reset()
             ui.notify(
-                self._visitor.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK"
+                self._visitor.bench.without_path(str(error)),
+                type="negative",
+                multi_line=True,
+                timeout=0,
+                close_button="OK",
             )
             return
         place = "/results" if made.kind == "calibration" else "/calibrate"

@@ -55,13 +55,13 @@ def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
         tests = calibration_tests(found)
         failed = [test for test in tests if test.passed is False]
         for sentence in found.warnings:
-            ui.label(visitor.bench.told(sentence)).classes("warn")
+            ui.label(visitor.bench.without_path(sentence)).classes("warn")
         for test in failed if not found.warnings else ():
             ui.label(say("results.test_failed", what=test.what, found=test.found, limit=test.limit)).classes("warn")
         if not failed:
             ui.label(say("results.no_warnings")).classes("good")
         for sentence in found.notes:
-            ui.label(visitor.bench.told(sentence)).classes("dim")
+            ui.label(visitor.bench.without_path(sentence)).classes("dim")
         with ui.row():
             ui.link(say("tools.one"), to("/tools", record.keys["serial"]))
             if visitor.user.may("capture"):
@@ -214,7 +214,7 @@ def _methods(visitor: Visitor, record: Record) -> None:
             try:
                 lines = await aside(lambda: _compared(visitor, record))
             except InclinometryError as error:
-                lines = [visitor.bench.told(str(error))]
+                lines = [visitor.bench.without_path(str(error))]
             box.clear()
             with box:
                 for line in lines:
@@ -231,7 +231,7 @@ def _compared(visitor: Visitor, record: Record) -> list[str]:
     for attempt in found.attempts:
         expected = found.uncertainty.get(attempt.method)
         if attempt.calibration is None:
-            lines.append(f"{attempt.method}: {visitor.bench.told(attempt.reason)}")
+            lines.append(f"{attempt.method}: {visitor.bench.without_path(attempt.reason)}")
         elif expected is not None:
             worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected.from_calibration[:, ALL_ANGLES.index("azimuth")]))
             at = ", ".join(f"{x:g}" for x in np.degrees(found.inclination).round(9))

@@ -23,10 +23,10 @@ from inclinometry.laboratory.verification import (
     begin_verification,
     finish_verification,
     judged,
-    lacking,
     limits_content,
     limits_from,
     limits_of,
+    missing_positions,
     protocols,
     report,
 )
@@ -73,9 +73,9 @@ def finish_page(request: Request, session: str) -> None:
         try:
             found = judged(ledger, session, calibration, limits)
         except InclinometryError as error:
-            ui.label(visitor.bench.told(str(error))).classes("warn")
+            ui.label(visitor.bench.without_path(str(error))).classes("warn")
             return
-        lost = lacking(seen, found, limits)
+        lost = missing_positions(seen, found, limits)
         if lost:
             ui.label(lost).classes("warn")
         verdict = "incomplete" if lost else found.verdict
@@ -94,7 +94,9 @@ def _record_button(visitor: Visitor, ledger: Ledger, session: str, calibration: 
                 lambda: finish_verification(ledger, session, calibration, author=user.name, limits=limits)
             )
         except InclinometryError as error:
-            ui.notify(visitor.bench.told(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK")
+            ui.notify(
+                visitor.bench.without_path(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK"
+            )
             button.enable()
             return
         ui.navigate.to(f"/verifications/{made.id}")
@@ -137,9 +139,9 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
         if protocol := content.get("protocol"):
             ui.label(say("verify.of_protocol", **protocol))
         for sentence in content.get("reasons", ()):
-            ui.label(visitor.bench.told(str(sentence)))
+            ui.label(visitor.bench.without_path(str(sentence)))
         for sentence in content.get("warnings", ()):
-            ui.label(visitor.bench.told(str(sentence))).classes("warn")
+            ui.label(visitor.bench.without_path(str(sentence))).classes("warn")
         ui.label(say("verify.against", name=str(limits.get("name", "")), source=visible(str(limits.get("source", "")))))
         guard = str(limits.get("guard", "none"))
         k = float(content.get("coverage_factor", 2.0))

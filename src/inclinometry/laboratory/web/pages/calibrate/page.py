@@ -292,7 +292,7 @@ class BenchView:
     def _complain(self, sentence: str) -> None:
         """Say what went wrong, instead of what was said before."""
         self._settle()
-        self._problem = say_problem(self.guided.visitor.bench.told(sentence))
+        self._problem = say_problem(self.guided.visitor.bench.without_path(sentence))
 
     def _settle(self) -> None:
         """What was said is out of date."""

@@ -415,7 +415,7 @@ class Certifies:
         guided, say = self._guided, self._guided.visitor.say
         now = guided.now
         if now is None or now.calibration is None:
-            ui.label(say("bench.no_fit") if now is None else guided.visitor.bench.told(now.waiting)).classes(
+            ui.label(say("bench.no_fit") if now is None else guided.visitor.bench.without_path(now.waiting)).classes(
                 "dim waiting"
             )
             return
@@ -430,7 +430,7 @@ class Certifies:
         )
         others = [w for w in now.calibration.warnings if w not in now.outliers.values()]
         for sentence in others[:3]:
-            ui.label(guided.visitor.bench.told(sentence)).classes("warn small")
+            ui.label(guided.visitor.bench.without_path(sentence)).classes("warn small")
 
     def _line(self, angle: str, value: float, alone: float, noise: float, wanted: float | None) -> None:
         """U of one reading as the certificate will print it; below, from the calibration alone, and what is wanted."""
