@@ -43,7 +43,6 @@ def _run(arguments: list[str]) -> int:
     from rich.console import Console
 
     from inclinometry.cli.app import app
-    from inclinometry.cli.extras import missing
     from inclinometry.errors import InclinometryError
 
     try:
@@ -57,6 +56,8 @@ def _run(arguments: list[str]) -> int:
         _say(f"inclinometry: {_one_line(str(error))}")
         return 2
     except ImportError as error:
+        from inclinometry.cli.extras import missing
+
         needed = missing(error)
         if needed is None:
             raise
