@@ -44,7 +44,7 @@ def helps(folder: Path, words: tuple[str, ...] = ()) -> None:
     """`--help` of a command and of the commands under it."""
     done = run(folder, *words, "--help")
     note(folder / "help" / ("-".join(("inclinometry", *words)) + ".txt"), done)
-    for box in re.findall(r"─ [^\n]*Commands? ─[^\n]*\n(.*?)╰", done.stdout, flags=re.DOTALL):
+    for box in re.findall(r"╭[^\n]*\n(.*?)╰", done.stdout, flags=re.DOTALL):
         for name in re.findall(r"^│ {1,2}([a-z][a-z0-9-]*)(?: {2}| *│)", box, flags=re.MULTILINE):
             if name not in words:
                 helps(folder, (*words, name))

@@ -203,7 +203,7 @@ def test_a_bad_line_is_named_and_nothing_written(simulated, run):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--scenario", "moon"), "scenario is 'moon'; allowed: smooth"),
+        (("--scenario", "moon"), 'Invalid value "moon" for --scenario. Choose from: "smooth"'),
         (("--duration-s", 0), "the duration is 0 s"),
         (("--inclination-deg", 200), "--inclination-deg is 200 degrees"),
         (("--truth", "run.parquet"), "is the same file as --output"),

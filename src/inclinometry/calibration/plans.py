@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.errors import InputError
+
+PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotations"]
 
 
 @dataclass(frozen=True, eq=False)

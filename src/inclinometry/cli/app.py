@@ -2,93 +2,169 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from typing import Any, Final
 
-from cyclopts import App
+from cyclopts import App, Group
 
-GROUPS: Final = {
-    "simulate": "Simulate a bench, a well or a log, with the truth beside it.",
-    "gyro": "North and scale factor from the Earth's rotation.",
-    "shots": "One place surveyed more than once: rotation shots, repeated stations, two measurements of depth.",
+FAMILIES: Final = {
     "rig": "A calibration rig: how it stands.",
-    "ledger": "The ledger of a calibration laboratory: append-only records in a hash chain.",
+    "shots": "One place surveyed more than once. Rotation shots, repeated stations, two measurements of depth.",
+    "gyro": "North and scale factor from the Earth's rotation.",
+    "ledger": "The ledger of a calibration laboratory. Append-only records in a hash chain.",
+    "simulate": "Simulate a bench, a well or a log, with the truth beside it.",
 }
-EXIT: Final = "exit status 0 pass, 1 fail, 2 bad input"
+EXIT: Final = "Exit status 0 pass, 1 fail, 2 bad input."
 
-# command | function | what it does | arguments of an example
+# = group
+# command | function | what it does; the list of commands shows the first sentence | arguments of an example
 COMMANDS: Final = f"""
+= Calibrate
 plan | plan:plan | Write the rig settings of a calibration plan. | twelve -o plan.csv
-readings | plan:readings | Find the still stations of a continuous log. | log.csv --plan plan.csv -o readings.csv
+readings | plan:readings | Find the still stations of a continuous log. Writes one reading for each. \
+| log.csv --plan plan.csv -o readings.csv
 calibrate | bench:calibrate | Calibrate a tool from bench readings. | readings.csv -o tool.json --report report.html
-compare | bench:compare | Run every applicable method side by side. | readings.csv
-datasheet | datasheet:datasheet | Make a tool out of the nameplate values of its sensors. \
-| datasheet.toml -o nameplate.json
-coefficients | coefficients:coefficients | Coefficients of a tool as a firmware takes them: inverse matrix, cosines, \
-angles; table, JSON, C or CSV. | tool.json --format c -o tool.h
-verify | survey:verify | Verify a calibrated tool at independent positions: {EXIT}. \
+compare | bench:compare | Run every applicable method side by side. Or two files of one tool. | readings.csv
+verify | bench:verify | Verify a calibrated tool at independent positions. {EXIT} \
 | check.csv --calibration tool.json --limits rogatykh-2018-fluxgate
-rig orient | rig:orient | Find how a rig stands with a calibrated tool: tilt, north, zeros of its dials. \
+datasheet | datasheet:datasheet | Make a tool out of the nameplate values of its sensors. Scale K, axes C, offset U0. \
+| datasheet.toml -o nameplate.json
+rig orient | rig:orient | Find how a rig stands with a calibrated tool. Tilt, north, zeros of its dials. \
 | readings.csv --calibration tool.json --site site.toml
+= Survey
 survey | survey:survey | Reduce raw channels to survey stations with uncertainty. \
 | raw.csv --calibration tool.json -o survey.csv --report survey.html
-certificate | laboratory.commands.certificate:certificate | Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON \
-record. | tool.json --verification verify.json --laboratory lab.toml -o certificate.pdf --dcc certificate.xml
-demo | demo:demo | Show everything on real and simulated data. | --output demo-output
-dynamic | dynamic:dynamic | Attitude while the tool turns and shakes: inclination, azimuth, toolface by window, with \
-uncertainty. | run.parquet --site site.toml -o attitude.csv --report dynamic.html
-allan | noise:allan | Allan deviation of a log at rest: angle random walk, bias instability, rate random walk. \
-| log.csv -o allan.json --report allan.html
-field | field:field | Magnetic field, gravity, Earth rate and grid convergence of a place, with uncertainty. \
-| --latitude-deg 60 --longitude-deg 10 --height-m 0 --date 2026-05-01 --crs EPSG:32632
-convert | convert:convert | Turn a survey of one format into another, and say what the other cannot hold. \
-| survey.csv survey.las
-position | position:position | Where the well is and how sure: minimum curvature, covariance by a tool code or the \
-tool's certificate. | survey.csv --tool-code iscwsa-mwd-rev5.1 --site site.toml -o position.csv --report position.html
-quality | six_axis:quality | Judge gravity, field and dip of each station against the site: {EXIT}. \
+quality | six_axis:quality | Judge gravity, field and dip of each station by the site. {EXIT} \
 | raw.csv --site site.toml --calibration tool.json
-msa | six_axis:msa | Multi-station analysis: the sensor errors that the stations of one run have in common. \
+msa | six_axis:msa | Multi-station analysis: sensor errors common to one run. With uncertainty. \
 | raw.csv --site site.toml -o corrections.json --report msa.html
-bench | laboratory.commands.bench:bench | Open the bench in a browser: guided calibration, verification, certificates, ledger. \
-| --instrument simulated
-simulate bench | simulate:bench | Simulate bench readings of a plan. \
-| --plan twelve --seed 1 --rig-sd-deg 0.1 -o readings.csv --truth truth.json
-simulate well | simulate:well | Simulate the raw survey of a well with a simulated tool. \
-| --truth truth.json -o raw.csv --path path.csv
-simulate log | simulate:log | Simulate a continuous log: rests at the positions of a plan. | --plan twelve -o log.csv
-simulate gyro | simulate_gyro:gyro | Simulate a gyro run: readings at the index positions of each station. \
-| --seed 1 -o raw.csv --site site.toml --truth truth.json
-simulate drilling | simulate_drilling:drilling | Simulate a tool that drills: turning, sticking, shaking. \
-| --scenario stick-slip --seed 1 -o run.parquet --truth truth.parquet
-simulate instrument | laboratory.commands.instrument:instrument | Be a live instrument behind a TCP port: simulated tool and rig, \
-noise, faults. | --port 7000 --faults garbage=0.01,disconnect=60
+position | position:position | Where the well is and how sure. Minimum curvature, and covariance by a tool code or the \
+tool's certificate. | survey.csv --tool-code iscwsa-mwd-rev5.1 --site site.toml -o position.csv --report position.html
+field | field:field | Magnetic field, gravity and Earth rate of a place. Each with its standard uncertainty; and grid \
+convergence. | --latitude-deg 60 --longitude-deg 10 --height-m 0 --date 2026-05-01 --crs EPSG:32632
+shots rotation | shots:rotation | Judge shots at one depth and several toolfaces. {EXIT} \
+| shots.csv --site site.toml --calibration tool.json
+shots repeat | shots:repeat | Judge stations surveyed twice. {EXIT} | first.csv second.csv --site site.toml
+shots dual-depth | shots:dual_depth | Judge two measurements of depth against each other. {EXIT} \
+| pipe.csv wireline.csv --sigma-first-m 0.5 --sigma-second-m 1.1
+= Gyro
 gyro north | gyro:north | Find north at the stations of a gyro run. \
 | raw.csv --site site.toml -o stations.csv --report gyro.html
-gyro scale | gyro:scale | Follow the scale factor over the temperatures of a run. \
+gyro scale | gyro:scale | Follow the scale factor over the temperatures of a run. For the record and for the next run. \
 | raw.csv --site site.toml -o scale.json
 gyro plan | noise:plan_gyro | How long to stand still for a wanted azimuth uncertainty. \
 | --latitude-deg 60 --inclination-deg 30 --arw-deg-sqrt-h 0.005 --azimuth-deg 0.2
-gyro quality | quality:quality | Judge a gyro survey, in-run against out-run: {EXIT}. | in.csv out.csv --site site.toml
-gyro table | rates:table | Calibrate gyros from the steps of a rate table. | steps.csv --site site.toml -o tool.json
-shots rotation | shots:rotation | Judge shots at one depth and several toolfaces: {EXIT}. \
-| shots.csv --site site.toml --calibration tool.json
-shots repeat | shots:repeat | Judge stations surveyed twice: {EXIT}. | first.csv second.csv --site site.toml
-shots dual-depth | shots:dual_depth | Judge two measurements of depth against each other: {EXIT}. \
-| pipe.csv wireline.csv --sigma-first-m 0.5 --sigma-second-m 1.1
+gyro quality | quality:quality | Judge a gyro survey, in-run against out-run. And the flags of a run. {EXIT} \
+| in.csv out.csv --site site.toml
+gyro table | rates:table | Calibrate gyros from the steps of a rate table. The table turns about the vertical. \
+| steps.csv --site site.toml -o tool.json
+allan | noise:allan | Allan deviation of a log at rest. Angle random walk, bias instability, rate random walk. \
+| log.csv -o allan.json --report allan.html
+= Motion
+dynamic | dynamic:dynamic | Attitude while the tool turns and shakes. Inclination, azimuth, toolface by window, with \
+uncertainty. | run.parquet --site site.toml -o attitude.csv --report dynamic.html
+= Laboratory
+bench | laboratory.commands.bench:bench | Open the bench in a browser. Guided calibration, verification, certificates, \
+ledger. Ctrl-C ends it. | --instrument simulated
+certificate | laboratory.commands.certificate:certificate | Write a calibration certificate. PDF/A, digital certificate \
+(DCC) and JSON record. | tool.json --verification verify.json --laboratory lab.toml -o certificate.pdf --dcc certificate.xml
 ledger init | laboratory.commands.ledger:init | Make an empty ledger, or bring an old one up to date. | lab.sqlite
-ledger verify | laboratory.commands.ledger:verify | Check every record against the hash chain: exit status 0 sound, 1 changed, 2 bad \
-input. | --ledger lab.sqlite
-ledger export | laboratory.commands.ledger:export | Write everything into one file. | all.zip --ledger lab.sqlite
-ledger import | laboratory.commands.ledger:import_ | Read an export into an empty ledger. | all.zip --ledger new.sqlite
-ledger backup | laboratory.commands.ledger:backup | Copy the ledger as it is now. | copy.sqlite --ledger lab.sqlite
-ledger history | laboratory.commands.ledger:history | How the parameters of a tool went from calibration to calibration. \
+ledger verify | laboratory.commands.ledger:verify | Check every record against the hash chain. Exit status 0 sound, 1 \
+changed, 2 bad input. | --ledger lab.sqlite
+ledger export | laboratory.commands.ledger:export | Write everything into one file. Another computer can import it. \
+| all.zip --ledger lab.sqlite
+ledger import | laboratory.commands.ledger:import_ | Read an export into an empty ledger. The ledger is made when it is \
+not there; everything is checked, and recorded as a whole or not at all. | all.zip --ledger new.sqlite
+ledger backup | laboratory.commands.ledger:backup | Copy the ledger as it is now into a new file. For a SQLite ledger; work may \
+go on meanwhile. \
+| copy.sqlite --ledger lab.sqlite
+ledger history | laboratory.commands.ledger:history | How the parameters of a tool went over its calibrations. \
 | IN-7 --ledger lab.sqlite
-ledger users | laboratory.commands.ledger:users | List the users, or add or change one. | anna --role metrologist --ledger lab.sqlite
+ledger users | laboratory.commands.ledger:users | List the users, or add or change one. The password is asked for, or \
+taken from INCLINOMETRY_PASSWORD. | anna --role metrologist --ledger lab.sqlite
+= Files
+convert | convert:convert | Turn a survey of one format into another. And say what the other cannot hold. \
+| survey.csv survey.las
+coefficients | coefficients:coefficients | Coefficients of a tool as a firmware takes them. Inverse matrix, cosines, \
+angles; table, JSON, C or CSV. | tool.json --format c -o tool.h
+= Try
+demo | demo:demo | Show everything on real and simulated data. | --output demo-output
+simulate bench | simulate:bench | Simulate bench readings of a plan. \
+| --plan twelve --seed 1 --rig-sd-deg 0.1 -o readings.csv --truth truth.json
+simulate well | simulate:well | Simulate the raw survey of a well with a simulated tool. The well builds and holds. \
+| --truth truth.json -o raw.csv --path path.csv
+simulate log | simulate:log | Simulate a continuous log: rests at the positions of a plan. | --plan twelve -o log.csv
+simulate gyro | simulate:gyro | Simulate a gyro run. Readings at the index positions of each station. \
+| --seed 1 -o raw.csv --site site.toml --truth truth.json
+simulate drilling | simulate:drilling | Simulate a tool that drills: turning, sticking, shaking. \
+| --scenario stick-slip --seed 1 -o run.parquet --truth truth.parquet
+simulate instrument | laboratory.commands.instrument:instrument | Be a live instrument behind a TCP port. Simulated tool \
+and rig, noise, faults; Ctrl-C ends it. | --port 7000 --faults garbage=0.01,disconnect=60
 """  # noqa: E501
+
+OPTIONS: Final = {"Try": "Simulation", "Laboratory": "Options", "Files": "Options"}
+"""What the options of a command that stand in no group of their own are called, by its group; the others: Method."""
+_PLACE = 5  # of those among the groups of options, which `options` numbers
+
+
+class _Pages:
+    """Cyclopts' pages, the lines of a docstring joined: the terminal's width breaks them, and nothing else.
+
+    A list of commands is drawn here, in the same look: the tables that cyclopts makes of it take a sixth of the start.
+    """
+
+    def __call__(self, console: Any, options: Any, panel: Any) -> None:
+        for entry in panel.entries:
+            text = entry.description.primary_renderable
+            text.plain = " ".join(text.plain.split())
+        if not panel.entries:
+            return
+        if panel.format == "command" and not options.ascii_only and not options.legacy_windows:
+            self._list(console, panel)
+            return
+        from cyclopts.help.formatters import DefaultFormatter
+
+        DefaultFormatter()(console, options, panel)
+
+    @staticmethod
+    def _list(console: Any, panel: Any) -> None:
+        from textwrap import wrap
+
+        from rich.text import Text
+
+        rows = {
+            " ".join([*entry.positive_names, *(f"({short})" for short in entry.positive_shorts)]): entry.description
+            for entry in panel.entries
+        }
+        column, inner = max(map(len, rows)) + 2, console.width - 4
+        page = Text(f"╭─ {panel.title} {'─' * (inner - len(panel.title) - 1)}╮\n")
+        for name, about in rows.items():
+            for place, line in enumerate(wrap(about.primary_renderable.plain, max(inner - column, 20)) or [""]):
+                page.append("│ ").append(f"{'' if place else name:{column}}", "cyan")
+                page.append(f"{line:{inner - column}} │\n")
+        page.append(f"╰{'─' * (inner + 2)}╯")
+        console.print(page, soft_wrap=True)
+
+    def __getattr__(self, name: str) -> Any:
+        """Usage and description are those of cyclopts."""
+        from cyclopts.help.formatters import DefaultFormatter
+
+        return getattr(DefaultFormatter(), name)
+
+
+def _version() -> str:
+    from importlib.metadata import version  # a tenth of the start
+
+    return version("inclinometry")
 
 
 def _app(name: str, about: str, **more: Any) -> App:
     return App(name=name, help=about, help_format="plaintext", suppress_keyboard_interrupt=False, **more)
+
+
+def _help(about: str, *more: str) -> str:
+    """The first sentence apart: it alone is shown in the list of commands."""
+    brief, stop, rest = about.partition(". ")
+    return "\n\n".join(part for part in (brief + stop.rstrip(), rest, *more) if part)
 
 
 app = _app(
@@ -97,14 +173,27 @@ app = _app(
     help_epilogue="Angles are in degrees, depths in metres. `inclinometry demo` shows the whole way on real data.\n\n"
     "Exit status: 0 done, 1 a verification failed, 2 bad input (nothing written), 3 an error of this program, "
     "130 interrupted.",
-    version=lambda: version("inclinometry"),
+    version=_version,
+    help_formatter=_Pages(),
 )
-_groups = {name: _app(name, about) for name, about in GROUPS.items()}
-for _group in _groups.values():
-    app.command(_group)
-for _line in COMMANDS.strip().splitlines():
+app["--help"].group = app["--version"].group = Group("Program", sort_key=1000)
+_families: dict[str, App] = {}
+for _place, _line in enumerate(COMMANDS.strip().splitlines()):
+    if _line.startswith("= "):
+        _group = Group(_line[2:], sort_key=_place)
+        _options = Group(OPTIONS.get(_group.name, "Method"), sort_key=_PLACE)
+        continue
     _command, _where, _about, _example = _line.split(" | ")
     _of, _, _name = _command.rpartition(" ")
-    _help = f"{_about}\n\nExample: inclinometry {_command} {_example}"
-    _module = _where if _where.startswith("laboratory.") else f"cli.{_where}"
-    _groups.get(_of, app).command(f"inclinometry.{_module}", name=_name, help=_help, help_format="plaintext")
+    if _of and _of not in _families:
+        _families[_of] = _app(_of, _help(FAMILIES[_of]), group=_group, sort_key=_place)
+        app.command(_families[_of])
+    _families.get(_of, app).command(
+        f"inclinometry.{_where if _where.startswith('laboratory.') else f'cli.{_where}'}",
+        name=_name,
+        help=_help(_about, f"Example: inclinometry {_command} {_example}"),
+        help_format="plaintext",
+        group=None if _of else _group,
+        group_parameters=_options,
+        sort_key=_place,
+    )

@@ -1,14 +1,15 @@
-"""Commands of the bench: calibrate, compare."""
+"""Commands of the bench: calibrate, compare, verify."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
+from cyclopts import Parameter
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.causes import error_budget
@@ -24,17 +25,33 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, rounded
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Flag, Json, Output
+from inclinometry.cli.options import (
+    AzimuthFrom,
+    Created,
+    Flag,
+    GravitySd,
+    Input,
+    InputOrNone,
+    Json,
+    Output,
+    OutputOrNone,
+    Report,
+    Serial,
+)
+from inclinometry.constants import ANGLES
 from inclinometry.digest import digest_file
 from inclinometry.errors import InputError
 from inclinometry.files.datasheet_toml import read_nameplate
 from inclinometry.files.site_toml import read_site
-from inclinometry.files.tool_json import read_tool, write_calibration
+from inclinometry.files.tool_json import read_calibration, read_tool, write_calibration
 from inclinometry.files.writing import write_text
-from inclinometry.workflow.calibrate import Comparison, Options, named_degrees, readings_at
+from inclinometry.workflow.calibrate import METHODS, Comparison, MethodName, Options, named_degrees, readings_at
 from inclinometry.workflow.calibrate import calibrate as calibrate_readings
 from inclinometry.workflow.calibrate import compare as compare_methods
 from inclinometry.workflow.compare_two import compare_two, content
+
+if TYPE_CHECKING:
+    from inclinometry.calibration.acceptance import OtherStand, Verification
 
 # What compare prints of two files of one tool.
 
@@ -104,25 +121,85 @@ def _cells(values: Array) -> list[str]:
     return [f"{v:.3f}" if np.isfinite(v) else "-" for v in np.degrees(values)]
 
 
+@Parameter(name="*", group=options.STAND)
+@dataclass(frozen=True)
+class Stand:
+    """What is known of a stand, in degrees."""
+
+    rig_sd_deg: float | None = None
+    """Random error of a setting of the rig; estimated from the readings when not given."""
+    azimuth_sd_deg: float | None = None
+    """The same for the azimuth dial alone."""
+    inclination_sd_deg: float | None = None
+    """The same for the inclination dial alone."""
+    toolface_sd_deg: float | None = None
+    """The same for the toolface dial alone."""
+    level_sd_deg: float | None = None
+    """How level the stand is known to be; the joint fit alone uses it."""
+    north_deg: float | None = None
+    """Azimuth of the rig's zero from magnetic north; decides the sign of the magnetic field."""
+    north_sd_deg: float | None = None
+    """How well that is known; with it north enters the joint fit, which alone uses it."""
+    dip_deg: float | None = None
+    """Magnetic dip at the stand, instead of the one in the readings or in --site."""
+    dip_sd_deg: float | None = None
+    """How well the dip is known; with it the dip enters the joint fit, which alone uses it."""
+
+    def known(self) -> dict[str, Any]:
+        """The same in rad, each value within its own limits."""
+        limits = {"north_deg": (-360.0, 360.0), "north_sd_deg": (0.0, 90.0), "dip_deg": (-90.0, 90.0)}
+        return {
+            name.removesuffix("_deg"): options.angle_or_none(
+                value, f"--{name.replace('_', '-')}", *limits.get(name, (0.0, options.LARGEST_SD))
+            )
+            for name, value in vars(self).items()
+        }
+
+
+UNKNOWN: Final = Stand()
+
+DialFrom: TypeAlias = Annotated[
+    InclinationFrom,
+    Parameter(
+        group=options.DIALS,
+        help="Where the inclination dial counts from: vertical (0 with the tool's end down), other-end (180 there), "
+        "horizontal (90 there, positive below the horizon) or horizontal-up (-90 there).",
+    ),
+]
+AzimuthCounts: TypeAlias = Annotated[
+    Counts, Parameter(group=options.DIALS, help="Which way the azimuth dial counts, seen from above.")
+]
+ToolfaceCounts: TypeAlias = Annotated[
+    Counts, Parameter(group=options.DIALS, help="Which way the toolface dial counts, looking down hole.")
+]
+LeftHanded: TypeAlias = Annotated[
+    Flag,
+    Parameter(
+        group=options.DIALS,
+        help="The tool's channels are left-handed (one is reversed, or two are exchanged), not the dials.",
+    ),
+]
+Nameplate: TypeAlias = Annotated[
+    Path | None,
+    Parameter(
+        group=options.INPUT,
+        help="Data sheet (TOML) or tool.json whose conversion factors the classical method believes; it does not run "
+        "without.",
+    ),
+]
+
+
 def calibrate(
     readings: Path,
     /,
     *,
     output_: Output,
-    method: str = "joint",
-    report: Path | None = None,
-    site: Path | None = None,
-    nameplate: Path | None = None,
-    tool: str = "unnamed",
-    rig_sd_deg: float | None = None,
-    azimuth_sd_deg: float | None = None,
-    inclination_sd_deg: float | None = None,
-    toolface_sd_deg: float | None = None,
-    level_sd_deg: float | None = None,
-    north_deg: float | None = None,
-    north_sd_deg: float | None = None,
-    dip_deg: float | None = None,
-    dip_sd_deg: float | None = None,
+    method: MethodName = "joint",
+    report: Report = None,
+    site: InputOrNone = None,
+    nameplate: Nameplate = None,
+    tool: Serial = "unnamed",
+    stand: Stand = UNKNOWN,
     accel_step: float | None = None,
     mag_step: float | None = None,
     gyro_step: float | None = None,
@@ -131,11 +208,11 @@ def calibrate(
     temperature_degree: int | None = None,
     robust: Flag = False,
     specific_force: Flag = False,
-    inclination_from: InclinationFrom = "vertical",
-    azimuth_counts: Counts = "clockwise",
-    toolface_counts: Counts = "clockwise",
-    left_handed: Flag = False,
-    created: str | None = None,
+    inclination_from: DialFrom = "vertical",
+    azimuth_counts: AzimuthCounts = "clockwise",
+    toolface_counts: ToolfaceCounts = "clockwise",
+    left_handed: LeftHanded = False,
+    created: Created = None,
     json: Json = False,
 ) -> None:
     """Calibrate a tool from bench readings.
@@ -147,45 +224,20 @@ def calibrate(
     output_
         The calibration, tool.json.
     method
-        joint, twelve, orthogonal, rotations, classical, field (no angles, only roll_set) or norm (no roll set
-        either: each triad in its own axes).
-    report
-        Write an HTML report.
+        field needs no angles, only roll_set; norm no roll set either: each triad in its own axes.
     site
         site.toml with what is known of the bench: g, b_nT, dip_deg, latitude_deg. Dip and latitude decide the signs.
-    nameplate
-        For classical: data sheet (TOML) or tool.json whose conversion factors are believed.
-    tool
-        Serial number for the record.
-    rig_sd_deg
-        Random error of a setting of the rig; estimated from the readings when not given.
-    azimuth_sd_deg
-        The same for the azimuth dial alone.
-    inclination_sd_deg
-        The same for the inclination dial alone.
-    toolface_sd_deg
-        The same for the toolface dial alone.
-    level_sd_deg
-        How level the stand is known to be.
-    north_deg
-        Azimuth of the rig's zero from magnetic north; decides the sign of the magnetic field.
-    north_sd_deg
-        How well that is known; with it north enters the fit of method joint.
-    dip_deg
-        Magnetic dip at the stand, instead of the one in the readings or in --site.
-    dip_sd_deg
-        How well the dip is known; with it the dip enters the fit of method joint.
     accel_step
-        Step of the accelerometers' converter, in the unit of their channels; found where the readings clearly lie on a
-        grid (whole counts, a fixed number of decimals). 0 for none.
+        Step of the accelerometers' converter, in the unit of their channels; 0 for none. When not given it is found
+        where the readings clearly lie on a grid (whole counts, a fixed number of decimals).
     mag_step
         The same for the magnetometers.
     gyro_step
         The same for the gyros.
     inclination_zero_sd_deg
-        Fit a constant error of the inclination dial with this prior.
+        Fit a constant error of the inclination dial with this prior; not fitted when not given.
     nonorthogonality_sd_deg
-        Fit the non-orthogonality of the rig's axes with this prior.
+        Fit the non-orthogonality of the rig's axes with this prior; not fitted when not given.
     temperature_degree
         Degree of the polynomial in temperature; chosen by information criterion when not given.
     robust
@@ -193,19 +245,6 @@ def calibrate(
     specific_force
         For field and norm: the accelerometer's channels count upwards (at rest they read -g, along the axis that
         points up they are positive). The other methods learn this from the rig.
-    inclination_from
-        Where the inclination dial counts from: vertical (0 with the tool's end down), other-end (180 there),
-        horizontal (90 there, positive below the horizon) or horizontal-up (-90 there).
-    azimuth_counts
-        Which way the azimuth dial counts, seen from above: clockwise or counterclockwise.
-    toolface_counts
-        Which way the toolface dial counts, looking down hole: clockwise or counterclockwise.
-    left_handed
-        The tool's channels are left-handed (one is reversed, or two are exchanged), not the dials.
-    created
-        Date for the record, YYYY-MM-DD or ISO 8601 with the time; nothing is taken from the clock.
-    json
-        Print a JSON summary.
     """
     output.claim(
         {"--output": output_, "--report": report}, {"the readings": readings, "--site": site, "--nameplate": nameplate}
@@ -223,17 +262,7 @@ def calibrate(
         accel_step=_step(accel_step, "--accel-step"),
         mag_step=_step(mag_step, "--mag-step"),
         gyro_step=_step(gyro_step, "--gyro-step"),
-        **_stand(
-            rig_sd=rig_sd_deg,
-            azimuth_sd=azimuth_sd_deg,
-            inclination_sd=inclination_sd_deg,
-            toolface_sd=toolface_sd_deg,
-            level_sd=level_sd_deg,
-            north=north_deg,
-            north_sd=north_sd_deg,
-            dip=dip_deg,
-            dip_sd=dip_sd_deg,
-        ),
+        **stand.known(),
     )
     dials = Dials(inclination_from, azimuth_counts, toolface_counts)
     with output.reading(readings) as progress:
@@ -263,17 +292,6 @@ def _step(value: float | None, option: str) -> float | None:
     if value is not None and not 0.0 <= value < np.inf:
         raise InputError(f"{option} is {value:g}; the step of a converter is 0 or more, in the unit of the channels")
     return value
-
-
-def _stand(**degrees: float | None) -> dict[str, Any]:
-    """What was said of the stand, in rad; each name with its own limits."""
-    limits = {"north": (-360.0, 360.0), "north_sd": (0.0, 90.0), "dip": (-90.0, 90.0)}
-    return {
-        name: options.angle_or_none(
-            value, f"--{name.replace('_', '-')}-deg", *limits.get(name, (0.0, options.LARGEST_SD))
-        )
-        for name, value in degrees.items()
-    }
 
 
 def _check_date(created: str | None) -> None:
@@ -386,24 +404,22 @@ def compare(
     second: Path | None = None,
     /,
     *,
-    methods: str | None = None,
-    report: Path | None = None,
-    truth: Path | None = None,
-    site: Path | None = None,
-    nameplate: Path | None = None,
-    rig_sd_deg: float | None = None,
-    azimuth_sd_deg: float | None = None,
-    inclination_sd_deg: float | None = None,
-    toolface_sd_deg: float | None = None,
-    level_sd_deg: float | None = None,
-    north_deg: float | None = None,
-    north_sd_deg: float | None = None,
-    dip_deg: float | None = None,
-    dip_sd_deg: float | None = None,
-    inclination_from: InclinationFrom = "vertical",
-    azimuth_counts: Counts = "clockwise",
-    toolface_counts: Counts = "clockwise",
-    left_handed: Flag = False,
+    methods: Annotated[
+        str | None,
+        Parameter(
+            help=f"Of two files: one method for both, or two with a comma, as orthogonal,rotations. Out of "
+            f"{', '.join(METHODS)}; joint when not given."
+        ),
+    ] = None,
+    report: Annotated[Report, Parameter(help="Write an HTML report, of two files.")] = None,
+    truth: InputOrNone = None,
+    site: InputOrNone = None,
+    nameplate: Nameplate = None,
+    stand: Stand = UNKNOWN,
+    inclination_from: DialFrom = "vertical",
+    azimuth_counts: AzimuthCounts = "clockwise",
+    toolface_counts: ToolfaceCounts = "clockwise",
+    left_handed: LeftHanded = False,
     json: Json = False,
 ) -> None:
     """Run every applicable method on the same readings, side by side; or two files of one tool.
@@ -415,58 +431,12 @@ def compare(
     second
         Another file of the same tool, readings or tool.json: the coefficients of both with their differences, and the
         expected uncertainties and differences of the angles.
-    methods
-        Of the two files, with a comma, e.g. orthogonal,rotations; one for both. joint when not given.
-    report
-        Write an HTML report, of two files.
     truth
         truth.json of a simulation: adds the actual errors.
     site
         site.toml with the fields at the bench.
-    nameplate
-        Data sheet (TOML) or tool.json with the conversion factors of the classical method; not run without.
-    rig_sd_deg
-        Random error of a setting of the rig; estimated when not given.
-    azimuth_sd_deg
-        The same for the azimuth dial alone.
-    inclination_sd_deg
-        The same for the inclination dial alone.
-    toolface_sd_deg
-        The same for the toolface dial alone.
-    level_sd_deg
-        How level the stand is known to be; the joint fit alone uses it.
-    north_deg
-        Azimuth of the rig's zero from magnetic north.
-    north_sd_deg
-        How well that is known; the joint fit alone uses it.
-    dip_deg
-        Magnetic dip at the stand.
-    dip_sd_deg
-        How well the dip is known; the joint fit alone uses it.
-    inclination_from
-        Where the inclination dial counts from: vertical (0 with the tool's end down), other-end (180 there),
-        horizontal (90 there, positive below the horizon) or horizontal-up (-90 there).
-    azimuth_counts
-        Which way the azimuth dial counts, seen from above: clockwise or counterclockwise.
-    toolface_counts
-        Which way the toolface dial counts, looking down hole: clockwise or counterclockwise.
-    left_handed
-        The tool's channels are left-handed (one is reversed, or two are exchanged), not the dials.
-    json
-        Print JSON.
     """
-    known_stand: dict[str, Any] = _stand(
-        rig_sd=rig_sd_deg,
-        azimuth_sd=azimuth_sd_deg,
-        inclination_sd=inclination_sd_deg,
-        toolface_sd=toolface_sd_deg,
-        level_sd=level_sd_deg,
-        north=north_deg,
-        north_sd=north_sd_deg,
-        dip=dip_deg,
-        dip_sd=dip_sd_deg,
-    )
-    wishes = Options(left_handed=left_handed, **known_stand)
+    wishes = Options(left_handed=left_handed, **stand.known())
     dials = Dials(inclination_from, azimuth_counts, toolface_counts)
     if second is not None:
         show_two((readings, second), methods or "joint", wishes, dials, site, truth, report, json)
@@ -560,3 +530,182 @@ def show_comparison(found: Comparison, title: str = "") -> None:
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
             output.warnings(attempt.calibration.warnings)
+
+
+def verify(
+    readings: Path,
+    /,
+    *,
+    calibration: Input,
+    limits: Annotated[
+        str | None,
+        Parameter(
+            group=options.INPUT,
+            help=f"A TOML file, or a preset: {options.shipped('files/limits')}. When not given, each error is held "
+            "against its own uncertainty.",
+        ),
+    ] = None,
+    stand: Annotated[Literal["same", "level", "fit"], Parameter(group=options.STAND)] = "same",
+    north_deg: Annotated[float | None, Parameter(group=options.STAND)] = None,
+    north_sd_deg: Annotated[float, Parameter(group=options.STAND)] = 0.0,
+    level_sd_deg: Annotated[float, Parameter(group=options.STAND)] = 0.0,
+    rig_sd_deg: Annotated[float | None, Parameter(group=options.STAND)] = None,
+    azimuth_from: AzimuthFrom = None,
+    gravity_sd_percent: Annotated[
+        GravitySd,
+        Parameter(
+            help="Of two accelerometers on another stand: standard uncertainty of |g| there against that at the "
+            "calibration, 0 at the same place. When not given, that of what both state, 0.3 where one states nothing."
+        ),
+    ] = None,
+    output_: OutputOrNone = None,
+    report: Report = None,
+    inclination_from: DialFrom = "vertical",
+    azimuth_counts: AzimuthCounts = "clockwise",
+    toolface_counts: ToolfaceCounts = "clockwise",
+    json: Json = False,
+) -> int:
+    """Verify a calibrated tool at independent positions; exit status 0 pass, 1 fail, 2 bad input.
+
+    Parameters
+    ----------
+    readings
+        Bench readings CSV of positions that were not used to calibrate.
+    calibration
+        tool.json
+    stand
+        same: the stand of the calibration, not moved since. level: another one, its azimuth axis vertical. fit: another
+        one; its tilt and north are found from these readings, and what they cannot tell from the tool is not judged.
+    north_deg
+        Of a level stand: azimuth of the rig's zero from magnetic north (from true north for a gyro). When not given, it
+        is found from the readings and a constant error of azimuth is not judged.
+    north_sd_deg
+        How well the north of a level stand is known.
+    level_sd_deg
+        How well the vertical of a level stand is known.
+    rig_sd_deg
+        Random error of a setting of another stand; that of the calibration's rig when not given.
+    output_
+        Write verify.json, for a certificate.
+    """
+    from inclinometry.calibration.acceptance import verify as verify_readings
+    from inclinometry.files.bench_csv import read_bench
+    from inclinometry.files.limits import read_limits
+
+    output.claim(
+        {"--output": output_, "--report": report},
+        {"the readings": readings, "--calibration": calibration, "--limits": None if limits is None else Path(limits)},
+    )
+    with output.reading(readings) as progress:
+        data = Dials(inclination_from, azimuth_counts, toolface_counts).read(read_bench(readings, progress=progress))
+    tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
+    where = _other_stand(stand, north_deg, north_sd_deg, level_sd_deg, rig_sd_deg, gravity_sd_percent)
+    found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
+    if output_ is not None:
+        if tuple(found.names) != ANGLES:
+            raise InputError(
+                "--output writes what a certificate states, errors of inclination, azimuth and toolface; this tool has "
+                "none of them: use --report or --json"
+            )
+        from inclinometry.files.verification_json import write_verification
+
+        write_verification(output_, found, bounds, tool)
+    if report is not None:
+        from inclinometry.report.verification import verification_report
+
+        write_text(verification_report(found), report)
+    output.warnings(found.warnings)
+    if json:
+        output.print_json(
+            {
+                "verdict": found.verdict,
+                "reasons": found.reasons,
+                "notes": found.notes,
+                "limits": {"name": found.limits_name, "source": found.limits_source},
+                "coverage_factor": found.coverage_factor,
+                "stations": [
+                    {
+                        "station": s,
+                        **{
+                            n: {"error_deg": e[i], "u_deg": w[i], "limit_deg": b[i], "decision": d[i]}
+                            for i, n in enumerate(found.names)
+                            if n != "-"
+                        },
+                    }
+                    for s, e, w, b, d in zip(
+                        found.station,
+                        np.degrees(found.errors),
+                        np.degrees(found.u),
+                        np.degrees(found.limits),
+                        found.decision,
+                        strict=True,
+                    )
+                ],
+            }
+        )
+    else:
+        show_verification(found)
+    return 0 if found.verdict == "pass" else 1
+
+
+def _other_stand(
+    stand: str,
+    north_deg: float | None,
+    north_sd_deg: float,
+    level_sd_deg: float,
+    rig_sd_deg: float | None,
+    gravity_sd_percent: float | None,
+) -> OtherStand | None:
+    """What the options say of another stand; an option that says nothing there is refused."""
+    from inclinometry.calibration.acceptance import OtherStand
+
+    given = {"--north-deg": north_deg is not None, "--north-sd-deg": north_sd_deg != 0.0}
+    useless = given | {
+        "--level-sd-deg": level_sd_deg != 0.0,
+        "--rig-sd-deg": stand == "same" and rig_sd_deg is not None,
+        "--gravity-sd-percent": stand == "same" and gravity_sd_percent is not None,
+    }
+    if stand != "level" and any(useless.values()):
+        name = next(option for option, there in useless.items() if there)
+        known = "is known from the calibration" if stand == "same" else "is found from the readings"
+        raise InputError(f"{name} says nothing of --stand {stand}, which {known}: leave it out, or use --stand level")
+    if stand == "same":
+        return None
+    if given["--north-sd-deg"] and north_deg is None:
+        raise InputError("--north-sd-deg without --north-deg: give the north it is the uncertainty of")
+    setting, gravity_sd = options.sd(rig_sd_deg, "--rig-sd-deg"), options.gravity_sd(gravity_sd_percent)
+    if stand == "fit":
+        return OtherStand(setting_sd=setting, gravity_sd=gravity_sd)
+    return OtherStand(
+        options.sd(level_sd_deg, "--level-sd-deg"),
+        options.angle_or_none(north_deg, "--north-deg"),
+        options.sd(north_sd_deg, "--north-sd-deg") or 0.0,
+        setting,
+        gravity_sd,
+    )
+
+
+def show_verification(found: Verification) -> None:
+    """Verdict and the largest error of each angle on the terminal."""
+    rows = []
+    for column, name in enumerate(found.names):
+        if name == "-":
+            continue
+        judged = [row for row in range(len(found.errors)) if found.decision[row][column] != "not judged"]
+        if not judged:
+            rows.append([name, "-", "-", "-", "not judged"])
+            continue
+        shares = np.abs(found.errors[judged, column]) / found.limits[judged, column]
+        worst = judged[int(np.argmax(shares))]
+        e, u, b = (np.degrees(x[worst, column]) for x in (found.errors, found.u, found.limits))
+        bad = sum(found.decision[row][column] != "pass" for row in judged)
+        verdict = "pass" if bad == 0 else f"{bad} of {len(judged)} not accepted"
+        rows.append([name, f"{e:+.3f}", f"{u:.3f}", f"{b:.3f}", verdict])
+    output.table(
+        f"{found.verdict.upper()} against {found.limits_name}",
+        ["angle", "worst error deg", "u deg", "limit deg", "verdict"],
+        rows,
+        found.limits_source,
+    )
+    for sentence in (*found.reasons, *found.notes):
+        output.say(sentence)

@@ -7,19 +7,19 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from inclinometry.cli import output
+from inclinometry.cli import options, output
+from inclinometry.cli.options import OutputOrNone
 from inclinometry.errors import InputError
-from inclinometry.files.coefficients import coefficients as read_coefficients
-from inclinometry.files.coefficients import coefficients_c, coefficients_csv, coefficients_json
-from inclinometry.files.writing import write_text
 
 
 def coefficients(
     tool: Path,
     /,
     *,
-    format_: Annotated[Literal["table", "json", "c", "csv"] | None, Parameter(name="--format")] = None,
-    output_: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    format_: Annotated[
+        Literal["table", "json", "c", "csv"] | None, Parameter(name="--format", group=options.OUTPUT)
+    ] = None,
+    output_: OutputOrNone = None,
     temperature: Annotated[float | None, Parameter(name="--temperature-degC")] = None,
 ) -> None:
     """Coefficients of a tool as a firmware takes them: a = W (U - U0), W the inverse of N, and the classical views.
@@ -37,6 +37,10 @@ def coefficients(
         Temperature of the views; the reference temperature of the calibration when not given, and W and U0 of json and
         c as polynomials over its range.
     """
+    from inclinometry.files.coefficients import coefficients as read_coefficients
+    from inclinometry.files.coefficients import coefficients_c, coefficients_csv, coefficients_json
+    from inclinometry.files.writing import write_text
+
     output.claim({"--output": output_}, {"the tool": tool})
     endings = {".json": "json", ".h": "c", ".csv": "csv"}
     chosen = format_ or (endings.get(output_.suffix.lower(), "table") if output_ else "table")

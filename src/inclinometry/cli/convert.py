@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from inclinometry.cli import output
-from inclinometry.cli.options import Convention, Json
+from inclinometry.cli import options, output
+from inclinometry.cli.options import Convention, InputOrNone, Json
 from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
 
@@ -20,13 +20,18 @@ def convert(
     target: Path,
     /,
     *,
-    from_: Annotated[Form | None, Parameter(name="--from")] = None,
-    to: Form | None = None,
-    convention: Convention = None,
-    azimuth_reference: Literal["magnetic", "true", "grid"] | None = None,
-    sheet: str | None = None,
-    depth_unit: Literal["m", "ft", "ftUS"] | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    from_: Annotated[Form | None, Parameter(name="--from", group=options.INPUT)] = None,
+    to: Annotated[Form | None, Parameter(group=options.OUTPUT)] = None,
+    convention: Annotated[
+        Convention,
+        Parameter(
+            help="Axes and signs of the sensors in the source; those of its format when not given, native in a table."
+        ),
+    ] = None,
+    azimuth_reference: Annotated[Literal["magnetic", "true", "grid"] | None, Parameter(group=options.INPUT)] = None,
+    sheet: Annotated[str | None, Parameter(group=options.INPUT)] = None,
+    depth_unit: Annotated[Literal["m", "ft", "ftUS"] | None, Parameter(group=options.INPUT)] = None,
+    map_: Annotated[InputOrNone, Parameter(name="--map")] = None,
     json: Json = False,
 ) -> None:
     """Turn a survey of one format into another, and say what the other cannot hold.
@@ -41,8 +46,6 @@ def convert(
         Format of the source; by its ending when not given.
     to
         Format of the target; by its ending when not given.
-    convention
-        Axes and signs of the sensors in the source; those of its format when not given, native in a table.
     azimuth_reference
         North of the azimuths, where the source does not say it.
     sheet
@@ -51,8 +54,6 @@ def convert(
         Unit of depth of a P7 file that does not say it.
     map_
         TOML map of the items of a WITS stream.
-    json
-        Print a JSON summary.
     """
     output.claim({"the target": target}, {"the source": source, "--map": map_})
     with output.busy(f"converting {source.name}"):

@@ -25,8 +25,6 @@ def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag =
         tool.json, as survey, verify and simulate read it; or the template.
     template
         Write a data sheet to fill in instead.
-    json
-        Print a JSON summary.
     """
     output.claim({"--output": output_}, {"the data sheet": sheet})
     if (sheet is None) != template:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
 
 from inclinometry.cli import output
-from inclinometry.cli.bench import show_comparison
+from inclinometry.cli.bench import show_comparison, show_verification
 from inclinometry.cli.extras import need
-from inclinometry.cli.options import Json
-from inclinometry.cli.survey import show_survey, show_verification
+from inclinometry.cli.options import Json, Output
+from inclinometry.cli.survey import show_survey
 from inclinometry.errors import FileError
 from inclinometry.workflow.demo import (
     HOT_RUNS,
@@ -26,18 +24,14 @@ from inclinometry.workflow.demo import (
 )
 from inclinometry.workflow.hot_run import rms_degrees
 
-Folder = Annotated[Path, Parameter(name=["--output", "-o"])]
 
-
-def demo(*, output_: Folder = Path("demo-output"), json: Json = False) -> None:
+def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
     """Calibrate real instruments, run simulated benches and a hot gyro run through every method, survey a well, drill.
 
     Parameters
     ----------
     output_
         Folder for readings, calibrations, reports and pictures.
-    json
-        Print JSON.
     """
     need("matplotlib", "jinja2", "pyarrow")
     found = Demo(output_)

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, Final
 
 import numpy as np
+from cyclopts import Parameter
 
 from inclinometry.calibration.result import rounded
-from inclinometry.cli import output
-from inclinometry.cli.options import Convention, Json, Output, angle
+from inclinometry.cli import options, output
+from inclinometry.cli.options import (
+    Convention,
+    Input,
+    InputOrNone,
+    Json,
+    Output,
+    Report,
+    SwitchAngle,
+    angle,
+)
 from inclinometry.constants import RPM
 from inclinometry.conventions import Axes, axes_matrix
 from inclinometry.digest import digest_file
@@ -31,26 +42,28 @@ from inclinometry.workflow.dynamic import (
 )
 from inclinometry.workflow.dynamic_methods import MethodName
 
+SWITCH_DEG: Final = float(np.degrees(SWITCH))
+
 
 def dynamic(
     run: Path,
     /,
     *,
-    site: Path,
+    site: Input,
     output_: Output,
-    calibration: Path | None = None,
+    calibration: InputOrNone = None,
     method: MethodName = "auto",
     window_s: float = DEFAULT_WINDOW,
     delay_sd_ms: float = 1e3 * DELAY_SIGMA,
     scale_sd_percent: float = 1e2 * SCALE_SIGMA,
     gyro_noise_deg_sqrt_h: float | None = None,
     gyro_bias_sd_deg_h: float | None = None,
-    allan: Path | None = None,
+    allan: InputOrNone = None,
     convention: Convention = None,
-    axes: str | None = None,
-    mag_axes: str | None = None,
-    switch_deg: float = float(np.degrees(SWITCH)),
-    report: Path | None = None,
+    axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
+    mag_axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
+    switch_deg: SwitchAngle = SWITCH_DEG,
+    report: Report = None,
     json: Json = False,
 ) -> None:
     """Attitude while the tool turns and shakes.
@@ -81,30 +94,24 @@ def dynamic(
         Without --calibration: standard deviation of each scale error and coupling of the magnetometer, percent; a third
         of it is taken for the accelerometers.
     gyro_noise_deg_sqrt_h
-        Angle random walk of the gyro, deg/sqrt(h); stands above --allan.
+        Angle random walk of the gyro, deg/sqrt(h); stands above --allan. Without either a usual value is taken, and
+        said.
     gyro_bias_sd_deg_h
-        Standard deviation of the gyro's bias, deg/h; stands above that of --calibration.
+        Standard deviation of the gyro's bias, deg/h; stands above that of --calibration. Without either a usual value
+        is taken, and said.
     allan
         allan.json of the gyro (written by allan): its noise and random walk, where no option states them.
-    convention
-        Without --calibration: axes and signs of the file's sensors, see the documentation's conventions.
     axes
         Without --calibration: the file's channels that are x, y and z (of the convention), as y,z,x for a tool whose x
-        lies along the hole. Write a leading minus as --axes=-x,...
+        lies along the hole; x,y,z when not given. Write a leading minus as --axes=-x,...
     mag_axes
-        The same of the magnetometer alone, before --axes.
-    switch_deg
-        Inclination below which toolface_type says magnetic: the toolface to steer by is then azimuth + toolface.
-    report
-        Write an HTML report.
-    json
-        Print a JSON summary.
+        The same of the magnetometer alone, applied before --axes; x,y,z when not given.
     """
     output.claim(
         {"--output": output_, "--report": report},
         {"the run": run, "--site": site, "--calibration": calibration, "--allan": allan},
     )
-    options = DynamicOptions(
+    wishes = DynamicOptions(
         method,
         window_s,
         delay_sigma=1e-3 * delay_sd_ms,
@@ -118,7 +125,7 @@ def dynamic(
         switch=angle(switch_deg, "--switch-deg", 0.0, 90.0),
     )
     checked_ending(output_)
-    found = _reduced(run, site, calibration, options)
+    found = _reduced(run, site, calibration, wishes)
     page = None
     if report is not None:
         from inclinometry.report.dynamic import dynamic_report

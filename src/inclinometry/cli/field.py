@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import datetime
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
+from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Json
@@ -17,12 +18,12 @@ if TYPE_CHECKING:
 
 def field(
     *,
-    latitude_deg: float,
-    longitude_deg: float,
-    height_m: float,
-    date: str,
+    latitude_deg: Annotated[float, Parameter(group=options.INPUT)],
+    longitude_deg: Annotated[float, Parameter(group=options.INPUT)],
+    height_m: Annotated[float, Parameter(group=options.INPUT)],
+    date: Annotated[str, Parameter(group=options.INPUT)],
     model: Literal["wmm2025", "igrf14"] | None = None,
-    crs: str | None = None,
+    crs: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     json: Json = False,
 ) -> None:
     """Magnetic field, gravity and Earth rate of a place, each with its standard uncertainty, and grid convergence.
@@ -38,11 +39,9 @@ def field(
     date
         2026-05-01, or a decimal year.
     model
-        wmm2025 (2025 to 2030) or igrf14 (1900 to 2030); the first from 2025 on and the second before when not given.
+        wmm2025 (2025 to 2030) or igrf14 (1900 to 2030); when not given the first from 2025 on and the second before.
     crs
-        Map grid, e.g. EPSG:32632, for the convergence.
-    json
-        Print JSON.
+        Map grid, e.g. EPSG:32632, for the convergence; none when not given.
     """
     from inclinometry.earth.magnetic import MODELS
     from inclinometry.workflow.field import field_at

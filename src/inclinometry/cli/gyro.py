@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
+from cyclopts import Parameter
 
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
-from inclinometry.cli.options import Flag, Json, Output, angle, gravity_sd
+from inclinometry.cli.options import (
+    Flag,
+    GravitySd,
+    GyroSite,
+    Input,
+    InputOrNone,
+    Json,
+    Output,
+    Report,
+    Scheme,
+    angle,
+    gravity_sd,
+)
 from inclinometry.constants import DEG_PER_HOUR
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
@@ -21,30 +34,47 @@ from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_text
 from inclinometry.workflow.gyro import GyroOptions, GyroRun, north_run, write_run
 
-Scheme = Literal["two", "four", "mirrored", "n", "carousel"]
 Method = Literal["joint", "patent", "fixed"]
 Prior = Literal["calibration", "previous", "both", "run"]
+GyroSd: TypeAlias = Annotated[
+    float | None,
+    Parameter(help="Noise of one gyro reading, deg/h; estimated from the scatter when not given."),
+]
+Hole: TypeAlias = Annotated[
+    Literal["down", "up"] | None,
+    Parameter(
+        help="Whether the tool points down or up, for tools that cannot tell. When not given, a gyro along the tool "
+        "decides; failing that down is taken and flagged."
+    ),
+]
+History: TypeAlias = Annotated[InputOrNone, Parameter(help="scale.json of an earlier run of this tool.")]
 
 
 def north(
     raw: Path,
     /,
     *,
-    site: Path,
+    site: Input,
     output_: Output,
-    calibration: Path | None = None,
+    calibration: InputOrNone = None,
     scheme: Scheme = "four",
     scale: Method = "joint",
     prior: Prior | None = None,
-    history: Path | None = None,
+    history: History = None,
     scale_sd_percent: float = 0.3,
-    gyro_sd_deg_h: float | None = None,
+    gyro_sd_deg_h: GyroSd = None,
     accel_sd_m_s2: float | None = None,
     z_bias_sd_deg_h: float | None = None,
     sweep_deg: float = 0.0,
-    hole: Literal["down", "up"] | None = None,
-    gravity_sd_percent: float | None = None,
-    report: Path | None = None,
+    hole: Hole = None,
+    gravity_sd_percent: Annotated[
+        GravitySd,
+        Parameter(
+            help="Of tools without an accelerometer along the hole: standard uncertainty of |g| here against that in "
+            "whose units the others read; that of what site and calibration state when not given."
+        ),
+    ] = None,
+    report: Report = None,
     json: Json = False,
 ) -> None:
     """Find north at the stations of a gyro run.
@@ -60,36 +90,22 @@ def north(
         scale factor.
     calibration
         tool.json; without it accelerometers are in m/s2 (or as named) and axes are perfect.
-    scheme
-        Index positions of a station.
     scale
         joint (azimuth and scale factor together), patent (the closed form of the Chinese patent application of 2015 for
         a fibre-optic gyro in four positions), fixed (scale taken as 1).
     prior
-        What the joint estimate expects of the scale: calibration, previous station, both, or run (all other stations,
-        the default). Without temperatures the scale wanders from station to station.
-    history
-        scale.json of an earlier run of this tool.
+        What the joint estimate expects of the scale: calibration, previous station, both, or run (all other stations).
+        When not given run, or both where a run is too long for that. Without temperatures the scale wanders from
+        station to station.
     scale_sd_percent
         Standard uncertainty of the scale factor at the reference temperature; of its history before the first station
         with patent.
-    gyro_sd_deg_h
-        Noise of one gyro reading; estimated from the scatter when absent.
     accel_sd_m_s2
-        Noise of one accelerometer reading.
+        Noise of one accelerometer reading; that of the calibration when not given.
     z_bias_sd_deg_h
         Standard uncertainty of the bias of a gyro along the tool.
     sweep_deg
         Angle turned while one reading is averaged (carousel).
-    hole
-        Whether the tool points down or up, for tools that cannot tell.
-    gravity_sd_percent
-        Of tools without an accelerometer along the hole: standard uncertainty of |g| here against that in whose units
-        the others read; that of what site and calibration state when not given.
-    report
-        Write an HTML report.
-    json
-        Print a JSON summary.
     """
     output.claim(
         {"--output": output_, "--report": report},
@@ -144,16 +160,16 @@ def scale(
     run: Path,
     /,
     *,
-    site: Path,
+    site: GyroSite,
     output_: Output,
-    calibration: Path | None = None,
+    calibration: InputOrNone = None,
     scheme: Scheme = "four",
     online: Flag = False,
-    history: Path | None = None,
+    history: History = None,
     scale_sd_percent: float = 0.3,
-    gyro_sd_deg_h: float | None = None,
-    hole: Literal["down", "up"] | None = None,
-    report: Path | None = None,
+    gyro_sd_deg_h: GyroSd = None,
+    hole: Hole = None,
+    report: Report = None,
     json: Json = False,
 ) -> None:
     """Follow the scale factor over the temperatures of a run, for the record and for the next run.
@@ -162,28 +178,14 @@ def scale(
     ----------
     run
         CSV as for gyro north, with temperature_degC.
-    site
-        site.toml with latitude_deg.
     output_
         scale.json: give it to gyro north as --history.
     calibration
         tool.json
-    scheme
-        Index positions of a station.
     online
         Learn from earlier stations only, as during the run; otherwise from the whole run.
-    history
-        scale.json of an earlier run of this tool.
     scale_sd_percent
         Standard uncertainty of the scale factor at the reference temperature.
-    gyro_sd_deg_h
-        Noise of one gyro reading; estimated from the scatter when absent.
-    hole
-        Whether the tool points down or up, for tools that cannot tell.
-    report
-        Write an HTML report.
-    json
-        Print a JSON summary.
     """
     output.claim(
         {"--output": output_, "--report": report},

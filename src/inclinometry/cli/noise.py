@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from cyclopts import Parameter
 
 from inclinometry.allan import NoiseRecord
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Json, Output
+from inclinometry.cli.options import Json, Output, Report
 from inclinometry.errors import InputError
 from inclinometry.files.allan_json import allan_content, coefficients_of, units_of, write_allan
 from inclinometry.files.writing import write_text
@@ -22,8 +24,8 @@ def allan(
     output_: Output,
     start_s: float | None = None,
     stop_s: float | None = None,
-    report: Path | None = None,
-    json: Json = False,
+    report: Report = None,
+    json: Annotated[Json, Parameter(help="Print what is written, as JSON, instead of text.")] = False,
 ) -> None:
     """Allan deviation of every channel of a log at rest, and the noise coefficients fitted to it.
 
@@ -34,13 +36,10 @@ def allan(
     output_
         allan.json: coefficients with uncertainties or upper limits, and the curves.
     start_s
-        By time_s, where the stretch of the log begins that is used: the tool was at rest in it.
+        By time_s, where the stretch of the log begins that is used: the tool was at rest in it; its first sample when
+        not given.
     stop_s
-        Where it ends.
-    report
-        Write an HTML report.
-    json
-        Print what is written.
+        Where it ends; the last sample when not given.
     """
     from inclinometry.workflow.allan import noise_of_log
 
@@ -86,8 +85,8 @@ def plan_gyro(
     bias_instability_deg_h: float = 0.0,
     scale_sd_percent: float = 0.3,
     at_azimuth_deg: float | None = None,
-    gyros: int = 2,
-    axes: int = 2,
+    gyros: Literal[1, 2] = 2,
+    axes: Literal[2, 3] = 2,
     axial_bias_sd_deg_h: float = 0.0,
     level_sd_deg: float = 0.0,
     move_s: float = 0.0,
@@ -112,17 +111,15 @@ def plan_gyro(
     at_azimuth_deg
         Azimuth of the hole from true north; all round when not given.
     gyros
-        Gyros across the tool, 1 or 2, turned to four index positions.
+        Gyros across the tool, turned to four index positions.
     axes
-        2, or 3 with a gyro along the tool.
+        3: with a gyro along the tool.
     axial_bias_sd_deg_h
         Standard uncertainty of the bias of the gyro along the tool, which turning does not remove.
     level_sd_deg
         Standard uncertainty of the level by the accelerometers.
     move_s
         Time from one index position to the next.
-    json
-        Print JSON.
     """
     per_hour = np.radians(1.0) / 3600.0
     setup = GyroSetup(

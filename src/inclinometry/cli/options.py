@@ -1,30 +1,132 @@
-"""Options that several commands share, and the checks of values given in degrees."""
+"""Options that several commands share, declared once with their help, and the checks of values given in degrees.
+
+In `--help` of a command its options stand in the groups below; those that name none stand in the one that `app` gives
+the command (Method, Simulation, Options), between them and Output.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 import numpy as np
-from cyclopts import Parameter, Token, convert
+from cyclopts import Group, Parameter, Token, convert
 
-from inclinometry.conventions import current_name
 from inclinometry.errors import InputError
 
-Output = Annotated[Path, Parameter(name=["--output", "-o"])]
-Json = Annotated[bool, Parameter(name="--json", negative="")]
-Flag = Annotated[bool, Parameter(negative="")]
+INPUT = Group("Input", sort_key=1)
+STAND = Group("Stand", sort_key=2)
+DIALS = Group("Dials", sort_key=3)
+SENSORS = Group("Sensors", sort_key=4)
+OUTPUT = Group("Output", sort_key=9)
+
+Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+
+# files: what is in them each command says itself
+Input: TypeAlias = Annotated[Path, Parameter(group=INPUT)]
+InputOrNone: TypeAlias = Annotated[Path | None, Parameter(group=INPUT)]
+Output: TypeAlias = Annotated[Path, Parameter(name=["--output", "-o"], group=OUTPUT)]
+OutputOrNone: TypeAlias = Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)]
+AlsoWritten: TypeAlias = Annotated[Path | None, Parameter(group=OUTPUT)]
+Report: TypeAlias = Annotated[Path | None, Parameter(group=OUTPUT, help="Write an HTML report.")]
+Json: TypeAlias = Annotated[
+    bool, Parameter(name="--json", negative="", show_default=False, group=OUTPUT, help="Print JSON instead of text.")
+]
 
 
 def _convention(type_: Any, tokens: Sequence[Token]) -> Any:
     """The name of a convention; its old one is taken, too."""
+    from inclinometry.conventions import current_name
+
     return convert(type_, [current_name(token.value) for token in tokens])
 
 
 Convention: TypeAlias = Annotated[
-    Literal["native", "iscwsa", "specific-force", "z-up"] | None, Parameter(converter=_convention)
+    Literal["native", "iscwsa", "specific-force", "z-up"] | None,
+    Parameter(
+        group=INPUT,
+        converter=_convention,
+        help="Without a calibration: axes and signs of the sensors in the file, see the page on conventions; native "
+        "when not given.",
+    ),
 ]
+SixAxisForm: TypeAlias = Annotated[
+    Literal["csv", "xlsx", "parquet", "las", "witsml", "p7"] | None,
+    Parameter(name="--from", group=INPUT, help="Format of the readings; by the ending of a file when not given."),
+]
+FieldSite: TypeAlias = Annotated[
+    Path,
+    Parameter(
+        group=INPUT,
+        help="site.toml with g, b_nT, dip_deg and their sigmas, or latitude_deg, longitude_deg and date.",
+    ),
+]
+GyroSite: TypeAlias = Annotated[Path, Parameter(group=INPUT, help="site.toml with latitude_deg.")]
+ModelOrTool: TypeAlias = Annotated[
+    Path | None,
+    Parameter(group=INPUT, help="tool.json; without it the sensors' errors are those of the ISCWSA MWD model."),
+]
+AzimuthFrom: TypeAlias = Annotated[
+    Literal["magnetometer", "gyro"] | None,
+    Parameter(
+        help="Triad that gives the azimuth: the magnetometer when not given, where there is one, else the gyro (from "
+        "true north)."
+    ),
+]
+GravitySd: TypeAlias = Annotated[
+    float | None,
+    Parameter(
+        help="Of a tool with two accelerometers: standard uncertainty of |g| here against that at the calibration, 0 "
+        "at the same place. When not given, that of what the site and the calibration state, 0.3 where one states "
+        "nothing."
+    ),
+]
+SwitchAngle: TypeAlias = Annotated[
+    float,
+    Parameter(
+        help="Inclination below which toolface_type says magnetic: the toolface to steer by is then the magnetic one, "
+        "azimuth + toolface (magnetic_toolface_deg of a survey)."
+    ),
+]
+Serial: TypeAlias = Annotated[str, Parameter(group=OUTPUT, help="Serial number for the record.")]
+Created: TypeAlias = Annotated[
+    str | None,
+    Parameter(
+        group=OUTPUT,
+        help="Date for the record, YYYY-MM-DD or ISO 8601 with the time; none when not given: nothing is "
+        "taken from the clock.",
+    ),
+]
+Scheme: TypeAlias = Annotated[
+    Literal["two", "four", "mirrored", "n", "carousel"], Parameter(help="Index positions of a station.")
+]
+
+
+def shipped(folder: str) -> str:
+    """Names of the files of data in a folder of the package, for a text of help.
+
+    Examples
+    --------
+    >>> shipped("files/limits")
+    'rogatykh-2018-fluxgate, rogatykh-2018-magnetoresistive'
+    """
+    found = (Path(__file__).parents[1] / folder).iterdir()
+    return ", ".join(sorted(path.stem for path in found if path.suffix in (".toml", ".json")))
+
+
+def plan_names() -> str:
+    """Names of the plans that need no design, for a text of help.
+
+    Examples
+    --------
+    >>> plan_names()
+    'twelve, orthogonal, half, two-face, rotations'
+    """
+    from inclinometry.calibration.plans import PlanName
+
+    return ", ".join(get_args(PlanName))
+
 
 LARGEST_SD = 30.0
 """A rig or a stand worse than this, deg, is none."""

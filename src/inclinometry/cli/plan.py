@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from inclinometry.calibration.plans import PlanName
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Json, Output
+from inclinometry.cli.options import InputOrNone, Json, Output
 from inclinometry.files.bench_csv import write_bench, write_plan
 
 Range = Annotated[tuple[float, float] | None, Parameter(negative="")]
 
 
 def plan(
-    name: str,
+    name: Literal[PlanName, "optimal"],
     /,
     *,
     output_: Output,
     number: Annotated[int | None, Parameter(name=["--number", "-n"])] = None,
     inclination_range_deg: Range = None,
-    criterion: str | None = None,
+    criterion: Literal["azimuth", "inclination", "trace"] | None = None,
     rig_sd_deg: float | None = None,
     dip_deg: float | None = None,
     first_inclination_deg: float | None = None,
@@ -36,31 +37,29 @@ def plan(
     Parameters
     ----------
     name
-        twelve, orthogonal, half, two-face, rotations or optimal.
+        The plan.
     output_
         CSV with station, azimuth_deg, inclination_deg, toolface_deg.
     number
-        Stations of an optimal plan (24).
+        Stations of an optimal plan; 24 when not given.
     inclination_range_deg
-        Where the tool will work (10 90); an optimal plan is aimed at it.
+        Where the tool will work, which an optimal plan is aimed at; 10 90 when not given.
     criterion
-        What an optimal plan minimises over that range: azimuth (when not given), inclination or trace.
+        What an optimal plan minimises over that range; azimuth when not given.
     rig_sd_deg
-        Random error of a setting of the rig an optimal plan is for (0.1).
+        Random error of a setting of the rig an optimal plan is for; 0.1 when not given.
     dip_deg
-        Magnetic dip at the bench an optimal plan is for (70).
+        Magnetic dip at the bench an optimal plan is for; 70 when not given.
     first_inclination_deg
-        First of the two inclinations of rotations (30); the second is 90 degrees more.
+        First of the two inclinations of rotations, 30 when not given; the second is 90 degrees more.
     azimuth_deg
-        Azimuth of rotations (0).
+        Azimuth of rotations; 0 when not given.
     rolls
-        Equal rolls a turn, of twelve (3) and rotations (8).
+        Equal rolls a turn, of twelve (3 when not given) and rotations (8).
     azimuths
-        Equal azimuths of twelve (3) at which the tool lies.
+        Equal azimuths of twelve at which the tool lies; 3 when not given.
     seed
-        Of the search for an optimal plan (1).
-    json
-        Print a JSON summary.
+        Of the search for an optimal plan; 1 when not given.
     """
     from inclinometry.workflow.plan import advice, make_plan, plan_file
 
@@ -93,7 +92,7 @@ def readings(
     /,
     *,
     output_: Output,
-    plan: Path | None = None,
+    plan: InputOrNone = None,
     window_s: float = 0.5,
     shortest_s: float = 1.0,
     json: Json = False,
@@ -107,13 +106,11 @@ def readings(
     output_
         Bench readings CSV: means, standard deviation of one sample, count.
     plan
-        Positions visited, in order; adds the rig angles.
+        Positions visited, in order; adds the rig angles, which are not known without.
     window_s
         Time over which stillness is judged.
     shortest_s
         Shortest rest that counts.
-    json
-        Print a JSON summary.
     """
     from inclinometry.files.bench_csv import read_plan
     from inclinometry.workflow.stations import readings_of_log

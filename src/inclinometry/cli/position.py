@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.cli import output
-from inclinometry.cli.options import Json, Output
+from inclinometry.cli import options, output
+from inclinometry.cli.options import AlsoWritten, InputOrNone, Json, Output, Report
 from inclinometry.errors import InputError
 
 Metres = Annotated[tuple[float, float, float] | None, Parameter(negative="")]
@@ -24,16 +24,23 @@ def position(
     /,
     *,
     output_: Output,
-    site: Path | None = None,
-    tool_code: str | None = None,
-    calibration: Path | None = None,
-    raw: Path | None = None,
-    corrections: Path | None = None,
+    site: InputOrNone = None,
+    tool_code: Annotated[
+        str | None,
+        Parameter(
+            group=options.INPUT,
+            help=f"Error model: a JSON file, or a shipped one: {options.shipped('position/tool_codes')}. Without "
+            "it and without a calibration there are positions only.",
+        ),
+    ] = None,
+    calibration: InputOrNone = None,
+    raw: InputOrNone = None,
+    corrections: InputOrNone = None,
     tie_on: Metres = None,
     tie_sigma: Metres = None,
     north: Literal["true", "grid"] | None = None,
-    report: Path | None = None,
-    sources: Path | None = None,
+    report: Report = None,
+    sources: AlsoWritten = None,
     json: Json = False,
 ) -> None:
     """Positions of a well by minimum curvature, and their covariance by a tool code or by the tool's own certificate.
@@ -46,8 +53,6 @@ def position(
         Position CSV: m and m2; north, east, v down.
     site
         site.toml: declination, convergence and the fields that the error model needs; given or from its models.
-    tool_code
-        Error model: iscwsa-mwd-rev5.1, another one shipped, or a JSON file.
     calibration
         tool.json: its covariance is the error model of the sensors; --tool-code then adds its terms for the rest.
     raw
@@ -55,17 +60,14 @@ def position(
     corrections
         With --raw: corrections.json of the multi-station analysis the survey was corrected with.
     tie_on
-        North, east, true vertical depth of the first station in m.
+        North, east, true vertical depth of the first station in m; 0, 0 and its depth along the hole when not given.
     tie_sigma
         Their standard deviations in m.
     north
-        What positions count from: as the site's north_reference where it is true or grid.
-    report
-        Write an HTML report.
+        What positions count from; when not given the site's north_reference where it is true or grid, else grid for
+        grid azimuths and true for others.
     sources
         Write every source of error at every station as CSV.
-    json
-        Print a JSON summary.
     """
     from inclinometry.workflow.position import read_position
 

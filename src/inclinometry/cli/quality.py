@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
-from inclinometry.cli import output
-from inclinometry.cli.options import Json
+from inclinometry.cli import options, output
+from inclinometry.cli.options import InputOrNone, Json
 from inclinometry.files.limits import GYRO_REPEAT
 from inclinometry.files.site_toml import read_site
 from inclinometry.survey.flags import Check, worst
@@ -21,8 +23,14 @@ def quality(
     out_run: Path | None = None,
     /,
     *,
-    site: Path | None = None,
-    limits: str = GYRO_REPEAT,
+    site: InputOrNone = None,
+    limits: Annotated[
+        str,
+        Parameter(
+            group=options.INPUT,
+            help=f"A TOML file of limits, or the name of shipped ones: {options.shipped('files/repeat_limits')}.",
+        ),
+    ] = GYRO_REPEAT,
     json: Json = False,
 ) -> int:
     """Judge a gyro survey: in-run against out-run, and the flags of a run; exit status 0 pass, 1 fail, 2 bad input.
@@ -35,10 +43,6 @@ def quality(
         Survey CSV of the out-run; without it only the flags of the in-run are judged.
     site
         site.toml with the correction between the runs' norths; needed only where these differ.
-    limits
-        gyro-repeat or a TOML file of limits.
-    json
-        Print JSON.
     """
     place = None if site is None else read_site(site)
     checks, notes = _runs(in_run, out_run)

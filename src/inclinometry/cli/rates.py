@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.rate_table import RateCalibration
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
-from inclinometry.cli.options import Flag, Json, Output
+from inclinometry.cli.options import Created, Flag, GyroSite, InputOrNone, Json, Output, Serial
 from inclinometry.constants import EARTH_RATE
 from inclinometry.files.gyro_csv import read_rate_steps
 from inclinometry.files.site_toml import read_site
@@ -22,13 +24,15 @@ def table(
     steps: Path,
     /,
     *,
-    site: Path,
+    site: GyroSite,
     output_: Output,
-    calibration: Path | None = None,
+    calibration: InputOrNone = None,
     temperature_degree: int = 0,
     g_sensitivity: Flag = False,
-    tool: str = "unnamed",
-    created: str | None = None,
+    tool: Annotated[
+        Serial, Parameter(help="Serial number for the record, where no calibration gives one.")
+    ] = "unnamed",
+    created: Created = None,
     json: Json = False,
 ) -> None:
     """Calibrate gyros on a rate table that turns about the vertical.
@@ -38,8 +42,6 @@ def table(
     steps
         CSV with station, inclination_deg, toolface_deg (of the tool as mounted), rate_deg_s (clockwise from above), the
         gyros' means over whole turns, azimuth_deg where the table is at rest, temperature_degC.
-    site
-        site.toml with latitude_deg.
     output_
         tool.json
     calibration
@@ -48,12 +50,6 @@ def table(
         Of the polynomial by which scale and offset follow temperature.
     g_sensitivity
         Fit what gravity adds to the gyros' signals.
-    tool
-        Serial number, where no calibration gives one.
-    created
-        Date for the record; nothing is taken from the clock.
-    json
-        Print JSON.
     """
     output.claim({"--output": output_}, {"the steps": steps, "--calibration": calibration, "--site": site})
     place = read_site(site)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from inclinometry.calibration.orient import RigOrientation, orient_rig
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Json
+from inclinometry.cli.options import AzimuthFrom, GravitySd, Input, InputOrNone, Json
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.earth.site import Site
 from inclinometry.files.bench_csv import read_bench
@@ -23,11 +23,11 @@ def orient(
     readings: Path,
     /,
     *,
-    calibration: Path,
-    site: Path | None = None,
+    calibration: Input,
+    site: InputOrNone = None,
     rig_sd_deg: float | None = None,
-    azimuth_from: Literal["magnetometer", "gyro"] | None = None,
-    gravity_sd_percent: float | None = None,
+    azimuth_from: AzimuthFrom = None,
+    gravity_sd_percent: GravitySd = None,
     json: Json = False,
 ) -> None:
     """Find how a rig stands from the readings of a calibrated tool on it: tilt, north, zeros of its dials.
@@ -42,13 +42,6 @@ def orient(
         site.toml with declination_deg (or a place and date), for the azimuth from true north.
     rig_sd_deg
         Random error of a setting of this rig; found from the scatter when not given.
-    azimuth_from
-        Triad that tells north: the magnetometer where there is one, else the gyro.
-    gravity_sd_percent
-        Of a tool with two accelerometers: standard uncertainty of |g| here against that at the calibration, 0 at the
-        same place. When not given, that of what both state, 0.3 where one states nothing.
-    json
-        Print JSON.
     """
     with output.reading(readings) as progress:
         data = read_bench(readings, progress=progress)

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from inclinometry.cli import output
-from inclinometry.cli.options import Convention, Flag, Json
+from inclinometry.cli.options import Convention, FieldSite, Flag, InputOrNone, Json, ModelOrTool, SixAxisForm
 from inclinometry.cli.quality import show_checks
-from inclinometry.cli.six_axis import SixAxisForm
 from inclinometry.survey.flags import Check, worst
 from inclinometry.workflow.gyro_quality import check_json
 from inclinometry.workflow.shots import APART_M, depth_check, read_shots, repeat_checks, rotation_checks
@@ -19,8 +18,8 @@ def rotation(
     raw: Path,
     /,
     *,
-    site: Path,
-    calibration: Path | None = None,
+    site: FieldSite,
+    calibration: ModelOrTool = None,
     from_: SixAxisForm = None,
     convention: Convention = None,
     json: Json = False,
@@ -31,16 +30,6 @@ def rotation(
     ----------
     raw
         Four or more shots with toolfaces all round, as for `quality`; in CSV the depth may repeat.
-    site
-        site.toml, as for `quality`.
-    calibration
-        tool.json; without it the sensors' errors are those of the ISCWSA MWD model.
-    from_
-        Format of the file; by its ending when not given.
-    convention
-        Axes and signs of the sensors in the file, without a calibration; native when not given.
-    json
-        Print JSON.
     """
     run = read_shots(raw, site, calibration, form=from_, convention=convention)
     output.warnings(run.warnings)
@@ -52,9 +41,9 @@ def repeat(
     second: Path,
     /,
     *,
-    site: Path,
-    calibration: Path | None = None,
-    second_calibration: Path | None = None,
+    site: FieldSite,
+    calibration: InputOrNone = None,
+    second_calibration: InputOrNone = None,
     other_tool: Flag = False,
     apart_m: float = APART_M,
     from_: SixAxisForm = None,
@@ -69,22 +58,14 @@ def repeat(
         A survey, as for `quality`.
     second
         The same stations again.
-    site
-        site.toml, as for `quality`.
     calibration
         tool.json of both surveys; without it the sensors' errors are those of the ISCWSA MWD model.
     second_calibration
-        tool.json of the second survey, where it is another.
+        tool.json of the second survey, where it is another; that of both when not given.
     other_tool
         The second survey was made with another tool, where no calibration says so.
     apart_m
         How far the depths of a pair may differ, m.
-    from_
-        Format of the files; by their endings when not given.
-    convention
-        Axes and signs of the sensors in the files, without a calibration; native when not given.
-    json
-        Print JSON.
     """
     one, two = (
         read_six_axis(path, site, tool, form=from_, convention=convention)
@@ -108,8 +89,6 @@ def dual_depth(first: Path, second: Path, /, *, sigma_first_m: float, sigma_seco
         Standard deviation of the first depths, m, corrections made.
     sigma_second_m
         Standard deviation of the second depths, m, corrections made.
-    json
-        Print JSON.
     """
     check = depth_check(first, second, sigma_first_m, sigma_second_m)
     return _answer(f"{first.name} and {second.name}", [check], (), json)

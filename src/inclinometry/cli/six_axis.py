@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.cli import output
-from inclinometry.cli.options import Convention, Json, Output
+from inclinometry.cli import options, output
+from inclinometry.cli.options import (
+    Convention,
+    FieldSite,
+    InputOrNone,
+    Json,
+    ModelOrTool,
+    Output,
+    Report,
+    SixAxisForm,
+)
 from inclinometry.cli.quality import show_checks
 from inclinometry.errors import InputError
 from inclinometry.files.corrections_json import write_corrections
@@ -19,18 +28,21 @@ from inclinometry.survey.quality import QUANTITIES, FieldQuality
 from inclinometry.workflow.gyro_quality import check_json
 from inclinometry.workflow.six_axis import Analysis, SixAxis, analyse, judge, read_six_axis
 
-SixAxisForm: TypeAlias = Annotated[
-    Literal["csv", "xlsx", "parquet", "las", "witsml", "p7"] | None, Parameter(name="--from")
-]
-
 
 def quality(
     raw: Path,
     /,
     *,
-    site: Path,
-    limits: str | None = None,
-    calibration: Path | None = None,
+    site: FieldSite,
+    limits: Annotated[
+        str | None,
+        Parameter(
+            group=options.INPUT,
+            help=f"A TOML file, or a preset: {options.shipped('files/quality_limits')}. When not given, 3 standard "
+            "uncertainties of tool and site at each attitude.",
+        ),
+    ] = None,
+    calibration: ModelOrTool = None,
     from_: SixAxisForm = None,
     convention: Convention = None,
     json: Json = False,
@@ -41,18 +53,6 @@ def quality(
     ----------
     raw
         Raw channels of a calibrated tool, six axes in m/s2 and nT in any format, or a survey with totals and dip.
-    site
-        site.toml with g, b_nT, dip_deg and their sigmas, or latitude_deg, longitude_deg and date.
-    limits
-        Name of a preset or a TOML file; without limits 3 standard uncertainties of tool and site at each attitude.
-    calibration
-        tool.json; without it the sensors' errors are those of the ISCWSA MWD model.
-    from_
-        Format of the file; by its ending when not given.
-    convention
-        Axes and signs of the sensors in the file, without a calibration; native when not given.
-    json
-        Print JSON.
     """
     fixed = None if limits is None else read_quality_limits(limits)
     with output.reading(raw) as progress:
@@ -120,14 +120,14 @@ def msa(
     raw: Path,
     /,
     *,
-    site: Path,
+    site: FieldSite,
     output_: Output,
-    calibration: Path | None = None,
+    calibration: InputOrNone = None,
     priors: Literal["iscwsa", "unknown"] | None = None,
     axial_sigma_nt: float | None = None,
     from_: SixAxisForm = None,
     convention: Convention = None,
-    report: Path | None = None,
+    report: Report = None,
     json: Json = False,
 ) -> None:
     """Multi-station analysis: the errors that the sensors of one run have in common, with uncertainty.
@@ -136,8 +136,6 @@ def msa(
     ----------
     raw
         Raw channels of a calibrated tool, or six axes in m/s2 and nT in any format: one run, 4 stations or more.
-    site
-        site.toml with g, b_nT, dip_deg and their sigmas, or latitude_deg, longitude_deg and date.
     output_
         corrections.json, for survey --correct corrections.json.
     calibration
@@ -146,14 +144,6 @@ def msa(
         What is known of a tool without a calibration: iscwsa (kept to the ISCWSA model; when not given) or unknown.
     axial_sigma_nt
         Standard deviation of the axial magnetic interference, nT; 2000 when not given.
-    from_
-        Format of the file; by its ending when not given.
-    convention
-        Axes and signs of the sensors in the file, without a calibration; native when not given.
-    report
-        Write an HTML report.
-    json
-        Print a JSON summary.
     """
     output.claim(
         {"--output": output_, "--report": report},

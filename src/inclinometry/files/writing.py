@@ -8,7 +8,6 @@ import os
 import secrets
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from importlib.metadata import version
 from pathlib import Path
 from typing import BinaryIO
 
@@ -161,4 +160,6 @@ def write_columns(names: Sequence[str], columns: Sequence[Iterable[str]], path: 
 
 def program() -> str:
     """Name and version of this program, for records."""
+    from importlib.metadata import version  # with what it imports fifty modules, and not every command writes a record
+
     return f"inclinometry {version('inclinometry')}"

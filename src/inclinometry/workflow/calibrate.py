@@ -8,7 +8,7 @@ from dataclasses import fields as fields_of
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +30,7 @@ from inclinometry.sensors import Tool
 
 # The one table of identification methods by name, and which of them a set of readings allows.
 
+MethodName: TypeAlias = Literal["joint", "twelve", "orthogonal", "rotations", "classical", "field", "norm"]
 METHODS: Final = {
     "joint": "joint:calibrate_joint",
     "twelve": "direct:calibrate_twelve",

@@ -15,6 +15,7 @@ from cyclopts import Parameter
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag
 from inclinometry.errors import InputError
+from inclinometry.laboratory.commands import LedgerAddress, ProtocolName
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.ledger import Ledger, default_path
 
@@ -23,12 +24,12 @@ SIMULATED = "simulated"
 
 def bench(
     *,
-    ledger: str | None = None,
+    ledger: LedgerAddress = None,
     host: str = "127.0.0.1",
     port: int = 8080,
     name: Annotated[Sequence[str], Parameter(negative="")] = (),
     instrument: str | None = None,
-    protocol: str = "csv-line",
+    protocol: ProtocolName = "csv-line",
     demo: Flag = False,
     certificate: Path | None = None,
     key: Path | None = None,
@@ -37,8 +38,6 @@ def bench(
 
     Parameters
     ----------
-    ledger
-        Path of a SQLite file, or postgresql://user:password@host/database; in the user's data folder when not given.
     host
         Address to listen at; anywhere but on this computer users have to log in.
     port
@@ -46,13 +45,12 @@ def bench(
     name
         Name by which browsers on other computers address this one; may be given more than once.
     instrument
-        socket://host:port, COM3, /dev/ttyUSB0, or "simulated" for a simulated tool on a simulated stand.
-    protocol
-        Protocol of the instrument: csv-line, query-response, wits0, or a TOML file.
+        socket://host:port, COM3, /dev/ttyUSB0, or "simulated" for a simulated tool on a simulated stand; none when not
+        given.
     demo
         Register a simulated tool that is half-way through its calibration.
     certificate
-        TLS certificate, PEM, with --key.
+        TLS certificate, PEM, with --key; without it nothing is encrypted.
     key
         Its private key, PEM.
     """

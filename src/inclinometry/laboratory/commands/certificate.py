@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from inclinometry.cli import output
-from inclinometry.cli.options import Json, Output
+from inclinometry.cli.options import AlsoWritten, InputOrNone, Json, Output
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.certificate.issue import record_from_files
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest
@@ -17,14 +17,14 @@ def certificate(
     /,
     *,
     output_: Output,
-    verification: Path | None = None,
-    laboratory: Path | None = None,
-    previous: Path | None = None,
-    dcc: Path | None = None,
-    record: Path | None = None,
+    verification: InputOrNone = None,
+    laboratory: InputOrNone = None,
+    previous: InputOrNone = None,
+    dcc: AlsoWritten = None,
+    record: AlsoWritten = None,
     number: str | None = None,
     language: Literal["en", "ru", "zh"] = "en",
-    fonts: Path | None = None,
+    fonts: InputOrNone = None,
     json: Json = False,
 ) -> None:
     """Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON record.
@@ -36,11 +36,11 @@ def certificate(
     output_
         PDF to write.
     verification
-        verify.json, as verify writes it with --output.
+        verify.json, as verify writes it with --output; left out when not given.
     laboratory
         lab.toml: laboratory and order; without it the document says that it is no certificate.
     previous
-        tool.json of the calibration before, for the values before adjustment.
+        tool.json of the calibration before, for the values before adjustment; these are left out when not given.
     dcc
         Write the digital calibration certificate, XML; it needs the laboratory.
     record
@@ -51,8 +51,6 @@ def certificate(
         Of the fixed texts of the PDF.
     fonts
         Folder with further fonts, where a letter is missing.
-    json
-        Print a JSON summary.
     """
     output.claim(
         {"--output": output_, "--dcc": dcc, "--record": record},

@@ -7,15 +7,15 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from types import FrameType
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from inclinometry.cli import output
-from inclinometry.cli.options import Json
+from inclinometry.cli import options, output
+from inclinometry.cli.options import InputOrNone, Json
 from inclinometry.errors import InputError
+from inclinometry.laboratory.commands import ProtocolName
 from inclinometry.laboratory.instruments.simulated_instrument import (
     SimulatedInstrument,
     StandSettings,
@@ -30,12 +30,18 @@ def instrument(
     port: int = 7000,
     rig_port: int | None = None,
     host: str = "127.0.0.1",
-    protocol: str = "csv-line",
-    tool: Path | None = None,
+    protocol: ProtocolName = "csv-line",
+    tool: InputOrNone = None,
     seed: int = 1,
     rate_hz: float = 10.0,
     speed: float = 1.0,
-    plan: str | None = None,
+    plan: Annotated[
+        str | None,
+        Parameter(
+            help="The rig visits the positions of this plan by itself, over and over: a CSV file of positions, or "
+            f"{options.plan_names()}. It stands still when not given."
+        ),
+    ] = None,
     dwell_s: float = 5.0,
     turn_s: float = 2.0,
     temperature: Annotated[float, Parameter(name="--temperature-degC")] = 20.0,
@@ -43,7 +49,7 @@ def instrument(
     noise: float = 1.0,
     faults: str = "",
     duration_s: float | None = None,
-    json: Json = False,
+    json: Annotated[Json, Parameter(help="Print where it listens as JSON.")] = False,
 ) -> None:
     """Simulate a live instrument behind a TCP port, until Ctrl-C.
 
@@ -52,11 +58,9 @@ def instrument(
     port
         Where the bench finds the instrument, as socket://127.0.0.1:7000; 0 chooses a free one and prints it.
     rig_port
-        Also listen for SCPI commands of the rig: AZ 90;INC 45;TF 0 and POS?, *OPC?, *IDN?.
+        Also listen here for SCPI commands of the rig: AZ 90;INC 45;TF 0 and POS?, *OPC?, *IDN?; nowhere when not given.
     host
         Address to listen on; other machines reach it only when this is not the loopback address.
-    protocol
-        csv-line, query-response, wits0, or a TOML file.
     tool
         truth.json of a simulated tool and its stand; a realistic tool drawn by the seed when not given.
     seed
@@ -65,8 +69,6 @@ def instrument(
         Samples a second of an instrument that sends by itself.
     speed
         Seconds of the simulation a second; 0 for as fast as the receiver takes them.
-    plan
-        The rig visits the positions of this plan by itself, over and over.
     dwell_s
         Time at each of them.
     turn_s
@@ -81,9 +83,7 @@ def instrument(
         As garbage=0.01,dropout=0.02,disconnect=60,misread=7:toolface:30; names: garbage, dropout, partial, encoding,
         endless, repeat, outside, stuck (shares), disconnect, latency (s), misread.
     duration_s
-        Stop after so many seconds.
-    json
-        Print where it listens as JSON.
+        Stop after so many seconds; at Ctrl-C when not given.
     """
     if duration_s is not None and not 0.0 < duration_s <= 1e9:
         raise InputError(f"--duration-s is {duration_s:g}; allowed more than 0")

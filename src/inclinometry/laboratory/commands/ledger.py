@@ -6,13 +6,12 @@ import getpass
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter
+from typing import Literal
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json
 from inclinometry.errors import InputError
+from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger import exchange
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.chain import parse_head
@@ -24,7 +23,6 @@ from inclinometry.laboratory.ledger.verify import verify as verify_ledger
 from inclinometry.laboratory.results import History
 from inclinometry.laboratory.results import history as history_of
 
-Where = Annotated[str | None, Parameter(name="--ledger")]
 PASSWORD = "INCLINOMETRY_PASSWORD"
 
 
@@ -38,7 +36,8 @@ def init(where: str | None = None, /, *, clock: str | None = None) -> None:
     Parameters
     ----------
     where
-        Path of a SQLite file, or postgresql://user:password@host/database; in the user's data folder when not given.
+        Path of a SQLite file, or postgresql://user:password@host/database; the one in the user's data folder when not
+        given.
     clock
         Reason for going on where the last record's time lies in the future, since the clock was wrong then; it is
         recorded.
@@ -49,19 +48,17 @@ def init(where: str | None = None, /, *, clock: str | None = None) -> None:
         output.say(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
 
 
-def verify(*, ledger: Where = None, head: str | None = None, certificate: str | None = None, json: Json = False) -> int:
+def verify(
+    *, ledger: LedgerAddress = None, head: str | None = None, certificate: str | None = None, json: Json = False
+) -> int:
     """Check every record against its digest and the chain: exit status 0 sound, 1 changed, 2 bad input.
 
     Parameters
     ----------
-    ledger
-        Path or address; the user's own when not given.
     head
         NUMBER:DIGITS as an earlier check or a certificate gave it; without it a tail cut off goes unnoticed.
     certificate
         Number of a certificate: its files, its record and its calibration are compared instead of the whole ledger.
-    json
-        Print a JSON summary.
     """
     if certificate is not None:
         return _certificate(_where(ledger), certificate, head, json)
@@ -111,15 +108,13 @@ def _certificate(where: str, number: str, head: str | None, json: bool) -> int:
     return 0 if found.ok else 1
 
 
-def export(target: Path, /, *, ledger: Where = None) -> None:
+def export(target: Path, /, *, ledger: LedgerAddress = None) -> None:
     """Write everything into one file, which another computer can import.
 
     Parameters
     ----------
     target
         File to write, a ZIP.
-    ledger
-        Path or address; the user's own when not given.
     """
     where = _where(ledger)
     output.claim({"the export": target}, {"--ledger": _path(where)})
@@ -129,15 +124,14 @@ def export(target: Path, /, *, ledger: Where = None) -> None:
     output.say(f"head {head}")
 
 
-def import_(source: Path, /, *, ledger: Where = None) -> None:
-    """Read an export into an empty ledger; everything is checked, and recorded as a whole or not at all.
+def import_(source: Path, /, *, ledger: LedgerAddress = None) -> None:
+    """Read an export into an empty ledger, made when it is not there; everything is checked, and recorded as a whole or
+    not at all.
 
     Parameters
     ----------
     source
         File that `ledger export` wrote.
-    ledger
-        Path or address of the empty ledger, made when it is not there; the user's own when not given.
     """
     where = _where(ledger)
     path = _path(where)
@@ -154,15 +148,13 @@ def import_(source: Path, /, *, ledger: Where = None) -> None:
         raise
 
 
-def backup(target: Path, /, *, ledger: Where = None) -> None:
+def backup(target: Path, /, *, ledger: LedgerAddress = None) -> None:
     """Copy the ledger as it is now into a new file; work may go on meanwhile.
 
     Parameters
     ----------
     target
         File to write; it must not be there yet.
-    ledger
-        Path of a SQLite ledger; the user's own when not given.
     """
     where = _where(ledger)
     output.claim({"the backup": target}, {"--ledger": _path(where)})
@@ -171,17 +163,13 @@ def backup(target: Path, /, *, ledger: Where = None) -> None:
     output.say(f"{where} copied to {target}")
 
 
-def history(serial: str, /, *, ledger: Where = None, json: Json = False) -> None:
+def history(serial: str, /, *, ledger: LedgerAddress = None, json: Json = False) -> None:
     """How the parameters of a tool went from calibration to calibration.
 
     Parameters
     ----------
     serial
         Serial number of the tool.
-    ledger
-        Path or address; the user's own when not given.
-    json
-        Print JSON.
     """
     with Ledger(_where(ledger), read_only=True) as opened:
         found = history_of(opened, serial)
@@ -219,7 +207,7 @@ def users(
     name: str | None = None,
     /,
     *,
-    ledger: Where = None,
+    ledger: LedgerAddress = None,
     role: Literal["operator", "metrologist", "auditor", "administrator"] | None = None,
     full_name: str | None = None,
     language: Literal["en", "ru", "zh"] | None = None,
@@ -234,22 +222,19 @@ def users(
     ----------
     name
         User to add or change; all are listed when not given.
-    ledger
-        Path or address; the user's own when not given.
     role
-        operator captures, metrologist also issues certificates, administrator also keeps users, auditor reads.
+        operator captures, metrologist also issues certificates, administrator also keeps users, auditor reads; that of
+        the user is kept when not given.
     full_name
-        As it stands on certificates.
+        As it stands on certificates; kept when not given.
     language
-        Of the pages.
+        Of the pages; kept when not given, en for a new user.
     password
         Ask for a new password.
     disable
         The user may no longer log in.
     enable
         The user may log in again.
-    json
-        Print JSON.
     """
     if disable and enable:
         raise InputError("--disable and --enable exclude each other; give one of them")
