@@ -41,19 +41,34 @@ from inclinometry.cli.options import (
 from inclinometry.constants import ANGLES
 from inclinometry.digest import digest_file
 from inclinometry.errors import InputError
-from inclinometry.files.datasheet_toml import read_nameplate
-from inclinometry.files.site_toml import read_site
 from inclinometry.files.tool_json import read_calibration, read_tool, write_calibration
 from inclinometry.files.writing import write_text
 from inclinometry.workflow.calibrate import METHODS, Comparison, MethodName, Options, named_degrees, readings_at
 from inclinometry.workflow.calibrate import calibrate as calibrate_readings
 from inclinometry.workflow.calibrate import compare as compare_methods
-from inclinometry.workflow.compare_two import compare_two, content
 
 if TYPE_CHECKING:
     from inclinometry.calibration.acceptance import OtherStand, Verification
+    from inclinometry.earth.site import Site
+    from inclinometry.sensors import Tool
 
-# What compare prints of two files of one tool.
+
+def _site(path: Path | None) -> Site | None:
+    """The place, where one is given; its reader is loaded then alone."""
+    if path is None:
+        return None
+    from inclinometry.files.site_toml import read_site
+
+    return read_site(path)
+
+
+def _nameplate(path: Path | None) -> Tool | None:
+    """The nameplate values, where they are given; their reader is loaded then alone."""
+    if path is None:
+        return None
+    from inclinometry.files.datasheet_toml import read_nameplate
+
+    return read_nameplate(path)
 
 
 def show_two(
@@ -70,13 +85,15 @@ def show_two(
     output.claim(
         {"--report": report}, {"the first file": paths[0], "the second": paths[1], "--site": site, "--truth": truth}
     )
+    from inclinometry.workflow.compare_two import compare_two, content
+
     with output.busy("calibrating both"):
         found = compare_two(
             paths,
             [name.strip() for name in methods.split(",")],
             options=options,
             dials=dials,
-            site=None if site is None else read_site(site),
+            site=_site(site),
             truth=None if truth is None else read_tool(truth),
         )
     if report is not None:
@@ -257,7 +274,7 @@ def calibrate(
         robust=robust,
         specific_force=specific_force,
         left_handed=left_handed,
-        nameplate=None if nameplate is None else read_nameplate(nameplate),
+        nameplate=_nameplate(nameplate),
         name=tool,
         accel_step=_step(accel_step, "--accel-step"),
         mag_step=_step(mag_step, "--mag-step"),
@@ -266,7 +283,7 @@ def calibrate(
     )
     dials = Dials(inclination_from, azimuth_counts, toolface_counts)
     with output.reading(readings) as progress:
-        data = readings_at(readings, None if site is None else read_site(site), progress, dials)
+        data = readings_at(readings, _site(site), progress, dials)
     page = None
     with output.busy(f"calibrating, method {method}"):
         found = calibrate_readings(data, method, wishes)
@@ -442,12 +459,12 @@ def compare(
         show_two((readings, second), methods or "joint", wishes, dials, site, truth, report, json)
         return
     with output.reading(readings) as progress:
-        data = readings_at(readings, None if site is None else read_site(site), progress, dials)
+        data = readings_at(readings, _site(site), progress, dials)
     if methods is not None or report is not None:
         option = "--methods" if methods is not None else "--report"
         raise InputError(f"{option} is for two files of one tool; give a second file, or leave it out")
     known = None if truth is None else read_tool(truth)
-    sheet = None if nameplate is None else read_nameplate(nameplate)
+    sheet = _nameplate(nameplate)
     with output.busy("running every method"):
         found = compare_methods(data, truth=known, options=replace(wishes, nameplate=sheet))
     if json:

@@ -8,7 +8,7 @@ from dataclasses import fields as fields_of
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,13 +20,15 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import DIP, KINDS, SHORT_INCLINATIONS, STEPS
-from inclinometry.earth.site import Site
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.orientation import angles, fields
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
+
+if TYPE_CHECKING:
+    from inclinometry.earth.site import Site
 
 # The one table of identification methods by name, and which of them a set of readings allows.
 
