@@ -1,4 +1,4 @@
-"""A tool: its triads, what is uncertain about them, and the range in which that holds."""
+"""A tool and its triads: U = N a + U0, the classical view of a sensor, and how the angles answer to its parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear propagation of covariance, J C J', for stacks of models at once."""
+"""Uncertainty by the GUM: linear propagation J C J' for stacks of models, coverage factors, budgets by cause."""
 
 from __future__ import annotations
 
@@ -203,8 +203,8 @@ def propagate(jacobian: ArrayLike, covariance: ArrayLike) -> Array:
     Returns
     -------
     (..., m, m) ndarray
-        Exactly symmetric. Valid when f is close to linear over a few standard deviations of the inputs; `montecarlo`
-        tells whether it is.
+        Exactly symmetric. Valid when f is close to linear over a few standard deviations of the inputs; `montecarlo`the inputs; a Monte Carlo
+        (JCGM 101) tells whether it is.
 
     Raises
     ------

@@ -102,7 +102,7 @@ class Verification:
     decision : (K, 3) "pass", "fail", "inconclusive", "not judged"
     coverage_factor : k of the expanded uncertainty
     verdict : "pass" or "fail"; an inconclusive position fails a guarded verification
-    names : of what is judged: `JUDGED`, but of a tool without gravity's direction the angles to the fields it sees
+    names : of what is judged: `ANGLES`, but of a tool without gravity's direction the angles to the fields it sees
     notes : what was taken from where, and what this verification cannot see
     """
 
@@ -244,7 +244,7 @@ _FIELD_ANGLES: Final = ("angle of the tool axis to the field", "azimuth", "toolf
 
 
 def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:
-    """(K, 3) as `JUDGED`; azimuth 0 where one field alone is seen."""
+    """(K, 3) as `ANGLES`; azimuth 0 where one field alone is seen."""
     if len(kinds) == 2:
         found = angles(seen[kinds[0]], seen[kinds[1]])
         return np.stack([found.inclination, found.azimuth, found.toolface], axis=1)
@@ -255,7 +255,7 @@ def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:
 class _Where(NamedTuple):
     """The stand at every position.
 
-    matrix : (K, 3, 3) rig to tool; by_setting (K, 3, 3, 3), by_nuisance (4, K, 3, 3) as `rigmodel.orientation`.
+    matrix : (K, 3, 3) rig to tool; by_setting (K, 3, 3, 3), by_nuisance (4, K, 3, 3) as `likelihood.orientation`.
     directions : kind -> field in rig axes, as strong as the tool sees it; fields : kind -> (K, 3) in tool axes.
     base : (3, 3) from north, east, down to rig axes, of another stand; None on that of the calibration.
     turn : (3, 3) covariance of small turns of that base about north, east, down that is added to the errors'; negative

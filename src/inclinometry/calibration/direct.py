@@ -1,4 +1,4 @@
-"""The closed forms as calibrations: the record of the joint fit, with uncertainties propagated from the readings."""
+"""From a fit or a closed form to a calibration: warnings, record, uncertainties propagated from the readings."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def expected_uncertainty(
         rad; 0 and pi are refused, where azimuth and toolface do not exist apart.
     dip : float, optional
         Of the field of the second triad where the tool will work, rad; minus the latitude for a gyro. That of the
-        stand when not given, then `stated_dip`, then `core.constants.DIP` (`LATITUDE`).
+        stand when not given, then `stated_dip`, then `constants.DIP` (`LATITUDE`).
     stated_dip : float, optional
         Of the magnetic field as stated with the readings, rad, for calibrations that find none.
     azimuths, toolfaces : int
@@ -121,7 +121,7 @@ def expected_uncertainty(
     gravity_sd : float, optional
         Of two accelerometers: standard uncertainty of |g| where the tool works in units of that at the calibration, 0
         at the same place. When not given, what two stated values leave where the calibration's is stated, else
-        `core.constants.GRAVITY_SPREAD`.
+        `constants.GRAVITY_SPREAD`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Starting values for the joint fit, from any plan: the model is linear in the products of tensor and direction."""
+"""Before the joint fit: the stand a plan may use, starting values from any plan, and the signs of the fields."""
 
 from __future__ import annotations
 

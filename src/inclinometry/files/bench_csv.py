@@ -396,7 +396,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     Raises
     ------
     FileError
-        With file, line, value and remedy; see the rules of `table`, `_settings`, `_repeats` and `_clipping`.
+        With file, line, value and remedy; see the rules of `table`, `find_repeats` and `saturation_notes`.
 
     Examples
     --------

@@ -54,7 +54,7 @@ class SurveyFile:
     measured : name of `MEASURED` -> (n,), what the file says was found.
     reference : name of `REFERENCE` -> (n,), what was expected, or the correction between norths.
     corrections : name of `CORRECTIONS` -> (n,).
-    sigma : name of `SIGMA` -> (n,), standard uncertainty of that angle.
+    sigma : name of `ANGLES` -> (n,), standard uncertainty of that angle.
     covariance : (n, 3, 3) of the position in north, east, vertical (down), m^2, at one standard deviation.
     used, valid : (n,) bool, or None where the file does not say: taken into the definitive survey; passed its checks.
     times : (n,) ISO 8601 texts, empty where unknown.
@@ -248,7 +248,7 @@ def survey_of(sheet: Sheet, *, convention: str = "native", azimuth_reference: st
     ----------
     sheet : Sheet
     convention : str
-        Axes and signs of the sensors in the file, as `attitude.conventions.named` knows them.
+        Axes and signs of the sensors in the file, as `conventions.named` knows them.
     azimuth_reference : {"magnetic", "true", "grid"}, optional
         Where the file does not say it.
 

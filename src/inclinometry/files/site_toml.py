@@ -1,4 +1,4 @@
-"""site.toml: where the survey is and what its fields should be, in degrees and nT."""
+"""site.toml: where the survey is and what its fields should be, in degrees and nT; grid convergence by its crs."""
 
 from __future__ import annotations
 

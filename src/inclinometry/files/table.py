@@ -154,7 +154,7 @@ class LineReader:
 
     @property
     def digest(self) -> str:
-        """Digest of the bytes read so far, as `core.digest.digest_file` gives for the whole file."""
+        """Digest of the bytes read so far, as `digest.digest_file` gives for the whole file."""
         return "sha256:" + self._hash.hexdigest()
 
     def blocks(self) -> Iterator[Block]:

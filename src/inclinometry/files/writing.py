@@ -1,4 +1,4 @@
-"""Writing a file whole or not at all."""
+"""Writing: a file whole or not at all, numbers as the shortest text that reads back the same."""
 
 from __future__ import annotations
 

@@ -340,7 +340,7 @@ def extract(ledger: Ledger, one: Listed, what: str, make: Callable[[Record], T])
 
 
 def due_days(ledger: Ledger, tools: Sequence[RegisteredTool]) -> dict[str, date]:
-    """Serial number -> day on which the next calibration is due, as `registry.next_due`, for many tools at once.
+    """Serial number -> day on which the next calibration is due, for many tools at once.
 
     Tools that are retired or without an agreed interval are left out.
     """

@@ -1,4 +1,4 @@
-"""What every method of the motion package returns: attitude over time with covariance, quality and flags."""
+"""What every method of the motion package takes and returns: samples; attitude with covariance, quality and flags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A surveyed well as error models see it: stations, true vertical depths, azimuths from every north, the place."""
+"""A surveyed well as error models see it: stations, depths, azimuths from every north, the place; ellipses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pages: jinja2 templates shipped with the package, everything that comes from outside escaped."""
+"""Pages: tables and pictures in the shipped templates, everything that comes from outside escaped."""
 
 from __future__ import annotations
 

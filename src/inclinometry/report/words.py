@@ -1,4 +1,4 @@
-"""What a calibration says, in the sentences a calibration engineer would write."""
+"""Sentences and digits of reports: what a calibration says, as a calibration engineer would write it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quality of six-axis stations: |g|, |b| and dip against the reference, one by one and together."""
+"""Quality of six-axis stations: |g|, |b| and dip against the reference; repeated shots and stations; wiring."""
 
 from __future__ import annotations
 
@@ -627,7 +627,7 @@ def judge_fields(
     Parameters
     ----------
     stations : Stations
-        With what is uncertain about them: a calibration's covariance and noise, or `quality_sensors.with_sensors`.
+        With what is uncertain about them: a calibration's covariance and noise, or `with_sensors`.
     reference : FieldReference
         `multistation.reference_of_site(site)`.
     k : float

@@ -1,4 +1,4 @@
-"""Reduce raw channels of a calibrated tool to survey stations."""
+"""Reduce raw channels of a calibrated tool, corrected or as they are, to survey stations."""
 
 from __future__ import annotations
 

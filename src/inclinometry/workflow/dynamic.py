@@ -410,7 +410,7 @@ class DynamicOptions:
     block : samples handled at a time; results do not depend on it.
     gyro_noise, gyro_bias_sigma : of the gyro, rad/sqrt(s) and rad/s, where they are stated; see `gyro_known`.
     allan : content of an allan.json, where there is one.
-    convention : without a calibration, axes and signs of the file's sensors, one of `attitude.conventions`.
+    convention : without a calibration, axes and signs of the file's sensors, one of `conventions`.
     axes, mag_axes : without a calibration, the file's channels that are x, y and z of the convention: of all triads,
         and of the magnetometer before that.
     switch : rad, inclination below which a row is steered by its magnetic toolface, from there on by gravity's.

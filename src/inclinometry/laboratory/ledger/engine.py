@@ -1,4 +1,4 @@
-"""Reaching the database of a ledger: addresses, connections, and its errors as sentences."""
+"""The database of a ledger: tables and schemas of its records, guards, connections, its errors as sentences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One window: from its samples and what is known of the tool to an attitude with covariance."""
+"""The magnetic method, window by window: from samples to an attitude with covariance, of a whole run or a stream."""
 
 from __future__ import annotations
 

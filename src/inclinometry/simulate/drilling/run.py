@@ -1,4 +1,4 @@
-"""A simulated run: the readings of a tool that drills, and the truth beside them, whole or in blocks."""
+"""A simulated run: turning, shaking, sensors, faults; the readings of a tool that drills, the truth beside them."""
 
 from __future__ import annotations
 

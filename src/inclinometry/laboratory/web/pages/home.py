@@ -1,4 +1,4 @@
-"""The first page: what is open, what is due, whether the instrument talks."""
+"""Signing in, and the first page: what is open, what is due, whether the instrument talks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ledger: what was recorded, by whom, whether it is still what was recorded; everything in one file."""
+"""The ledger: what was recorded, by whom, whether it is still what was recorded; and its users."""
 
 from __future__ import annotations
 
