@@ -203,7 +203,7 @@ def propagate(jacobian: ArrayLike, covariance: ArrayLike) -> Array:
     Returns
     -------
     (..., m, m) ndarray
-        Exactly symmetric. Valid when f is close to linear over a few standard deviations of the inputs; `montecarlo`the inputs; a Monte Carlo
+        Exactly symmetric. Valid when f is close to linear over a few standard deviations of the inputs; a Monte Carlo
         (JCGM 101) tells whether it is.
 
     Raises
