@@ -34,7 +34,7 @@ def say(language: str, key: str, **values: Any) -> str:
     Examples
     --------
     >>> say("en", "home.title"), say("ru", "home.title")
-    ('Bench', 'Стенд')
+    ('Bench', 'Рабочее место')
     """
     return catalogue(language if language in LANGUAGES else "en")[key].format(**values)
 
