@@ -26,8 +26,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from selenium.webdriver.common.keys import Keys
-from tests.web.browser.chromium import MISSING, Browser, chromium
-from tests.web.browser.steps import (
+from tests.laboratory.web.browser.chromium import MISSING, Browser, chromium
+from tests.laboratory.web.browser.steps import (
     begin,
     captured,
     download,

@@ -97,7 +97,7 @@ def test_every_option_has_its_words(run, wide, name):
         text = shown[0]
         assert " ".join(words.split()) in text, option
         default = argument.field_info.default
-        plain = default in (None, argument.field_info.empty) or isinstance(default, bool) or argument.required
+        plain = default in (None, (), argument.field_info.empty) or isinstance(default, bool) or argument.required
         assert text.count("[default:") == (0 if plain else 1), option
         for choice in argument.get_choices() or ():
             assert choice in text.partition("[choices:")[2], option

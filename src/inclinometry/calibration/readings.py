@@ -134,7 +134,8 @@ class BenchReadings:
         """Azimuth, inclination, toolface as dialled, rad; an error when the readings have none."""
         if self.azimuth is None or self.inclination is None or self.toolface is None:
             raise InputError(
-                "these readings have no rig angles; give azimuth, inclination and toolface, or use the field method"
+                "these readings have no rig angles; give azimuth, inclination and toolface (columns azimuth_deg, "
+                "inclination_deg, toolface_deg), or use the field method"
             )
         return self.azimuth, self.inclination, self.toolface
 

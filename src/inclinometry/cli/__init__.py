@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str]) -> int:
     """The command's exit status; what a user can mend is said in one line."""
-    from cyclopts import CycloptsError
+    from cyclopts import CycloptsError, MissingArgumentError
     from rich.console import Console
 
     from inclinometry.cli.app import app
@@ -49,6 +49,12 @@ def _run(arguments: list[str]) -> int:
         # a page of help as it is written: no smileys for words between colons, no markup in brackets
         console = Console(emoji=False, markup=False, highlight=False)
         status = app(arguments, console=console, exit_on_error=False, print_error=False, result_action="return_value")
+    except MissingArgumentError as error:
+        # of a required option that is not there at all the framework says that it "requires an argument"
+        missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
+        text = f"{error.argument.name} is needed" if missing_one and error.argument is not None else str(error)
+        _say(f"inclinometry: {_one_line(text)} (see --help)")
+        return 2
     except CycloptsError as error:
         _say(f"inclinometry: {_one_line(str(error))} (see --help)")
         return 2

@@ -201,7 +201,7 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
     norths = "/".join(dict.fromkeys(REFERENCES[n] for n in rows.north)) or found.north
     toolface = "toolface (M: magnetic)" if rows.steep(found.switch).any() else "toolface"
     header = ["time s", "inclination", f"azimuth ({norths})", toolface, "rpm", "method", "flags"]
-    output.table("attitude, deg with standard uncertainty", header, body)
+    output.table(f"attitude{output.excerpt(len(body), len(rows))}, deg with standard uncertainty", header, body)
     refused = int(rows.refused.sum())
     if refused:
         reasons = ", ".join(f"{name} {n}" for name, n in _reasons(found).items())

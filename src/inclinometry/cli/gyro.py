@@ -286,7 +286,8 @@ def show_run(found: GyroRun, most: int = 12) -> None:
         cells.append(rounded(scale, found.north.u_scale[at]) if np.isfinite(scale) else "-")
         rows.append([f"{survey.md[row]:.1f}", *cells, ", ".join(survey.flags[row])])
     header = ["md m", "inclination", f"azimuth ({survey.azimuth_reference})", "toolface", "scale", "flags"]
-    output.table(f"stations ({found.north.method}), deg with standard uncertainty", header, rows)
+    shown = output.excerpt(len(rows), len(survey))
+    output.table(f"stations{shown} ({found.north.method}), deg with standard uncertainty", header, rows)
     for check in found.checks:
         output.say(f"{check.name}: {check.verdict}. {check.reason}")
 

@@ -49,13 +49,25 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}" + ("" if number == 1 else "s")
 
 
+def excerpt(shown: int, total: int) -> str:
+    """What a title says of a table that shows a part.
+
+    Examples
+    --------
+    >>> excerpt(12, 61), excerpt(5, 5)
+    (', 12 of 61', '')
+    """
+    return "" if shown == total else f", {shown} of {total}"
+
+
 def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
     """Refuse, before anything is computed, outputs that cannot be written or would overwrite an input or each other.
 
     Raises
     ------
     FileError
-        A folder, a folder that is missing or may not be written, a file that is also an input or another output.
+        A folder, a folder that is missing or may not be written, a file that is also an input or another output, a
+        report under another ending than that of a page.
     ModuleNotFoundError
         An output whose package, one of an extra, is not installed.
     """
@@ -70,6 +82,8 @@ def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None])
             if _same(path, there):
                 raise FileError(f"{name} is the same file as {other}; give it another name", path=path)
         taken.append((name, path))
+        if name == "--report" and path.suffix.lower() not in (".html", ".htm"):
+            raise FileError("a report is an HTML page; give a name that ends in .html", path=path)
 
 
 def _exists(path: Path) -> bool:

@@ -168,7 +168,7 @@ def show_position(found: WellPosition, most: int = 10) -> None:
     caption = f"from {found.survey.north} north; dls in deg/30 m" + (
         "; horizontal ellipse of one standard deviation" if found.uncertainty is not None else ""
     )
-    output.table("positions", header, rows, caption)
+    output.table(f"positions{output.excerpt(len(rows), len(found.path))}", header, rows, caption)
     if found.uncertainty is not None:
         _show_sources(found)
 

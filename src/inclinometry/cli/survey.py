@@ -109,6 +109,8 @@ def survey(
         for sentence in (*done.notes, *found.history):
             output.say(sentence)
         show_survey(found)
+        where = "" if report is None else f", report to {report}"
+        output.say(f"{output.counted(len(found), 'station')} written to {output_}{where}")
 
 
 def _inputs(
@@ -142,4 +144,4 @@ def show_survey(found: Survey, most: int = 12) -> None:
         cells = [rounded(np.degrees(a[row]), np.degrees(w[row])) for a, w in zip(angles, u, strict=True)]
         rows.append([f"{found.md[row]:.1f}", *cells, f"{np.degrees(found.dip[row]):.2f}", ", ".join(found.flags[row])])
     header = ["md m", "inclination", f"azimuth ({found.azimuth_reference})", "toolface", "dip", "flags"]
-    output.table("stations, deg with standard uncertainty", header, rows)
+    output.table(f"stations{output.excerpt(len(rows), len(found))}, deg with standard uncertainty", header, rows)

@@ -185,7 +185,7 @@ def _manifest(**fields: Any) -> Change:
         (_line(lambda line: b"9" * 5000), "not a record"),
         (_field("body", '{"name":"a","name":"b","triads":{}}'), "doubled keys"),
         (_field("body", '{"name":"b","triads":{}}'), "the export was changed"),
-        (_field("version", "../../io/schemas/tool-1"), "whole number"),
+        (_field("version", "../../../files/schemas/tool-1"), "whole number"),
         (_field("version", 2), "not known"),
         (_field("kind", "chain"), "record kind"),
         (_field("seq", True), "seq is not"),

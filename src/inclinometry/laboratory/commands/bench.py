@@ -27,7 +27,7 @@ def bench(
     ledger: LedgerAddress = None,
     host: str = "127.0.0.1",
     port: int = 8080,
-    name: Annotated[Sequence[str], Parameter(negative="")] = (),
+    name: Annotated[Sequence[str], Parameter(negative="", show_default=False)] = (),
     instrument: str | None = None,
     protocol: ProtocolName = "csv-line",
     demo: Flag = False,

@@ -8,7 +8,7 @@ from pathlib import Path
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
-from inclinometry.laboratory.ledger.engine import LedgerError, engine, shown, translated, unprotected
+from inclinometry.laboratory.ledger.engine import LedgerError, default_path, engine, shown, translated, unprotected
 from inclinometry.laboratory.ledger.ledger import Ledger
 
 
@@ -25,6 +25,10 @@ def create(where: str | Path) -> Ledger:
         try:
             if path.is_dir():
                 raise LedgerError(f"{where} is a folder; name a file in it, e.g. {path / 'ledger.sqlite'}")
+            if not path.parent.is_dir() and path != default_path():
+                raise LedgerError(
+                    f"{where!r:.200}: the folder {str(path.parent)!r:.200} does not exist; create it first"
+                )
             path.parent.mkdir(parents=True, exist_ok=True)
         except (OSError, UnicodeEncodeError) as error:
             reason = getattr(error, "strerror", None) or error

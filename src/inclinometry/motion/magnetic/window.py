@@ -509,7 +509,7 @@ def attitude_of(window: WindowFit) -> tuple[Array, Array]:
     strength = float(np.linalg.norm(g))
     down, east = matrix[:, 2], matrix[:, 1]
     north_part, down_part = float(matrix[:, 0] @ b), float(down @ b)
-    # small rotation of north, east and down as g and b change (see attitude.orientation)
+    # small rotation of north, east and down as g and b change (see `orientation`)
     by_g = cross_matrix(down) / strength - np.outer(down, east) * down_part / (north_part * strength)
     by_b = np.outer(down, east) / north_part
     covariance = propagate(np.concatenate([by_g, by_b], axis=1), window.covariance)

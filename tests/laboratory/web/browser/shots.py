@@ -1,4 +1,4 @@
-"""Pictures of every page: `python -m tests.web.browser.shots FOLDER [page ...]`, in sizes, themes and languages."""
+"""Pictures of pages: `python -m tests.laboratory.web.browser.shots FOLDER [page ...]`: sizes, themes, languages."""
 
 from __future__ import annotations
 
