@@ -14,17 +14,23 @@ from types import ModuleType
 import inclinometry
 
 FLOORS = (
+    ("laboratory",),
     ("workflow",),
-    ("store", "report"),
-    ("io",),
+    ("report",),
+    ("files",),
     ("position",),
     ("survey", "motion"),
     ("calibration", "gyro", "simulate"),
-    ("sensors",),
-    ("attitude", "earth", "uncertainty"),
-    ("core",),
+    ("earth",),
 )
-"""Rooms from the top floor down; above them stands the command line, which has a page of its own."""
+"""Folders from the top floor down; above them stands the command line, which has a page of its own."""
+GROUND = (
+    *("sensors", "uncertainty", "allan", "channels", "wahba", "conventions", "orientation", "rotations"),
+    *("least_squares", "settings", "digest", "arrays", "errors", "constants"),
+)
+"""Modules of the package itself, on which all folders stand."""
+LEFT_OUT = ("migrations", "web", "commands")
+"""Scripts of a database, pages and routes, words of the command line: nothing to call."""
 
 
 def write(folder: Path) -> None:
@@ -32,6 +38,7 @@ def write(folder: Path) -> None:
     pages = {"api/index.md": _index(), "commands.md": _commands()}
     for room in (room for floor in FLOORS for room in floor):
         pages[f"api/{room}.md"] = _room(room)
+    pages["api/ground.md"] = _page("ground", "What all folders stand on.", [f"inclinometry.{name}" for name in GROUND])
     for name, text in pages.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -59,7 +66,7 @@ def _index() -> str:
         "# API reference",
         "",
         "`import inclinometry as im` gives the names below; each is loaded when it is first used. Everything else is",
-        "reached through its room, e.g. `from inclinometry.calibration.stillness import still_intervals`.",
+        "reached through its folder, e.g. `from inclinometry.calibration.stillness import still_intervals`.",
         "",
         "| name | what it is |",
         "|---|---|",
@@ -68,26 +75,30 @@ def _index() -> str:
         home, thing = _home(name)
         role = "py:mod" if inspect.ismodule(thing) else "py:obj"
         lines.append(f"| {{{role}}}`im.{name} <{home}>` | {_summary(thing)} |")
-    lines += ["", "## Rooms", "", "From the top floor down; a room imports only from floors below its own.", ""]
-    lines += ["```{toctree}", ":maxdepth: 1", "", *(room for floor in FLOORS for room in floor), "```", ""]
+    lines += ["", "## Folders", "", "From the top floor down; each imports only from floors below its own.", ""]
+    lines += ["```{toctree}", ":maxdepth: 1", "", *(room for floor in FLOORS for room in floor), "ground", "```", ""]
     return "\n".join(lines)
 
 
 def _room(room: str) -> str:
     importlib.import_module(f"inclinometry.{room}")
     package = sys.modules[f"inclinometry.{room}"]
-    lines = [f"# {room}", "", (package.__doc__ or "").splitlines()[0], ""]
-    for name in _modules(package):
+    return _page(room, (package.__doc__ or "").splitlines()[0], _modules(package))
+
+
+def _page(title: str, about: str, modules: list[str]) -> str:
+    lines = [f"# {title}", "", about, ""]
+    for name in modules:
         title = name.removeprefix("inclinometry.")
         lines += [f"## {title}", "", "```{eval-rst}", f".. automodule:: {name}", "   :members:", "```", ""]
     return "\n".join(lines)
 
 
 def _modules(package: ModuleType) -> list[str]:
-    """Public modules of a room, those of its families (packages inside it) too; scripts of a database are none."""
+    """Public modules of a room, those of its families (packages inside it) too."""
     names: list[str] = []
     for found in pkgutil.iter_modules(package.__path__):
-        if found.name.startswith("_") or found.name == "migrations":
+        if found.name.startswith("_") or found.name in LEFT_OUT:
             continue
         name = f"{package.__name__}.{found.name}"
         names += _modules(importlib.import_module(name)) if found.ispkg else [name]
