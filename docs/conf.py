@@ -77,7 +77,9 @@ OUTSIDE = (
     "inclinometry.motion.window_filter.Common",
     "inclinometry.files.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
     "Progress", "Numbered", "types.Callable",
-    "inclinometry.files.exchange.Sheet", "inclinometry.files._quantities.Quantity", "inclinometry.motion._hole_direction.Seen",  # noqa: E501
+    "inclinometry.files.exchange.Sheet", "inclinometry.files._quantities.Quantity",
+    "inclinometry.motion._hole_direction.Observation", "inclinometry.calibration._field_model.Shots",
+    "inclinometry.calibration._field_model.Unknowns", "inclinometry.calibration._field_model.Estimate",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to
