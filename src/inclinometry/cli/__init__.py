@@ -33,7 +33,19 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if _traceback():
             raise
-        status = _explain(error)
+        # one line and an exit status for an error nobody raised on purpose
+        what = _one_line(str(error)) or "no more is known"
+        if isinstance(error, MemoryError):
+            _say(f"inclinometry: this does not fit into memory ({what}); use less data at a time")
+            status = 2
+        # by name: numpy may not have been imported, or be what failed to import
+        elif isinstance(error, OverflowError) or "LinAlgError" in [kind.__name__ for kind in type(error).__mro__]:
+            _say(f"inclinometry: this input defeats the arithmetic ({what}); look for values of absurd size in it")
+            status = 2
+        else:
+            name = type(error).__name__
+            _say(f"inclinometry: internal error: {name}: {what} (set INCLINOMETRY_TRACEBACK=1 to see where)")
+            status = 3
     sys.exit(status)
 
 
@@ -70,21 +82,6 @@ def _run(arguments: list[str]) -> int:
         _say(f"inclinometry: {needed}")
         return 2
     return status if isinstance(status, int) else 0
-
-
-def _explain(error: Exception) -> int:
-    """One line and an exit status for an error nobody raised on purpose."""
-    what = _one_line(str(error)) or "no more is known"
-    if isinstance(error, MemoryError):
-        _say(f"inclinometry: this does not fit into memory ({what}); use less data at a time")
-        return 2
-    # by name: numpy may not have been imported, or be what failed to import
-    if isinstance(error, OverflowError) or "LinAlgError" in [kind.__name__ for kind in type(error).__mro__]:
-        _say(f"inclinometry: this input defeats the arithmetic ({what}); look for values of absurd size in it")
-        return 2
-    name = type(error).__name__
-    _say(f"inclinometry: internal error: {name}: {what} (set INCLINOMETRY_TRACEBACK=1 to see where)")
-    return 3
 
 
 def _traceback() -> bool:

@@ -76,7 +76,21 @@ def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None])
         if path is None:
             continue
         need_for(name, path)
-        if _is_writable_stream(path):
+        # true for a device or pipe, which may be named twice; FileError where no file can be written
+        try:
+            target = path.resolve()
+            if target.is_dir():
+                raise FileError("this is a folder; give the name of a file", path=path)
+            if not target.parent.is_dir():
+                raise FileError(f"folder {str(target.parent)!r} does not exist; create it first", path=path)
+            stream = target.exists() and not target.is_file()
+        except (OSError, ValueError, RuntimeError) as error:
+            if isinstance(error, FileError):
+                raise
+            raise FileError(f"cannot be written ({error}); choose another name", path=path) from None
+        if not stream and not os.access(target.parent, os.W_OK):
+            raise FileError("cannot be written (its folder is read-only); choose another folder", path=path)
+        if stream:
             continue
         for other, there in taken:
             if _same(path, there):
@@ -91,24 +105,6 @@ def _exists(path: Path) -> bool:
         return path.exists()
     except (OSError, ValueError):
         return False
-
-
-def _is_writable_stream(path: Path) -> bool:
-    """True for a device or pipe, which may be named twice; FileError where no file can be written."""
-    try:
-        target = path.resolve()
-        if target.is_dir():
-            raise FileError("this is a folder; give the name of a file", path=path)
-        if not target.parent.is_dir():
-            raise FileError(f"folder {str(target.parent)!r} does not exist; create it first", path=path)
-        stream = target.exists() and not target.is_file()
-    except (OSError, ValueError, RuntimeError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"cannot be written ({error}); choose another name", path=path) from None
-    if not stream and not os.access(target.parent, os.W_OK):
-        raise FileError("cannot be written (its folder is read-only); choose another folder", path=path)
-    return stream
 
 
 def _same(one: Path, other: Path) -> bool:

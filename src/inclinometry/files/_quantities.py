@@ -125,25 +125,6 @@ def _squashed(name: str) -> str:
     return _BETWEEN.sub("", name).lower()
 
 
-def _split(name: str, stated: str | None) -> tuple[Candidates, str | None] | None:
-    """Candidates and the unit as written; None where no beginning of the name is known.
-
-    The longest beginning whose remainder is a unit of its quantity counts: az_m_s2 is az in m/s^2, not azm in s2.
-    """
-    bracketed = _BRACKETED.fullmatch(name)
-    if bracketed:
-        candidates = _names().get(_squashed(bracketed["name"]))
-        return None if candidates is None else (candidates, bracketed["unit"])
-    words = [word for word in _BETWEEN.split(name.strip()) if word]
-    found = []
-    for count in range(len(words), 0, -1):
-        candidates = _names().get("".join(words[:count]).lower())
-        if candidates is not None:
-            found.append((candidates, "_".join(words[count:]) or None))
-    fit = (one for one in found if any(_unit(one[1] or stated or "", quantities()[key].dimension) for key, _ in one[0]))
-    return next(fit, found[0] if found else None)
-
-
 def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) -> Meaning | None:
     """What a column is, by its name and, where it stands apart, its unit; None for a column that is not read.
 
@@ -175,7 +156,23 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
         return None
     if _squashed(name) in _texts():
         return Meaning(_texts()[_squashed(name)], None)
-    split = _split(name, stated)
+    # candidates and the unit as written; None where no beginning of the name is known.
+    # The longest beginning whose remainder is a unit of its quantity counts: az_m_s2 is az in m/s^2, not azm in s2.
+    bracketed = _BRACKETED.fullmatch(name)
+    if bracketed:
+        candidates = _names().get(_squashed(bracketed["name"]))
+        split = None if candidates is None else (candidates, bracketed["unit"])
+    else:
+        words = [word for word in _BETWEEN.split(name.strip()) if word]
+        found = []
+        for count in range(len(words), 0, -1):
+            candidates = _names().get("".join(words[:count]).lower())
+            if candidates is not None:
+                found.append((candidates, "_".join(words[count:]) or None))
+        fit = (
+            one for one in found if any(_unit(one[1] or stated or "", quantities()[key].dimension) for key, _ in one[0])
+        )
+        split = next(fit, found[0] if found else None)
     if split is None:
         near = closest(name, [q.column for q in quantities().values()], 0.9)
         if near:
@@ -187,7 +184,20 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     written = _one_unit(name, written, stated)
     if written is None and _contract(name, beside):
         written = _contract(name, beside)
-    return _chosen(name, candidates, written)
+    # the one candidate whose dimension has the unit
+    known = quantities()
+    columns = " or ".join(known[key].column for key, _ in candidates)
+    if written is None:
+        raise InputError(f"column {name!r} has no unit; write {columns} or the like")
+    fits = [(key, north, _unit(written, known[key].dimension)) for key, north in candidates]
+    fits = [fit for fit in fits if fit[2] is not None]
+    if len(fits) != 1:
+        allowed = dict.fromkeys(unit for key, _ in candidates for unit in _labels(known[key].dimension))
+        raise InputError(
+            f"column {name!r} has the unit {written!r}; allowed: {', '.join(allowed)} (if it is something else, "
+            f"rename it to {EXTRA}{_BETWEEN.sub('_', name)})"
+        )
+    return Meaning(*fits[0][:1], fits[0][2], fits[0][1])
 
 
 def _one_unit(name: str, written: str | None, stated: str | None) -> str | None:
@@ -216,23 +226,6 @@ def _contract(name: str, beside: Collection[str]) -> str | None:
         if (name == start or name.startswith(f"{start}_")) and all(other in beside for other in entry["beside"]):
             return str(entry["unit"])
     return None
-
-
-def _chosen(name: str, candidates: Candidates, written: str | None) -> Meaning:
-    """The one candidate whose dimension has the unit."""
-    known = quantities()
-    columns = " or ".join(known[key].column for key, _ in candidates)
-    if written is None:
-        raise InputError(f"column {name!r} has no unit; write {columns} or the like")
-    fits = [(key, north, _unit(written, known[key].dimension)) for key, north in candidates]
-    fits = [fit for fit in fits if fit[2] is not None]
-    if len(fits) != 1:
-        allowed = dict.fromkeys(unit for key, _ in candidates for unit in _labels(known[key].dimension))
-        raise InputError(
-            f"column {name!r} has the unit {written!r}; allowed: {', '.join(allowed)} (if it is something else, "
-            f"rename it to {EXTRA}{_BETWEEN.sub('_', name)})"
-        )
-    return Meaning(*fits[0][:1], fits[0][2], fits[0][1])
 
 
 def _labels(dimension: str) -> list[str]:

@@ -59,7 +59,27 @@ def write_attitude(
     --------
     See `read_attitude`.
     """
-    columns = _columns(rows, switch)
+    # columns of the contract, texts as lists
+    found: dict[str, Array | list[str]] = {}
+    for name in COLUMNS:
+        if name in _DEGREES:
+            angles = writing.degrees(getattr(rows, _DEGREES[name]))
+            found[name] = np.where(angles == 360.0, 0.0, angles) if name in _ROUND else angles
+    names = {code: "|".join(_named(int(code))) for code in np.unique(rows.flags)}
+    found |= {
+        "time_s": np.asarray(np.round(rows.time, 9) + 0.0),
+        "azimuth_reference": [REFERENCES[n] for n in rows.north],
+        "rpm": np.asarray(np.round(rows.rate * RPM, 6) + 0.0),
+        "method": [METHODS[n] for n in rows.method],
+        "quality": np.asarray(np.round(rows.quality, 6) + 0.0),
+        "flags": [names[code] for code in rows.flags],
+        "toolface_type": [
+            "" if lost else ("magnetic" if steep else "gravity")
+            for lost, steep in zip(rows.refused, rows.steep(switch), strict=True)
+        ],
+        **{name: np.asarray(np.round(rows.quaternion[:, k], 12) + 0.0) for k, name in enumerate(_QUATERNION)},
+    }
+    columns = {name: found[name] for name in COLUMNS}
     if checked_ending(path) == ".csv":
         cells = [writing.column(v) if isinstance(v, np.ndarray) else v for v in columns.values()]
         writing.write_columns(COLUMNS, cells, path)
@@ -77,30 +97,6 @@ def write_attitude(
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={b"inclinometry.header": text}))
     with replacing(path) as stream:
         pq.write_table(table, stream, compression="zstd", compression_level=1, write_page_checksum=True)
-
-
-def _columns(rows: AttitudeRows, switch: float) -> dict[str, Array | list[str]]:
-    """Columns of the contract, texts as lists."""
-    found: dict[str, Array | list[str]] = {}
-    for name in COLUMNS:
-        if name in _DEGREES:
-            values = writing.degrees(getattr(rows, _DEGREES[name]))
-            found[name] = np.where(values == 360.0, 0.0, values) if name in _ROUND else values
-    names = {code: "|".join(_named(int(code))) for code in np.unique(rows.flags)}
-    found |= {
-        "time_s": np.asarray(np.round(rows.time, 9) + 0.0),
-        "azimuth_reference": [REFERENCES[n] for n in rows.north],
-        "rpm": np.asarray(np.round(rows.rate * RPM, 6) + 0.0),
-        "method": [METHODS[n] for n in rows.method],
-        "quality": np.asarray(np.round(rows.quality, 6) + 0.0),
-        "flags": [names[code] for code in rows.flags],
-        "toolface_type": [
-            "" if lost else ("magnetic" if steep else "gravity")
-            for lost, steep in zip(rows.refused, rows.steep(switch), strict=True)
-        ],
-        **{name: np.asarray(np.round(rows.quaternion[:, k], 12) + 0.0) for k, name in enumerate(_QUATERNION)},
-    }
-    return {name: found[name] for name in COLUMNS}
 
 
 def _named(bits: int) -> list[str]:

@@ -167,7 +167,14 @@ def saturation_notes(
             if count < 3 or at.all():
                 continue
             if settings is not None and basis is None:
-                basis = _basis(kind, settings)
+                # what a linear sensor sees at each setting, and a one for its offset: (n, 4) for gravity, else (n, 10)
+                azimuth, inclination, toolface = settings
+                if kind == "accelerometer":
+                    s, c = np.sin(inclination), np.cos(inclination)
+                    columns = [-s * np.cos(toolface), s * np.sin(toolface), c]
+                else:
+                    columns = list(dcm(azimuth, inclination, toolface).reshape(-1, 9).T)
+                basis = np.stack([*columns, np.ones_like(azimuth)], axis=1)
             if basis is None:
                 lonely = count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
                 clipped = lonely or _is_rail(column, extreme, sign, unsigned)
@@ -202,17 +209,6 @@ def _is_rail(column: Array, extreme: float, sign: float, unsigned: bool) -> bool
     if extreme == 0.0:
         return unsigned and bool(column.max() >= 511.0)
     return extreme <= -512.0 and np.log2(-extreme) % 1.0 == 0.0 and bool(column.max() <= -extreme - 1.0)
-
-
-def _basis(kind: str, settings: Settings) -> Array:
-    """What a linear sensor sees at each setting, and a one for its offset: (n, 4) for gravity, else (n, 10)."""
-    azimuth, inclination, toolface = settings
-    if kind == "accelerometer":
-        s, c = np.sin(inclination), np.cos(inclination)
-        columns = [-s * np.cos(toolface), s * np.sin(toolface), c]
-    else:
-        columns = list(dcm(azimuth, inclination, toolface).reshape(-1, 9).T)
-    return np.stack([*columns, np.ones_like(azimuth)], axis=1)
 
 
 def _predicted_beyond(
@@ -320,7 +316,16 @@ def find_repeats(
             notes.append(f"station {name} appears {len(rows)} times; without rig angles each row is kept")
             continue
         _check(table, name, rows, settings, roll_set)
-        for cluster in _clusters(rows, settings, temperature):
+        # rows of one name that were taken at one setting and one temperature
+        clusters: list[list[int]] = []
+        left = np.array(rows)
+        while left.size:
+            near = np.all([np.abs(wrap_signed(a[left] - a[left[0]])) <= SAME_ANGLE for a in settings], axis=0)
+            if temperature is not None:
+                near &= np.abs(temperature[left] - temperature[left[0]]) <= SAME_TEMPERATURE
+            clusters.append(left[near].tolist())
+            left = left[~near]
+        for cluster in clusters:
             group[cluster] = cluster[0]
             if len(cluster) > 1:
                 notes.append(f"station {name} was read {len(cluster)} times; mean used")
@@ -345,19 +350,6 @@ def _check(
     if other is not None:
         problem = f"station {name!r} is in roll set {roll_set[rows[0]]!r} in line {table.lines[rows[0]]}"
         raise table.error(f"{problem} and in {roll_set[other]!r} here; correct one", other)
-
-
-def _clusters(rows: list[int], settings: tuple[Array, Array, Array], temperature: Array | None) -> list[list[int]]:
-    """Rows of one name that were taken at one setting and one temperature."""
-    clusters: list[list[int]] = []
-    left = np.array(rows)
-    while left.size:
-        near = np.all([np.abs(wrap_signed(a[left] - a[left[0]])) <= SAME_ANGLE for a in settings], axis=0)
-        if temperature is not None:
-            near &= np.abs(temperature[left] - temperature[left[0]]) <= SAME_TEMPERATURE
-        clusters.append(left[near].tolist())
-        left = left[~near]
-    return clusters
 
 
 def _shortened(notes: list[str], most: int = 10) -> tuple[str, ...]:
@@ -417,7 +409,17 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     try:
         with np.errstate(over="raise", invalid="raise"):
             repeats = find_repeats(table, station, settings, temperature, roll_set)
-            warned = [*signals.notes, *unused, *_suspicions(table, signals, settings, repeats)]
+            # notes on channels that rest on a rail; FileError for one that never changes
+            notes: list[str] = []
+            for kind, values in signals.values.items():
+                names = signals.names[kind]
+                stuck = constant_channel(values, names, settings)
+                if stuck is not None:
+                    if stuck[1]:
+                        raise table.error(stuck[0])
+                    notes.append(stuck[0])
+                notes += saturation_notes(kind, values, names, settings, repeats.group)
+            warned = [*signals.notes, *unused, *notes]
             return _merged(table, signals, settings, temperature, count, station, roll_set, repeats, warned)
     except (InputError, FloatingPointError) as error:
         if isinstance(error, FileError):
@@ -504,20 +506,6 @@ def _reference(table: Table) -> dict[str, float]:
         key = {"reference_g_m_s2": "g", "reference_b_nT": "b", "reference_dip_deg": "dip"}[name]
         reference[key] = float(np.radians(value)) if key == "dip" else value
     return reference
-
-
-def _suspicions(table: Table, signals: Signals, settings: Settings | None, repeats: Repeats) -> list[str]:
-    """Notes on channels that rest on a rail; FileError for one that never changes."""
-    notes: list[str] = []
-    for kind, values in signals.values.items():
-        names = signals.names[kind]
-        stuck = constant_channel(values, names, settings)
-        if stuck is not None:
-            if stuck[1]:
-                raise table.error(stuck[0])
-            notes.append(stuck[0])
-        notes += saturation_notes(kind, values, names, settings, repeats.group)
-    return notes
 
 
 def write_bench(readings: BenchReadings, path: str | Path) -> None:

@@ -194,21 +194,16 @@ def _numbers(content: dict[str, Any], key: str, count: int) -> Array:
     if len(items) != count:
         raise InputError(f"{key} has {len(items)} numbers; {count} sensors are described, give one number or {count}")
     for item in items:
-        _check(key, item)
+        # InputError where a value is no number of the key's range
+        low, high = RANGES.get(key, (-math.inf, math.inf))
+        # a whole number of any length is compared as it is: it need not fit into a float
+        number = isinstance(item, int | float) and not isinstance(item, bool)
+        if not (number and low <= item <= high and abs(item) < sys.float_info.max):
+            needed = f"a number from {low:g} to {high:g} is needed" if key in RANGES else "a number is needed"
+            hint = ": turn the axis of a sensor that counts back" if key == "scale" and number and item < 0 else ""
+            hint = ": give axes instead" if key == "misalignment_deg" and number else hint
+            raise InputError(f"{key} is {item!r:.40}; {needed}{hint}")
     return np.array(items, dtype=np.float64)
-
-
-def _check(key: str, item: Any) -> None:
-    """InputError where a value is no number of the key's range."""
-    low, high = RANGES.get(key, (-math.inf, math.inf))
-    # a whole number of any length is compared as it is: it need not fit into a float
-    number = isinstance(item, int | float) and not isinstance(item, bool)
-    if number and low <= item <= high and abs(item) < sys.float_info.max:
-        return
-    needed = f"a number from {low:g} to {high:g} is needed" if key in RANGES else "a number is needed"
-    hint = ": turn the axis of a sensor that counts back" if key == "scale" and number and item < 0 else ""
-    hint = ": give axes instead" if key == "misalignment_deg" and number else hint
-    raise InputError(f"{key} is {item!r:.40}; {needed}{hint}")
 
 
 def _axes(content: dict[str, Any], count: int) -> Array:

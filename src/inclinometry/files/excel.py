@@ -156,13 +156,35 @@ def read_excel(
     """
     where = Path(path)
     with _workbook(where, values=True) as book:
-        title = _title(where, book.sheetnames, sheet)
+        titles = book.sheetnames
+        if not titles:
+            raise FileError("the workbook has no sheet", path=where)
+        if sheet is None:
+            title = titles[0]
+        else:
+            if sheet not in titles:
+                raise FileError(f"there is no sheet {sheet!r}; there are: {', '.join(titles)}", path=where)
+            title = sheet
         cells = Cells(where, title, _has_formulas(where))
         for index, row in _rows(book[title], cells):
             cells.add(index, row)
-        header = _header(book, title)
+        # names and texts of the sheet `header`, if it is one of ours
+        header: dict[str, str] = {}
+        if HEADER in book.sheetnames and title != HEADER:
+            rows = [tuple(row[:2]) for row in book[HEADER].iter_rows(values_only=True)]
+            if rows and rows[0] == ("name", "text"):
+                texts = [row for row in rows[1:] if len(row) == 2 and row[0]]
+                header = {str(name): "" if text is None else str(text) for name, text in texts}
     if cells.gaps:
-        _refuse_formulas(cells)
+        # FileError for an empty cell that is a formula nobody has calculated
+        with _workbook(cells.path, values=False) as book:
+            for index, row in _rows(book[cells.title], cells):
+                for place, cell in enumerate(row):
+                    if isinstance(cell, str) and cell.startswith("=") and (index, place) in cells.gaps:
+                        name = cells.names[place]
+                        raise cells.error(
+                            f"column {name!r} is a formula without a result; open it in Excel and save", index
+                        )
     return survey_of(cells.sheet(header), convention=convention, azimuth_reference=azimuth_reference)
 
 
@@ -210,16 +232,6 @@ def _check(path: Path) -> None:
         raise FileError(f"this workbook unpacks to {size / 1e9:.1f} GB; split it, or use Parquet", path=path)
 
 
-def _title(path: Path, titles: list[str], wanted: str | None) -> str:
-    if not titles:
-        raise FileError("the workbook has no sheet", path=path)
-    if wanted is None:
-        return titles[0]
-    if wanted not in titles:
-        raise FileError(f"there is no sheet {wanted!r}; there are: {', '.join(titles)}", path=path)
-    return wanted
-
-
 def _rows(sheet: Any, cells: Cells) -> Iterator[tuple[int, tuple[Any, ...]]]:
     """Rows that hold something, numbered from 1 as Excel does."""
     if not hasattr(sheet, "iter_rows") or not hasattr(sheet, "reset_dimensions"):
@@ -242,28 +254,6 @@ def _has_formulas(path: Path) -> bool:
                             return True
                         tail = piece[-16:]
     return False
-
-
-def _refuse_formulas(cells: Cells) -> None:
-    """FileError for an empty cell that is a formula nobody has calculated."""
-    with _workbook(cells.path, values=False) as book:
-        for index, row in _rows(book[cells.title], cells):
-            for place, cell in enumerate(row):
-                if isinstance(cell, str) and cell.startswith("=") and (index, place) in cells.gaps:
-                    name = cells.names[place]
-                    raise cells.error(
-                        f"column {name!r} is a formula without a result; open it in Excel and save", index
-                    )
-
-
-def _header(book: Any, title: str) -> dict[str, str]:
-    """Names and texts of the sheet `header`, if it is one of ours."""
-    if HEADER not in book.sheetnames or title == HEADER:
-        return {}
-    rows = [tuple(row[:2]) for row in book[HEADER].iter_rows(values_only=True)]
-    if not rows or rows[0] != ("name", "text"):
-        return {}
-    return {str(row[0]): "" if row[1] is None else str(row[1]) for row in rows[1:] if len(row) == 2 and row[0]}
 
 
 def write_excel(file: SurveyFile, path: str | Path) -> None:

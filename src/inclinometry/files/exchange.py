@@ -121,7 +121,12 @@ class SurveyFile:
             keep[name] = None if value is None else frozen(_shaped(value, name, shape))
         allowed = {"measured": MEASURED, "reference": REFERENCE, "corrections": CORRECTIONS, "sigma": ANGLES}
         for name, names in allowed.items():
-            keep[name] = _named(getattr(self, name), name, names, size)
+            values = getattr(self, name)
+            unknown = sorted(set(values) - set(names))
+            if unknown:
+                raise InputError(f"{name} {unknown} unknown; allowed: {', '.join(names)}")
+            spread = {k: np.full(size, v, dtype=np.float64) if np.ndim(v) == 0 else v for k, v in values.items()}
+            keep[name] = MappingProxyType({k: frozen(_shaped(v, f"{name} {k}", (size,))) for k, v in spread.items()})
         for name, texts in (("times", self.times), *self.extra.items()):
             if texts is not None and len(texts) != size:
                 raise InputError(f"{name} has {len(texts)} texts; md has {size} stations")
@@ -153,14 +158,6 @@ def _shaped(value: Any, name: str, shape: tuple[int, ...]) -> Any:
     if np.isinf(array).any():
         raise InputError(f"{name} is infinite at station {np.argwhere(np.isinf(array))[0, 0] + 1}; use NaN for unknown")
     return array
-
-
-def _named(values: Mapping[str, Any], name: str, allowed: tuple[str, ...], size: int) -> Mapping[str, Array]:
-    unknown = sorted(set(values) - set(allowed))
-    if unknown:
-        raise InputError(f"{name} {unknown} unknown; allowed: {', '.join(allowed)}")
-    spread = {k: np.full(size, v, dtype=np.float64) if np.ndim(v) == 0 else v for k, v in values.items()}
-    return MappingProxyType({k: frozen(_shaped(v, f"{name} {k}", (size,))) for k, v in spread.items()})
 
 
 def _increasing(md: Array, used: Mask | None) -> None:
@@ -259,7 +256,20 @@ def survey_of(sheet: Sheet, *, convention: str = "native", azimuth_reference: st
         triad; depths that do not increase; a value out of range; azimuths without, or with more than one, north.
     """
     vendor = named(convention)
-    meanings = _meanings(sheet)
+    # what each column of the package's own is; one column a quantity
+    meanings: dict[str, Meaning] = {}
+    taken: dict[str, str] = {}
+    for name in sheet.columns:
+        try:
+            what = meaning(name, sheet.units.get(name), sheet.columns.keys())
+        except InputError as error:
+            raise sheet.error(str(error)) from None
+        if what is None:
+            continue
+        if what.key in taken:
+            raise sheet.error(f"columns {taken[what.key]!r} and {name!r} both give {what.key}; remove one")
+        taken[what.key] = name
+        meanings[name] = what
     found: dict[str, Array] = {}
     for name, what in meanings.items():
         if what.unit is not None:
@@ -294,24 +304,6 @@ def survey_of(sheet: Sheet, *, convention: str = "native", azimuth_reference: st
 
 def _shown(names: Sequence[str]) -> str:
     return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
-
-
-def _meanings(sheet: Sheet) -> dict[str, Meaning]:
-    """What each column of the package's own is; one column a quantity."""
-    meanings: dict[str, Meaning] = {}
-    taken: dict[str, str] = {}
-    for name in sheet.columns:
-        try:
-            what = meaning(name, sheet.units.get(name), sheet.columns.keys())
-        except InputError as error:
-            raise sheet.error(str(error)) from None
-        if what is None:
-            continue
-        if what.key in taken:
-            raise sheet.error(f"columns {taken[what.key]!r} and {name!r} both give {what.key}; remove one")
-        taken[what.key] = name
-        meanings[name] = what
-    return meanings
 
 
 def _numbers(sheet: Sheet, name: str, what: Meaning) -> Array:

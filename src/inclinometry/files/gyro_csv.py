@@ -337,6 +337,7 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
     others = [kind for kind in KINDS if kind in signals.values and kind != "gyro"]
     notes = [*signals.notes, *unused, *(f"{kind} columns are not used on a rate table" for kind in others)]
     station = table.text("station") if "station" in table else tuple(str(i + 1) for i in range(len(table)))
+    found = signals.sd.get("gyro")
     return RateSteps(
         station,
         frozen(np.radians(degrees["inclination_deg"])),
@@ -344,7 +345,7 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
         frozen(np.radians(azimuth)),
         frozen(np.radians(rate)),
         signals.values["gyro"],
-        _stated(signals.sd),
+        found if found is not None and (found > 0.0).all() else None,
         read_temperature(table),
         signals.units["gyro"],
         signals.names["gyro"],
@@ -362,12 +363,6 @@ def _within(table: Table, name: str) -> Array:
         row = int(np.flatnonzero(bad)[0])
         raise table.error(f"{name} is {values[row]:g}; allowed {-limit:g} to {limit:g}", row)
     return values
-
-
-def _stated(sd: Mapping[str, Array]) -> Array | None:
-    """Standard deviations where all are positive; a mean without scatter says nothing."""
-    found = sd.get("gyro")
-    return found if found is not None and (found > 0.0).all() else None
 
 
 def looks_like_radians(rate: Array) -> bool:

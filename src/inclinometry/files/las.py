@@ -73,7 +73,7 @@ def read_data(
             if numeric[index]:
                 numbers[index].append(_floats(path, cells, names[index], rows, null))
             else:
-                texts[index] += [_as_written(cell, null) for cell in cells]
+                texts[index] += [("" if _float(cell) == null else cell) for cell in cells]
     if not places:
         raise FileError("there are no data after ~ASCII; is the file truncated?", path=path)
     columns: dict[str, Column] = {
@@ -148,10 +148,6 @@ def _float(cell: str) -> float:
         return float("nan")
 
 
-def _as_written(cell: str, null: float) -> str:
-    return "" if _float(cell) == null else cell
-
-
 NULLS: Final = (-999.25, -9999.25, -99999.25, -999999.25)
 """Values that may stand for nothing; the first that is no value of the survey's is taken."""
 _NORTH: Final = "AZIREF"
@@ -190,11 +186,35 @@ def read_las(path: str | Path, *, convention: str = "native", azimuth_reference:
     data, text = _text(where)
     head, lines, first = split_at_data(where, text)
     las = _header(where, head)
-    names = _mnemonics(where, las)
+    names = [str(curve.original_mnemonic).strip() for curve in las.curves]
+    for place, name in enumerate(names, 1):
+        if not name:
+            raise FileError(f"curve {place} has no mnemonic; name it", path=where)
+        if names.index(name) < place - 1:
+            raise FileError(f"curve {name!r} appears twice; remove one", path=where)
     wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
     units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
     columns, rows = read_data(where, numbered(lines, first), names, units, _null(where, las), wrap)
-    _complete(where, las, columns[names[0]], units.get(names[0]), int(rows[-1]))
+    # FileError where the data do not span STRT to STOP, as the header says they do
+    depth = columns[names[0]]
+    index_unit = units.get(names[0])
+    if not (isinstance(depth, tuple)):
+        for item in las.well:
+            name, unit = str(item.original_mnemonic).upper(), str(item.unit).strip()
+            if name in ("STRT", "STOP") and unit and index_unit and not same_unit(unit, index_unit):
+                raise FileError(
+                    f"{name} is in {unit!r}, the depth curve in {index_unit!r}; correct one of them", path=where
+                )
+        for name, found, line in (("STRT", depth[0], None), ("STOP", depth[-1], int(rows[-1]))):
+            value = _value(las.well, name)
+            try:
+                wanted = float(value)
+            except (TypeError, ValueError):
+                raise FileError(f"{name} is {value!r}; the depth is needed in the ~Well section", path=where) from None
+            # headers are often printed with fewer digits than the data
+            if not abs(wanted - found) <= 0.006 + 1e-6 * abs(found):
+                problem = f"the header says {name} {wanted:.10g}, the data have {found:.10g}; is the file truncated?"
+                raise FileError(problem, path=where, line=line)
     header, north = _head_texts(where, las)
     sheet = Sheet(where, columns, rows, units, north=north, header=header, digest=digest_bytes(data))
     return survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
@@ -252,16 +272,6 @@ def _value(section: Any, name: str) -> Any:
     return next((item.value for item in section if str(item.original_mnemonic).upper() == name), None)
 
 
-def _mnemonics(path: Path, las: Any) -> list[str]:
-    names = [str(curve.original_mnemonic).strip() for curve in las.curves]
-    for place, name in enumerate(names, 1):
-        if not name:
-            raise FileError(f"curve {place} has no mnemonic; name it", path=path)
-        if names.index(name) < place - 1:
-            raise FileError(f"curve {name!r} appears twice; remove one", path=path)
-    return names
-
-
 def _null(path: Path, las: Any) -> float:
     value = _value(las.well, "NULL")
     try:
@@ -270,26 +280,6 @@ def _null(path: Path, las: Any) -> float:
         raise FileError(
             f"NULL is {value!r}; a number is needed in the ~Well section, e.g. -999.25", path=path
         ) from None
-
-
-def _complete(path: Path, las: Any, depth: Column, index_unit: str | None, last: int) -> None:
-    """FileError where the data do not span STRT to STOP, as the header says they do."""
-    if isinstance(depth, tuple):
-        return
-    for item in las.well:
-        name, unit = str(item.original_mnemonic).upper(), str(item.unit).strip()
-        if name in ("STRT", "STOP") and unit and index_unit and not same_unit(unit, index_unit):
-            raise FileError(f"{name} is in {unit!r}, the depth curve in {index_unit!r}; correct one of them", path=path)
-    for name, found, line in (("STRT", depth[0], None), ("STOP", depth[-1], last)):
-        value = _value(las.well, name)
-        try:
-            wanted = float(value)
-        except (TypeError, ValueError):
-            raise FileError(f"{name} is {value!r}; the depth is needed in the ~Well section", path=path) from None
-        # headers are often printed with fewer digits than the data
-        if not abs(wanted - found) <= 0.006 + 1e-6 * abs(found):
-            problem = f"the header says {name} {wanted:.10g}, the data have {found:.10g}; is the file truncated?"
-            raise FileError(problem, path=path, line=line)
 
 
 def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:
@@ -363,7 +353,9 @@ def _header_text(file: SurveyFile, columns: Sequence[OutColumn], null: float) ->
     if file.azimuth_reference is not None:
         las.params[_NORTH] = lasio.HeaderItem(_NORTH, value=file.azimuth_reference, descr="NORTH AZIMUTHS ARE FROM")
     if file.header:
-        las.other = "\n".join([_MARK, *_json_lines(file.header)])
+        las.other = "\n".join(
+            [_MARK, *(json.dumps({name: text}, ensure_ascii=False) for name, text in file.header.items())]
+        )
     steps = np.diff(file.md)
     even = len(steps) > 0 and np.allclose(steps, steps[0], rtol=0.0, atol=1e-9)
     stream = io.StringIO()
@@ -372,7 +364,3 @@ def _header_text(file: SurveyFile, columns: Sequence[OutColumn], null: float) ->
     )
     head, _, _ = split_at_data("", stream.getvalue())
     return head + "~ASCII\n"
-
-
-def _json_lines(header: Mapping[str, str]) -> Iterator[str]:
-    return (json.dumps({name: text}, ensure_ascii=False) for name, text in header.items())

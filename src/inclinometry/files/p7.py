@@ -174,7 +174,8 @@ def read_p7(
         unit = _agreed(path, mine[0].line, "unit of depth", unit, depth_unit)
         sheet = _sheet(Path(path), kind, mine, unit, digest)
         sheet = replace(sheet, north=north, header={"survey": str(number), "record": kind, "depth_unit": unit})
-        surveys[number] = _named_texts(survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference))
+        survey = survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+        surveys[number] = replace(survey, extra={name: cells for name, cells in survey.extra.items() if any(cells)})
     counts = Counter(line.split(",", 1)[0].strip() for line in others if line.strip())
     for kind, mine in rows.values():
         counts[kind] += len(mine)
@@ -201,7 +202,21 @@ def _sorted_lines(
                 if found is not None:
                     details[found[0]] = found[1:]
                 continue
-            number = _survey_number(path, line, cells)
+            wanted = len(FIELDS[cells[0]]) + 1
+            if len(cells) != wanted:
+                problem = (
+                    f"{cells[0]} has {len(cells)} fields; {wanted} are needed: is the file truncated, or a draft's?"
+                )
+                raise FileError(problem, path=path, line=line)
+            used = cells[1 + FIELDS[cells[0]].index("used")]
+            if used not in ("0", "1"):
+                problem = (
+                    f"the flag for used is {used!r}; 0 or 1 is needed (drafts of the format order the fields otherwise)"
+                )
+                raise FileError(problem, path=path, line=line)
+            if not (cells[2].isascii() and cells[2].isdigit()):
+                raise FileError(f"the survey's number is {cells[2]!r}; a whole number is needed", path=path, line=line)
+            number = int(cells[2])
             kind, mine = rows.setdefault(number, (cells[0], []))
             if kind != cells[0]:
                 raise FileError(f"survey {number} has M7 and G7 records; give each its own", path=path, line=line)
@@ -209,20 +224,6 @@ def _sorted_lines(
     if not others:
         raise FileError("the file is empty; 'IOGP, ..., 7' is needed in line 1", path=path)
     return others, rows, details, reader.digest
-
-
-def _survey_number(path: Path, line: int, cells: list[str]) -> int:
-    wanted = len(FIELDS[cells[0]]) + 1
-    if len(cells) != wanted:
-        problem = f"{cells[0]} has {len(cells)} fields; {wanted} are needed: is the file truncated, or a draft's?"
-        raise FileError(problem, path=path, line=line)
-    used = cells[1 + FIELDS[cells[0]].index("used")]
-    if used not in ("0", "1"):
-        problem = f"the flag for used is {used!r}; 0 or 1 is needed (drafts of the format order the fields otherwise)"
-        raise FileError(problem, path=path, line=line)
-    if not (cells[2].isascii() and cells[2].isdigit()):
-        raise FileError(f"the survey's number is {cells[2]!r}; a whole number is needed", path=path, line=line)
-    return int(cells[2])
 
 
 def _agreed(path: str | Path, line: int, what: str, stated: str | None, given: str | None) -> str:
@@ -249,24 +250,15 @@ def _sheet(path: Path, kind: str, rows: Sequence[_Row], unit: str, digest: str) 
         if key in LENGTHS:
             units[name] = unit
         columns[name] = numbers.convert(cells, name, lines, gaps=key != "md", plain=False)
-    columns["time"] = _times(path, columns.pop("time"), lines)
-    del columns["survey"]
-    return Sheet(path, columns, np.array(lines), units, digest=digest)
-
-
-def _times(path: Path, cells: Column, lines: Sequence[int]) -> tuple[str, ...]:
     found = []
-    for line, text in zip(lines, cells, strict=True):
+    for line, text in zip(lines, columns.pop("time"), strict=True):
         time = iso_time(str(text))
         if time is None:
             raise FileError(f"date and time is {text!r}; YYYY:MM:DD:hh:mm:ss is needed", path=path, line=line)
         found.append(time)
-    return tuple(found)
-
-
-def _named_texts(survey: SurveyFile) -> SurveyFile:
-    """Extra texts that are the same empty text everywhere say nothing."""
-    return replace(survey, extra={name: cells for name, cells in survey.extra.items() if any(cells)})
+    columns["time"] = tuple(found)
+    del columns["survey"]
+    return Sheet(path, columns, np.array(lines), units, digest=digest)
 
 
 def p7_file(survey: SurveyFile, *, number: int = 1) -> P7File:
@@ -323,28 +315,24 @@ def write_p7(file: P7File, path: str | Path, *, convention: str = "iscwsa") -> N
         unit = units.get(number)
         if unit is None:
             raise InputError(f"survey {number} has no Survey Details (H7,1,5,1) among the records; add it")
-        lines += _records(survey, number, unit, convention)
+        kind, size = _kind(survey), len(survey)
+        columns = {c.quantity.key: c.values for c in columns_of(to_vendor(survey, convention)) if c.quantity}
+        factor = {"m": 1.0, "ft": 0.3048, "ftUS": 1200.0 / 3937.0}[unit]
+        empty = np.full(size, np.nan)
+        cells: list[Sequence[str]] = []
+        for key in FIELDS[kind]:
+            if key in quantities():
+                values: Array = np.asarray(columns.get(key, empty))
+                if key in LENGTHS and unit != "m":
+                    values = np.round(values / factor, 10) + 0.0
+                cells.append(writing.column(values))
+            else:
+                cells.append(_texts(survey, key, number))
+        lines += [",".join((kind, *row)) for row in zip(*cells, strict=True)]
     bad = next((text for text in lines if "\n" in text or "\r" in text), None)
     if bad is not None:
         raise InputError(f"the record {bad[:60]!r} has a line break; write it on one line")
     write_text("".join(f"{text}\n" for text in lines), path)
-
-
-def _records(survey: SurveyFile, number: int, unit: str, convention: str) -> list[str]:
-    kind, size = _kind(survey), len(survey)
-    columns = {c.quantity.key: c.values for c in columns_of(to_vendor(survey, convention)) if c.quantity}
-    factor = {"m": 1.0, "ft": 0.3048, "ftUS": 1200.0 / 3937.0}[unit]
-    empty = np.full(size, np.nan)
-    cells: list[Sequence[str]] = []
-    for key in FIELDS[kind]:
-        if key in quantities():
-            values: Array = np.asarray(columns.get(key, empty))
-            if key in LENGTHS and unit != "m":
-                values = np.round(values / factor, 10) + 0.0
-            cells.append(writing.column(values))
-        else:
-            cells.append(_texts(survey, key, number))
-    return [",".join((kind, *row)) for row in zip(*cells, strict=True)]
 
 
 def _texts(survey: SurveyFile, key: str, number: int) -> Sequence[str]:

@@ -49,24 +49,20 @@ def read_parquet(path: str | Path, *, convention: str = "native", azimuth_refere
     where = Path(path)
     table = _table(where)
     try:
-        sheet = _sheet(where, table)
+        if table.num_rows == 0 or table.num_columns == 0:
+            raise FileError("the file has no rows of values", path=where)
+        units = _units(table.schema)
+        columns: dict[str, Column] = {}
+        for field in table.schema:
+            if field.name in columns:
+                raise FileError(f"column {field.name!r} appears twice; remove one", path=where)
+            columns[field.name] = _column(where, field, table.column(field.name), units.get(field.name))
+        rows = np.arange(1, table.num_rows + 1)
+        header = _header(where, table.schema.metadata or {})
+        sheet = Sheet(where, columns, rows, units, "row", header=header, digest=digest_file(where))
     except UnicodeDecodeError as error:
         raise FileError(f"a text in it is no UTF-8 ({error.reason}); the file is damaged", path=where) from None
     return survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
-
-
-def _sheet(where: Path, table: Any) -> Sheet:
-    if table.num_rows == 0 or table.num_columns == 0:
-        raise FileError("the file has no rows of values", path=where)
-    units = _units(table.schema)
-    columns: dict[str, Column] = {}
-    for field in table.schema:
-        if field.name in columns:
-            raise FileError(f"column {field.name!r} appears twice; remove one", path=where)
-        columns[field.name] = _column(where, field, table.column(field.name), units.get(field.name))
-    rows = np.arange(1, table.num_rows + 1)
-    header = _header(where, table.schema.metadata or {})
-    return Sheet(where, columns, rows, units, "row", header=header, digest=digest_file(where))
 
 
 def _table(path: Path) -> Any:

@@ -88,18 +88,6 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     others = [name for name in SURVEY if name not in ("md_m", "flags", "azimuth_reference")]
     table = read_table(path, progress, numeric=numbers_among((*SURVEY, *_USED)), gaps=[*others, "temperature_degC"])
     table.unknown((*SURVEY, *_USED, "toolface_type"))
-    md = _depth(table)
-    inclination, azimuth = _angle(table, "inclination_deg", 0.0, 180.0), _angle(table, "azimuth_deg", -360.0, 360.0)
-    reference = _reference(table)
-    _no_reversal(table, md, inclination, azimuth)
-    toolface = frozen(np.radians(table.number("toolface_deg"))) if "toolface_deg" in table else None
-    temperature = frozen(table.number("temperature_degC")) if "temperature_degC" in table else None
-    return WellStations(
-        md, inclination, azimuth, reference, toolface, temperature, table.lines, table.path, table.digest
-    )
-
-
-def _depth(table: Table) -> Array:
     if "md_m" in table and "md_ft" in table:
         raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
     name = "md_ft" if "md_ft" in table else "md_m"
@@ -114,21 +102,8 @@ def _depth(table: Table) -> Array:
         raise table.error(f"{name} is {values[row]:.10g}; {allowed} (no well is longer): {remedy}", row)
     if len(metres) < 2:
         raise table.error(f"the file has {len(metres)} station; a path needs two or more")
-    return frozen(metres)
-
-
-def _angle(table: Table, name: str, low: float, high: float) -> Array:
-    values = table.number(name)
-    wrong = ~((values >= low) & (values <= high))
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        if np.isnan(values[row]):
-            raise table.error(f"{name} is empty; a path needs it at every station: give it or remove the row", row)
-        raise table.error(f"{name} is {values[row]:.10g}; allowed {low:g} to {high:g} deg", row)
-    return frozen(np.radians(values))
-
-
-def _reference(table: Table) -> str:
+    md = frozen(metres)
+    inclination, azimuth = _angle(table, "inclination_deg", 0.0, 180.0), _angle(table, "azimuth_deg", -360.0, 360.0)
     allowed = ", ".join(REFERENCES)
     if "azimuth_reference" not in table:
         raise table.error(
@@ -142,10 +117,7 @@ def _reference(table: Table) -> str:
         if cell != cells[0]:
             above = f"{cells[0]!r} in line {table.lines[0]}"
             raise table.error(f"azimuth_reference is {cell!r} after {above}; one north for all stations", row)
-    return cells[0]
-
-
-def _no_reversal(table: Table, md: Array, inclination: Array, azimuth: Array) -> None:
+    reference = cells[0]
     along = directions(inclination, azimuth)
     # half the dogleg, without the digits that an arccosine loses
     apart, together = (np.linalg.norm(x, axis=1) for x in (along[1:] - along[:-1], along[1:] + along[:-1]))
@@ -155,6 +127,22 @@ def _no_reversal(table: Table, md: Array, inclination: Array, azimuth: Array) ->
         problem = f"the hole turns by {np.degrees(dogleg[row - 1]):.4f} deg from line {table.lines[row - 1]} to here"
         span = f"md {md[row - 1]:.10g} to {md[row]:.10g} m"
         raise table.error(f"{problem} ({span}); no arc can be chosen for half a turn: correct one of the two", row)
+    toolface = frozen(np.radians(table.number("toolface_deg"))) if "toolface_deg" in table else None
+    temperature = frozen(table.number("temperature_degC")) if "temperature_degC" in table else None
+    return WellStations(
+        md, inclination, azimuth, reference, toolface, temperature, table.lines, table.path, table.digest
+    )
+
+
+def _angle(table: Table, name: str, low: float, high: float) -> Array:
+    values = table.number(name)
+    wrong = ~((values >= low) & (values <= high))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        if np.isnan(values[row]):
+            raise table.error(f"{name} is empty; a path needs it at every station: give it or remove the row", row)
+        raise table.error(f"{name} is {values[row]:.10g}; allowed {low:g} to {high:g} deg", row)
+    return frozen(np.radians(values))
 
 
 def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, north: str) -> Mapping[str, Array | str]:

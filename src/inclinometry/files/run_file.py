@@ -232,22 +232,21 @@ class CsvRun:
             # the first block goes the careful way, which learns the decimal mark
             yield from self._careful(first)
         for block in self._blocks:
-            quick = self._quick(block)
+            # columns by Arrow; None where a block holds more than numbers with points, or the first points of the file
+            text = "\n".join(block.lines)
+            if self._arrow is None or not block.plain or "#" in text or (self._body.delimiter != "," and "," in text):
+                quick = None
+            elif not self._pointed and "." in text:
+                # the careful way notes where the first point stands
+                quick = None
+            else:
+                quick = self._arrow.convert(text)
             if quick is None or self._check.problem(quick) is not None:
                 yield from self._careful(block)
             elif len(quick["time_s"]):
                 self._check.accept(quick)
                 yield quick
         self._body.numbers.finish()
-
-    def _quick(self, block: Block) -> dict[str, Array] | None:
-        """Columns by Arrow; None where a block holds more than numbers with points, or the first points of the file."""
-        text = "\n".join(block.lines)
-        if self._arrow is None or not block.plain or "#" in text or (self._body.delimiter != "," and "," in text):
-            return None
-        if not self._pointed and "." in text:
-            return None  # the careful way notes where the first point stands
-        return self._arrow.convert(text)
 
     def _careful(self, block: Block) -> Iterator[dict[str, Array]]:
         lines = block.lines

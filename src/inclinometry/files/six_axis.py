@@ -40,15 +40,13 @@ def to_vendor(file: SurveyFile, convention: str) -> SurveyFile:
     array([[-2.,  1.,  9.]])
     """
     vendor = named(convention)
+    # the matrix is orthogonal: its transpose leads back
     parts: dict[str, Any] = {
-        name: _back(getattr(file, name), vendor, name) for name in VECTORS if getattr(file, name) is not None
+        name: turned(getattr(file, name), vendor.matrix(KINDS[name]).T)
+        for name in VECTORS
+        if getattr(file, name) is not None
     }
     return replace(file, corrections=corrections_back(file.corrections, vendor), **parts)
-
-
-def _back(values: Array, vendor: Convention, field: str) -> Array:
-    # the matrix is orthogonal: its transpose leads back
-    return turned(values, vendor.matrix(KINDS[field]).T)
 
 
 def corrections_back(corrections: Mapping[str, Array], vendor: Convention) -> dict[str, Array]:

@@ -41,25 +41,22 @@ def columns_of(file: SurveyFile) -> list[OutColumn]:
     """
     found = []
     for key, quantity in quantities().items():
-        values = _at(file, key)
+        # the values of one quantity; None where the file is silent. A triad or covariance is there whole or not at all
+        group, _, place = key.partition(".")
+        value = getattr(file, group)
+        if isinstance(value, Mapping):
+            value = value.get(place)
+        if value is None or np.isnan(value).all():
+            values = None
+        elif value.ndim == 1:
+            values = np.asarray(value)
+        else:
+            values = np.asarray(value[(slice(None), *map(int, place))])
         if values is not None:
             found.append(OutColumn(quantity.column, from_si(values, quantity), quantity))
         if key == "azimuth" and file.azimuth_reference is not None:
             found.append(OutColumn("azimuth_reference", (file.azimuth_reference,) * len(file)))
     return found + _texts(file)
-
-
-def _at(file: SurveyFile, key: str) -> Array | None:
-    """The values of one quantity; None where the file is silent. A triad or covariance is there whole or not at all."""
-    group, _, place = key.partition(".")
-    value = getattr(file, group)
-    if isinstance(value, Mapping):
-        value = value.get(place)
-    if value is None or np.isnan(value).all():
-        return None
-    if value.ndim == 1:
-        return np.asarray(value)
-    return np.asarray(value[(slice(None), *map(int, place))])
 
 
 def _texts(file: SurveyFile) -> list[OutColumn]:
@@ -151,7 +148,12 @@ def read_raw_survey(path: str | Path, *, progress: Progress | None = None) -> Ra
     """
     table = read_table(path, progress, numeric=numbers_among(RAW_SURVEY))
     table.unknown(RAW_SURVEY)
-    md, signals = _depth(table), read_signals(table)
+    if "md_m" in table and "md_ft" in table:
+        raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
+    name = "md_ft" if "md_ft" in table else "md_m"
+    values = table.number(name)
+    check_increasing(table, name, values)
+    md, signals = frozen(values * FOOT) if name == "md_ft" else values, read_signals(table)
     temperature = read_temperature(table)
     return RawSurvey(
         md,
@@ -163,15 +165,6 @@ def read_raw_survey(path: str | Path, *, progress: Progress | None = None) -> Ra
         table.lines,
         table.digest,
     )
-
-
-def _depth(table: Table) -> Array:
-    if "md_m" in table and "md_ft" in table:
-        raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
-    name = "md_ft" if "md_ft" in table else "md_m"
-    values = table.number(name)
-    check_increasing(table, name, values)
-    return frozen(values * FOOT) if name == "md_ft" else values
 
 
 def check_increasing(table: Table, name: str, values: Array) -> None:

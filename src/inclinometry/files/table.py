@@ -373,7 +373,12 @@ class _Body:
         self, path: Path, header: str, line: int, numeric: Callable[[str], bool], gaps: Collection[str]
     ) -> None:
         self.path, self.line = path, line
-        self.delimiter = self._find_delimiter(header)
+        outside = "".join(header.split('"')[::2])
+        found = [mark for mark in _DELIMITERS if mark in outside]
+        if len(found) > 1:
+            kinds = " and ".join(_DELIMITERS[mark] for mark in found)
+            raise FileError(f"the column names are separated by {kinds}; use one", path=self.path, line=self.line)
+        self.delimiter = found[0] if found else ","
         names = [name.strip() for name in self._split([header], line)[0]]
         while names and not names[-1]:
             names.pop()  # a trailing separator
@@ -384,14 +389,6 @@ class _Body:
         self.parts: dict[str, list[Array]] = {name: [] for name, number, _ in self.kinds if number}
         self.texts: dict[str, list[str]] = {name: [] for name, number, _ in self.kinds if not number}
         self.lines: list[NDArray[np.int64]] = []
-
-    def _find_delimiter(self, header: str) -> str:
-        outside = "".join(header.split('"')[::2])
-        found = [mark for mark in _DELIMITERS if mark in outside]
-        if len(found) > 1:
-            kinds = " and ".join(_DELIMITERS[mark] for mark in found)
-            raise FileError(f"the column names are separated by {kinds}; use one", path=self.path, line=self.line)
-        return found[0] if found else ","
 
     def _check_names(self, names: list[str]) -> None:
         def error(problem: str) -> FileError:

@@ -105,7 +105,10 @@ def _read(path: Path) -> ToolCode:
             source=metadata["source"],
             revision=str(metadata.get("revision", "")),
             description=metadata.get("long_name", ""),
-            parameters={_PARAMETERS[k][0]: float(v) * _PARAMETERS[k][1] for k, v in _numbers(parameters)},
+            parameters={
+                _PARAMETERS[k][0]: float(v) * _PARAMETERS[k][1]
+                for k, v in [(key, value) for key, value in parameters.items() if key in _PARAMETERS]
+            },
             inclinations=_degrees(parameters.get("inc_min", 0.0), parameters.get("inc_max", 180.0)),
             vertical=float(np.radians(parameters.get("vertical_inclination_deg", 1e-4))),
             surface_attitude=parameters.get("surface_attitude_uncertain", _revised(metadata.get("framework", ""))),
@@ -128,10 +131,6 @@ def _revised(framework: object) -> bool:
     """Whether a framework such as "ISCWSA Rev5" is of the fifth revision or later."""
     found = re.match(r"ISCWSA Rev\s*(\d+)", str(framework))
     return found is not None and int(found[1]) >= 5
-
-
-def _numbers(parameters: Mapping[str, Any]) -> list[tuple[str, float]]:
-    return [(key, value) for key, value in parameters.items() if key in _PARAMETERS]
 
 
 def _degrees(low: float, high: float) -> tuple[float, float]:

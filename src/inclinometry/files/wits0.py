@@ -276,7 +276,9 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
             broken.append(Broken(frame.lines[wrong], why))
         elif channels.depth_item not in mine or len(mine) < 2:
             passed += 1
-        elif any(_same(frame, other, channels) for other in stations[-1:]):
+        elif any(
+            all(frame.items.get(item) == other.items.get(item) for item in channels.channels) for other in stations[-1:]
+        ):
             again += 1
         else:
             stations.append(frame)
@@ -287,30 +289,7 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
     total = len(stations) + len(broken) + passed + again
     counts = {"frames": total, "frames_broken": len(broken), "frames_passed_over": passed, "frames_repeated": again}
     header = {name: str(count) for name, count in counts.items()}
-    sheet = _sheet(Path(path), stations, channels, header, frames.digest)
-    survey = survey_of(sheet, convention=channels.convention, azimuth_reference=channels.azimuth_reference)
-    return replace(survey, notes=(*survey.notes, *_broken_notes(sorted(broken))))
-
-
-def _there(frame: Frame, item: str) -> bool:
-    text = frame.items.get(item, "")
-    return bool(text) and not (_NUMBER.fullmatch(text) and f"{float(text):g}" in NOTHING)
-
-
-def _same(frame: Frame, other: Frame, channels: Wits0Map) -> bool:
-    """Whether two frames say the same, the time at which they were sent aside."""
-    return all(frame.items.get(item) == other.items.get(item) for item in channels.channels)
-
-
-def _broken_notes(broken: Sequence[Broken]) -> list[str]:
-    notes = [f"line {place.line}: broken frame left out: {place.why}" for place in broken[:_NOTES]]
-    if len(broken) > _NOTES:
-        notes.append(f"{len(broken) - _NOTES} more broken frames were left out")
-    return notes
-
-
-def _sheet(path: Path, stations: Sequence[Frame], channels: Wits0Map, header: Mapping[str, str], digest: str) -> Sheet:
-    """Stations as columns; every mapped item that occurs, and the others as text under their number."""
+    # stations as columns; every mapped item that occurs, and the others as text under their number
     columns: dict[str, Column] = {}
     for item, name in channels.channels.items():
         values = [float(frame.items[item]) if _there(frame, item) else np.nan for frame in stations]
@@ -323,7 +302,21 @@ def _sheet(path: Path, stations: Sequence[Frame], channels: Wits0Map, header: Ma
         if item not in channels.channels and item not in stamps:
             columns[item] = tuple(frame.items.get(item, "") for frame in stations)
     rows = np.array([frame.lines[channels.depth_item] for frame in stations])
-    return Sheet(path, columns, rows, header=header, digest=digest)
+    sheet = Sheet(Path(path), columns, rows, header=header, digest=frames.digest)
+    survey = survey_of(sheet, convention=channels.convention, azimuth_reference=channels.azimuth_reference)
+    return replace(survey, notes=(*survey.notes, *_broken_notes(sorted(broken))))
+
+
+def _there(frame: Frame, item: str) -> bool:
+    text = frame.items.get(item, "")
+    return bool(text) and not (_NUMBER.fullmatch(text) and f"{float(text):g}" in NOTHING)
+
+
+def _broken_notes(broken: Sequence[Broken]) -> list[str]:
+    notes = [f"line {place.line}: broken frame left out: {place.why}" for place in broken[:_NOTES]]
+    if len(broken) > _NOTES:
+        notes.append(f"{len(broken) - _NOTES} more broken frames were left out")
+    return notes
 
 
 def _time(frame: Frame, record: str) -> str:

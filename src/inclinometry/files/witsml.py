@@ -63,11 +63,6 @@ def _namespace() -> str:
     return str(_data()["namespace"])
 
 
-def _order(parent: str) -> tuple[str, ...]:
-    """The children of trajectory or trajectoryStation, as the schema orders them."""
-    return tuple(_data()["order"][parent])
-
-
 @lru_cache(maxsize=8)
 def _elements(parent: str) -> Mapping[str, Element]:
     """Element -> quantity, of "station" or of one of `GROUPS`.
@@ -124,13 +119,20 @@ def load(path: Path) -> tuple[Any, bytes]:
         resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True, remove_pis=True
     )
     try:
-        root = etree.fromstring(data, parser)
+        root: Any = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         line = error.lineno or 1
         raise FileError(f"not well-formed XML: {error.msg}; is the file truncated?", path=path, line=line) from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise FileError("a document type is declared; remove it, WITSML has none", path=path, line=1)
-    _check_root(path, root)
+    wanted = f"{{{_namespace()}}}trajectorys"
+    if root.tag != wanted:
+        problem = f"the root is {root.tag!r}; {wanted!r} (WITSML {_version()}) is needed"
+        raise FileError(problem, path=path, line=root.sourceline)
+    if root.get("version") != _version():
+        found = root.get("version")
+        problem = f"version is {found!r}; {_version()!r} is needed: export it so"
+        raise FileError(problem, path=path, line=root.sourceline)
     return root, data
 
 
@@ -147,17 +149,6 @@ def _bytes(path: Path) -> bytes:
         if isinstance(error, FileError):
             raise
         raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
-
-
-def _check_root(path: Path, root: Any) -> None:
-    wanted = f"{{{_namespace()}}}trajectorys"
-    if root.tag != wanted:
-        problem = f"the root is {root.tag!r}; {wanted!r} (WITSML {_version()}) is needed"
-        raise FileError(problem, path=path, line=root.sourceline)
-    if root.get("version") != _version():
-        found = root.get("version")
-        problem = f"version is {found!r}; {_version()!r} is needed: export it so"
-        raise FileError(problem, path=path, line=root.sourceline)
 
 
 def children(element: Any) -> Iterator[tuple[str, Any]]:
@@ -201,7 +192,15 @@ def document(survey: SurveyFile, convention: str) -> bytes:
     trajectory = etree.SubElement(root, _tag("trajectory"))
     for name, default in (("uidWell", "well"), ("uidWellbore", "wellbore"), ("uid", "trajectory")):
         _set(trajectory, name, survey.header.get(name, default))
-    _write_head(trajectory, survey)
+    well = next((survey.header[name] for name in ("well", "Well", "WELL") if name in survey.header), "unknown")
+    for name in _NAMES:
+        _add(trajectory, name, survey.header.get(name) or (well if name == "nameWell" else "unknown"))
+    for name, value in (("mdMn", survey.md.min()), ("mdMx", survey.md.max())):
+        _add(trajectory, name, writing.number(float(value)), "m")
+    if survey.header.get("serviceCompany"):
+        _add(trajectory, "serviceCompany", survey.header["serviceCompany"])
+    if survey.azimuth_reference:
+        _add(trajectory, "aziRef", _AZI_REF[survey.azimuth_reference])
     turned = to_vendor(survey, convention)
     cells = {c.quantity.key: writing.column(c.values) for c in columns_of(turned) if c.quantity}  # type: ignore[arg-type]
     uids = survey.extra.get("uid") or tuple(str(i + 1) for i in range(len(survey)))
@@ -237,22 +236,10 @@ def _add(parent: Any, name: str, text: str, uom: str = "") -> None:
         child.set("uom", uom)
 
 
-def _write_head(trajectory: Any, survey: SurveyFile) -> None:
-    well = next((survey.header[name] for name in ("well", "Well", "WELL") if name in survey.header), "unknown")
-    for name in _NAMES:
-        _add(trajectory, name, survey.header.get(name) or (well if name == "nameWell" else "unknown"))
-    for name, value in (("mdMn", survey.md.min()), ("mdMx", survey.md.max())):
-        _add(trajectory, name, writing.number(float(value)), "m")
-    if survey.header.get("serviceCompany"):
-        _add(trajectory, "serviceCompany", survey.header["serviceCompany"])
-    if survey.azimuth_reference:
-        _add(trajectory, "aziRef", _AZI_REF[survey.azimuth_reference])
-
-
 def _write_station(station: Any, survey: SurveyFile, row: int, cells: Mapping[str, str]) -> None:
     """The elements of one station, in the order of the schema."""
     texts = _texts(survey, row)
-    for name in _order("trajectoryStation"):
+    for name in tuple(_data()["order"]["trajectoryStation"]):
         if name in GROUPS:
             _group(station, name, cells)
         elif name in texts:
@@ -346,8 +333,34 @@ def read_witsml(
     """
     where = Path(path)
     root, data = load(where)
-    chosen = _chosen(where, root, trajectory)
-    header, north, shared = _head(where, chosen)
+    # the trajectory asked for; FileError listing what there is
+    found = [child for name, child in children(root) if name == "trajectory"]
+    names = [
+        (child.get("uid", ""), next((text_of(e) for n, e in children(child) if n == "name"), "")) for child in found
+    ]
+    fits = [child for child, name in zip(found, names, strict=True) if trajectory is None or trajectory in name]
+    if len(fits) != 1:
+        there = ", ".join(f"{uid!r} ({name})" for uid, name in names[:20]) or "none"
+        problem = f"trajectory {trajectory!r} fits {len(fits)}; give the uid of one. There are: {there}"
+        raise FileError(problem, path=where, line=root.sourceline)
+    chosen = fits[0]
+    # texts of the trajectory, the north of its azimuths, and the values it states for all stations
+    header = {name: str(chosen.get(name)) for name in ("uid", "uidWell", "uidWellbore") if chosen.get(name)}
+    north, shared = None, {}
+    for name, child in children(chosen):
+        if name == "trajectoryStation" or len(child):
+            continue
+        if name in header:
+            raise FileError(f"{name} appears twice in the trajectory; remove one", path=where, line=child.sourceline)
+        header[name] = f"{text_of(child)} {child.get('uom', '')}".strip()
+        if name == "aziRef":
+            known = (*NORTHS, "unknown")
+            if text_of(child) not in known:
+                problem = f"aziRef is {text_of(child)!r}; allowed: {', '.join(known)}"
+                raise FileError(problem, path=where, line=child.sourceline)
+            north = NORTHS.get(text_of(child))
+        if name in _OF_ALL:
+            shared[_OF_ALL[name]] = quantity_of(where, name, child, "angle")
     stations = [_station(where, child) for name, child in children(chosen) if name == "trajectoryStation"]
     if not stations:
         raise FileError("the trajectory has no trajectoryStation", path=path, line=chosen.sourceline)
@@ -358,41 +371,6 @@ def read_witsml(
     unread = sorted({name for station in stations for name in station.unread})
     notes = [f"not read: {', '.join(unread)}"] if unread else []
     return replace(survey, notes=(*survey.notes, *notes, *_toolface_notes(survey, convention)))
-
-
-def _chosen(path: Path, root: Any, wanted: str | None) -> Any:
-    """The trajectory asked for; FileError listing what there is."""
-    found = [child for name, child in children(root) if name == "trajectory"]
-    names = [
-        (child.get("uid", ""), next((text_of(e) for n, e in children(child) if n == "name"), "")) for child in found
-    ]
-    fits = [child for child, name in zip(found, names, strict=True) if wanted is None or wanted in name]
-    if len(fits) != 1:
-        there = ", ".join(f"{uid!r} ({name})" for uid, name in names[:20]) or "none"
-        problem = f"trajectory {wanted!r} fits {len(fits)}; give the uid of one. There are: {there}"
-        raise FileError(problem, path=path, line=root.sourceline)
-    return fits[0]
-
-
-def _head(path: Path, trajectory: Any) -> tuple[dict[str, str], str | None, dict[str, float]]:
-    """Texts of the trajectory, the north of its azimuths, and the values it states for all stations."""
-    header = {name: str(trajectory.get(name)) for name in ("uid", "uidWell", "uidWellbore") if trajectory.get(name)}
-    north, shared = None, {}
-    for name, child in children(trajectory):
-        if name == "trajectoryStation" or len(child):
-            continue
-        if name in header:
-            raise FileError(f"{name} appears twice in the trajectory; remove one", path=path, line=child.sourceline)
-        header[name] = f"{text_of(child)} {child.get('uom', '')}".strip()
-        if name == "aziRef":
-            known = (*NORTHS, "unknown")
-            if text_of(child) not in known:
-                problem = f"aziRef is {text_of(child)!r}; allowed: {', '.join(known)}"
-                raise FileError(problem, path=path, line=child.sourceline)
-            north = NORTHS.get(text_of(child))
-        if name in _OF_ALL:
-            shared[_OF_ALL[name]] = quantity_of(path, name, child, "angle")
-    return header, north, shared
 
 
 class _Station:
@@ -472,11 +450,17 @@ def _sheet(path: Path, stations: list[_Station], shared: dict[str, float], conve
                 found[element.key] = values if before is None else _joined(path, stations, name, before, values)
     known = quantities()
     columns: dict[str, Column] = {}
-    for key, values in _turned(found, convention).items():
+    # corrections in tool axes; the fields themselves are turned with the columns
+    start = "corrections."
+    corrections = {key.removeprefix(start): values for key, values in found.items() if key.startswith(start)}
+    native = corrections_to_native(corrections, named(convention))
+    rest = {key: values for key, values in found.items() if not key.startswith(start)}
+    for key, values in (rest | {f"{start}{name}": values for name, values in native.items()}).items():
         own = known[key].unit
         # rad to deg and back would cost a digit; what is whole in degrees stays so
         columns[known[key].column] = values if own.factor == 1.0 else np.round(values / own.factor, 12) + 0.0
-    for key in _lacking(found):
+    groups = {key.partition(".")[0] for key in found} & {"g", "b", "covariance"}
+    for key in [key for key in quantities() if key.partition(".")[0] in groups and key not in found]:
         columns[known[key].column] = np.full(len(stations), np.nan)
     for name in ("uid", *_station_texts()):
         texts = tuple(station.texts.get(name, "") for station in stations)
@@ -500,21 +484,6 @@ def _joined(path: Path, stations: list[_Station], name: str, before: Array, valu
         problem = f"{name} contradicts its deprecated form; they have one sign: remove one of them"
         raise FileError(problem, path=path, line=line)
     return np.where(np.isnan(values), before, values)
-
-
-def _turned(found: dict[str, Array], convention: str) -> dict[str, Array]:
-    """Corrections in tool axes; the fields themselves are turned with the columns."""
-    start = "corrections."
-    corrections = {key.removeprefix(start): values for key, values in found.items() if key.startswith(start)}
-    native = corrections_to_native(corrections, named(convention))
-    rest = {key: values for key, values in found.items() if not key.startswith(start)}
-    return rest | {f"{start}{name}": values for name, values in native.items()}
-
-
-def _lacking(found: dict[str, Array]) -> list[str]:
-    """Axes of a triad and elements of a covariance that no station has, where others are there."""
-    groups = {key.partition(".")[0] for key in found} & {"g", "b", "covariance"}
-    return [key for key in quantities() if key.partition(".")[0] in groups and key not in found]
 
 
 def _toolface_notes(survey: SurveyFile, convention: str) -> list[str]:

@@ -31,7 +31,17 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
     FileError
         The folder does not exist or cannot be written, the disk is full, `path` is a folder.
     """
-    target = _resolve(path)
+    # the file a link points to, so that the link survives; the errors a person can act on
+    try:
+        target = Path(path).resolve()
+        if target.is_dir():
+            raise FileError("this is a folder; give the name of a file", path=path)
+        if not target.parent.is_dir():
+            raise FileError(f"folder {str(target.parent)!r} does not exist; create it first", path=path)
+    except (OSError, ValueError, RuntimeError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"cannot be written ({error}); choose another name", path=path) from None
     if target.exists() and not target.is_file():
         with _readable(path), target.open("wb") as stream:
             yield stream
@@ -51,22 +61,13 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
         with suppress(OSError):
             scratch.unlink(missing_ok=True)
         raise
-    _sync_folder(target.parent)
-
-
-def _resolve(path: str | Path) -> Path:
-    """The file a link points to, so that the link survives; the errors a person can act on."""
-    try:
-        target = Path(path).resolve()
-        if target.is_dir():
-            raise FileError("this is a folder; give the name of a file", path=path)
-        if not target.parent.is_dir():
-            raise FileError(f"folder {str(target.parent)!r} does not exist; create it first", path=path)
-    except (OSError, ValueError, RuntimeError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"cannot be written ({error}); choose another name", path=path) from None
-    return target
+    # make the rename itself durable where the system can
+    with suppress(OSError):
+        handle = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 @contextmanager
@@ -77,16 +78,6 @@ def _readable(path: str | Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         raise FileError(f"cannot be written ({reason}); choose a folder you may write to", path=path) from None
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the rename itself durable where the system can."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def write_bytes(data: bytes, path: str | Path) -> None:

@@ -271,7 +271,19 @@ def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: P
     share = AXIAL_NT / (run.b or 50_000.0)
     signals = {**run.signals, "magnetometer": run.signals["magnetometer"] + share * tensor[:, 2]}
     write_raw_survey(folder / "raw.csv", run.md, signals, run.temperature)
-    _site(run, folder / "site.toml")
+    lines = [
+        "latitude_deg = 60.0",
+        'north_reference = "true"',
+        f"declination_deg = {DECLINATION_DEG}",
+        "sigma_declination_deg = 0.36",
+        f"dip_deg = {np.degrees(run.dip):.6f}",
+        "sigma_dip_deg = 0.2",
+    ]
+    if run.g is not None:
+        lines.append(f"g = {run.g:.6f}")
+    if run.b is not None:
+        lines += [f"b_nT = {run.b:.3f}", "sigma_b_nT = 130.0"]
+    write_text("\n".join(lines) + "\n", folder / "site.toml")
     six = read_six_axis(folder / "raw.csv", folder / "site.toml", tool)
     before, analysis = survey_six_axis(six), analyse(six, axial_sigma=STEEL_NT)
     after = survey_six_axis(six, _stored(analysis, folder / "corrections.json"))
@@ -318,22 +330,6 @@ def _stored(analysis: Analysis, path: Path) -> str:
 
 def _declination() -> float:
     return float(np.radians(DECLINATION_DEG))
-
-
-def _site(run: SurveySimulation, path: Path) -> None:
-    lines = [
-        "latitude_deg = 60.0",
-        'north_reference = "true"',
-        f"declination_deg = {DECLINATION_DEG}",
-        "sigma_declination_deg = 0.36",
-        f"dip_deg = {np.degrees(run.dip):.6f}",
-        "sigma_dip_deg = 0.2",
-    ]
-    if run.g is not None:
-        lines.append(f"g = {run.g:.6f}")
-    if run.b is not None:
-        lines += [f"b_nT = {run.b:.3f}", "sigma_b_nT = 130.0"]
-    write_text("\n".join(lines) + "\n", path)
 
 
 def _rms(survey: Survey, run: SurveySimulation) -> float:
@@ -454,15 +450,12 @@ def _bench(demo: Demo, name: str) -> None:
     best = found.attempts[0].calibration
     if best is None:
         return
-    record = replace(best, tool=_named(best.tool, "simulated 1"))
+    tool = best.tool
+    record = replace(best, tool=Tool("simulated 1", tool.triads, tool.covariance, tool.noise, tool.temperature_range))
     write_calibration(record, folder / "tool.json")
     others = {a.method: a.calibration for a in found.attempts[1:] if a.calibration is not None}
     text = calibration_report(record, readings=readings, closed_forms=others)
     demo.page(f"simulated bench, plan {name}: calibration", f"{name}/report.html", text)
-
-
-def _named(tool: Tool, name: str) -> Tool:
-    return Tool(name, tool.triads, tool.covariance, tool.noise, tool.temperature_range)
 
 
 def _store(demo: Demo, name: str, readings: BenchReadings, record: Calibration) -> None:

@@ -258,7 +258,13 @@ class Monitor:
         if number != self._number:
             self._rest()
             self._number = number
-        self._thin(samples)
+        if self._envelopes is None:
+            self._names = tuple(name for name in CHANNELS if samples.has(name))
+            names = [f"{name}_{axis}" for name in self._names for axis in "xyz"]
+            units = [UNITS[name] for name in self._names for _ in "xyz"]
+            self._envelopes = Envelopes(names, units, float(samples.time[0]), samples.interval)
+            self._interval = samples.interval
+        self._envelopes.push(samples.time, np.concatenate([getattr(samples, n) for n in self._names], axis=1))
         if samples.clipped is not None:
             self.clipped += int(samples.clipped.sum())
         if samples.temperature is not None:
@@ -282,18 +288,18 @@ class Monitor:
             self._take(rejoined(self._held))
         self._held, self._size = [], 0
 
-    def _thin(self, samples: Samples) -> None:
-        if self._envelopes is None:
-            self._names = tuple(name for name in CHANNELS if samples.has(name))
-            names = [f"{name}_{axis}" for name in self._names for axis in "xyz"]
-            units = [UNITS[name] for name in self._names for _ in "xyz"]
-            self._envelopes = Envelopes(names, units, float(samples.time[0]), samples.interval)
-            self._interval = samples.interval
-        self._envelopes.push(samples.time, np.concatenate([getattr(samples, n) for n in self._names], axis=1))
-
     def _take(self, window: Samples) -> None:
         time = float(window.time[0] + window.time[-1]) / 2.0
-        phasor = _phasor(window)
+        # exp(-i toolface) of each sample but for a constant angle: by the transverse field, else by the gyro
+        if window.mag is not None:
+            field = window.mag[:, 0] + 1j * window.mag[:, 1]
+            strength = np.abs(field)
+            # a circle about its own middle, unless there is only an arc of it
+            phasor = np.asarray(np.where(strength > 0.0, field / np.where(strength > 0.0, strength, 1.0), 1.0))
+        elif window.gyro is not None:
+            phasor = np.asarray(np.exp(-1j * np.cumsum(window.gyro[:, 2]) * window.interval))
+        else:
+            phasor = None
         shaking = _shaking(window, phasor)
         self._rows.append((time, *shaking, *_speeds(window, phasor)))
         if self._first is None:
@@ -325,18 +331,6 @@ class Monitor:
             excerpts = excerpts[:1]
         envelopes = () if self._envelopes is None else self._envelopes.done()
         return Vibration(*columns), envelopes, excerpts, None if self._spectra is None else self._spectra.done()
-
-
-def _phasor(window: Samples) -> Phasor | None:
-    """exp(-i toolface) of each sample but for a constant angle: by the transverse field, else by the gyro."""
-    if window.mag is not None:
-        field = window.mag[:, 0] + 1j * window.mag[:, 1]
-        strength = np.abs(field)
-        # a circle about its own middle, unless there is only an arc of it
-        return np.asarray(np.where(strength > 0.0, field / np.where(strength > 0.0, strength, 1.0), 1.0))
-    if window.gyro is not None:
-        return np.asarray(np.exp(-1j * np.cumsum(window.gyro[:, 2]) * window.interval))
-    return None
 
 
 def _shaking(window: Samples, phasor: Phasor | None) -> _Shaking:

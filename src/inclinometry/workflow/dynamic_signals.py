@@ -118,7 +118,12 @@ class Envelopes:
         if not len(time):
             return
         while time[-1] - self._start >= self._width * 2 * MOST_BINS:
-            self._halve()
+            for held, empty, join in ((self._low, np.inf, np.minimum), (self._high, -np.inf, np.maximum)):
+                held[:MOST_BINS] = join(held[::2], held[1::2])
+                held[MOST_BINS:] = empty
+            _halved(self._sum, MOST_BINS)
+            _halved(self._count, MOST_BINS)
+            self._width *= 2.0
         place = ((time - self._start) / self._width).astype(np.intp)
         first = np.flatnonzero(np.diff(place, prepend=-1))
         bins = place[first]
@@ -126,14 +131,6 @@ class Envelopes:
         self._high[bins] = np.maximum(self._high[bins], np.maximum.reduceat(values, first))
         self._sum[bins] += np.add.reduceat(values, first)
         self._count[bins] += np.diff(first, append=len(time))
-
-    def _halve(self) -> None:
-        for held, empty, join in ((self._low, np.inf, np.minimum), (self._high, -np.inf, np.maximum)):
-            held[:MOST_BINS] = join(held[::2], held[1::2])
-            held[MOST_BINS:] = empty
-        _halved(self._sum, MOST_BINS)
-        _halved(self._count, MOST_BINS)
-        self._width *= 2.0
 
     def done(self) -> tuple[Envelope, ...]:
         """What has been seen; bins without a sample are left out."""
@@ -396,7 +393,11 @@ class Signals:
         else:
             same_units({kind: run.units[kind] for kind in run.names}, calibration)
             self._strengths = {kind: _strength(run, calibration, kind, site) for kind in run.names}
-            _check_heat(run, calibration)
+            hot = [kind for kind in run.names if calibration.tool.triads[kind].degree]
+            if hot and not run.header.temperature:
+                raise InputError(
+                    f"the calibration of the {hot[0]} depends on temperature; add the column temperature_degC"
+                )
 
     def fields(self, block: RunBlock) -> dict[str, Array]:
         """Prefix ("accel", "mag", "gyro") -> (n, 3) in SI, and "temperature" -> (n,) where there is one.
@@ -502,12 +503,6 @@ def _strength(run: RunFile, calibration: Calibration, kind: str, site: Site) -> 
         needed = "a latitude or g" if kind == "accelerometer" else "b_nT"
         raise InputError(f"the calibration does not know the strength of its {kind} field; give the site {needed}")
     return float(strength)
-
-
-def _check_heat(run: RunFile, calibration: Calibration) -> None:
-    hot = [kind for kind in run.names if calibration.tool.triads[kind].degree]
-    if hot and not run.header.temperature:
-        raise InputError(f"the calibration of the {hot[0]} depends on temperature; add the column temperature_degC")
 
 
 def _field(triad: Triad, signals: Array, heat: Array | None, gravity: Array | None) -> Array:

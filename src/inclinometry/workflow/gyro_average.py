@@ -126,7 +126,13 @@ def _named(
     except FileError:
         raise
     except InputError as error:
-        problem = _with_labels(str(error), readings)
+        # stations are numbered inside; the file calls them otherwise
+        words = str(error).split()
+        for place, word in enumerate(words[:-1]):
+            number = words[place + 1].rstrip(":,;")
+            if word == "station" and number.isdigit() and int(number) < len(readings.labels):
+                words[place + 1] = words[place + 1].replace(number, repr(readings.labels[int(number)]))
+        problem = " ".join(words)
         if problem.startswith("noise is not given"):
             option = "--gyro-sd-deg-h" if kind == "gyro" else "--accel-sd-m-s2"
             problem = (
@@ -146,16 +152,6 @@ def gravity_suspect(gravity: Array, g: float) -> str | None:
         return None
     unit = " (are the numbers in g? then name the columns accel_x_g)" if abs(middle - 1.0) <= LIGHTEST else ""
     return f"gravity comes out at {middle:.5g} m/s^2, the site has {g:.5g}{unit}: check unit and calibration"
-
-
-def _with_labels(problem: str, readings: GyroReadings) -> str:
-    """Stations are numbered inside; the file calls them otherwise."""
-    words = problem.split()
-    for place, word in enumerate(words[:-1]):
-        number = words[place + 1].rstrip(":,;")
-        if word == "station" and number.isdigit() and int(number) < len(readings.labels):
-            words[place + 1] = words[place + 1].replace(number, repr(readings.labels[int(number)]))
-    return " ".join(words)
 
 
 def _average(

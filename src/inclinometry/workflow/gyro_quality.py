@@ -57,14 +57,6 @@ def read_run(path: str | Path) -> Run:
     return Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), norths[0])
 
 
-def _turned(run: Run, north: str, site: Site) -> Run:
-    """The run from another north."""
-    known = np.isfinite(run.azimuth)
-    azimuth: Array = np.full(len(run.md), np.nan)
-    azimuth[known] = convert_azimuth(run.azimuth[known], run.azimuth_reference, north, site)
-    return replace(run, azimuth=azimuth, azimuth_reference=north)
-
-
 def compare_run_files(
     in_run: str | Path, out_run: str | Path, site: Site | None = None, limits: str | Path = GYRO_REPEAT
 ) -> Comparison:
@@ -94,7 +86,11 @@ def compare_run_files(
         if site is None:
             norths = f"{one.azimuth_reference} and {two.azimuth_reference}"
             raise InputError(f"the runs count azimuth from different norths ({norths}); give the site")
-        two = _turned(two, one.azimuth_reference, site)
+        # the run from another north
+        known = np.isfinite(two.azimuth)
+        azimuth: Array = np.full(len(two.md), np.nan)
+        azimuth[known] = convert_azimuth(two.azimuth[known], two.azimuth_reference, one.azimuth_reference, site)
+        two = replace(two, azimuth=azimuth, azimuth_reference=one.azimuth_reference)
     return compare_runs(one, two, read_repeat_limits(limits))
 
 

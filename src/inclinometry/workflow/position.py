@@ -110,7 +110,13 @@ def read_position(
     correction: SensorCorrection | None = None
     warned: list[str] = []
     if corrections is not None and calibration is not None and channels is not None and tool is not None:
-        correction, warned = _correction(corrections, calibration, channels, site, digest_file(tool))
+        # a stored correction that may be used for these raw channels, and what speaks against it
+        seen = stations_from_tool(
+            channels.md, channels.channels, calibration.tool, temperature=channels.temperature, g=site.gravity, b=site.b
+        )
+        correction, warned = matching_correction(
+            corrections, calibration.tool.name, {"tool": digest_file(tool), "raw": channels.digest}, seen
+        )
     found = well_position(
         stations,
         site,
@@ -128,16 +134,6 @@ def read_position(
     digests = {name: digest_file(path) for name, path in read.items()}
     warnings = (*warned, *found.warnings)
     return replace(found, notes=(*said, *found.notes), warnings=warnings, inputs={**found.inputs, **digests})
-
-
-def _correction(
-    path: str | Path, calibration: Calibration, raw: RawSurvey, site: Site, tool: str
-) -> tuple[SensorCorrection, list[str]]:
-    """A stored correction that may be used for these raw channels, and what speaks against it."""
-    seen = stations_from_tool(
-        raw.md, raw.channels, calibration.tool, temperature=raw.temperature, g=site.gravity, b=site.b
-    )
-    return matching_correction(path, calibration.tool.name, {"tool": tool, "raw": raw.digest}, seen)
 
 
 def well_position(

@@ -64,7 +64,21 @@ def check_plausible(steps: RateSteps, found: RateCalibration, latitude: float, b
     residuals = _Residuals(steps, latitude, found)
     known = before if before is not None and _comparable(before, found.triad) else None
     notes = _scale(steps, found.triad, known, residuals) + _axes(steps, found.triad, known, residuals)
-    _earth(steps, known, residuals)
+    # FileError where another rate explains the signals far better than the one stated
+    scaled = known is not None or steps.unit in PER_RADIAN
+    other = {factor: residuals.ratio(factor) for factor in ([-1.0] if scaled else RATE_MISTAKES)}
+    best = min(other.values())
+    if not (best > 1.0 / CLEAR):
+        said = [RATE_MISTAKES[factor] for factor, ratio in other.items() if ratio < 1.5 * best]
+        if other[-1.0] < 1.5 * best:
+            # a rate and gyros of the other sign, or an Earth that turns the other way, are the same signals
+            hemisphere = "the site's latitude_deg has the other sign"
+            said = [hemisphere] if _expected(steps, known) is not None and len(said) == 1 else [*said, hemisphere]
+        raise FileError(
+            f"the Earth's rate in the signals contradicts the table's; residuals {1.0 / best:.3g} times smaller if "
+            f"{'; or '.join(said)}; {_OPTION}",
+            path=steps.path,
+        )
     return notes
 
 
@@ -173,25 +187,6 @@ def _axes(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Resi
     if steps.unit in PER_RADIAN or not sure:
         raise FileError(said, path=steps.path)
     return [said]
-
-
-def _earth(steps: RateSteps, before: Triad | None, residuals: _Residuals) -> None:
-    """FileError where another rate explains the signals far better than the one stated."""
-    scaled = before is not None or steps.unit in PER_RADIAN
-    other = {factor: residuals.ratio(factor) for factor in ([-1.0] if scaled else RATE_MISTAKES)}
-    best = min(other.values())
-    if best > 1.0 / CLEAR:
-        return
-    said = [RATE_MISTAKES[factor] for factor, ratio in other.items() if ratio < 1.5 * best]
-    if other[-1.0] < 1.5 * best:
-        # a rate and gyros of the other sign, or an Earth that turns the other way, are the same signals
-        hemisphere = "the site's latitude_deg has the other sign"
-        said = [hemisphere] if _expected(steps, before) is not None and len(said) == 1 else [*said, hemisphere]
-    raise FileError(
-        f"the Earth's rate in the signals contradicts the table's; residuals {1.0 / best:.3g} times smaller if "
-        f"{'; or '.join(said)}; {_OPTION}",
-        path=steps.path,
-    )
 
 
 KEPT = "it is still in the fit, whose uncertainties are wrong: take it again"
@@ -313,7 +308,16 @@ def with_gyro(
     triads = {**tool.triads, "gyro": found.triad}
     noise = {**tool.noise, "gyro": found.sd}
     inner = _blocks(tool.covariance[np.ix_(own, own)], found.triad_covariance)
-    heat, doubt = _common_range(tool.temperature_range, found.temperature_range)
+    # temperatures at which both calibrations hold; those of the first, and a sentence, where there are none
+    one = tool.temperature_range
+    other = found.temperature_range
+    heat, doubt = one or other, list[str]()
+    if one is not None and other is not None:
+        low, high = max(one[0], other[0]), min(one[1], other[1])
+        if low <= high:
+            heat = low, high
+        else:
+            doubt = [f"taken at {other[0]:g} to {other[1]:g} degC, the rest of the tool at {one[0]:g} to {one[1]:g}"]
     renewed = Tool(tool.name, triads, inner, noise, heat)
     names = [calibration.parameter_names[row] for row in kept]
     gyro = [name for name in renewed.parameter_names if name.startswith("gyro.")]
@@ -354,18 +358,6 @@ def _alone(found: RateCalibration, steps: RateSteps, name: str, notes: list[str]
         ),
         tuple(notes),
     )
-
-
-def _common_range(
-    one: tuple[float, float] | None, other: tuple[float, float] | None
-) -> tuple[tuple[float, float] | None, list[str]]:
-    """Temperatures at which both calibrations hold; those of the first, and a sentence, where there are none."""
-    if one is None or other is None:
-        return one or other, []
-    low, high = max(one[0], other[0]), min(one[1], other[1])
-    if low <= high:
-        return (low, high), []
-    return one, [f"taken at {other[0]:g} to {other[1]:g} degC, the rest of the tool at {one[0]:g} to {one[1]:g}"]
 
 
 def _blocks(one: Array, other: Array) -> Array:

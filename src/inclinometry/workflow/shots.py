@@ -55,7 +55,25 @@ def read_shots(
     # survey readers want depths that increase; shots have none to speak of, so they read a copy with steps of 1 mm
     with TemporaryDirectory() as folder:
         copy = Path(folder, Path(raw).name)
-        _write_stepped(table, copy)
+        # the table with depths that increase from the first, each row on the line it stood in
+        name, factor = _depth_column(table)
+        depths = table.number(name)[0] + _STEP_M / factor * np.arange(len(table))
+        columns = []
+        for column, values in table.columns.items():
+            numbers = depths if column == name else values
+            if isinstance(numbers, tuple):
+                columns.append(list(numbers))
+            else:
+                columns.append(["" if np.isnan(value) else repr(value) for value in numbers.tolist()])
+        rows = {table.header_line: list(table.header)}
+        rows |= dict(zip(table.lines.tolist(), map(list, zip(*columns, strict=True)), strict=True))
+        with copy.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream, quoting=csv.QUOTE_ALL, lineterminator="\n")
+            for line in range(1, max(rows) + 1):
+                if line in rows:
+                    writer.writerow(rows[line])
+                else:
+                    stream.write("\n")
         try:
             run = read(copy)
         except FileError as error:
@@ -178,25 +196,3 @@ def _one_place(md: Array, path: str | Path) -> None:
     if apart > APART_M:
         problem = f"the shots lie {apart:.2f} m apart, allowed {APART_M:g} m; give the shots of one depth"
         raise FileError(problem, path=path)
-
-
-def _write_stepped(table: Table, path: Path) -> None:
-    """The table with depths that increase from the first, each row on the line it stood in."""
-    name, factor = _depth_column(table)
-    depths = table.number(name)[0] + _STEP_M / factor * np.arange(len(table))
-    columns = []
-    for column, values in table.columns.items():
-        numbers = depths if column == name else values
-        if isinstance(numbers, tuple):
-            columns.append(list(numbers))
-        else:
-            columns.append(["" if np.isnan(value) else repr(value) for value in numbers.tolist()])
-    rows = {table.header_line: list(table.header)}
-    rows |= dict(zip(table.lines.tolist(), map(list, zip(*columns, strict=True)), strict=True))
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, quoting=csv.QUOTE_ALL, lineterminator="\n")
-        for line in range(1, max(rows) + 1):
-            if line in rows:
-                writer.writerow(rows[line])
-            else:
-                stream.write("\n")

@@ -102,21 +102,17 @@ def write_drilling(
         write_run = files.enter_context(writing(run, RUN, header))
         write_truth = None if truth is None else files.enter_context(writing(truth, TRUTH, header))
         for block in drilling_blocks(scenario, request.seed, block=BLOCK):
-            write_run(_readings(block))
+            found = {"time_s": block.time, "temperature_degC": block.temperature}
+            for prefix in _TRIADS:
+                vectors = getattr(block, prefix)
+                found |= {f"{prefix}_{axis}": vectors[:, place] for place, axis in enumerate("xyz")}
+            write_run(found)
             if write_truth is not None:
                 write_truth(_truth(block))
             count += len(block)
             if progress is not None:
                 progress(min(1.0, count * block.interval / scenario.duration))
     return count
-
-
-def _readings(block: DrillingSimulation) -> Mapping[str, Array]:
-    found = {"time_s": block.time, "temperature_degC": block.temperature}
-    for prefix in _TRIADS:
-        vectors = getattr(block, prefix)
-        found |= {f"{prefix}_{axis}": vectors[:, place] for place, axis in enumerate("xyz")}
-    return found
 
 
 def _truth(block: DrillingSimulation) -> Mapping[str, Array]:

@@ -89,34 +89,32 @@ def tool_stations(
 ) -> tuple[Stations, str, tuple[str, ...]]:
     """Stations of a calibrated tool from its raw channels, or from a survey made with it."""
     if format_of(path, form) != "csv" or not _has_channels(path):
-        return _surveyed(path, record, site, form)
+        # stations of a survey by the signals the tool must have given there
+        found = _survey_file(path, form, None)
+        if found.g is not None or found.b is not None:
+            problem = "holds fields in m/s^2 and nT; with --calibration raw channels (accel_x, ...) as CSV are needed"
+            raise FileError(f"{problem}, or leave --calibration out", path=path)
+        g, b, temperature = fields_of_survey(found, site, path)
+        strengths = [
+            record.tool.triads[kind].field_strength if kind in record.tool.triads else None for kind in VECTORS
+        ]
+        known = [own or stated or 1.0 for own, stated in zip(strengths, (site.gravity, site.b), strict=True)]
+        channels = {
+            kind: record.tool.triads[kind].signals(field / strength, temperature)
+            for kind, field, strength in zip(VECTORS, (g, b), known, strict=True)
+            if kind in record.tool.triads
+        }
+        stations = stations_from_tool(
+            found.md, channels, record.tool, temperature=temperature, g=site.gravity, b=site.b
+        )
+        line = REBUILT
+        return replace(stations, history=(line, *stations.history[1:])), found.digest, found.notes
     raw = read_raw_survey(path, progress=progress)
     same_units(raw.units, record)
     stations = stations_from_tool(
         raw.md, raw.channels, record.tool, temperature=raw.temperature, g=site.gravity, b=site.b
     )
     return stations, raw.digest, raw.notes
-
-
-def _surveyed(
-    path: str | Path, record: Calibration, site: Site, form: str | None
-) -> tuple[Stations, str, tuple[str, ...]]:
-    """Stations of a survey by the signals the tool must have given there."""
-    found = _survey_file(path, form, None)
-    if found.g is not None or found.b is not None:
-        problem = "holds fields in m/s^2 and nT; with --calibration raw channels (accel_x, ...) as CSV are needed"
-        raise FileError(f"{problem}, or leave --calibration out", path=path)
-    g, b, temperature = fields_of_survey(found, site, path)
-    strengths = [record.tool.triads[kind].field_strength if kind in record.tool.triads else None for kind in VECTORS]
-    known = [own or stated or 1.0 for own, stated in zip(strengths, (site.gravity, site.b), strict=True)]
-    channels = {
-        kind: record.tool.triads[kind].signals(field / strength, temperature)
-        for kind, field, strength in zip(VECTORS, (g, b), known, strict=True)
-        if kind in record.tool.triads
-    }
-    stations = stations_from_tool(found.md, channels, record.tool, temperature=temperature, g=site.gravity, b=site.b)
-    line = REBUILT
-    return replace(stations, history=(line, *stations.history[1:])), found.digest, found.notes
 
 
 def _survey_file(path: str | Path, form: str | None, convention: str | None) -> SurveyFile:
@@ -415,7 +413,10 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
         sensors; units, axes or signs that are wrong before axial or msa; an estimate beyond ten times its prior.
     """
     stations, results, warned = _corrected(run, correct, bha)
-    digests = {f"correction {Path(name).name}": digest_file(name) for name in _files(correct)}
+    digests = {
+        f"correction {Path(name).name}": digest_file(name)
+        for name in [part for part in _parts(correct) if _is_file(part)]
+    }
     inputs = {**run.inputs, **digests, **({} if bha is None else {"bha": digest_file(bha)})}
     survey = survey_from_stations(stations, site=run.site, tool=run.tool, calibration_dip=run.dip, inputs=inputs)
     judged = before = None
@@ -427,7 +428,15 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
             judged = replace(judged, wiring=before.wiring)
         if before is not None and not {"axial", "msa"}.isdisjoint(_names(correct)) and judged.wiring.verdict != "fail":
             warned = [*unsettled(before.wiring), *warned]
-    told = [*run.warnings, *_of_order(correct), *warned, *_of_results(results), *_of_checks(judged, survey)]
+    # warnings of the corrections
+    said = []
+    for name, result in results.items():
+        if isinstance(result, MultiStation):
+            said += [f"multi-station analysis: {sentence}" for sentence in result.warnings]
+        check = getattr(result, "check", None)
+        if isinstance(check, Check) and check.verdict != "pass":
+            said.append(f"{name}: {check.reason}; {check.action}")
+    told = [*run.warnings, *_of_order(correct), *warned, *said, *_of_checks(judged, survey)]
     survey = replace(survey, warnings=(*told, *survey.warnings))
     return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
 
@@ -478,10 +487,6 @@ def _is_file(part: str) -> bool:
     return part.lower().endswith(".json")
 
 
-def _files(correct: str | None) -> list[str]:
-    return [part for part in _parts(correct) if _is_file(part)]
-
-
 def _of_order(correct: str | None) -> list[str]:
     """A warning where the axial field that an analysis could estimate was made from the reference before it."""
     parts = _parts((correct or "").lower())
@@ -491,18 +496,6 @@ def _of_order(correct: str | None) -> list[str]:
         "axial before msa: the axial field is then made from the reference, so that the analysis cannot find its error "
         "and leans on the reference twice; on simulated runs azimuths come out up to four times worse than by msa alone"
     ]
-
-
-def _of_results(results: Mapping[str, Any]) -> list[str]:
-    """Warnings of the corrections."""
-    said = []
-    for name, result in results.items():
-        if isinstance(result, MultiStation):
-            said += [f"multi-station analysis: {sentence}" for sentence in result.warnings]
-        check = getattr(result, "check", None)
-        if isinstance(check, Check) and check.verdict != "pass":
-            said.append(f"{name}: {check.reason}; {check.action}")
-    return said
 
 
 def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[str]:
