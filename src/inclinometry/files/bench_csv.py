@@ -66,7 +66,6 @@ def write_plan(plan: Plan, path: str | Path) -> None:
 
 IMPROBABLE = 1e-3
 FLAT = 0.1  # share of a channel's largest sensitivity to attitude below which its scatter is that of the sensor
-_SWEEPS = 30
 
 
 def field_basis(values: Array, cosines: Array) -> Array:
@@ -77,7 +76,8 @@ def field_basis(values: Array, cosines: Array) -> Array:
     turned = cosines.reshape(-1, 3, 3)
     matrix, *_ = np.linalg.lstsq(np.column_stack([cosines, np.ones(len(cosines))]), values, rcond=1e-9)
     field = np.linalg.svd(matrix[:9].T.reshape(-1, 3))[2][0]
-    for _ in range(_SWEEPS):
+    sweeps = 30
+    for _ in range(sweeps):
         basis = np.column_stack([turned @ field, np.ones(len(turned))])
         model, *_ = np.linalg.lstsq(basis, values, rcond=1e-9)
         seen = np.einsum("im,nij->nmj", model[:3], turned).reshape(-1, 3)
@@ -135,7 +135,6 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
 # converter, and a pure roll repeats the axial reading at every station.
 
 Settings = tuple[Array, Array, Array]
-MOST = 20_000  # stations; the weaker sentence is for calibrations, which are not larger
 
 
 def constant_channel(values: Array, names: Sequence[str], settings: Settings | None) -> tuple[str, bool] | None:
@@ -160,6 +159,7 @@ def saturation_notes(
     notes: list[str] = []
     basis: Array | None = None
     unsigned = bool(values.min() >= 0.0)  # of all channels: one alone may well lie on one side of zero
+    most = 20_000  # stations; the weaker sentence is for calibrations, which are not larger
     for index, (column, name) in enumerate(zip(values.T, names, strict=True)):
         for extreme, sign in ((float(column.max()), 1.0), (float(column.min()), -1.0)):
             at = column == extreme
@@ -187,7 +187,7 @@ def saturation_notes(
             read = f"{name} reads exactly {extreme + 0.0:.12g} in {count} stations"
             if clipped:
                 notes.append(f"{read}: saturated?")
-            elif basis is not None and len(values) <= MOST and _suspicious(values, index, at, basis, sign):
+            elif basis is not None and len(values) <= most and _suspicious(values, index, at, basis, sign):
                 notes.append(f"{read}: saturation cannot be excluded")
     return notes
 
@@ -237,7 +237,6 @@ def _predicted_beyond(
 SAME_ANGLE = np.radians(1e-6)
 CONTRADICTION = np.radians(0.5)
 SAME_TEMPERATURE = 2.0
-ENOUGH_SCATTER = 6  # degrees of freedom from which a channel's own scatter is preferred to its triad's
 
 
 class Repeats(NamedTuple):
@@ -280,7 +279,9 @@ class Repeats(NamedTuple):
         if free == 0:
             return stated
         variance = np.sum((values - self.mean(values)[self.group]) ** 2, axis=0) / free
-        if free < ENOUGH_SCATTER:
+        # degrees of freedom from which a channel's own scatter is preferred to its triad's
+        enough_scatter = 6
+        if free < enough_scatter:
             variance = np.full_like(variance, variance.mean())
         scatter = np.sqrt(variance) / np.sqrt(size)
         if stated is None:

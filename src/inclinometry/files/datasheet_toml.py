@@ -44,8 +44,6 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "misalignment_deg": (-45.0, 45.0),
 }
 """Key -> least and largest value allowed, in the unit of the key."""
-FLAT = 0.05
-"""Least singular value of the axes: two sensors 4 degrees apart, or three so near to one plane."""
 TEMPLATE = """\
 # datasheet.toml
 # a tool from the nameplates of its sensors: U = scale (field along the axis) + offset
@@ -233,7 +231,9 @@ def _axes(content: dict[str, Any], count: int) -> Array:
 def _spread(axes: Array, key: str) -> Array:
     """The axes (m, 3), when they see all three components, or two where there are two sensors; else InputError."""
     seen = min(len(axes), 3)
-    if np.linalg.svd(axes, compute_uv=False)[seen - 1] >= FLAT:
+    # least singular value of the axes: two sensors 4 degrees apart, or three so near to one plane
+    flat = 0.05
+    if np.linalg.svd(axes, compute_uv=False)[seen - 1] >= flat:
         return axes
     lines = np.abs(axes @ axes.T) - 2.0 * np.eye(len(axes))
     one, other = sorted(int(place) for place in np.unravel_index(lines.argmax(), lines.shape))

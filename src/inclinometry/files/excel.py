@@ -120,9 +120,7 @@ ROWS: Final = 1_048_576
 _UNPACKED: Final = 4_000_000_000  # bytes; a workbook of a million stations unpacks to less than a quarter
 LONGEST_TEXT: Final = 32_767
 """Characters of a cell, by the format."""
-_DANGEROUS: Final = ("=", "+", "-", "@", "#", "\t", "\r")
 _FORMULA: Final = re.compile(rb"<(\w+:)?f[ />]")
-_OLD: Final = b"\xd0\xcf\x11\xe0"
 
 
 def read_excel(
@@ -215,10 +213,11 @@ def _first_line(error: Exception) -> str:
 
 def _check(path: Path) -> None:
     """FileError for what is no workbook, before the library sees it."""
+    old = b"\xd0\xcf\x11\xe0"
     try:
         with path.open("rb") as stream:
             start = stream.read(8)
-        if start.startswith(_OLD):
+        if start.startswith(old):
             raise FileError("an old .xls or an encrypted workbook; save it as .xlsx without a password", path=path)
         if not zipfile.is_zipfile(path):
             raise FileError("not an .xlsx workbook, or a damaged one; save it again", path=path)
@@ -307,7 +306,8 @@ def _safe(sheet: Any, text: str) -> Any:
         raise InputError(f"a text of {len(text)} characters does not fit into a cell; allowed {LONGEST_TEXT}")
     if ILLEGAL_CHARACTERS_RE.search(text):
         raise InputError(f"{text[:40]!r} has a control character, which a workbook cannot hold; remove it")
-    if not text.startswith(_DANGEROUS):
+    dangerous = ("=", "+", "-", "@", "#", "\t", "\r")
+    if not text.startswith(dangerous):
         return text
     cell = WriteOnlyCell(sheet, text)
     cell.data_type = "s"

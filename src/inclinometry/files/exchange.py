@@ -22,11 +22,6 @@ from inclinometry.files._quantities import EXTRA, Meaning, Quantity, meaning, qu
 from inclinometry.files.columns import closest
 from inclinometry.files.writing import number
 
-STATION: Final = (
-    "inclination", "azimuth", "toolface", "magnetic_toolface", "gyro_toolface", "north", "east", "tvd", "temperature",
-)  # fmt: skip
-"""Optional quantities with one number a station."""
-
 VECTORS: Final = ("g", "b", "w")
 """Optional fields in tool axes, three numbers a station."""
 
@@ -115,7 +110,19 @@ class SurveyFile:
             if keep[name] is not None:
                 keep[name] = np.array(_shaped(keep[name], name, (size,)), dtype=np.bool_)
         _increasing(keep["md"], keep["used"])
-        for name in (*STATION, *VECTORS, "covariance"):
+        # optional quantities with one number a station
+        station = (
+            "inclination",
+            "azimuth",
+            "toolface",
+            "magnetic_toolface",
+            "gyro_toolface",
+            "north",
+            "east",
+            "tvd",
+            "temperature",
+        )
+        for name in (*station, *VECTORS, "covariance"):
             shape = (size, 3, 3) if name == "covariance" else (size, 3) if name in VECTORS else (size,)
             value = getattr(self, name)
             keep[name] = None if value is None else frozen(_shaped(value, name, shape))
@@ -190,7 +197,6 @@ def _alike(a: Any, b: Any, rtol: float, atol: float) -> bool:
 
 Column: TypeAlias = Array | tuple[str, ...]
 KINDS: Final = {"g": "accelerometer", "b": "magnetometer", "w": "gyro"}
-_YES_NO: Final = {"1": True, "true": True, "yes": True, "y": True, "0": False, "false": False, "no": False, "n": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -352,10 +358,11 @@ def _flags(sheet: Sheet, name: str) -> Mask | None:
     texts = values if isinstance(values, tuple) else tuple(map(number, values.tolist()))
     if not any(texts):
         return None
+    yes_no = {"1": True, "true": True, "yes": True, "y": True, "0": False, "false": False, "no": False, "n": False}
     for row, text in enumerate(texts):
-        if text.strip().lower() not in _YES_NO:
+        if text.strip().lower() not in yes_no:
             raise sheet.error(f"column {name!r} is {text!r}; allowed: 1, 0, true, false, yes, no", row)
-    return np.array([_YES_NO[text.strip().lower()] for text in texts], dtype=np.bool_)
+    return np.array([yes_no[text.strip().lower()] for text in texts], dtype=np.bool_)
 
 
 def _texts(

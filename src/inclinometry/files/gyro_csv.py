@@ -237,9 +237,6 @@ def write_gyro_run(
     writing.write_columns(names, cells, path)
 
 
-RATE_STEPS = ("station", "inclination_deg", "toolface_deg", "azimuth_deg", "rate_deg_s", "temperature_degC")
-"""Columns of the steps of a rate table, besides the gyros'."""
-
 FASTEST = 3600.0
 """No table turns a tool faster, deg/s."""
 _LIMITS = {"inclination_deg": 180.0, "toolface_deg": 360.0, "azimuth_deg": 360.0, "rate_deg_s": FASTEST}
@@ -320,8 +317,10 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
     >>> np.degrees(steps.rate).round(9)
     array([ 10., -10.])
     """
-    table = read_table(path, progress, numeric=numbers_among(RATE_STEPS), gaps=("azimuth_deg",))
-    unused = [f"column {name!r} is not known and was not used" for name in table.unknown(RATE_STEPS)]
+    # columns of the steps of a rate table, besides the gyros'
+    rate_steps = ("station", "inclination_deg", "toolface_deg", "azimuth_deg", "rate_deg_s", "temperature_degC")
+    table = read_table(path, progress, numeric=numbers_among(rate_steps), gaps=("azimuth_deg",))
+    unused = [f"column {name!r} is not known and was not used" for name in table.unknown(rate_steps)]
     degrees = {name: _within(table, name) for name in _LIMITS if name != "azimuth_deg" or name in table}
     rate = degrees["rate_deg_s"]
     if looks_like_radians(rate):

@@ -148,11 +148,8 @@ def _float(cell: str) -> float:
         return float("nan")
 
 
-NULLS: Final = (-999.25, -9999.25, -99999.25, -999999.25)
-"""Values that may stand for nothing; the first that is no value of the survey's is taken."""
 _NORTH: Final = "AZIREF"
 _MARK: Final = "Head of the survey, one name and text a line:"
-_GRID: Final = ("STRT", "STOP", "STEP", "NULL")
 
 
 def read_las(path: str | Path, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
@@ -296,7 +293,8 @@ def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:
                 raise FileError(f"{line[:60]!r} in the ~Other section cannot be read; remove it", path=path) from None
         return found, north
     items = [*las.well, *las.params]
-    kept = [item for item in items if str(item.original_mnemonic).upper() not in (*_GRID, _NORTH)]
+    grid = ("STRT", "STOP", "STEP", "NULL")
+    kept = [item for item in items if str(item.original_mnemonic).upper() not in (*grid, _NORTH)]
     texts = {str(i.original_mnemonic): f"{i.value} {i.unit}".strip() for i in kept if str(i.value).strip()}
     return texts, north
 
@@ -312,7 +310,9 @@ def write_las(file: SurveyFile, path: str | Path) -> None:
     """
     columns = [column for column in map(_curve, columns_of(file)) if column is not None]
     everything = np.concatenate([np.asarray(column.values) for column in columns])
-    null = next(value for value in NULLS if not (everything == value).any())
+    # values that may stand for nothing; the first that is no value of the survey's is taken
+    nulls = (-999.25, -9999.25, -99999.25, -999999.25)
+    null = next(value for value in nulls if not (everything == value).any())
     gap = writing.number(null)
     cells = [[text or gap for text in writing.column(np.asarray(column.values))] for column in columns]
     rows = "\n".join(" ".join(row) for row in zip(*cells, strict=True))

@@ -27,11 +27,6 @@ TO_SI = {
 }
 """Unit of a column -> unit inside and what to multiply by; any other unit, counts among them, stays."""
 
-MOST_JITTER = 0.5
-"""Departure of one interval from the usual one, as a share of it: stamps rounded to a digit of the interval pass."""
-MOST_DRIFT = 1.0
-"""Departure of a sample from the even grid, in intervals."""
-
 
 @dataclass(frozen=True, eq=False)
 class EvenLog:
@@ -103,8 +98,10 @@ def _interval(table: Table, time: Array) -> float:
         raise table.error(f"{len(time)} rows; an even sampling interval needs 3 or more", len(time) - 1)
     steps = np.diff(time)
     usual = float(np.median(steps))
+    # departure of one interval from the usual one, as a share of it: stamps rounded to a digit of the interval pass
+    most_jitter = 0.5
     # half a share of room: the stamps themselves are rounded
-    odd = np.flatnonzero(np.abs(steps - usual) > MOST_JITTER * usual * (1.0 + 1e-6))
+    odd = np.flatnonzero(np.abs(steps - usual) > most_jitter * usual * (1.0 + 1e-6))
     if odd.size:
         row = int(odd[0]) + 1
         what = f"{steps[row - 1]:.6g} s after the row before it; the samples are {usual:.6g} s apart"
@@ -112,7 +109,8 @@ def _interval(table: Table, time: Array) -> float:
         raise table.error(f"time_s {time[row]:.12g} is {what}: {remedy}", row)
     dt = float((time[-1] - time[0]) / (len(time) - 1))
     off = (time - time[0]) / dt - np.arange(len(time))
-    if np.abs(off).max() > MOST_DRIFT:
+    most_drift = 1.0  # departure of a sample from the even grid, in intervals
+    if np.abs(off).max() > most_drift:
         row = int(np.argmax(np.abs(off)))
         what = f"{abs(off[row]):.3g} samples off an even spacing of {dt:.6g} s"
         raise table.error(f"time_s {time[row]:.12g} is {what}; use a log whose sampling rate does not change", row)

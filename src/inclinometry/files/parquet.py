@@ -17,7 +17,6 @@ from inclinometry.files.survey_csv import columns_of
 from inclinometry.files.writing import replacing
 
 _HEADER: Final = b"inclinometry.header"
-_UNITS: Final = (b"unit", b"units", b"uom")
 
 
 def read_parquet(path: str | Path, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
@@ -83,9 +82,10 @@ def _table(path: Path) -> Any:
 def _units(schema: Any) -> dict[str, str]:
     """Units stated in the columns' metadata."""
     found = {}
+    units = (b"unit", b"units", b"uom")
     for field in schema:
         metadata = field.metadata or {}
-        stated = next((metadata[key] for key in _UNITS if metadata.get(key)), None)
+        stated = next((metadata[key] for key in units if metadata.get(key)), None)
         if stated is not None:
             found[field.name] = stated.decode("utf-8", "replace")
     return found

@@ -22,8 +22,6 @@ from inclinometry.position.well import hole_sigmas, horizontal_ellipse
 from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg
 from inclinometry.survey.path import Path as WellPath
 
-DEEPEST: Final = 20e3
-"""Measured depth, m, that no well reaches; the longest is 15 km, which is 50,000 ft."""
 COVARIANCES: Final = ("cov_nn", "cov_ee", "cov_vv", "cov_ne", "cov_nv", "cov_ev")
 """Columns of a covariance, m^2; v is down."""
 POSITION: Final = (
@@ -36,7 +34,6 @@ SOURCES: Final = ("md_m", "source", "propagation", *COVARIANCES)
 """The contract of the file of sources."""
 
 _PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-_USED: Final = ("md_m", "md_ft", "inclination_deg", "azimuth_deg", "toolface_deg", "temperature_degC")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,19 +83,21 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     (30.48, 'grid')
     """
     others = [name for name in SURVEY if name not in ("md_m", "flags", "azimuth_reference")]
-    table = read_table(path, progress, numeric=numbers_among((*SURVEY, *_USED)), gaps=[*others, "temperature_degC"])
-    table.unknown((*SURVEY, *_USED, "toolface_type"))
+    used = ("md_m", "md_ft", "inclination_deg", "azimuth_deg", "toolface_deg", "temperature_degC")
+    table = read_table(path, progress, numeric=numbers_among((*SURVEY, *used)), gaps=[*others, "temperature_degC"])
+    table.unknown((*SURVEY, *used, "toolface_type"))
     if "md_m" in table and "md_ft" in table:
         raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
     name = "md_ft" if "md_ft" in table else "md_m"
     values = table.number(name)
     check_increasing(table, name, values)
     metres = values * FOOT if name == "md_ft" else values
-    wrong = (metres < 0.0) | (metres > DEEPEST)
+    deepest = 20e3  # measured depth, m, that no well reaches; the longest is 15 km, which is 50,000 ft
+    wrong = (metres < 0.0) | (metres > deepest)
     if wrong.any():
         row = int(np.argmax(wrong))
         remedy = "depths in feet belong in a column md_ft" if name == "md_m" else "check the unit"
-        allowed = f"allowed 0 to {DEEPEST if name == 'md_m' else DEEPEST / FOOT:.0f}"
+        allowed = f"allowed 0 to {deepest if name == 'md_m' else deepest / FOOT:.0f}"
         raise table.error(f"{name} is {values[row]:.10g}; {allowed} (no well is longer): {remedy}", row)
     if len(metres) < 2:
         raise table.error(f"the file has {len(metres)} station; a path needs two or more")

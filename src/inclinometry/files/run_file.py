@@ -38,7 +38,6 @@ _SPELLED: Final = {
     **{key.lower(): label for key, label in UNIT_LABELS.items()},
     "m/s2": "m/s^2", "m/s²": "m/s^2", "µt": "uT", "°/s": "deg/s", "°/h": "deg/h",
 }  # fmt: skip
-_PLAIN_UNITS: Final = {"time_s": ("s", "seconds"), "temperature_degC": ("degc", "°c", "celsius", "deg c")}
 
 
 class RunHeader(NamedTuple):
@@ -101,10 +100,11 @@ def run_header(path: Path, header: Sequence[str], line: int, stated: Mapping[str
 def _with_unit(path: Path, name: str, stated: str | None) -> str:
     """A column's name with the unit stated apart from it; FileError where the two contradict each other."""
     found = channel(name)
-    if not stated or (found is None and name not in _PLAIN_UNITS):
+    plain_units = {"time_s": ("s", "seconds"), "temperature_degC": ("degc", "°c", "celsius", "deg c")}
+    if not stated or (found is None and name not in plain_units):
         return name
     if found is None:
-        if stated.strip().lower() not in _PLAIN_UNITS[name]:
+        if stated.strip().lower() not in plain_units[name]:
             raise FileError(f"column {name!r} has the unit {stated!r}, which its name contradicts", path=path)
         return name
     label = _SPELLED.get(stated.strip().lower())
@@ -186,8 +186,6 @@ def _of_column(name: str, values: Array) -> Problem | None:
 
 
 # A run as CSV: plain blocks of numbers are converted by Arrow, everything else line by line, as any other table.
-
-_EMPTY = ("", "nan", "NaN", "NAN", "Nan")
 
 
 class CsvRun:
@@ -278,8 +276,9 @@ class _ArrowNumbers:
 
         self._names, self._wanted = list(names), wanted
         self._parse = pc.ParseOptions(delimiter=delimiter)
+        empty = ("", "nan", "NaN", "NAN", "Nan")
         self._convert = pc.ConvertOptions(
-            column_types=dict.fromkeys(wanted, pa.float64()), include_columns=list(wanted), null_values=list(_EMPTY)
+            column_types=dict.fromkeys(wanted, pa.float64()), include_columns=list(wanted), null_values=list(empty)
         )
 
     def convert(self, text: str) -> dict[str, Array] | None:
@@ -299,7 +298,6 @@ class _ArrowNumbers:
 # A run as Parquet, read in batches of rows so that no row group needs to fit into memory.
 
 BATCH: Final = 1 << 15
-_BUFFER: Final = 1 << 20
 
 
 class ParquetRun:
@@ -348,10 +346,11 @@ def _opened(path: Path) -> Iterator[Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    buffer = 1 << 20
     try:
         with path.open("rb") as stream:
             # buffered reading: a file of one large row group is not read at once; no threads of its own
-            yield pq.ParquetFile(stream, buffer_size=_BUFFER, pre_buffer=False, page_checksum_verification=True)
+            yield pq.ParquetFile(stream, buffer_size=buffer, pre_buffer=False, page_checksum_verification=True)
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
     except (pa.ArrowException, OSError) as error:
@@ -375,8 +374,6 @@ def _numbers(values: Any) -> Array:
 
 BLOCK: Final = 1 << 15
 """Rows of a block: large enough for compiled loops, small enough for any memory."""
-
-ENDINGS: Final = (".parquet", ".csv")
 
 
 class RunBlock(NamedTuple):
@@ -564,8 +561,9 @@ def writing(path: str | Path, columns: Sequence[OutField], header: Mapping[str, 
 def checked_ending(path: str | Path) -> str:
     """The ending of a table's name; FileError where it is not one that can be written."""
     ending = Path(path).suffix.lower()
-    if ending not in ENDINGS:
-        raise FileError(f"the name ends in {ending or 'nothing'!r}; allowed: {', '.join(ENDINGS)}", path=path)
+    endings = (".parquet", ".csv")
+    if ending not in endings:
+        raise FileError(f"the name ends in {ending or 'nothing'!r}; allowed: {', '.join(endings)}", path=path)
     return ending
 
 

@@ -29,7 +29,6 @@ _ELEMENT = {
     "density_kg_m3": (1e3, 2e4),
     "young_gpa": (1.0, 1e3),
 }
-_STABILISER = {"to_bit_m": (0.0, 1e3), "blade_od_m": (1e-2, 2.0)}
 
 
 def read_bha(path: str | Path) -> Bha:
@@ -150,5 +149,6 @@ def _element(content: dict[str, Any], path: str | Path, place: int) -> Element:
 
 def _stabiliser(content: dict[str, Any], path: str | Path, place: int) -> Stabiliser:
     label = f"stabiliser {place}"
-    _, values = _numbers(content, path, label, _STABILISER, ())
+    stabiliser = {"to_bit_m": (0.0, 1e3), "blade_od_m": (1e-2, 2.0)}
+    _, values = _numbers(content, path, label, stabiliser, ())
     return Stabiliser(*_needed(values, ("to_bit_m", "blade_od_m"), path, label))

@@ -233,7 +233,6 @@ def _not_text(error: UnicodeDecodeError, chunk: bytes, line: int, path: Path) ->
 
 
 Column: TypeAlias = Array | tuple[str, ...]
-_DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,9 +373,10 @@ class _Body:
     ) -> None:
         self.path, self.line = path, line
         outside = "".join(header.split('"')[::2])
-        found = [mark for mark in _DELIMITERS if mark in outside]
+        delimiters = {",": "comma", ";": "semicolon", "\t": "tab"}
+        found = [mark for mark in delimiters if mark in outside]
         if len(found) > 1:
-            kinds = " and ".join(_DELIMITERS[mark] for mark in found)
+            kinds = " and ".join(delimiters[mark] for mark in found)
             raise FileError(f"the column names are separated by {kinds}; use one", path=self.path, line=self.line)
         self.delimiter = found[0] if found else ","
         names = [name.strip() for name in self._split([header], line)[0]]

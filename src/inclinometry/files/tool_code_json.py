@@ -16,7 +16,6 @@ from inclinometry.files import json_codec
 from inclinometry.position.tool_code import Term, ToolCode, term
 
 _SINGULAR: Final = ("north_singularity", "east_singularity", "vertical_singularity")
-_WEIGHTS: Final = ("depth_formula", "inclination_formula", "azimuth_formula")
 # parameter of the file -> variable of the formulas and what one of the file's unit is in SI
 _PARAMETERS: Final = {
     "noise_reduction_factor": ("noisereductionfactor", 1.0),
@@ -145,13 +144,14 @@ def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
             raise FileError(f"{where}.{key} is {cells[key]}; write it into the formula, and leave it out", path=path)
     if cells["name"] == "XCLA" and "course" not in cells:
         singular = list(_COURSE_SINGULAR)
+    weights = ("depth_formula", "inclination_formula", "azimuth_formula")
     try:
         return term(
             cells["name"],
             float(cells["value"]),
             cells["units"],
             cells["propagation_mode"].lower(),
-            [cells.get(key, "0") for key in _WEIGHTS],
+            [cells.get(key, "0") for key in weights],
             singular,
             course=course,
             inclinations=_degrees(cells.get("inc_min_deg", -np.inf), cells.get("inc_max_deg", np.inf)),

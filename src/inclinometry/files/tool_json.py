@@ -22,7 +22,6 @@ from inclinometry.sensors import Tool, Triad
 LARGEST = 1e100  # squares and products of larger numbers leave float64
 SYMMETRIC = 1e-9
 POSITIVE = 1e-6
-UNIT = 1e-6
 
 
 def check_arrays(content: Json, path: str | Path) -> None:
@@ -63,9 +62,10 @@ def _check_rows(rows: list[list[float]], where: str, path: str | Path, width: in
 def check_directions(entries: Mapping[str, list[float]], path: str | Path) -> dict[str, Array]:
     """Unit vectors by kind; FileError for a vector whose length is not 1 to 1e-6."""
     found = {kind: frozen(values) for kind, values in entries.items()}
+    unit = 1e-6
     for kind, vector in found.items():
         length = float(np.linalg.norm(vector))
-        if not abs(length - 1.0) <= UNIT:
+        if not abs(length - 1.0) <= unit:
             raise FileError(f"$.field_directions.{kind} has length {length:.9g}; it must be a unit vector", path=path)
     return found
 

@@ -34,7 +34,6 @@ from inclinometry.files.writing import write_text
 BEGIN: Final = "&&"
 END: Final = "!!"
 _ITEM: Final = re.compile(r"([0-9]{4})(.*)")
-_LARGEST: Final = 10_000  # items of one frame; 25 records of 99 items are defined
 
 
 class Frame(NamedTuple):
@@ -111,8 +110,9 @@ def _take(frame: Frame, line: int, text: str) -> Broken | None:
         return Broken(line, f"{text[:40]!r} is no item (four digits and a value)")
     if item[1] in frame.items:
         return Broken(line, f"item {item[1]} appears twice in one frame")
-    if len(frame.items) >= _LARGEST:
-        return Broken(line, f"more than {_LARGEST} items in one frame")
+    largest = 10_000  # items of one frame; 25 records of 99 items are defined
+    if len(frame.items) >= largest:
+        return Broken(line, f"more than {largest} items in one frame")
     frame.items[item[1]] = item[2].strip()
     frame.lines[item[1]] = line
     return None

@@ -285,7 +285,6 @@ def _time(text: str, row: int) -> str:
 
 _APART: Final = 5.0  # deg between two toolfaces that a turned convention, 90 deg or more, exceeds and noise does not
 _ENDS: Final[Mapping[str, Callable[[list[float]], float]]] = MappingProxyType({"mdMn": min, "mdMx": max})
-_OF_ALL: Final = {"magDeclUsed": "stnMagDeclUsed", "gridConUsed": "stnGridConUsed", "gridCorUsed": "stnGridCorUsed"}
 
 
 def read_witsml(
@@ -347,6 +346,7 @@ def read_witsml(
     # texts of the trajectory, the north of its azimuths, and the values it states for all stations
     header = {name: str(chosen.get(name)) for name in ("uid", "uidWell", "uidWellbore") if chosen.get(name)}
     north, shared = None, {}
+    of_all = {"magDeclUsed": "stnMagDeclUsed", "gridConUsed": "stnGridConUsed", "gridCorUsed": "stnGridCorUsed"}
     for name, child in children(chosen):
         if name == "trajectoryStation" or len(child):
             continue
@@ -359,8 +359,8 @@ def read_witsml(
                 problem = f"aziRef is {text_of(child)!r}; allowed: {', '.join(known)}"
                 raise FileError(problem, path=where, line=child.sourceline)
             north = NORTHS.get(text_of(child))
-        if name in _OF_ALL:
-            shared[_OF_ALL[name]] = quantity_of(where, name, child, "angle")
+        if name in of_all:
+            shared[of_all[name]] = quantity_of(where, name, child, "angle")
     stations = [_station(where, child) for name, child in children(chosen) if name == "trajectoryStation"]
     if not stations:
         raise FileError("the trajectory has no trajectoryStation", path=path, line=chosen.sourceline)

@@ -14,14 +14,11 @@ from inclinometry.calibration.stillness import still_intervals
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.log_csv import EvenLog, read_even_log
 
-JUMP = 9.0
-"""Change from one stretch to the next, in robust standard deviations of such changes, that noise does not make."""
 STRETCHES = 200
 MOVED = 10.0
 """Scatter outside the rests, over that at rest, which is motion whatever the noise."""
 STILL = 0.9
 """Share of a log at rest from which the rest of it may be knocks; below it the tool was moved."""
-_MISFIT = 3.0
 
 
 def noise_of_log(
@@ -118,7 +115,8 @@ def _doubts(log: EvenLog, name: str, values: Array, model: NoiseModel, rest: str
     if at is not None:
         when = f"{log.start + at * log.dt:.6g} s"
         return [f"{name} jumps at {when}: was the tool moved or knocked? the noise is that of the log as it is{rest}"]
-    if model.chi_square > _MISFIT * model.dof + 10.0:
+    misfit = 3.0
+    if model.chi_square > misfit * model.dof + 10.0:
         return [
             f"{name}: the curve does not follow these kinds of noise (chi-square {model.chi_square:.0f} for "
             f"{model.dof} degrees of freedom): vibration, a change of temperature, filtering or a tool not at rest; "
@@ -129,11 +127,13 @@ def _doubts(log: EvenLog, name: str, values: Array, model: NoiseModel, rest: str
 
 def _moved(values: Array) -> int | None:
     """Sample at which the signal changes by more than noise does, from sample to sample or stretch to stretch."""
+    # change from one stretch to the next, in robust standard deviations of such changes, that noise does not make
+    jump = 9.0
     for width in sorted({1, max(1, len(values) // STRETCHES)}):
         number = len(values) // width
         change = np.diff(values[: number * width].reshape(number, width).mean(axis=1))
         spread = 1.4826 * float(np.median(np.abs(change - np.median(change))))
-        odd = np.flatnonzero(np.abs(change - np.median(change)) > JUMP * spread)
+        odd = np.flatnonzero(np.abs(change - np.median(change)) > jump * spread)
         # signals of few digits hardly ever change, and then any change would be a jump
         if spread > 0.0 and odd.size:
             return int(odd[0] + 1) * width

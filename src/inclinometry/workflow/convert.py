@@ -43,12 +43,6 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
 )
 """Name -> format; the functions take and give `SurveyFile` and are imported when they are needed."""
 
-_FLAGS: Final = {"channels": "--map"}  # options whose name at the command line is another
-
-_SAME: Final = 1e-9
-"""Relative change that is rounding in turning units, not a loss."""
-
-
 Options: TypeAlias = Mapping[str, str | Path | None]
 
 
@@ -180,9 +174,10 @@ def read_survey_file(path: str | Path, name: str, options: Options = MappingProx
         An option the format's reader does not have; else as that reader.
     """
     given = {option: value for option, value in options.items() if value is not None}
+    flags = {"channels": "--map"}  # options whose name at the command line is another
     for option in given:
         if not _known(FORMATS[name].read, {option: None}):
-            flag = _FLAGS.get(option, f"--{option.replace('_', '-')}")
+            flag = flags.get(option, f"--{option.replace('_', '-')}")
             raise InputError(f"{flag} is of no use for {name} files; leave it out")
     found: SurveyFile = _function(FORMATS[name].read)(path, **given)
     return found
@@ -265,4 +260,5 @@ def _column_lost(wanted: OutColumn, found: OutColumn | None) -> str:
         change = np.minimum(change, np.abs(360.0 - change))
     largest = float(change.max(initial=0.0))
     size = float(np.abs(wanted.values[known]).max(initial=0.0))
-    return f"digits of column {wanted.name!r}: changes up to {largest:.2g}" if largest > _SAME * max(size, 1e-3) else ""
+    same = 1e-9  # relative change that is rounding in turning units, not a loss
+    return f"digits of column {wanted.name!r}: changes up to {largest:.2g}" if largest > same * max(size, 1e-3) else ""

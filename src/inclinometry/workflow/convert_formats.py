@@ -10,8 +10,6 @@ from inclinometry.errors import FileError
 from inclinometry.files import p7, wits0
 from inclinometry.files.exchange import SurveyFile
 
-RAW = ("M7", "G7")
-
 
 def read_p7(
     path: str | Path,
@@ -30,7 +28,8 @@ def read_p7(
     """
     found = p7.read_p7(path, convention=convention, depth_unit=depth_unit, azimuth_reference=azimuth_reference)
     survey = _one(path, found.surveys, sheet)
-    others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in RAW]
+    raw = ("M7", "G7")
+    others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in raw]
     if not others:
         return survey
     note = f"records other than M7 and G7 are not converted: {', '.join(others)}"

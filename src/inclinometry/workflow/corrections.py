@@ -26,9 +26,6 @@ from inclinometry.survey.stations import Stations
 LARGEST: Final = 0.2
 """Share of the reference by which the run's |g| or |b| may be off and still be corrected."""
 
-BEYOND: Final = 10.0
-"""Prior standard deviations from which an estimate is no sensor error but a wrong unit, axis or reference."""
-
 
 def refuse_uncorrectable(stations: Stations, reference: FieldReference) -> None:
     """Refuse stations whose units, axes or signs are wrong: a correction would take the mistake for a sensor error.
@@ -105,12 +102,14 @@ times it is no sensor error: check units, axes and signs of the channels, and th
     """
     out = {name: abs(p.value) / p.prior for name, p in parameters.items() if p.prior > 0.0}
     name = max(out, key=lambda one: out[one], default="")
-    if not name or out[name] <= BEYOND:
+    # prior standard deviations from which an estimate is no sensor error but a wrong unit, axis or reference
+    beyond = 10.0
+    if not name or out[name] <= beyond:
         return
     p = parameters[name]
     raise InputError(
         f"the analysis puts {name} at {p.value:+.3g} {p.unit}, {out[name]:.0f} times its prior of {p.prior:.3g}; "
-        f"beyond {BEYOND:g} times it is no sensor error: check units, axes and signs of the channels, "
+        f"beyond {beyond:g} times it is no sensor error: check units, axes and signs of the channels, "
         "and the site's g, b and dip"
     )
 

@@ -217,11 +217,6 @@ def drilling_sentences(found: DemoDrilling) -> list[str]:
 AXIAL_NT: Final = 800.0
 """What the drill string adds to the field along the tool, nT."""
 
-STEEL_NT: Final = 500.0
-"""Standard deviation of that, as the analysis expects it, nT."""
-
-PROBABILITY: Final = 0.95
-
 DECLINATION_DEG: Final = 2.5
 
 
@@ -250,7 +245,8 @@ class DemoWell:
         found = self.position.uncertainty
         if found is None:
             return float("nan"), float("nan")
-        ellipse = horizontal_ellipse(found.covariance[-1:], PROBABILITY)
+        probability = 0.95
+        ellipse = horizontal_ellipse(found.covariance[-1:], probability)
         return float(ellipse.major[0]), float(ellipse.minor[0])
 
 
@@ -285,7 +281,8 @@ def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: P
         lines += [f"b_nT = {run.b:.3f}", "sigma_b_nT = 130.0"]
     write_text("\n".join(lines) + "\n", folder / "site.toml")
     six = read_six_axis(folder / "raw.csv", folder / "site.toml", tool)
-    before, analysis = survey_six_axis(six), analyse(six, axial_sigma=STEEL_NT)
+    steel_nt = 500.0  # standard deviation of that, as the analysis expects it, nT
+    before, analysis = survey_six_axis(six), analyse(six, axial_sigma=steel_nt)
     after = survey_six_axis(six, _stored(analysis, folder / "corrections.json"))
     write_survey(after.survey, folder / "survey.csv")
     position = read_position(
@@ -351,7 +348,6 @@ SEED = 1
 HOT_SEED = 8
 """A run in which the scale drifts by 1 % and K passes zero, so that every method shows its weakness."""
 HOT_RUNS = 150
-HOT_SPACING = 30.0  # m
 
 
 @dataclass(frozen=True, eq=False)
@@ -525,7 +521,8 @@ def _hot_run(demo: Demo) -> None:
     band = {JOINT: joint.u("azimuth")}
     figure = hot_run_figure(run.temperature, run.inclination, found.errors, band, run.scale, found.track)
     save_png(figure, folder / "hot_run.png")
-    depth = HOT_SPACING * np.arange(1.0, len(joint) + 1.0)
+    hot_spacing = 30.0  # m
+    depth = hot_spacing * np.arange(1.0, len(joint) + 1.0)
     site = Site(latitude=run.latitude)
     survey = gyro_survey(depth, joint, site=site, tool="a simulated gyro and exact accelerometers")
     others = {name: other for name, other in found.stations.items() if name != JOINT}

@@ -60,10 +60,6 @@ from inclinometry.workflow.field import completed
 
 TURNS: Final = 8
 """Toolfaces over which the calibration's share is averaged while the tool turns."""
-NOTHING: Final = 0.999
-"""Share of the uncertainty of an angle nothing is known of from which it is left blank."""
-ACCEL_SHARE: Final = 1.0 / 3.0
-"""Scale errors of uncalibrated accelerometers, of those of the magnetometer."""
 
 
 class Rows:
@@ -125,8 +121,10 @@ class Rows:
             quaternion[good] = quaternion_from_dcm(dcm_from_quaternion(quaternion[good]) @ by)
             self.notes += [note for note in said if note not in self.notes]
         spread = np.minimum(np.sqrt(own), UNKNOWN)
+        # share of the uncertainty of an angle nothing is known of from which it is left blank
+        nothing = 0.999
         # an angle of which nothing is known is no angle, though the row has others
-        unknown = spread >= NOTHING * UNKNOWN
+        unknown = spread >= nothing * UNKNOWN
         self._parts.append(
             AttitudeRows(
                 time=found.time,
@@ -190,7 +188,8 @@ class Rows:
             moved[0] += slopes[:, :, :3, None] * g[:, None, None, :]
             moved[1] += slopes[:, :, 3:, None] * b[:, None, None, :]
         by_accel, by_mag = np.sum(moved**2, axis=(3, 4))
-        return np.asarray(self._scale**2 * (ACCEL_SHARE**2 * by_accel + (by_mag if source == "magnetic" else 0.0)))
+        accel_share = 1.0 / 3.0  # scale errors of uncalibrated accelerometers, of those of the magnetometer
+        return np.asarray(self._scale**2 * (accel_share**2 * by_accel + (by_mag if source == "magnetic" else 0.0)))
 
     def _seen(self, at: Angles, turning: Mask) -> Iterator[tuple[Array, Array]]:
         """Directions of gravity and field from `TURNS` sides where the tool turns, else as often from the one."""
@@ -207,13 +206,6 @@ SPEED_OVER: Final = 0.1
 """s over which rotation speed is averaged for its extremes."""
 SEGMENT: Final = 256
 """Samples of a spectrum."""
-SHOWN: Final = 2000
-"""Samples of an excerpt at most."""
-EXCERPT: Final = 5.0
-"""s of an excerpt at most."""
-_FIXED: Final = 0.99
-"""Mean of the unit phasor of the toolface above which it hardly turns, and gravity is part of the plain mean."""
-
 Phasor = NDArray[np.complex128]
 
 
@@ -315,7 +307,9 @@ class Monitor:
         self._spectra.push(time, _density(window))
 
     def _excerpt(self, window: Samples, what: str) -> Excerpt:
-        part = window.part(0, min(len(window), SHOWN, max(2, round(EXCERPT / window.interval))))
+        shown = 2000  # samples of an excerpt at most
+        excerpt = 5.0  # s of an excerpt at most
+        part = window.part(0, min(len(window), shown, max(2, round(excerpt / window.interval))))
         channels: dict[str, Array] = {}
         for name in self._names:
             channels |= {f"{name}_{axis}": getattr(part, name)[:, k].copy() for k, axis in enumerate("xyz")}
@@ -348,7 +342,9 @@ def _shaking(window: Samples, phasor: Phasor | None) -> _Shaking:
     if phasor is not None:
         u = phasor[good] - phasor[good].mean()
         power = float(np.mean(np.abs(u) ** 2))
-        if power > 1.0 - _FIXED**2:
+        # mean of the unit phasor of the toolface above which it hardly turns, and gravity is part of the plain mean
+        fixed = 0.99
+        if power > 1.0 - fixed**2:
             rest = rest - (np.mean(rest * np.conj(u)) / power) * u
     square = np.abs(rest) ** 2
     return _Shaking(

@@ -167,10 +167,6 @@ def taken(rows: Attitude, which: Index) -> Attitude:
 SHORTEST: Final = 0.5
 LONGEST: Final = 600.0
 """s, windows allowed: a shorter one averages nothing away, in a longer one the hole has moved on."""
-USUAL_FIELD: Final = 20_000.0
-"""nT, horizontal, where the site states none."""
-STRING_FIELD: Final = 50.0
-"""nT, standard deviation of the transverse field a drill string adds to a calibrated tool."""
 
 
 class Stream(Protocol):
@@ -209,10 +205,12 @@ class Setup:
         """Windows side by side; offsets as the calibration leaves them, but no better than drilling allows."""
         plain = MagneticSettings()
         across = self.offsets.get("magnetometer")
+        # nT, standard deviation of the transverse field a drill string adds to a calibrated tool
+        string_field = 50.0
         return MagneticSettings(
             window_s=self.window,
             overlap=0.0,
-            offset_sigma=plain.offset_sigma if across is None else min(1e5, max(STRING_FIELD, across)),
+            offset_sigma=plain.offset_sigma if across is None else min(1e5, max(string_field, across)),
             accel_sigma=min(1.0, max(plain.accel_sigma, self.offsets.get("accelerometer", 0.0))),
             axial_sigma=min(1e5, max(plain.axial_sigma, self.offsets.get("axial", 0.0))),
             delay_sigma_s=self.delay,
@@ -262,7 +260,8 @@ class Setup:
     def robust(self) -> WindowFilterSettings:
         """As above: offsets and delay are the same in all rows."""
         same = self.magnetic()
-        level = USUAL_FIELD if self.site.b is None or self.site.dip is None else self.site.b * np.cos(self.site.dip)
+        usual_field = 20_000.0  # nT, horizontal, where the site states none
+        level = usual_field if self.site.b is None or self.site.dip is None else self.site.b * np.cos(self.site.dip)
         return WindowFilterSettings(
             common_tilt=same.accel_sigma / STANDARD_GRAVITY,
             common_turn=min(3.0, same.axial_sigma / max(float(level), 1.0)),

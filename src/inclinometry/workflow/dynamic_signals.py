@@ -28,13 +28,6 @@ from inclinometry.sensors import Triad
 
 # Single values of a run that no sensor reads: markers of other programs for a missing value, and broken bytes.
 
-MARKERS: Final = (-999.25, -9999.25, -999999.0)
-"""Values that well log files write where there is none; whole numbers that could be readings are not among them."""
-MOST: Final = {"accelerometer": 2000.0, "magnetometer": 9e4, "gyro": 1000.0}
-"""m/s^2 (200 g), nT, rad/s: beyond any reading of a tool that works, when it stands alone."""
-ALONE: Final = 0.01
-"""Share of rows up to which such values stand alone; more are a unit or a calibration that is wrong."""
-
 
 class OutOfRange:
     """Finds such values block by block, blanks their rows and says so.
@@ -53,9 +46,16 @@ class OutOfRange:
 
     def masked(self, kind: str, signals: Array, vectors: Array) -> Array:
         """Vectors (n, 3) in SI with NaN where such a value is among the `signals` (n, m) of the file."""
-        bad: Mask = np.array(np.isin(signals, MARKERS))
-        far: Mask = np.asarray(np.abs(np.nan_to_num(vectors)) > MOST[kind])
-        if far.any() and float(np.mean(np.any(far, axis=1))) <= ALONE:
+        # values that well log files write where there is none; whole numbers that could be readings are not among
+        # them
+        markers = (-999.25, -9999.25, -999999.0)
+        bad: Mask = np.array(np.isin(signals, markers))
+        # m/s^2 (200 g), nT, rad/s: beyond any reading of a tool that works, when it stands alone
+        most = {"accelerometer": 2000.0, "magnetometer": 9e4, "gyro": 1000.0}
+        far: Mask = np.asarray(np.abs(np.nan_to_num(vectors)) > most[kind])
+        # share of rows up to which such values stand alone; more are a unit or a calibration that is wrong
+        alone = 0.01
+        if far.any() and float(np.mean(np.any(far, axis=1))) <= alone:
             np.logical_or(bad, self._columns(far, np.abs(signals)), out=bad)
         if not bad.any():
             return vectors
@@ -185,9 +185,6 @@ def _halved(held: Array, half: int) -> None:
     held[half:] = 0.0
 
 
-DECISIVE: Final = ("axes", "stuck", "misfit")
-"""Findings that leave nothing to be made of a window; the others the methods know how to deal with."""
-
 _MISFIT: Final = (
     "gravity, field and rate contradict each other. Likely an axis or a sign, a sensor that is late, a scale or the "
     "site's dip; the method auto looks at each window by itself"
@@ -299,7 +296,9 @@ class CheckedStream:
 
     def _forbids(self, one: Finding) -> bool:
         """Whether a finding leaves nothing to be made of the window by this method."""
-        if not (one.refuse and one.flag in DECISIVE):
+        # findings that leave nothing to be made of a window; the others the methods know how to deal with
+        decisive = ("axes", "stuck", "misfit")
+        if not (one.refuse and one.flag in decisive):
             return False
         # a gyro that carries takes no notice of a field that is off
         spared = self._carries and one.flag == "axes" and one.where == "mag"
@@ -350,8 +349,6 @@ _ALLOWED: Final = {
 _LEAST: Final = {"accelerometer": 4.0, "magnetometer": 200.0}
 """Median strength that no run falls below unless its unit is another: shaking only adds to gravity, and no casing takes
 all but a hundredth of the field along the hole."""
-FASTEST: Final = 210.0
-"""rad/s, 2000 rpm: a median rate beyond it is in degrees a second."""
 
 
 class Signals:
@@ -458,9 +455,10 @@ class Signals:
                 f"check the {where}",
                 path=self._run.path,
             )
-        if kind == "gyro" and middle > FASTEST:
+        fastest = 210.0  # rad/s, 2000 rpm: a median rate beyond it is in degrees a second
+        if kind == "gyro" and middle > fastest:
             raise FileError(
-                f"the gyro reads {middle:.4g} rad/s (median), {middle * 30.0 / np.pi:.0f} rpm; up to {FASTEST:g} rad/s "
+                f"the gyro reads {middle:.4g} rad/s (median), {middle * 30.0 / np.pi:.0f} rpm; up to {fastest:g} rad/s "
                 f"is expected (in degrees? then name the columns gyro_x_deg_s and so on): check the {where}",
                 path=self._run.path,
             )

@@ -25,7 +25,6 @@ from inclinometry.rotations import wrap_signed
 
 _FIELD = ("b", "dip", "declination")
 _PLACE = ("latitude", "longitude", "date")
-_WMM_FROM = 2025.0
 # the WMM's own limits: caution zone and blackout zone
 _WEAK, _WEAKEST = 6000.0, 2000.0
 # deg: rounding and the place of the origin change a convergence by less than _SAME, along a well by less than _APART
@@ -112,7 +111,8 @@ def model_of(date: datetime.date | float) -> Model:
     True
     """
     year = decimal_year(date) if isinstance(date, datetime.date) else date
-    return wmm2025 if year >= _WMM_FROM else igrf14
+    wmm_from = 2025.0
+    return wmm2025 if year >= wmm_from else igrf14
 
 
 def completed(site: Site) -> tuple[Site, list[str]]:

@@ -48,9 +48,6 @@ stations before and the calibration's temperature curve; or all other stations o
 HOTTEST: Final = 230.0
 """degC that no gyro tool survives."""
 
-LEARNING_WALK: Final = 5e-4
-"""Wandering of the scale per root of a degC for the prior "previous"."""
-
 
 @dataclass(frozen=True)
 class GyroOptions:
@@ -308,7 +305,8 @@ def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) ->
         return replace(belief, covariance=belief.covariance + doubt)
     sd = float(np.hypot(options.scale_sd, own))
     if walking:
-        return walking_belief(1.0, sd, walk=LEARNING_WALK, jitter=options.jitter, reference_temperature=start)
+        learning_walk = 5e-4  # wandering of the scale per root of a degC for the prior "previous"
+        return walking_belief(1.0, sd, walk=learning_walk, jitter=options.jitter, reference_temperature=start)
     return quadratic_belief(1.0, sd, slope_sd=options.slope_sd, bend_sd=options.bend_sd, jitter=options.jitter)
 
 

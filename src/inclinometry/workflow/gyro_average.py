@@ -30,17 +30,8 @@ TO_SI: Final = {
 }
 """Units an uncalibrated run may be in; accelerometers without a unit are in m/s^2."""
 
-HEAVIEST = 12.0
-"""m/s^2: more than this across a tool that hangs still is not gravity."""
-
 LIGHTEST = 0.05
 """Share by which measured gravity may differ from the site's."""
-
-LENIENT = 1e3
-"""Factor on noise and priors alike, by which no reading is an outlier and the solution is the same."""
-
-BACKWARDS = 0.25
-"""Sum of squared residuals with the index reversed over that as given, below which the index is counted backwards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +184,8 @@ def _average(
     found, known = _two_passes(readings, signals, scheme, wide, sweep, tensor, offset, bias, kind, strength)
     keep = np.ones(len(signals), dtype=bool)
     keep[[row for _, row in found.left_out]] = False
+    # factor on noise and priors alike, by which no reading is an outlier and the solution is the same
+    lenient = 1e3
     # the same weights as with the noise alone, and nothing to be called an outlier once more
     again = average_index(
         readings.station[keep],
@@ -200,14 +193,14 @@ def _average(
         signals[keep],
         scheme="two" if scheme == "two" else "n",
         time=None if readings.time is None else readings.time[keep],
-        noise=LENIENT * plain[keep],
+        noise=lenient * plain[keep],
         tensor=tensor,
         offset=offset,
-        offset_sd=LENIENT * known,
+        offset_sd=lenient * known,
         sweep=sweep,
         drift=SCHEMES[scheme].drift,
     )
-    return replace(found, field=again.field * strength, covariance=again.covariance * (strength / LENIENT) ** 2)
+    return replace(found, field=again.field * strength, covariance=again.covariance * (strength / lenient) ** 2)
 
 
 def _plain(
@@ -225,7 +218,8 @@ def _plain(
     signals, factor = readings.channels[kind], TO_SI[unit]
     if not signals.any():
         raise InputError(f"the {kind} channels are all exactly 0: the sensors report nothing; check their columns")
-    if kind == "accelerometer" and np.abs(signals).max() * factor > HEAVIEST:
+    heaviest = 12.0  # m/s^2: more than this across a tool that hangs still is not gravity
+    if kind == "accelerometer" and np.abs(signals).max() * factor > heaviest:
         largest = f"{np.abs(signals).max() * factor:.4g} m/s^2"
         raise InputError(f"an accelerometer reads {largest}; give its unit in the column's name")
     sd = readings.sd.get(kind)
@@ -350,7 +344,9 @@ def _check_direction(
             drift=False,
         )
         left.append(float(np.sum(found.chi_square)))
-    if left[1] < BACKWARDS * left[0]:
+    # sum of squared residuals with the index reversed over that as given, below which the index is counted backwards
+    backwards = 0.25
+    if left[1] < backwards * left[0]:
         raise InputError(
             f"the {kind} channels follow the index only if it is counted the other way: are x and y swapped, or is the "
             "index counter-clockwise looking down hole?"

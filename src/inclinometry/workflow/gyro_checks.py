@@ -17,13 +17,6 @@ from inclinometry.survey.gyro_quality import rate_checks
 from inclinometry.workflow.gyro_average import LIGHTEST
 from inclinometry.workflow.gyro_methods import ScalePrior, Stations, solve
 
-HEAVY: Final = (1e-3, 5.0)
-"""Share, and standard uncertainties, by which the median gravity of a run must be off to be named. Gravity by latitude
-and height is right to 1e-4."""
-
-COVERED: Final = 3.0
-"""Standard uncertainties that a faultless run stays within."""
-
 VAGUE: Final = 0.01
 """Standard uncertainty of a scale factor while units are still in doubt."""
 
@@ -47,7 +40,8 @@ def check_rates(stations: Stations, known: ScalePrior, joint: North, calibration
     )
     # the calibration's errors are common to all stations: their mean does not vanish
     common = np.sqrt(np.max(np.linalg.eigvalsh(np.nan_to_num(calibration)))) / EARTH_RATE
-    return [_widened(check, COVERED * common) if check.name == "latitude" else check for check in checks]
+    covered = 3.0  # standard uncertainties that a faultless run stays within
+    return [_widened(check, covered * common) if check.name == "latitude" else check for check in checks]
 
 
 def _widened(check: Check, more: float) -> Check:
@@ -95,7 +89,10 @@ def gravity_scale(stations: Stations) -> list[str]:
     unit = stations.gravity / length[:, None]
     sd = np.sqrt(np.einsum("ni,nij,nj->n", unit, stations.gravity_covariance, unit))
     off, sigmas = float(np.median(length / stations.g - 1.0)), float(np.median((length - stations.g) / sd))
-    if abs(off) < HEAVY[0] or abs(sigmas) < HEAVY[1]:
+    # share, and standard uncertainties, by which the median gravity of a run must be off to be named. Gravity by
+    # latitude and height is right to 1e-4.
+    heavy = (1e-3, 5.0)
+    if abs(off) < heavy[0] or abs(sigmas) < heavy[1]:
         return []
     return [
         f"gravity comes out {100.0 * off:+.2f} % from the site's {stations.g:.5g} m/s^2 ({abs(sigmas):.0f} standard "

@@ -15,9 +15,6 @@ from inclinometry.gyro.result import North
 from inclinometry.gyro.tracking import ScaleTrack
 from inclinometry.workflow.gyro_average import Averages
 
-ROUNDING = 1e-9
-"""Share of gravity and of the Earth rate below which no noise is believed: readings without any still are rounded."""
-
 
 @dataclass(frozen=True, eq=False)
 class Stations:
@@ -36,7 +33,9 @@ class Stations:
 def stations_of(averages: Averages, site: Site, hole: str | None, gravity_sd: float = 0.0) -> Stations:
     """What the average and the site say; the site must have a latitude; `gravity_sd` as of `GyroOptions`."""
     latitude, g = site.latitude or 0.0, site.gravity or 0.0
-    floor = ROUNDING**2 * np.eye(3)
+    # share of gravity and of the Earth rate below which no noise is believed: readings without any still are rounded
+    rounding = 1e-9
+    floor = rounding**2 * np.eye(3)
     field = averages.gravity.field
     covariance = averages.gravity.covariance + averages.gravity_calibration + g**2 * floor
     blind = np.isnan(field[:, 2])

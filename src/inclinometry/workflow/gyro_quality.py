@@ -27,9 +27,6 @@ SUSPECT = {
 }
 """Flags of a run alone that fail it, and what to do; other flags are only said."""
 
-VERTICAL = "vertical"
-"""Flag of stations whose azimuth is hardly defined; it is not compared."""
-
 
 def read_run(path: str | Path) -> Run:
     """Stations of a survey file, azimuth from the file's own north.
@@ -53,7 +50,8 @@ def read_run(path: str | Path) -> Run:
         raise FileError(
             f"azimuth_reference holds {norths or 'nothing'}; one north for all stations is needed", path=path
         )
-    steep = np.array([VERTICAL in row.split("|") for row in texts["flags"]], dtype=bool)
+    vertical = "vertical"  # flag of stations whose azimuth is hardly defined; it is not compared
+    steep = np.array([vertical in row.split("|") for row in texts["flags"]], dtype=bool)
     return Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), norths[0])
 
 

@@ -16,9 +16,6 @@ from inclinometry.gyro.tracking import ScaleTrack, quadratic_belief, smooth_scal
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.gyro import HotRun, hot_run
 
-GRAVITY_SD = 1e-5
-"""Standard deviation stated for a component of gravity, m/s^2: next to nothing, as the simulated one is exact."""
-
 JOINT, FIXED, PATENT = "joint, scale followed", "uncompensated", "patent, closed form"
 
 
@@ -54,7 +51,9 @@ def reduce_hot_run(run: HotRun) -> HotRunMethods:
         [-np.sin(run.inclination), np.zeros(size), np.cos(run.inclination)], axis=1
     )  # the rates are turned back to the high side already: toolface 0
     readings = gravity, EARTH_RATE * high, run.latitude
-    spread, down = run.noise**2 * np.eye(2), GRAVITY_SD**2 * np.eye(3)
+    # standard deviation stated for a component of gravity, m/s^2: next to nothing, as the simulated one is exact
+    gravity_sd = 1e-5
+    spread, down = run.noise**2 * np.eye(2), gravity_sd**2 * np.eye(3)
     turning = EARTH_RATE**2 * spread
     track = smooth_scale(
         high, np.tile(spread, (size, 1, 1)), run.inclination, run.latitude, run.temperature, quadratic_belief()

@@ -14,9 +14,6 @@ from inclinometry.constants import DIP, INCLINATION_RANGE
 from inclinometry.errors import InputError
 from inclinometry.workflow.simulate import PLANS, plan_named
 
-LEAST_INCLINATION = np.radians(1.0)
-"""Azimuth is aimed no nearer to the vertical than this, rad: there it grows without bound whatever the plan."""
-
 _USES = {
     "twelve": {"rolls", "azimuths"},
     "rotations": {"first_inclination", "azimuth", "rolls"},
@@ -38,7 +35,9 @@ def aimed_range(inclination_range: tuple[float, float], criterion: str) -> tuple
     low, high = inclination_range
     if criterion == "inclination":
         return low, high
-    return max(low, LEAST_INCLINATION), min(high, np.pi - LEAST_INCLINATION)
+    # azimuth is aimed no nearer to the vertical than this, rad: there it grows without bound whatever the plan
+    least_inclination = np.radians(1.0)
+    return max(low, least_inclination), min(high, np.pi - least_inclination)
 
 
 def advice(name: str) -> tuple[str, ...]:

@@ -30,15 +30,6 @@ from inclinometry.workflow.certificate import CertificateModel, certificate_mode
 from inclinometry.workflow.corrections import matching_correction
 from inclinometry.workflow.field import completed, field_at, model_of
 
-SHARPEST = 60.0
-"""Dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below."""
-STANDS = (80.0, 100.0)
-"""Spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft."""
-
-
-SHARE_OF_STANDS = 0.6
-"""Share of such intervals from which the question is asked."""
-
 
 @dataclass(frozen=True, eq=False)
 class WellPosition:
@@ -260,17 +251,22 @@ def _doubts(stations: WellStations, path: WellPath) -> list[str]:
     """What is likelier a mistake of the file than a hole."""
     found = []
     severity = dogleg_severity_deg(path)
-    if severity.max() > SHARPEST:
+    # dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below
+    sharpest = 60.0
+    if severity.max() > sharpest:
         row = int(np.argmax(severity))
         found.append(
             f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
             "a typing error, or depths in another unit?"
         )
     intervals = np.diff(stations.md)
-    alike = (intervals >= STANDS[0]) & (intervals <= STANDS[1])
+    # spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft
+    stands = (80.0, 100.0)
+    alike = (intervals >= stands[0]) & (intervals <= stands[1])
     spacing = float(np.median(intervals[alike])) if alike.any() else 0.0
+    share_of_stands = 0.6  # share of such intervals from which the question is asked
     # the unit of the file, not the metres it became; a long first interval proves nothing
-    if np.mean(alike) >= SHARE_OF_STANDS:
+    if np.mean(alike) >= share_of_stands:
         found.append(
             f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
             "feet, name their column md_ft"

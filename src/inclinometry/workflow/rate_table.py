@@ -48,9 +48,6 @@ RATE_MISTAKES = {
 """True rate in deg/s for a stated one of 1, and what to say."""
 
 
-_OPTION = "where the rate is right, gravity does it: --g-sensitivity"
-
-
 def check_plausible(steps: RateSteps, found: RateCalibration, latitude: float, before: Triad | None) -> list[str]:
     """Refuse what cannot be; sentences on what is odd.
 
@@ -74,9 +71,10 @@ def check_plausible(steps: RateSteps, found: RateCalibration, latitude: float, b
             # a rate and gyros of the other sign, or an Earth that turns the other way, are the same signals
             hemisphere = "the site's latitude_deg has the other sign"
             said = [hemisphere] if _expected(steps, known) is not None and len(said) == 1 else [*said, hemisphere]
+        option = "where the rate is right, gravity does it: --g-sensitivity"
         raise FileError(
             f"the Earth's rate in the signals contradicts the table's; residuals {1.0 / best:.3g} times smaller if "
-            f"{'; or '.join(said)}; {_OPTION}",
+            f"{'; or '.join(said)}; {option}",
             path=steps.path,
         )
     return notes
@@ -189,9 +187,6 @@ def _axes(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Resi
     return [said]
 
 
-KEPT = "it is still in the fit, whose uncertainties are wrong: take it again"
-
-
 @dataclass(frozen=True, eq=False)
 class RateTable:
     """What a run on a rate table gave: the regression, and the calibration with the gyro triad in it.
@@ -265,11 +260,12 @@ def _fitted(
     if not found.suspects:
         return steps, found, []
     rest = steps.without([suspect.row for suspect in found.suspects])
+    kept = "it is still in the fit, whose uncertainties are wrong: take it again"
     try:
         again = _regression(rest, latitude, degree, g_sensitive)
     except IdentifiabilityError:
-        return steps, found, _suspected(steps, found, KEPT)
-    return rest, again, [*_suspected(steps, found, "it was left out"), *_suspected(rest, again, KEPT)]
+        return steps, found, _suspected(steps, found, kept)
+    return rest, again, [*_suspected(steps, found, "it was left out"), *_suspected(rest, again, kept)]
 
 
 def _regression(steps: RateSteps, latitude: float, degree: int, g_sensitive: bool) -> RateCalibration:

@@ -24,8 +24,6 @@ from inclinometry.workflow.six_axis import SixAxis, read_six_axis
 APART_M: Final = 1.0
 """How far, m, shots of one place may lie apart along the hole."""
 
-_STEP_M: Final = 0.001
-
 
 def read_shots(
     raw: str | Path,
@@ -52,12 +50,13 @@ def read_shots(
         _one_place(run.stations.md, raw)
         return run
     _one_place(_metres(table), raw)
+    step_m = 0.001
     # survey readers want depths that increase; shots have none to speak of, so they read a copy with steps of 1 mm
     with TemporaryDirectory() as folder:
         copy = Path(folder, Path(raw).name)
         # the table with depths that increase from the first, each row on the line it stood in
         name, factor = _depth_column(table)
-        depths = table.number(name)[0] + _STEP_M / factor * np.arange(len(table))
+        depths = table.number(name)[0] + step_m / factor * np.arange(len(table))
         columns = []
         for column, values in table.columns.items():
             numbers = depths if column == name else values

@@ -214,12 +214,6 @@ def fields_of_survey(found: SurveyFile, site: Site, path: str | Path) -> tuple[A
     return g_total[:, None] * g, b_total[:, None] * b, _temperature(found)
 
 
-SENSORS: Final = "iscwsa-mwd-rev5.1"
-"""Tool code whose sensor errors stand for those of a tool without a calibration."""
-
-_SIGN: Final = np.radians(1.0)  # declinations nearer to zero than this have no wrong sign worth a word
-
-
 @dataclass(frozen=True, eq=False)
 class SixAxis:
     """Stations of a run and what is known beside them.
@@ -293,9 +287,11 @@ def read_six_axis(
     if calibration is None:
         _refuse_unknown(place)
         stations, digest, notes = plain_stations(raw, place, form, convention)
-        code = load_tool_code(SENSORS)
+        # tool code whose sensor errors stand for those of a tool without a calibration
+        sensors = "iscwsa-mwd-rev5.1"
+        code = load_tool_code(sensors)
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
-        said = [*said, f"no calibration: the sensors' errors are taken from the tool code {SENSORS}"]
+        said = [*said, f"no calibration: the sensors' errors are taken from the tool code {sensors}"]
         return SixAxis(stations, place, None, None, (*said, *notes), warned, {"raw": digest, **inputs})
     if convention is not None:
         raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
@@ -328,7 +324,8 @@ def declination_warnings(site: Site) -> list[str]:
         return []  # a date no model covers
     expected, given = float(model.declination or 0.0), site.declination
     as_it_is, turned = abs(wrap_signed(given - expected)), abs(wrap_signed(-given - expected))
-    if min(abs(expected), abs(given)) < _SIGN or turned >= as_it_is / 3.0:
+    sign = np.radians(1.0)  # declinations nearer to zero than this have no wrong sign worth a word
+    if min(abs(expected), abs(given)) < sign or turned >= as_it_is / 3.0:
         return []
     return [
         f"the declination is {np.degrees(given):+.2f} deg, {model.origin('declination')} has "
