@@ -324,7 +324,7 @@ class TestDatasheet:
         for sheet in ("datasheet.toml", "true.json"):
             given = ("--method", "classical", "--nameplate", sheet)
             assert run("calibrate", "readings.csv", "-o", "tool.json", *given).status == 0
-        assert "classical: not applicable: method classical takes" in run("compare", "readings.csv").out
+        assert "classical is not applicable: method classical takes" in run("compare", "readings.csv").out
         done = run("compare", "readings.csv", "--nameplate", "datasheet.toml", "--truth", "true.json", "--json").json
         found = {m["method"]: m for m in done["methods"]}["classical"]
         assert found["applicable"]

@@ -126,16 +126,12 @@ def show_two(
         curves = {f"u, {n}": u for n, u in zip(found.names, found.uncertainty, strict=True)}
         curves["difference, rms"] = found.difference
         curves |= {f"true error, {n}": e for n, e in zip(found.names, found.error or (), strict=False)}
-        cells = [_cells(values[:, column]) for values in curves.values()]
+        cells = [_figures(values[:, column]) for values in curves.values()]
         degrees = [f"{i:g}" for i in np.degrees(found.inclination).round(6)]
         rows = [list(row) for row in zip(degrees, *cells, strict=True)]
         output.table(f"{name}, deg: u {FROM_CALIBRATION}, worst attitude", ["inclination deg", *curves], rows)
     if report is not None:
         output.say(f"report written to {report}")
-
-
-def _cells(values: Array) -> list[str]:
-    return [f"{v:.3f}" if np.isfinite(v) else "-" for v in np.degrees(values)]
 
 
 @Parameter(name="*", group=options.STAND)
@@ -543,7 +539,7 @@ def show_comparison(found: Comparison, title: str = "") -> None:
         _by_method("true error of azimuth, rms, deg, at inclination", methods, found.inclination, wrong)
     for attempt in found.attempts:
         if attempt.calibration is None:
-            output.say(f"{attempt.method}: not applicable: {attempt.reason}")
+            output.say(f"{attempt.method} is not applicable: {attempt.reason}")
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
             output.warnings(attempt.calibration.warnings)

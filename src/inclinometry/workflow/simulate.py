@@ -71,7 +71,9 @@ def plan_named(name: str) -> Plan:
         return PLANS[name]()
     if Path(name).suffix or Path(name).exists():
         return read_plan(name)
-    raise InputError(f"plan {name!r} is unknown; allowed: {', '.join(PLANS)}, optimal (see `plan`), or a CSV file")
+    if name == "optimal":
+        raise InputError("plan optimal is designed for a stand: `inclinometry plan optimal -o plan.csv`, and give plan.csv")
+    raise InputError(f"plan {name!r} is unknown; allowed: {', '.join(PLANS)}, or a CSV file (of `inclinometry plan`)")
 
 
 def bench(
