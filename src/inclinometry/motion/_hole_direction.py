@@ -15,9 +15,6 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.uncertainty import UNKNOWN
 
-AZIMUTH_KNOWN = 0.3
-"""Standard deviation of the turn about the vertical, rad, beyond which a row's azimuth is no measurement."""
-
 
 class Observation(NamedTuple):
     """A row's attitude held against a hole frame."""
@@ -79,7 +76,8 @@ def with_azimuth(matrix: Array, covariance: Array, direction: Array) -> Array:
 
 def azimuth_unknown(matrix: Array, covariance: Array) -> bool:
     """Whether the turn about the vertical is as good as unknown."""
-    return float(matrix[:, 2] @ covariance @ matrix[:, 2]) > AZIMUTH_KNOWN**2
+    # rad, standard deviation beyond which a row's azimuth is no measurement
+    return float(matrix[:, 2] @ covariance @ matrix[:, 2]) > 0.3**2
 
 
 def rolled(frame: Array, spread: Array, matrix: Array, covariance: Array) -> tuple[Array, Array]:

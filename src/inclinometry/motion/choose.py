@@ -85,7 +85,7 @@ class AttitudeChooser:
         self._health = HealthCheck(self._settings.health, site)
         self._buffer: WindowBuffer | None = None
         self._magnetic: dict[bool, MagneticStream] = {}  # with and without the gyro
-        self._filter = LazyStream(self._make_filter)
+        self._filter = LazyStream(lambda: InertialStream(self._inertial(), site))
         self._gyro = LazyStream(lambda: GyroStream(self._inertial(), site))
         self._counts: Counter[tuple[str, str]] = Counter()
         self._why: Counter[str] = Counter()
@@ -108,9 +108,18 @@ class AttitudeChooser:
         if not len(samples):
             return self._none()
         if self._buffer is None:
-            self._begin(samples)
-        if self._buffer is None:
-            return self._none()
+            # what the first block settles: the length of the windows and the north
+            self._interval = samples.interval
+            self._size = max(round(self._settings.window / samples.interval), 1)
+            if samples.has("mag"):
+                chosen = self._magnetic_settings(use_gyro=True)
+                try:
+                    self._size = chosen.nodes(samples.interval) * chosen.node(samples.interval)
+                    self._phased = True
+                except InputError:
+                    self._phased = False  # too sparse to turn gravity back by the phase; at rest the mean still serves
+            self._north = "true" if samples.has("gyro") and not samples.has("mag") else "magnetic"
+            self._buffer = WindowBuffer(self._size * samples.interval)
         return self._rows(self._buffer.push(samples))
 
     def finish(self) -> Attitude:
@@ -121,20 +130,6 @@ class AttitudeChooser:
             notes += [note for note in stream.finish().notes if "gaps between blocks" not in note]
         return replace(rows, notes=tuple(dict.fromkeys(notes)))
 
-    def _begin(self, samples: Samples) -> None:
-        """What the first block settles: the length of the windows and the north."""
-        self._interval = samples.interval
-        self._size = max(round(self._settings.window / samples.interval), 1)
-        if samples.has("mag"):
-            chosen = self._magnetic_settings(use_gyro=True)
-            try:
-                self._size = chosen.nodes(samples.interval) * chosen.node(samples.interval)
-                self._phased = True
-            except InputError:
-                self._phased = False  # too sparse to turn gravity back by the phase; at rest the mean still serves
-        self._north = "true" if samples.has("gyro") and not samples.has("mag") else "magnetic"
-        self._buffer = WindowBuffer(self._size * samples.interval)
-
     def _magnetic_settings(self, *, use_gyro: bool) -> MagneticSettings:
         site, given = self._site or self._settings.magnetic.site, self._settings.magnetic
         use = given.use_gyro and use_gyro
@@ -142,9 +137,6 @@ class AttitudeChooser:
 
     def _inertial(self) -> InertialSettings:
         return replace(self._settings.inertial, window=min(self._size * self._interval, LONGEST))
-
-    def _make_filter(self) -> InertialStream:
-        return InertialStream(self._inertial(), self._site)
 
     def _none(self) -> Attitude:
         return refusals([], (), "static", self._north)
@@ -182,7 +174,11 @@ class AttitudeChooser:
                 kind = "still"
             refused = row if shake == 0.0 else None
         if usable and field and self._phased:
-            row = self._magnetic_row(health)
+            # row of the window; without the gyro where that is spoilt
+            use = self._drives(health)
+            if use not in self._magnetic:
+                self._magnetic[use] = MagneticStream(self._magnetic_settings(use_gyro=use))
+            row = self._honest(self._magnetic[use].push(health.samples), health)
             if not bool(row.refused[0]):
                 return self._doubted(health, row, kind)
             refused = row
@@ -223,13 +219,6 @@ class AttitudeChooser:
     def _static(self, window: Samples) -> Attitude:
         settings = replace(self._settings.static, window=len(window) * window.interval)
         return static_attitude(window, settings, self._site)
-
-    def _magnetic_row(self, health: WindowHealth) -> Attitude:
-        """Row of the window; without the gyro where that is spoilt."""
-        use = self._drives(health)
-        if use not in self._magnetic:
-            self._magnetic[use] = MagneticStream(self._magnetic_settings(use_gyro=use))
-        return self._honest(self._magnetic[use].push(health.samples), health)
 
     def _honest(self, row: Attitude, health: WindowHealth) -> Attitude:
         """The row with what the field's departure from the site's adds to its uncertainty."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, NamedTuple, Protocol
+from typing import Annotated, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from inclinometry.motion._hole_direction import (
     turned,
     with_azimuth,
 )
-from inclinometry.motion.result import BITS, CHANNELS, METHODS, MOST_JITTER, Attitude, Samples
+from inclinometry.motion.result import BITS, CHANNELS, LARGEST_BREAK, METHODS, Attitude, Samples
 from inclinometry.motion.robust import (
     fading_factor,
     huber_weight,
@@ -36,10 +36,6 @@ from inclinometry.uncertainty import UNKNOWN
 
 # Equal windows of a stream of samples, the same however the stream is cut into blocks.
 
-LEAST_SHARE: Final = 0.5
-"""Share of a window that the rest of a record must fill to be a window of its own."""
-LARGEST_BREAK: Final = 2.0 * MOST_JITTER - 1e-3
-"""Departure of a block's first stamp from the window's grid, in intervals, that is a gap: both stamps may jitter."""
 
 Columns = dict[str, NDArray[Any]]
 
@@ -81,7 +77,8 @@ class WindowBuffer:
         """The rest, when it fills a good part of a window."""
         held, parts = self._held, self._parts
         self._held, self._parts = 0, []
-        if not held or held < LEAST_SHARE * max(round(self._seconds / self._interval), 1):
+        # a rest of half a window is a window of its own
+        if not held or held < 0.5 * max(round(self._seconds / self._interval), 1):
             return []
         return [self._window(joined_columns(parts), 0, held)]
 
@@ -123,8 +120,6 @@ BIASED: Final = sum(BITS[name] for name in ("disturbed", "step", "aliased", "axe
 """Flags of rows that may be off together: no evidence for a bend of the hole."""
 DOUBTFUL: Final = BIASED | sum(BITS[name] for name in ("clipped", "vibration", "misfit", "not-still"))
 """Flags of rows whose uncertainty is counted larger."""
-DELAYED: Final = 2.0
-"""Azimuth by the angle that the field is turned by a delay: 1 / cos D at most, 2 at a dip of 60 deg."""
 LOW_WEIGHT: Final = 0.1
 """Weight below which a row is flagged as a misfit."""
 
@@ -168,7 +163,8 @@ class Common(NamedTuple):
         """Share (3, 3) of a row, tool axes; what a delay turns is no more than the row itself is unsure of."""
         down = matrix[:, 2]
         speed = step.rate if np.isfinite(step.rate) else 0.0
-        delayed = (DELAYED * speed * self.delay) ** 2
+        # azimuth by the angle that the field is turned by a delay: 1 / cos D at most, 2 at a dip of 60 deg
+        delayed = (2.0 * speed * self.delay) ** 2
         if step.row.covariance is not None:
             # the row's own variance of azimuth
             level = max(float(down[:2] @ down[:2]), 1e-12)
@@ -272,58 +268,16 @@ def attitude_of(steps: list[Step], north: str, method: str, common: Common, note
 
 # The forward pass over windows: prediction, adaptive factor, robust weight, update, one row at a time.
 
-LEAST_WEIGHT: Final = 1e-6
-"""Of a rejected row: it keeps its roll with a thousandfold standard deviation."""
-PRIOR_WINDOWS: Final = 30
-"""Windows' worth of trust in the rows' own covariance before Sage-Husa has seen any."""
-FADING_MEMORY: Final = 0.95
 LARGEST: Final = 4.0
 """Normalised innovation that Sage-Husa does not learn from and quality calls hopeless."""
 AGREE: Final = 3.0
 """Normalised distance up to which two rows tell the same direction."""
-PATIENCE: Final = 12
-"""Rows rejected one after another after which flagged ones are evidence too: a wrong reference flags them all."""
-STEADY: Final = 1e-2
-"""Speed of rotation, rad/s, below which a tool is taken not to rotate in a window that does not tell."""
-ROLL_WANDER: Final = 1e-4
-"""Standard deviation, rad/s, of the mean speed of a tool that does not rotate."""
-
-
-class Tuning(Protocol):
-    """What of `WindowFilterSettings` the recursion needs."""
-
-    @property
-    def huber(self) -> float | None: ...
-    @property
-    def igg3(self) -> tuple[float, float] | None: ...
-    @property
-    def adaptive_two(self) -> float | None: ...
-    @property
-    def adaptive_three(self) -> tuple[float, float] | None: ...
-    @property
-    def forgetting(self) -> float | None: ...
-    @property
-    def least_noise(self) -> float: ...
-    @property
-    def fading(self) -> float | None: ...
-    @property
-    def doubt(self) -> float: ...
-    @property
-    def direction_walk(self) -> float: ...
-    @property
-    def rate_walk(self) -> float: ...
-    @property
-    def rate_sigma(self) -> float: ...
-    @property
-    def roll_share(self) -> float: ...
-    @property
-    def longest_bridge(self) -> float: ...
 
 
 class Recursion:
     """State of the forward pass; `step` takes a row with the attitudes beside it."""
 
-    def __init__(self, tuning: Tuning) -> None:
+    def __init__(self, tuning: WindowFilterSettings) -> None:
         self._tuning = tuning
         self._belief: Belief | None = None
         self._seen_at = 0.0
@@ -339,11 +293,30 @@ class Recursion:
             self._belief = None
         if self._belief is None:
             return self._start(row, after)
-        predicted = self._predict(self._belief, row.time)
+        belief = self._belief
+        dt = row.time - belief.time
+        f = transition(dt)
+        moved = f @ belief.covariance @ f.T
+        added = process(dt, self._tuning.direction_walk, self._tuning.rate_walk)
+        if self._tuning.fading is not None and self._spread is not None:
+            moved = moved * fading_factor(self._spread, added[:2, :2], self._noise, moved[:2, :2], self._tuning.fading)
+        predicted = Belief(row.time, predicted_frame(belief, dt), belief.rate, moved + added)
         rate = row.rate if np.isfinite(row.rate) else self._rate
-        self._carry_roll(rate, row.time - self._belief.time, told=bool(np.isfinite(row.rate)))
+        # rad/s below which a tool is taken not to rotate in a window that does not tell
+        if not np.isfinite(rate) or (abs(rate) > 1e-2 and not bool(np.isfinite(row.rate))):
+            self._roll_variance = UNKNOWN**2
+        else:
+            self._roll += rate * dt
+            # 1e-4 rad/s: standard deviation of the mean speed of a tool that does not rotate
+            spread = (self._tuning.roll_share * abs(rate) + 1e-4) * dt
+            self._roll_variance = min(self._roll_variance + spread**2, UNKNOWN**2)
         if row.matrix is None or row.covariance is None:
-            return self._bridge(row, predicted, rate)
+            self._belief = predicted
+            matrix, covariance = carried(predicted.frame, predicted.covariance[:2, :2], self._roll, self._roll_variance)
+            quality = max(1.0 - (row.time - self._seen_at) / self._tuning.longest_bridge, 0.0)
+            return Step(
+                row, predicted, predicted, matrix, covariance, rate, self._roll, self._roll_variance, 1.0, 0.0, quality
+            )
         return self._update(row, row.matrix, row.covariance, self._adapted(predicted, row, before, after))
 
     def _start(self, row: Row, after: Row | None) -> Step:
@@ -370,37 +343,21 @@ class Recursion:
         seen = observe(belief.frame, with_azimuth(after.matrix, after.covariance, belief.frame[2]), after.covariance)
         return _size(seen.offset, belief.covariance[:2, :2] + seen.noise)
 
-    def _predict(self, belief: Belief, time: float) -> Belief:
-        dt = time - belief.time
-        f = transition(dt)
-        moved = f @ belief.covariance @ f.T
-        added = process(dt, self._tuning.direction_walk, self._tuning.rate_walk)
-        if self._tuning.fading is not None and self._spread is not None:
-            moved = moved * fading_factor(self._spread, added[:2, :2], self._noise, moved[:2, :2], self._tuning.fading)
-        return Belief(time, predicted_frame(belief, dt), belief.rate, moved + added)
-
-    def _carry_roll(self, rate: float, dt: float, *, told: bool) -> None:
-        if not np.isfinite(rate) or (abs(rate) > STEADY and not told):
-            self._roll_variance = UNKNOWN**2
-            return
-        self._roll += rate * dt
-        spread = (self._tuning.roll_share * abs(rate) + ROLL_WANDER) * dt
-        self._roll_variance = min(self._roll_variance + spread**2, UNKNOWN**2)
-
-    def _bridge(self, row: Row, predicted: Belief, rate: float) -> Step:
-        self._belief = predicted
-        matrix, covariance = carried(predicted.frame, predicted.covariance[:2, :2], self._roll, self._roll_variance)
-        quality = max(1.0 - (row.time - self._seen_at) / self._tuning.longest_bridge, 0.0)
-        return Step(
-            row, predicted, predicted, matrix, covariance, rate, self._roll, self._roll_variance, 1.0, 0.0, quality
-        )
-
     def _adapted(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> Belief:
         """Prediction with its direction doubted by Yang's factor where this row and a neighbour agree against it."""
         tuning = self._tuning
         if tuning.adaptive_two is None and tuning.adaptive_three is None:
             return predicted
-        found = self._gate(predicted, row, before, after)
+        # mean offset of this row and the neighbour it agrees with best, with its noise; None when with neither
+        own = self._measurement(predicted, row, row.time)
+        found, least = None, AGREE
+        for each in (before, after):
+            other = None if each is None else self._measurement(predicted, each, row.time)
+            if own is None or other is None:
+                continue
+            apart = _size(own[0] - other[0], own[1] + other[1])
+            if apart < least:
+                least, found = apart, (0.5 * (own[0] + other[0]), 0.25 * (own[1] + other[1]))
         if found is None:
             return predicted
         middle, noise = found
@@ -413,24 +370,13 @@ class Recursion:
         extra = min((1.0 / max(factor, 1e-12) - 1.0) * 0.5 * float(np.trace(predicted.covariance[:2, :2])), most)
         return replace(predicted, covariance=predicted.covariance + np.diag([extra, extra, 0.0, 0.0]))
 
-    def _gate(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> tuple[Array, Array] | None:
-        """Mean offset of this row and the neighbour it agrees with best, with its noise; None when with neither."""
-        own = self._measurement(predicted, row, row.time)
-        best, least = None, AGREE
-        for each in (before, after):
-            other = None if each is None else self._measurement(predicted, each, row.time)
-            if own is None or other is None:
-                continue
-            apart = _size(own[0] - other[0], own[1] + other[1])
-            if apart < least:
-                least, best = apart, (0.5 * (own[0] + other[0]), 0.25 * (own[1] + other[1]))
-        return best
-
     def _measurement(self, predicted: Belief, row: Row, time: float) -> tuple[Array, Array] | None:
         """Offset and noise of a row from the prediction for `time`; None when the row is no evidence."""
         if row.matrix is None or row.covariance is None or not row.known:
             return None
-        if not row.evidence and self._rejected < PATIENCE:
+        # rejected one after another, after which flagged ones are evidence too: a wrong reference flags them
+        # all
+        if not row.evidence and self._rejected < 12:
             return None
         seen = observe(predicted.frame, row.matrix, row.covariance)
         return seen.offset - predicted.rate * (row.time - time), seen.noise * self._scale
@@ -439,7 +385,23 @@ class Recursion:
         step, seen, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
         doubt = self._tuning.doubt**2 if row.doubtful else 1.0
         self._rejected = self._rejected + 1 if step.weight < LOW_WEIGHT else 0
-        self._learn(seen.offset, doubt * seen.noise, predicted.covariance[:2, :2], size)
+        # scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking
+        offset = seen.offset
+        noise = doubt * seen.noise
+        tuning = self._tuning
+        if tuning.forgetting is not None and size < LARGEST:
+            # 30 windows' worth of trust in the rows' own covariance before any was seen
+            share = sage_husa_share(tuning.forgetting, self._counted + 30)
+            inverse = np.linalg.inv(noise)
+            innovation = np.sqrt(0.5 * offset @ inverse @ offset)
+            part = 0.5 * np.trace(inverse @ predicted.covariance[:2, :2])
+            self._scale = float(sage_husa([[self._scale]], [innovation], [[part]], share, tuning.least_noise)[0, 0])
+            self._counted += 1
+        square = np.outer(offset, offset)
+        old = self._spread
+        memory = 0.95
+        self._spread = square if old is None else (memory * old + square) / (1.0 + memory)
+        self._noise = noise * self._scale
         return self._done(step)
 
     def _done(self, step: Step) -> Step:
@@ -449,23 +411,9 @@ class Recursion:
             self._rate = step.rate
         return step
 
-    def _learn(self, offset: Array, noise: Array, spread: Array, size: float) -> None:
-        """Scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking."""
-        tuning = self._tuning
-        if tuning.forgetting is not None and size < LARGEST:
-            share = sage_husa_share(tuning.forgetting, self._counted + PRIOR_WINDOWS)
-            inverse = np.linalg.inv(noise)
-            innovation, part = np.sqrt(0.5 * offset @ inverse @ offset), 0.5 * np.trace(inverse @ spread)
-            self._scale = float(sage_husa([[self._scale]], [innovation], [[part]], share, tuning.least_noise)[0, 0])
-            self._counted += 1
-        square = np.outer(offset, offset)
-        old = self._spread
-        self._spread = square if old is None else (FADING_MEMORY * old + square) / (1.0 + FADING_MEMORY)
-        self._noise = noise * self._scale
-
 
 def measured(
-    tuning: Tuning, row: Row, matrix: Array, covariance: Array, predicted: Belief, scale: float
+    tuning: WindowFilterSettings, row: Row, matrix: Array, covariance: Array, predicted: Belief, scale: float
 ) -> tuple[Step, Observation, float]:
     """Row taken into a prediction with its robust weight; also how it was seen, and its normalised innovation."""
     matrix = with_azimuth(matrix, covariance, predicted.frame[2])
@@ -477,7 +425,8 @@ def measured(
         weight = float(huber_weight(size, tuning.huber))
     if tuning.igg3 is not None:
         weight = float(igg3_weight(size, *tuning.igg3))
-    factor = doubt * scale / max(weight, LEAST_WEIGHT)
+    # a rejected row keeps its roll with a thousandfold standard deviation
+    factor = doubt * scale / max(weight, 1e-6)
     belief = updated(predicted, seen.offset, seen.noise * factor)
     out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
     roll = observe(belief.frame, out, joint).roll
@@ -490,10 +439,6 @@ def measured(
 def _size(offset: Array, spread: Array) -> float:
     """Normalised length of an offset: 1 on the average when the spread is right."""
     return float(np.sqrt(0.5 * offset @ np.linalg.solve(spread, offset)))
-
-
-LEAST_VARIANCE: Final = 1e-16
-"""Of a row about any axis, rad^2: rows that claim to be exact stay invertible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -661,10 +606,11 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
 def _row(rows: Attitude, place: int) -> Row:
     q = rows.quaternion[place]
     known = not np.isnan(q[0])
+    # rad^2, so that rows that claim to be exact stay invertible
     return Row(
         float(rows.time[place]),
         dcm_from_quaternion(q) if known else None,
-        rows.covariance[place] + LEAST_VARIANCE * np.eye(3) if known else None,
+        rows.covariance[place] + 1e-16 * np.eye(3) if known else None,
         float(rows.rate[place]),
         float(rows.quality[place]),
         int(rows.flags[place]),
