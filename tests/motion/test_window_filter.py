@@ -94,7 +94,7 @@ def test_offsets_and_frames_are_inverse() -> None:
         moved = turned(frame, vector)
         np.testing.assert_allclose(moved, rotation_exp([-vector[0], -vector[1], 0.0]) @ frame, atol=1e-14)
         np.testing.assert_allclose(offset_of(frame, moved[2]), vector, atol=1e-13)
-        np.testing.assert_allclose(observe(frame, moved, np.eye(3)).roll, 0.0, atol=1e-14)
+        np.testing.assert_allclose(observe(frame, moved, np.eye(3))[2], 0.0, atol=1e-14)
 
 
 def test_a_row_taken_as_it_is_comes_back() -> None:

@@ -356,7 +356,11 @@ def scheme_named(name: str) -> Scheme:
 def check_positions(scheme: Scheme, labels: Index, index: Array, tolerance: float) -> None:
     """Raise unless the positions (S, P) of every station are those of the scheme, repeats in place allowed."""
     if scheme.positions_deg:
-        for place in np.flatnonzero(~_as_wanted(scheme, index, tolerance)):
+        # nearly always all stations hold exactly the scheme's positions, one reading each
+        wanted, unlike = np.radians(scheme.positions_deg), np.ones(len(index), dtype=np.bool_)
+        if index.shape[1] == len(wanted):
+            unlike = ~(np.abs(wrap_signed(index - wanted)) <= tolerance).all(axis=1)
+        for place in np.flatnonzero(unlike):
             _check_visits(scheme, int(labels[place]), index[place], tolerance)
         return
     # number (S,) of positions further apart than the tolerance, around the circle
@@ -385,14 +389,6 @@ def check_times(labels: Index, time: Array) -> None:
             f"station {labels[at]}: time goes from {time[at, row]:.10g} s to {time[at, row + 1]:.10g} s at its "
             f"reading {row + 2}; it must increase within a station: put the rows in the order of measurement"
         )
-
-
-def _as_wanted(scheme: Scheme, index: Array, tolerance: float) -> Mask:
-    """Stations (S,) that hold exactly the scheme's positions, one reading each: nearly always all of them."""
-    wanted = np.radians(scheme.positions_deg)
-    if index.shape[1] != len(wanted):
-        return np.zeros(len(index), dtype=np.bool_)
-    return np.asarray((np.abs(wrap_signed(index - wanted)) <= tolerance).all(axis=1))
 
 
 def _check_visits(scheme: Scheme, label: int, index: Array, tolerance: float) -> None:

@@ -156,8 +156,16 @@ def standstill_time(
         enough = azimuth_sigma(place, lean, rows, np.exp(middle), setup) <= wanted
         low, high = np.where(enough, low, middle), np.where(enough, middle, high)
     time = np.where(possible, np.exp(high), np.inf)
-    notes = (*_remarks(lean, setup), *_remedies(place, lean, rows, wanted, setup))
-    return StandstillPlan(frozen(rows), frozen(time), frozen(floor), moving, wanted, notes)
+    notes = []
+    if np.sin(lean) < np.sin(VERTICAL):
+        notes.append("within 1 deg of the vertical azimuth is undefined; the plan is for the gyro toolface")
+    if setup.axes == 3 and setup.axial_bias_sd == 0.0:
+        notes.append(
+            "the gyro along the tool is taken as free of bias but for its instability, which turning about the tool "
+            "axis does not remove: state the standard uncertainty of its bias"
+        )
+    notes += _remedies(place, lean, rows, wanted, setup)
+    return StandstillPlan(frozen(rows), frozen(time), frozen(floor), moving, wanted, tuple(notes))
 
 
 def azimuth_sigma(latitude: float, inclination: float, azimuth: Array, time: float | Array, setup: GyroSetup) -> Array:
@@ -234,18 +242,6 @@ def _tilt_gain(gain: Array, earth: Array, inclination: float, vertical: bool) ->
     if vertical:
         turned = turned + np.sign(np.cos(inclination))
     return np.asarray((gain * by_inclination).sum(axis=0) ** 2 + (turned / np.sin(inclination)) ** 2)
-
-
-def _remarks(inclination: float, setup: GyroSetup) -> list[str]:
-    notes = []
-    if np.sin(inclination) < np.sin(VERTICAL):
-        notes.append("within 1 deg of the vertical azimuth is undefined; the plan is for the gyro toolface")
-    if setup.axes == 3 and setup.axial_bias_sd == 0.0:
-        notes.append(
-            "the gyro along the tool is taken as free of bias but for its instability, which turning about the tool "
-            "axis does not remove: state the standard uncertainty of its bias"
-        )
-    return notes
 
 
 def _remedies(latitude: float, inclination: float, azimuth: Array, wanted: float, setup: GyroSetup) -> list[str]:

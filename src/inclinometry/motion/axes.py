@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.conventions import AXES, Mapping, axes_matrix, find_mapping, named
+from inclinometry.conventions import AXES, axes_matrix, find_mapping, named
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.motion.reference import FAR_DIP, FieldOff
@@ -354,7 +354,8 @@ class AxesCheck:
             return [Finding("axes", "mag", share, False, f"{said}; no exchange of axes explains it")]
         raise InputError(
             f"accelerometer and magnetometer do not lie along the same axes: {said}. It is right with "
-            f"{_words(fits)}" + (", or correct the site's dip" if scatter <= slack else "")
+            + " or ".join(f"--mag-axes={','.join(one.axes)}" for one in fits[:3])
+            + (", or correct the site's dip" if scatter <= slack else "")
         )
 
     def _sign(self, usable: list[Harmonics]) -> None:
@@ -398,7 +399,3 @@ def _judge_slope(slopes: Array, *, sampled: bool) -> None:
                 f"the gyro reads {1.0 / slope:.4g} times the speed with which the magnetic field turns; its unit is "
                 f"rad/s, the reading is right for {unit}: multiply by {factor:.6g}"
             )
-
-
-def _words(fits: list[Mapping]) -> str:
-    return " or ".join(f"--mag-axes={','.join(one.axes)}" for one in fits[:3])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -51,14 +51,6 @@ class ChooserSettings:
 
     def __post_init__(self) -> None:
         within(self.window, "window", 0.5, LONGEST, "s")
-
-
-class _Choice(NamedTuple):
-    """Row of a window, and what is said of it."""
-
-    row: Attitude
-    kind: str  # "still", "sliding", "rotating", or "moving" where nothing tells which
-    outcome: str  # the method's name, or "refused"
 
 
 class AttitudeChooser:
@@ -152,17 +144,19 @@ class AttitudeChooser:
                 self._gyro.restart()
             self._end = float(window.time[-1])
             health = self._health.check(window)
-            choice = self._choose(health)
-            choice = choice._replace(row=named(choice.row, health))
-            self._counts[choice.kind, choice.outcome] += 1
-            if choice.outcome == "refused":
-                self._why.update(choice.row.names(0))
-            rows.append(replace(choice.row, flags=choice.row.flags | np.uint32(health.flags), notes=()))
+            row, kind, outcome = self._choose(health)
+            row = named(row, health)
+            self._counts[kind, outcome] += 1
+            if outcome == "refused":
+                self._why.update(row.names(0))
+            rows.append(replace(row, flags=row.flags | np.uint32(health.flags), notes=()))
         return joined(rows) if rows else self._none()
 
-    def _choose(self, health: WindowHealth) -> _Choice:
-        """Route one window."""
-        window, kind = health.samples, _kind(health)
+    def _choose(self, health: WindowHealth) -> tuple[Attitude, str, str]:
+        """Route one window: its row, what the tool did ("moving" where nothing tells), the method or "refused"."""
+        # what a tool that shakes does
+        kind = "rotating" if health.turning.span >= TURNING else "sliding"
+        window, kind = health.samples, kind if health.turning.by else "moving"
         field = window.has("mag") and not health.spoilt("mag")
         usable = not health.spoilt("accel")
         refused: Attitude | None = None
@@ -185,23 +179,23 @@ class AttitudeChooser:
         carried = self._carried(health) if usable and self._drives(health) else None
         if carried is not None:
             outcome = "refused" if bool(carried.refused[0]) else METHODS[int(carried.method[0])]
-            return _Choice(carried, kind, outcome)
+            return carried, kind, outcome
         if not self._drives(health):
             self._filter.restart()
             self._gyro.restart()
         if kind == "still" and usable:
-            return _Choice(self._static(replace(window, mag=None)), kind, "static")
-        return _Choice(refused if refused is not None else self._refusal(health), kind, "refused")
+            return self._static(replace(window, mag=None)), kind, "static"
+        return refused if refused is not None else self._refusal(health), kind, "refused"
 
-    def _settled(self, health: WindowHealth, row: Attitude, kind: str, *, good: bool) -> _Choice:
+    def _settled(self, health: WindowHealth, row: Attitude, kind: str, *, good: bool) -> tuple[Attitude, str, str]:
         """A row that needs no filter; the filters are told of the window."""
         if self._drives(health):
             clean = good and not _marked(health.samples)
             self._filter.take(health.samples, good=clean, wanted=False)
             self._gyro.take(health.samples, good=not _marked(health.samples), wanted=False)
-        return _Choice(row, kind, METHODS[int(row.method[0])])
+        return row, kind, METHODS[int(row.method[0])]
 
-    def _doubted(self, health: WindowHealth, row: Attitude, kind: str) -> _Choice:
+    def _doubted(self, health: WindowHealth, row: Attitude, kind: str) -> tuple[Attitude, str, str]:
         """A magnetic row, or the filter's where the field is disturbed and the gyro knows the azimuth better."""
         disturbed = bool(int(row.flags[0] | health.flags) & BITS["disturbed"])
         if not (disturbed and self._drives(health)):
@@ -210,7 +204,7 @@ class AttitudeChooser:
         self._gyro.take(health.samples, good=not _marked(health.samples), wanted=False)
         if other is not None and single(other) and other.u.azimuth[0] < row.u.azimuth[0]:
             row = other
-        return _Choice(row, kind, METHODS[int(row.method[0])])
+        return row, kind, METHODS[int(row.method[0])]
 
     def _drives(self, health: WindowHealth) -> bool:
         """Whether a gyro can carry the attitude."""
@@ -310,13 +304,6 @@ def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, s
     chooser = AttitudeChooser(settings, site)
     first, last = chooser.push(samples), chooser.finish()
     return joined([first, last])
-
-
-def _kind(health: WindowHealth) -> str:
-    """What a tool that shakes does."""
-    if not health.turning.by:
-        return "moving"
-    return "rotating" if health.turning.span >= TURNING else "sliding"
 
 
 def _shake(window: Samples) -> float:

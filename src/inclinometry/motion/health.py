@@ -98,23 +98,16 @@ def clipping_findings(window: Samples, ranges: Mapping[str, float]) -> tuple[lis
                 found.append(Finding("clipped", f"{triad}_{axis}", 1.0 + share, False, text))
                 marked |= at
             elif reach is not None:
-                found += _too_near(triad, axis, column, reach)
+                # least distance of a range from the mean, in standard deviations: of a low-passed channel more was cut
+                # off before the filter than is left in it, 12 g under 5 g rms (0.4 deg) still looks like 4
+                margin, least = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12), 4.5
+                if margin < least:
+                    text = (
+                        f"{triad}_{axis}: the end of its range is {max(margin, 0.0):.1f} standard deviations away; "
+                        "samples were cut off before the filter"
+                    )
+                    found.append(Finding("clipped", f"{triad}_{axis}", least / max(margin, 0.1), True, text))
     return found, marked
-
-
-def _too_near(triad: str, axis: str, column: Array, reach: float) -> list[Finding]:
-    """A range so near that samples before the filter must have left it."""
-    margin = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12)
-    # least distance of a range from the mean, in standard deviations: of a low-passed channel more was cut off
-    # before the filter than is left in it, 12 g under 5 g rms (0.4 deg) still looks like 4
-    least = 4.5
-    if margin >= least:
-        return []
-    text = (
-        f"{triad}_{axis}: the end of its range is {max(margin, 0.0):.1f} standard deviations away; samples were cut "
-        "off before the filter"
-    )
-    return [Finding("clipped", f"{triad}_{axis}", least / max(margin, 0.1), True, text)]
 
 
 def stuck_findings(window: Samples) -> list[Finding]:
@@ -319,9 +312,9 @@ class HealthCheck:
         aliased = aliasing_findings(turning, window.interval)
         field = field_findings(judged, turning, self._site)
         findings += aliased + field
-        strength = field_strength(judged, self._site)
+        strength, scatter, steady = field_strength(judged, self._site)
         found = None if aliased else find_harmonics(judged, turning)
-        off = field_off(judged, found, self._site, strength=strength.off, scatter=strength.scatter)
+        off = field_off(judged, found, self._site, strength=strength, scatter=scatter)
         # m/s^2, range of the accelerometers in a window at rest, by whose means the site is held against the
         # field
         if judged.accel is not None and judged.mag is not None and np.ptp(judged.accel, axis=0).max() < 0.5:
@@ -329,8 +322,8 @@ class HealthCheck:
         if not self._settings.believe_axes and not any(
             one.refuse for one in findings if one.flag in ("stuck", "clipped")
         ):
-            findings += self._axes.add(judged, turning, found, field_usable=strength.steady, phase_usable=not aliased)
-            if strength.steady and not aliased:
+            findings += self._axes.add(judged, turning, found, field_usable=steady, phase_usable=not aliased)
+            if steady and not aliased:
                 findings += self._axes.against(turning) + self._axes.dip(off)
         self._windows += 1
         for key in {(one.flag, one.where) for one in findings}:

@@ -46,26 +46,17 @@ def field_findings(window: Samples, turning: Turning, site: Site | None) -> list
     return found
 
 
-class FieldStrength(NamedTuple):
-    """What no exchange of axes or signs can change.
+def field_strength(window: Samples, site: Site | None) -> tuple[float, float, bool]:
+    """The field's strength in a window, which no exchange of axes or signs can change.
 
-    off, scatter : departure of the strength from the site's, 0 without a site, and variation in the window, of it.
-    steady : whether the strength is right and constant.
+    Departure from the site's, 0 without a site, variation in the window, of it, and whether it is right and constant.
     """
-
-    off: float
-    scatter: float
-    steady: bool
-
-
-def field_strength(window: Samples, site: Site | None) -> FieldStrength:
-    """The field's strength in a window."""
     if window.mag is None:
-        return FieldStrength(0.0, 0.0, False)
+        return 0.0, 0.0, False
     strength = np.sqrt(np.einsum("ij,ij->i", window.mag, window.mag))
     wrong, varied = _strength(strength, site), _scatter(strength)
     steady = max(*wrong[:2], *varied[:2]) <= 1.0
-    return FieldStrength(wrong[1] * DISTURBED, varied[1] * DISTURBED, steady)
+    return wrong[1] * DISTURBED, varied[1] * DISTURBED, steady
 
 
 def _strength(strength: Array, site: Site | None) -> tuple[float, float, str]:
@@ -292,24 +283,7 @@ FAR_DIP: Final = 0.12
 """rad, between the dip and the site's: no disturbance that leaves the strength right, but axes or signs."""
 
 
-class Departure(NamedTuple):
-    """Of one window.
-
-    dip, strength : departures over what is allowed; 0 without a reference.
-    extra : nT, standard deviation of a further error of the field, per axis, that the departure gives away: the part
-        that no uncertainty explains; as large across the departure as along it.
-    far : whether no attitude may be built on the field.
-    text : a sentence for the user where it is far.
-    """
-
-    dip: float
-    strength: float
-    extra: float
-    far: bool
-    text: str
-
-
-def departure(gravity: Array, field: Array, covariance: Array, site: Site | None) -> Departure:
+def departure(gravity: Array, field: Array, covariance: Array, site: Site | None) -> tuple[float, str]:
     """Hold the field of a window against the site.
 
     Parameters
@@ -320,29 +294,34 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
         Of both.
     site : Site, optional
 
+    Returns
+    -------
+    extra : float
+        nT, standard deviation of a further error of the field, per axis, that the departure gives away: the part that
+        no uncertainty explains; as large across the departure as along it.
+    text : str
+        A sentence for the user where the departure is so far that no attitude may be built on the field.
     Examples
     --------
     >>> from inclinometry.earth.site import Site
     >>> place = Site(b=50e3, dip=1.0)
     >>> g, b = np.array([0.0, 0.0, 9.8]), 50e3 * np.array([np.cos(1.3), 0.0, np.sin(1.3)])
-    >>> found = departure(g, b, np.zeros((6, 6)), place)
-    >>> found.far, round(found.extra)
-    (True, 14476)
+    >>> extra, text = departure(g, b, np.zeros((6, 6)), place)
+    >>> round(extra), text.partition(",")[0]
+    (14476, 'the dip comes out as 74.5 deg')
     """
     if site is None:
-        return Departure(0.0, 0.0, 0.0, False, "")
+        return 0.0, ""
     size = float(np.linalg.norm(field))
-    excess, far, said = np.zeros(2), False, []
-    shares = [0.0, 0.0]
+    excess, said = np.zeros(2), []
     sure = 5.0  # standard deviations of the window
     if site.dip is not None:
         slopes = dip_jacobian(gravity, field)
         own = float(np.sqrt(slopes @ covariance @ slopes))
         allowed = COVERAGE * float(np.hypot(own, DIP_SIGMA if site.dip_sigma is None else site.dip_sigma))
         off = float(dip_angle(gravity, field)) - site.dip
-        shares[0], excess[0] = abs(off) / allowed, size * max(abs(off) - allowed, 0.0)
+        excess[0] = size * max(abs(off) - allowed, 0.0)
         if abs(off) > FAR_DIP + sure * own:
-            far = True
             seen, stated = np.degrees((off + site.dip, site.dip))
             said.append(f"the dip comes out as {seen:.1f} deg, the site's is {stated:.1f} deg")
     if site.b is not None and size > 0.0:
@@ -350,12 +329,11 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
         own = float(np.sqrt(along @ covariance[3:, 3:] @ along))
         allowed = COVERAGE * float(np.hypot(own, STRENGTH_SIGMA if site.b_sigma is None else site.b_sigma))
         off = size - site.b
-        shares[1], excess[1] = abs(off) / allowed, max(abs(off) - allowed, 0.0)
+        excess[1] = max(abs(off) - allowed, 0.0)
         if abs(off) > 0.2 * site.b + sure * own:  # not the Earth's field
-            far = True
             said.append(f"the field is {size:.0f} nT strong, the site's {site.b:.0f} nT")
     text = f"{' and '.join(said)}: axes or signs that are wrong, steel nearby, or another site" if said else ""
-    return Departure(shares[0], shares[1], float(np.hypot(*excess)), far, text)
+    return float(np.hypot(*excess)), text
 
 
 @dataclass

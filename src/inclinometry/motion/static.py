@@ -148,14 +148,18 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
         return refusals([time], sorted({*flags, "misfit"}), limits.method, name)
     told = {} if second is None or unknown else _references(g, second, limits)
     if second is not None and not unknown and limits.north == "mag":
-        far = departure(g.value, second.value, _fixed(g, second) + _scattered(g, second), limits.site)
-        if far.far:
+        noise = np.zeros((6, 6))
+        noise[:3, :3], noise[3:, 3:] = covariance_of_mean(g.batches), covariance_of_mean(second.batches)
+        extra, far = departure(g.value, second.value, _fixed(g, second) + noise, limits.site)
+        if far:
             return refusals([time], sorted({*flags, "axes", "disturbed"}), limits.method, name)
-        second = second._replace(fixed=second.fixed + far.extra**2 * np.eye(3))
+        second = second._replace(fixed=second.fixed + extra**2 * np.eye(3))
     errors = _batch_errors(g, second, solution)
     shake = float(np.sqrt(np.mean(np.sum((window.accel[used] - g.value) ** 2, axis=1))))
     rate = _rate(window, used, errors)
-    turned = _turned(errors if limits.north == "mag" else _batch_errors(g, None, solution))
+    # largest departure of a quarter of the window from its mean, rad
+    quarters = batch_means(errors if limits.north == "mag" else _batch_errors(g, None, solution), 4)
+    turned = float(np.linalg.norm(quarters - quarters.mean(axis=0), axis=1).max())
     if turned > settings.most_turn:
         return refusals([time], sorted({*flags, "not-still"}), limits.method, name)
     ratios = {
@@ -203,12 +207,6 @@ def _batch_errors(g: Mean, second: Mean | None, solution: Solution) -> Array:
     return np.asarray(np.hstack(parts) @ solution.response.T)
 
 
-def _turned(errors: Array) -> float:
-    """Largest departure of a quarter of the window from its mean, rad."""
-    quarters = batch_means(errors, 4)
-    return float(np.linalg.norm(quarters - quarters.mean(axis=0), axis=1).max())
-
-
 def _fixed(g: Mean, second: Mean | None) -> Array:
     """Covariance (6, 6) of the two means by rounding and calibration."""
     fixed = np.zeros((6, 6))
@@ -216,13 +214,6 @@ def _fixed(g: Mean, second: Mean | None) -> Array:
     if second is not None:
         fixed[3:, 3:] = second.fixed
     return fixed
-
-
-def _scattered(g: Mean, second: Mean) -> Array:
-    """Covariance (6, 6) of the two means by their batches."""
-    noise = np.zeros((6, 6))
-    noise[:3, :3], noise[3:, 3:] = covariance_of_mean(g.batches), covariance_of_mean(second.batches)
-    return noise
 
 
 def _rate(window: Samples, used: Mask, errors: Array) -> float:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.motion._hole_direction import (
-    Observation,
     azimuth_unknown,
     carried,
     clean,
@@ -58,8 +57,17 @@ class WindowBuffer:
         if not len(block):
             return []
         columns, done = columns_of(block), []
-        if self._held and not self._continues(columns, block.interval):
-            done = self.finish()
+        if self._held:
+            first = self._parts[0]
+            if block.interval != self._interval or columns.keys() != first.keys():
+                raise InputError(
+                    f"a block has the interval {block.interval:.6g} s or channels unlike those before it "
+                    f"({self._interval:.6g} s); feed one run to a stream and start another for the next"
+                )
+            at = float(columns["time"][0])
+            slack = LARGEST_BREAK * block.interval + 4.0 * float(np.spacing(abs(at)))
+            if not abs(at - (first["time"][0] + block.interval * self._held)) <= slack:
+                done = self.finish()
         self._interval = block.interval
         self._parts.append(columns)
         self._held += len(block)
@@ -85,17 +93,6 @@ class WindowBuffer:
     def _window(self, held: Columns, start: int, stop: int) -> Samples:
         cut = {name: values[start:stop] for name, values in held.items() if name != "time"}
         return Samples(held["time"][start] + self._interval * np.arange(stop - start), self._interval, **cut)
-
-    def _continues(self, columns: Columns, interval: float) -> bool:
-        first = self._parts[0]
-        if interval != self._interval or columns.keys() != first.keys():
-            raise InputError(
-                f"a block has the interval {interval:.6g} s or channels unlike those before it "
-                f"({self._interval:.6g} s); feed one run to a stream and start another for the next"
-            )
-        at = float(columns["time"][0])
-        slack = LARGEST_BREAK * interval + 4.0 * float(np.spacing(abs(at)))
-        return bool(abs(at - (first["time"][0] + interval * self._held)) <= slack)
 
 
 def columns_of(block: Samples) -> Columns:
@@ -150,27 +147,6 @@ class Row(NamedTuple):
         if self.matrix is None or self.covariance is None:
             return False
         return not azimuth_unknown(self.matrix, self.covariance)
-
-
-class Common(NamedTuple):
-    """Standard deviations of what all rows share: rad about horizontal axes, rad about the vertical, s of delay."""
-
-    tilt: float
-    turn: float
-    delay: float
-
-    def covariance(self, step: Step, matrix: Array) -> Array:
-        """Share (3, 3) of a row, tool axes; what a delay turns is no more than the row itself is unsure of."""
-        down = matrix[:, 2]
-        speed = step.rate if np.isfinite(step.rate) else 0.0
-        # azimuth by the angle that the field is turned by a delay: 1 / cos D at most, 2 at a dip of 60 deg
-        delayed = (2.0 * speed * self.delay) ** 2
-        if step.row.covariance is not None:
-            # the row's own variance of azimuth
-            level = max(float(down[:2] @ down[:2]), 1e-12)
-            delayed = min(delayed, float(down[:2] @ step.row.covariance[:2, :2] @ down[:2]) / level**2)
-        spread = np.array([self.tilt**2, self.tilt**2, self.turn**2 + delayed])
-        return np.asarray((matrix * spread) @ matrix.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,10 +214,12 @@ def updated(predicted: Belief, offset: Array, noise: Array) -> Belief:
     return Belief(predicted.time, frame, predicted.rate + change[2:], 0.5 * (covariance + covariance.T))
 
 
-def attitude_of(steps: list[Step], north: str, method: str, common: Common, notes: tuple[str, ...] = ()) -> Attitude:
+def attitude_of(
+    steps: list[Step], north: str, method: str, settings: WindowFilterSettings, notes: tuple[str, ...] = ()
+) -> Attitude:
     """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits.
 
-    common : what all rows share; added to every row.
+    What all rows share by the settings is added to every row.
     """
     size = len(steps)
     quaternion, covariance = np.full((size, 4), np.nan), np.full((size, 3, 3), np.nan)
@@ -250,7 +228,17 @@ def attitude_of(steps: list[Step], north: str, method: str, common: Common, note
         if step.matrix is None or step.covariance is None:
             continue
         quaternion[place] = quaternion_from_dcm(step.matrix)
-        covariance[place] = step.covariance + common.covariance(step, step.matrix)
+        down = step.matrix[:, 2]
+        speed = step.rate if np.isfinite(step.rate) else 0.0
+        # azimuth by the angle that the field is turned by a delay: 1 / cos D at most, 2 at a dip of 60 deg
+        delayed = (2.0 * speed * settings.common_delay) ** 2
+        if step.row.covariance is not None:
+            # no more than the row's own variance of azimuth
+            level = max(float(down[:2] @ down[:2]), 1e-12)
+            delayed = min(delayed, float(down[:2] @ step.row.covariance[:2, :2] @ down[:2]) / level**2)
+        tilt = settings.common_tilt**2
+        spread = np.array([tilt, tilt, settings.common_turn**2 + delayed])
+        covariance[place] = step.covariance + (step.matrix * spread) @ step.matrix.T
         if step.belief is not None and step.row.matrix is not None and step.weight < LOW_WEIGHT:
             flags[place] |= BITS["misfit"]
     return Attitude(
@@ -326,22 +314,18 @@ class Recursion:
         full = np.diag([0.0, 0.0, self._tuning.rate_sigma**2, self._tuning.rate_sigma**2])
         full[:2, :2] = covariance[:2, :2]
         belief = Belief(row.time, matrix, np.zeros(2), full)
-        apart = self._contradiction(belief, after)
+        apart, robust = 0.0, self._tuning.igg3 is not None or self._tuning.huber is not None
+        if robust and after is not None and after.matrix is not None and after.covariance is not None:
+            # normalised distance of the first row from the next: either may be the outlier
+            level = with_azimuth(after.matrix, after.covariance, belief.frame[2])
+            offset, noise, _ = observe(belief.frame, level, after.covariance)
+            apart = _size(offset, belief.covariance[:2, :2] + noise)
         if apart > AGREE:
             doubted = row._replace(flags=row.flags | BITS["start"])
             wide = 2.0 * apart**2 * covariance
             return Step(doubted, None, None, matrix, wide, row.rate, 0.0, 0.0, 1.0, 0.0, 0.0)
         variance = float(covariance[2, 2])
         return self._done(Step(row, None, belief, matrix, covariance, row.rate, 0.0, variance, 1.0, 1.0, row.quality))
-
-    def _contradiction(self, belief: Belief, after: Row | None) -> float:
-        """Normalised distance of the first row from the next, for a robust filter: either may be the outlier."""
-        if self._tuning.igg3 is None and self._tuning.huber is None:
-            return 0.0
-        if after is None or after.matrix is None or after.covariance is None:
-            return 0.0
-        seen = observe(belief.frame, with_azimuth(after.matrix, after.covariance, belief.frame[2]), after.covariance)
-        return _size(seen.offset, belief.covariance[:2, :2] + seen.noise)
 
     def _adapted(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> Belief:
         """Prediction with its direction doubted by Yang's factor where this row and a neighbour agree against it."""
@@ -374,20 +358,18 @@ class Recursion:
         """Offset and noise of a row from the prediction for `time`; None when the row is no evidence."""
         if row.matrix is None or row.covariance is None or not row.known:
             return None
-        # rejected one after another, after which flagged ones are evidence too: a wrong reference flags them
-        # all
+        # after twelve rejected one after another flagged ones are evidence too: a wrong reference flags them all
         if not row.evidence and self._rejected < 12:
             return None
-        seen = observe(predicted.frame, row.matrix, row.covariance)
-        return seen.offset - predicted.rate * (row.time - time), seen.noise * self._scale
+        offset, noise, _ = observe(predicted.frame, row.matrix, row.covariance)
+        return offset - predicted.rate * (row.time - time), noise * self._scale
 
     def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
-        step, seen, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
+        step, offset, noise, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
         doubt = self._tuning.doubt**2 if row.doubtful else 1.0
         self._rejected = self._rejected + 1 if step.weight < LOW_WEIGHT else 0
         # scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking
-        offset = seen.offset
-        noise = doubt * seen.noise
+        noise = doubt * noise
         tuning = self._tuning
         if tuning.forgetting is not None and size < LARGEST:
             # 30 windows' worth of trust in the rows' own covariance before any was seen
@@ -414,12 +396,12 @@ class Recursion:
 
 def measured(
     tuning: WindowFilterSettings, row: Row, matrix: Array, covariance: Array, predicted: Belief, scale: float
-) -> tuple[Step, Observation, float]:
-    """Row taken into a prediction with its robust weight; also how it was seen, and its normalised innovation."""
+) -> tuple[Step, Array, Array, float]:
+    """Row taken into a prediction with its robust weight; also its offset, that one's noise, and how large it is."""
     matrix = with_azimuth(matrix, covariance, predicted.frame[2])
     doubt = tuning.doubt**2 if row.doubtful else 1.0
-    seen = observe(predicted.frame, matrix, covariance)
-    size = _size(seen.offset, predicted.covariance[:2, :2] + seen.noise * (doubt * scale))
+    offset, noise, _ = observe(predicted.frame, matrix, covariance)
+    size = _size(offset, predicted.covariance[:2, :2] + noise * (doubt * scale))
     weight = 1.0
     if tuning.huber is not None:
         weight = float(huber_weight(size, tuning.huber))
@@ -427,13 +409,13 @@ def measured(
         weight = float(igg3_weight(size, *tuning.igg3))
     # a rejected row keeps its roll with a thousandfold standard deviation
     factor = doubt * scale / max(weight, 1e-6)
-    belief = updated(predicted, seen.offset, seen.noise * factor)
+    belief = updated(predicted, offset, noise * factor)
     out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
-    roll = observe(belief.frame, out, joint).roll
+    roll = observe(belief.frame, out, joint)[2]
     quality = min(row.quality, max(1.0 - size / LARGEST, 0.0))
     known = row._replace(matrix=matrix)
     step = Step(known, predicted, belief, out, joint, row.rate, roll, float(joint[2, 2]), factor, weight, quality)
-    return step, seen, size
+    return step, offset, noise, size
 
 
 def _size(offset: Array, spread: Array) -> float:
@@ -493,17 +475,11 @@ class RobustStream:
     def __init__(self, settings: WindowFilterSettings | None = None) -> None:
         chosen = settings or WindowFilterSettings()
         self._recursion = Recursion(chosen)
-        self._settings = chosen
+        self.settings = chosen
         self._waiting: list[Row] = []
         self._before: Row | None = None
         self._last: float = -np.inf
         self._north: str | None = None
-
-    @property
-    def common(self) -> Common:
-        """Standard deviations of what all rows share."""
-        chosen = self._settings
-        return Common(chosen.common_tilt, chosen.common_turn, chosen.common_delay)
 
     def push(self, rows: Attitude) -> Attitude:
         """Rows that became complete.
@@ -526,14 +502,24 @@ class RobustStream:
         self._north = rows.north
         done: list[Step] = []
         for place in range(len(rows)):
-            row = _row(rows, place)
+            q = rows.quaternion[place]
+            known = not np.isnan(q[0])
+            row = Row(
+                float(rows.time[place]),
+                dcm_from_quaternion(q) if known else None,
+                # rad^2, so that rows that claim to be exact stay invertible
+                rows.covariance[place] + 1e-16 * np.eye(3) if known else None,
+                float(rows.rate[place]),
+                float(rows.quality[place]),
+                int(rows.flags[place]),
+            )
             if not row.time > self._last:
                 raise InputError(f"time[{place}] is {row.time:.9g} s, not after {self._last:.9g} s; sort the rows")
             self._last = row.time
             if row.matrix is not None:
                 done += self._release(row)
             self._waiting.append(row)
-            if row.time - self._waiting[0].time > self._settings.longest_bridge or all(
+            if row.time - self._waiting[0].time > self.settings.longest_bridge or all(
                 w.matrix is None for w in self._waiting
             ):
                 done += self._release(None)
@@ -552,7 +538,7 @@ class RobustStream:
         return done
 
     def _result(self, steps: list[Step]) -> Attitude:
-        return attitude_of(steps, self._north or "magnetic", "robust", self.common)
+        return attitude_of(steps, self._north or "magnetic", "robust", self.settings)
 
 
 def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) -> Attitude:
@@ -600,18 +586,4 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
     """
     stream = RobustStream(settings)
     steps = stream.steps(rows) + stream.last_steps()
-    return attitude_of(steps, rows.north, "robust", stream.common, rows.notes)
-
-
-def _row(rows: Attitude, place: int) -> Row:
-    q = rows.quaternion[place]
-    known = not np.isnan(q[0])
-    # rad^2, so that rows that claim to be exact stay invertible
-    return Row(
-        float(rows.time[place]),
-        dcm_from_quaternion(q) if known else None,
-        rows.covariance[place] + 1e-16 * np.eye(3) if known else None,
-        float(rows.rate[place]),
-        float(rows.quality[place]),
-        int(rows.flags[place]),
-    )
+    return attitude_of(steps, rows.north, "robust", stream.settings, rows.notes)

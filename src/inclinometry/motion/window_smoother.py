@@ -15,7 +15,6 @@ from inclinometry.motion.result import BITS, Attitude, Samples
 from inclinometry.motion.window_filter import (
     Belief,
     RobustStream,
-    Step,
     WindowFilterSettings,
     attitude_of,
     measured,
@@ -254,9 +253,15 @@ def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None)
         else:
             following = steps[place + 1].predicted if place + 1 < len(steps) else None
             later = step.belief if later is None or following is None else _back(step.belief, following, later)
-            smoothed[place] = _replaced(step, later)
+            # the tool's attitude rebuilt on the smoothed direction
+            spread = later.covariance[:2, :2]
+            if step.row.matrix is not None and step.row.covariance is not None:
+                found = rolled(later.frame, spread, step.row.matrix, step.factor * step.row.covariance)
+            else:
+                found = carried(later.frame, spread, step.roll, step.roll_variance)
+            smoothed[place] = step._replace(matrix=found[0], covariance=found[1], belief=later)
         seen_at = step.row.time if step.row.matrix is not None else seen_at
-    return attitude_of(smoothed, rows.north, "smoother", stream.common, rows.notes)
+    return attitude_of(smoothed, rows.north, "smoother", chosen, rows.notes)
 
 
 def _back(belief: Belief, predicted: Belief, later: Belief) -> Belief:
@@ -267,14 +272,3 @@ def _back(belief: Belief, predicted: Belief, later: Belief) -> Belief:
     covariance = belief.covariance + gain @ (later.covariance - predicted.covariance) @ gain.T
     frame = turned(belief.frame, change[:2])
     return Belief(belief.time, frame, belief.rate + change[2:], 0.5 * (covariance + covariance.T))
-
-
-def _replaced(step: Step, belief: Belief) -> Step:
-    """The step with its tool attitude rebuilt on the smoothed direction."""
-    found: tuple[Array, Array]
-    spread = belief.covariance[:2, :2]
-    if step.row.matrix is not None and step.row.covariance is not None:
-        found = rolled(belief.frame, spread, step.row.matrix, step.factor * step.row.covariance)
-    else:
-        found = carried(belief.frame, spread, step.roll, step.roll_variance)
-    return step._replace(matrix=found[0], covariance=found[1], belief=belief)

@@ -179,7 +179,13 @@ class Engine:
         if state is None:
             return Node(None, None, None, True, 0, time, model)
         if not anew and is_moving(state, window):
-            state, after, seen = _finer(state, window, model)
+            # linearised again by the window, without a field that is disturbed
+            before = state
+            state = linearised(before, window, model, model.magnetic)
+            after, seen = reduce_window(state, window, model)
+            if seen.disturbed:
+                state = linearised(before, window, model, False)
+                after, seen = reduce_window(state, window, model)
         else:
             after, seen = reduce_window(state, window, model)
         if self._lost and not self._stated and (seen.disturbed or seen.gravity < 0.0):
@@ -229,16 +235,6 @@ class Engine:
         if anew or self._stated:
             return linearised(state, window, model, model.magnetic), True, model
         return state, False, model
-
-
-def _finer(state: State, window: Samples, model: Model) -> tuple[State, State, Observation]:
-    """The state linearised again by the window, without a field that is disturbed, and `reduce_window` of it."""
-    finer = linearised(state, window, model, model.magnetic)
-    after, seen = reduce_window(finer, window, model)
-    if seen.disturbed:
-        finer = linearised(state, window, model, False)
-        after, seen = reduce_window(finer, window, model)
-    return finer, after, seen
 
 
 class _Stream:

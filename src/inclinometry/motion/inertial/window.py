@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, frozen
 from inclinometry.errors import IdentifiabilityError, InputError
@@ -233,7 +232,7 @@ def filter_window(
         fed,
         np.asarray(window.accel),
         np.asarray(window.mag) if with_field else np.zeros((0, 3)),
-        _marks(bad, with_field, still),
+        np.where(bad, 0 if still else 2, 1 if with_field else 0).astype(np.uint8),  # 1 use the field, 2 hold the gyro
         tapers(len(window), window.interval),
         _constants(state, window.interval, model, still),
         nominal,
@@ -317,12 +316,6 @@ def is_still(state: State, window: Samples, model: Model, bad: Mask) -> bool:
     scatter = accel.std(axis=0).max()
     moved = np.abs(accel[:middle].mean(axis=0) - accel[middle:].mean(axis=0)).max()
     return bool(scatter <= settings.still_accel and moved <= 6.0 * 2.0 * scatter / np.sqrt(len(window)) + 1e-9)
-
-
-def _marks(bad: Mask, magnetic: bool, still: bool) -> NDArray[np.uint8]:
-    """Bits of the kernel: 1 use the field, 2 hold the gyro."""
-    marks = np.where(bad, 0 if still else 2, 1 if magnetic else 0)
-    return marks.astype(np.uint8)
 
 
 def _constants(state: State, interval: float, model: Model, still: bool) -> Array:

@@ -9,7 +9,6 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.motion.magnetic.demodulate import (
     DELAY_SIGMA,
@@ -563,10 +562,10 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     refused = tuple(name for name, yes in found.items() if yes)
     if refused:
         return _refused(refused, method)
-    off = departure(window.gravity, window.field, window.covariance, settings.site)
-    if off.far:
-        return _refused(("disturbed", "axes"), method, off.text)
-    doubtful = replace(window, covariance=inflated(window.covariance, off.extra))
+    extra, far = departure(window.gravity, window.field, window.covariance, settings.site)
+    if far:
+        return _refused(("disturbed", "axes"), method, far)
+    doubtful = replace(window, covariance=inflated(window.covariance, extra))
     matrix, covariance = attitude_of(doubtful)
     # from six times that on linear covariance and the small mean of shaking no longer hold
     if _tilt(covariance, matrix) > 6.0 * SHAKEN:
@@ -595,8 +594,12 @@ def _doubts(
     level = float(np.hypot(matrix[0, 2], matrix[1, 2]))
     tilt = _tilt(covariance, matrix)
     transverse = float(np.hypot(window.field[0], window.field[1]))
-    # departure of strength and dip from the site's, over what is allowed; zero where the site states none
     site = settings.site
+    gravity = site.gravity if site is not None and site.gravity is not None else STANDARD_GRAVITY
+    strength = float(np.linalg.norm(window.gravity))
+    along = window.gravity / max(strength, 1e-9)
+    sigma = float(np.sqrt(along @ window.covariance[:3, :3] @ along))
+    # departure of strength and dip from the site's, over what is allowed; zero where the site states none
     worst = 0.0
     if site is not None and site.b is not None:
         worst = abs(float(np.linalg.norm(window.field)) / site.b - 1.0) / DISTURBED
@@ -607,7 +610,8 @@ def _doubts(
         "disturbed": max(window.ripple / window.circle.radius / DISTURBED, worst),
         "vibration": tilt / SHAKEN,
         "offset": window.offset_sigma / transverse / float(np.radians(0.5)),  # turn of the field worth a flag
-        "misfit": _gravity_misfit(window, settings.site),
+        # m/s^2 allowed, beside five standard deviations
+        "misfit": abs(strength - gravity) / (0.1 + 5.0 * sigma),
         "aliased": window.turn / MOST_TURN,
     }
     flags = [name for name, share in shares.items() if share > 1.0]
@@ -620,16 +624,6 @@ def _doubts(
     if window.stepped:
         flags.append("step")
     return tuple(flags), max(shares.values())
-
-
-def _gravity_misfit(window: WindowFit, site: Site | None) -> float:
-    """Departure of gravity's strength from the expected one, over what is allowed."""
-    gravity = site.gravity if site is not None and site.gravity is not None else STANDARD_GRAVITY
-    strength = float(np.linalg.norm(window.gravity))
-    along = window.gravity / max(strength, 1e-9)
-    sigma = float(np.sqrt(along @ window.covariance[:3, :3] @ along))
-    # m/s^2 allowed, beside five standard deviations
-    return abs(strength - gravity) / (0.1 + 5.0 * sigma)
 
 
 def magnetic_attitude(samples: Samples, settings: MagneticSettings | None = None) -> Attitude:
