@@ -77,7 +77,8 @@ OUTSIDE = (
     "inclinometry.files.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
     "Progress", "Numbered", "types.Callable",
     "inclinometry.files.exchange.Sheet", "inclinometry.files._quantities.Quantity",
-    "inclinometry.calibration._field_model.Shots", "inclinometry.calibration._field_model.Unknowns", "inclinometry.calibration._field_model.Estimate",
+    "inclinometry.calibration._field_model.Shots", "inclinometry.calibration._field_model.Unknowns",
+    "inclinometry.calibration._field_model.Estimate",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to

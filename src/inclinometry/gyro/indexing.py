@@ -286,8 +286,7 @@ def find_spikes(batch: Batch, noise: Noise, total: int) -> tuple[Batch, Mask]:
         drops = np.sort(statistic, axis=1)
         worst, margin = drops[:, -1], drops[:, -1] - drops[:, -2]
         likely = noise.tail(worst, np.full_like(worst, channels)) * total > LEVEL
-        # chi-square with one degree of freedom at 1e-3: a spike must explain that much better than the
-        # next row
+        # chi-square with one degree of freedom at 1e-3: so much better than the next row must a spike explain
         clear = margin > 10.83 * noise.shrunk(worst, np.full_like(worst, channels))
         out = ~likely & clear & (fit.dof - channels >= 1.0)
         unsure[place[~likely & ~out]] = True
@@ -357,9 +356,10 @@ def check_positions(scheme: Scheme, labels: Index, index: Array, tolerance: floa
     """Raise unless the positions (S, P) of every station are those of the scheme, repeats in place allowed."""
     if scheme.positions_deg:
         # nearly always all stations hold exactly the scheme's positions, one reading each
-        wanted, unlike = np.radians(scheme.positions_deg), np.ones(len(index), dtype=np.bool_)
+        wanted = np.radians(scheme.positions_deg)
+        unlike: Mask = np.ones(len(index), dtype=np.bool_)
         if index.shape[1] == len(wanted):
-            unlike = ~(np.abs(wrap_signed(index - wanted)) <= tolerance).all(axis=1)
+            unlike = np.asarray(~(np.abs(wrap_signed(index - wanted)) <= tolerance).all(axis=1))
         for place in np.flatnonzero(unlike):
             _check_visits(scheme, int(labels[place]), index[place], tolerance)
         return
@@ -715,13 +715,22 @@ def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Se
         for s, p in np.argwhere(~batch.used)
     ]
     left_out.sort(key=lambda pair: pair[1])
-    notes = [f"Station {label}: reading in row {row} disagrees with the others; left out." for label, row in left_out]
+    warnings = [
+        f"Station {label}: reading in row {row} disagrees with the others; left out." for label, row in left_out
+    ]
     noisy = table.labels[out.noisy]
     if len(noisy):
         shown = ", ".join(str(label) for label in noisy[:10]) + (", ..." if len(noisy) > 10 else "")
-        notes.append(
+        warnings.append(
             f"{len(noisy)} station(s) disagree within themselves by more than the noise ({shown}); their covariance "
             "is multiplied by chi-square over degrees of freedom."
+        )
+    notes: tuple[str, ...] = ()
+    if noise.dof is not None:
+        values = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, noise.sd, strict=True))
+        notes = (
+            f"Noise of one reading, estimated from the residuals of {len(table.labels)} station(s) with "
+            f"{noise.dof:.0f} degrees of freedom: {values}.",
         )
     return IndexAverage(
         field=frozen(out.field),
@@ -736,8 +745,8 @@ def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Se
             for s, n in zip(out.spike.tolist(), out.noisy.tolist(), strict=True)
         ),
         left_out=tuple(left_out),
-        notes=_notes(noise, table, names),
-        warnings=tuple(notes),
+        notes=notes,
+        warnings=tuple(warnings),
     )
 
 
@@ -765,13 +774,3 @@ class _Sums:
             self.drift[at] = fit.estimate[:, columns.bias_slots().stop :] / batch.second[:, None]
         self.chi_square[at], self.dof[at] = fit.chi_square, fit.dof
         self.noisy[at], self.spike[at] = noisy, ~batch.used.all(axis=1)
-
-
-def _notes(noise: Noise, table: Table, names: Sequence[str]) -> tuple[str, ...]:
-    if noise.dof is None:
-        return ()
-    values = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, noise.sd, strict=True))
-    return (
-        f"Noise of one reading, estimated from the residuals of {len(table.labels)} station(s) with "
-        f"{noise.dof:.0f} degrees of freedom: {values}.",
-    )

@@ -462,7 +462,12 @@ def smooth_scale(
     # one station teaches the scale to this standard uncertainty at best: what is sharper drowns in rounding
     sharpest = 1e-7
     for _ in range(6):
-        expected, variance = _without_own(prior, mean, precision, shift)
+        # mean and variance (n,) of each station's scale from all others, by (prior^-1 + precision)^-1
+        factor = np.linalg.solve(np.eye(size) + prior * precision, prior)
+        centre = mean + factor @ (shift - precision * mean)
+        own = np.diagonal(factor)
+        rest = 1.0 / own - precision
+        expected, variance = (centre / own - shift) / rest, 1.0 / rest
         found = solve_joint(high, covariance, slant, latitude, scale=expected, scale_sd=np.sqrt(variance))
         scale, left = _posterior(found)
         learnt = _teaches(found, scale, left, expected, variance)
@@ -497,16 +502,6 @@ def _teaches(found: JointBatch, scale: Array, left: Array, expected: Array, vari
     with np.errstate(divide="ignore", invalid="ignore"):
         surprise = np.where(gained > 0.0, (scale - expected) ** 2 / gained, 0.0)
     return np.asarray(~found.ambiguous & ~found.weak & (gained > 0.0) & (surprise < SURPRISE))
-
-
-def _without_own(prior: Array, mean: Array, precision: Array, shift: Array) -> tuple[Array, Array]:
-    """Mean and variance (n,) of each station's scale from all others."""
-    size = len(mean)
-    factor = np.linalg.solve(np.eye(size) + prior * precision, prior)  # (prior^-1 + sites)^-1
-    centre = mean + factor @ (shift - precision * mean)
-    own = np.diagonal(factor)
-    left = 1.0 / own - precision
-    return (centre / own - shift) / left, 1.0 / left
 
 
 def _temperatures(temperature: ArrayLike, size: int) -> Array:

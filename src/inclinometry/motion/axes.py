@@ -283,7 +283,17 @@ class AxesCheck:
             self._slopes = [*self._slopes, turning.slope][-KEPT:]
             if len(self._slopes) >= SURE:
                 slopes = np.array(self._slopes)
-                _judge_slope(slopes, sampled=sampled)
+                # opposite is told only when sampled fast enough
+                if sampled and (slopes < -0.5).all():
+                    raise InputError(_AGAINST)
+                units = {"deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0, "rpm": np.pi / 30.0}
+                for unit, factor in units.items():
+                    if (np.abs(slopes / factor - 1.0) < 0.2).all():
+                        times = 1.0 / float(np.median(slopes))
+                        raise InputError(
+                            f"the gyro reads {times:.4g} times the speed with which the magnetic field turns; its unit "
+                            f"is rad/s, the reading is right for {unit}: multiply by {factor:.6g}"
+                        )
                 self._turns = bool((np.abs(slopes - 1.0) < 0.2).all())
 
     def _field_axis(self, mag: Array) -> None:
@@ -384,18 +394,4 @@ def _unit(what: str, unit: str, strength: float, low: float, high: float, others
             raise InputError(
                 f"{what} reads {strength:.4g} {unit} on the mean (allowed {low:.3g} to {high:.3g}): right for {other}; "
                 f"multiply by {factor:g}"
-            )
-
-
-def _judge_slope(slopes: Array, *, sampled: bool) -> None:
-    """Field against gyro: opposite (told only when sampled fast enough), or in another unit."""
-    slope = float(np.median(slopes))
-    if sampled and (slopes < -0.5).all():
-        raise InputError(_AGAINST)
-    units = {"deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0, "rpm": np.pi / 30.0}
-    for unit, factor in units.items():
-        if (np.abs(slopes / factor - 1.0) < 0.2).all():
-            raise InputError(
-                f"the gyro reads {1.0 / slope:.4g} times the speed with which the magnetic field turns; its unit is "
-                f"rad/s, the reading is right for {unit}: multiply by {factor:.6g}"
             )

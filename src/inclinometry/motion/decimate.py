@@ -306,8 +306,7 @@ def low_pass(factor: int) -> Array:
         return np.ones(1)
     half = 16 * factor
     place = np.arange(-half, half + 1)
-    # 0.3 of the new rate: up to here the gain is 1 within 1e-5; twice the middle of the transition, cycles per
-    # sample
+    # up to 0.3 of the new rate the gain is 1 within 1e-5
     edge = (0.3 + 0.5) / factor  # twice the middle of the transition, cycles per sample
     # dB, of everything above half the new rate; 97 at its very edge
     taps = np.sinc(edge * place) * np.kaiser(2 * half + 1, 0.1102 * (100.0 - 8.7))

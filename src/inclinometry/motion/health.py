@@ -125,9 +125,12 @@ def stuck_findings(window: Samples) -> list[Finding]:
         if values is None or len(values) < LEAST_RUN:
             continue
         for place, axis in enumerate("xyz"):
-            run = _longest_run(values[:, place])
-            # of the window
-            if run is None or run[1] - run[0] < max(LEAST_RUN, 0.1 * len(values)):
+            # the longest stretch of one value: first and last + 1 sample
+            edges = np.flatnonzero(np.diff(values[:, place]) != 0.0) + 1
+            starts, stops = np.append(0, edges), np.append(edges, len(values))
+            best = int(np.argmax(stops - starts))
+            run = int(starts[best]), int(stops[best])
+            if run[1] - run[0] < max(LEAST_RUN, 0.1 * len(values)):
                 continue
             if place < 2:
                 partner = values[:, 1 - place]
@@ -162,15 +165,6 @@ def held_findings(window: Samples) -> list[Finding]:
         f"{100.0 * share:.0f} % of the rows repeat the readings of the row before: sampled faster than the sensors are"
     )
     return [Finding("stuck", "all", share / most_held, False, text)]
-
-
-def _longest_run(values: Array) -> tuple[int, int] | None:
-    """First and last + 1 sample of the longest stretch of one value."""
-    edges = np.flatnonzero(np.diff(values) != 0.0) + 1
-    starts = np.concatenate([[0], edges])
-    stops = np.concatenate([edges, [values.size]])
-    best = int(np.argmax(stops - starts))
-    return (int(starts[best]), int(stops[best])) if values.size else None
 
 
 def _turned_otherwise(speed: float, mag: Array, interval: float) -> bool:
@@ -305,7 +299,11 @@ class HealthCheck:
             Units, signs or axes that contradict each other over several windows, naming the remedy.
         """
         findings, marked = clipping_findings(window, self._settings.ranges)
-        findings += stuck_findings(window) + held_findings(window) + _missing(window) + _dead(window)
+        findings += stuck_findings(window) + held_findings(window)
+        if share := 0.0 if window.clipped is None else float(window.clipped.mean()):
+            text = f"{100.0 * share:.2g} % of the samples are missing or marked"
+            findings.append(Finding("gap", "all", 1.0 + share, False, text))
+        findings += _dead(window)
         lame = window.mag is not None and any(one.refuse and one.where.startswith("gyro") for one in findings)
         judged = replace(window, gyro=None) if lame else window
         turning = find_turning(judged)
@@ -315,8 +313,7 @@ class HealthCheck:
         strength, scatter, steady = field_strength(judged, self._site)
         found = None if aliased else find_harmonics(judged, turning)
         off = field_off(judged, found, self._site, strength=strength, scatter=scatter)
-        # m/s^2, range of the accelerometers in a window at rest, by whose means the site is held against the
-        # field
+        # m/s^2, range of the accelerometers at rest: by the means of such windows the site is held against the field
         if judged.accel is not None and judged.mag is not None and np.ptp(judged.accel, axis=0).max() < 0.5:
             self._site_check.add(judged.accel.mean(axis=0), judged.mag.mean(axis=0), 0.0)
         if not self._settings.believe_axes and not any(
@@ -365,13 +362,3 @@ def _dead(window: Samples) -> list[Finding]:
         return []
     text = f"the accelerometer reads {sensed:.3g} m/s^2 (root mean square), less than half of gravity"
     return [Finding("misfit", "accel", least_sensed / max(sensed, 1e-9), True, text)]
-
-
-def _missing(window: Samples) -> list[Finding]:
-    if window.clipped is None:
-        return []
-    share = float(window.clipped.mean())
-    if not share:
-        return []
-    text = f"{100.0 * share:.2g} % of the samples are missing or marked"
-    return [Finding("gap", "all", 1.0 + share, False, text)]

@@ -85,13 +85,19 @@ def find_turning(window: Samples) -> Turning:
     (9.0, 1.0, 44.91)
     """
     by_gyro = None if window.gyro is None else 0.5 * window.interval * (window.gyro[1:, 2] + window.gyro[:-1, 2])
-    by_mag = None if window.mag is None else _phase_steps(window.mag)
+    by_mag = None
+    if window.mag is not None:
+        # within half a turn: the field's phase runs against the rotation
+        by_mag = np.asarray(-wrap_signed(np.diff(np.arctan2(window.mag[:, 1], window.mag[:, 0]))))
     steps = by_mag if by_gyro is None else by_gyro
     if steps is None:
         return Turning(np.empty(0), np.empty(0), np.nan, np.nan, np.nan, np.nan, "")
     slope, lost, restless, mirror, swing = np.nan, np.nan, np.nan, np.nan, 0.0
     if by_gyro is not None and by_mag is not None:
-        slope, lost, restless = _compared(by_gyro, by_mag)
+        off, power = wrap_signed(by_mag - by_gyro), float(by_gyro @ by_gyro)
+        slope = float(by_mag @ by_gyro / power) if power > 0.0 else np.nan
+        lost = float(np.sum(by_mag - by_gyro - off)) / TAU
+        restless = _wander(off)
         swing = _wander(by_gyro)
         mirror = _wander(wrap_signed(by_mag + by_gyro)) / max(restless, 1e-12)
     angle = np.concatenate([[0.0], np.cumsum(steps)])
@@ -108,21 +114,6 @@ def find_turning(window: Samples) -> Turning:
         mirror=mirror,
         swing=swing,
     )
-
-
-def _phase_steps(mag: Array) -> Array:
-    """Rotation (n - 1,) from sample to sample, rad, within half a turn: the field's phase runs against it."""
-    phase = np.arctan2(mag[:, 1], mag[:, 0])
-    return np.asarray(-wrap_signed(np.diff(phase)))
-
-
-def _compared(by_gyro: Array, by_mag: Array) -> tuple[float, float, float]:
-    """Slope, whole turns lost, restlessness."""
-    off = wrap_signed(by_mag - by_gyro)
-    power = float(by_gyro @ by_gyro)
-    slope = float(by_mag @ by_gyro / power) if power > 0.0 else np.nan
-    turns = float(np.sum(by_mag - by_gyro - off)) / TAU
-    return slope, turns, _wander(off)
 
 
 def _wander(steps: Array) -> float:

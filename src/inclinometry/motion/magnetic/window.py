@@ -509,8 +509,6 @@ def attitude_of(window: WindowFit) -> tuple[Array, Array]:
 
 # What a window can be trusted for: flags, quality, refusal.
 
-DISTURBED: Final = 0.02
-"""Of the radius: scatter of the transverse field about its circle, less its noise; departure of the strength."""
 SHAKEN: Final = float(np.radians(0.5))
 """Uncertainty of inclination that is called too much vibration."""
 LEVEL: Final = 0.02
@@ -601,13 +599,15 @@ def _doubts(
     sigma = float(np.sqrt(along @ window.covariance[:3, :3] @ along))
     # departure of strength and dip from the site's, over what is allowed; zero where the site states none
     worst = 0.0
+    # of the radius, scatter of the transverse field about its circle, less its noise; departure of the strength
+    disturbed = 0.02
     if site is not None and site.b is not None:
-        worst = abs(float(np.linalg.norm(window.field)) / site.b - 1.0) / DISTURBED
+        worst = abs(float(np.linalg.norm(window.field)) / site.b - 1.0) / disturbed
     if site is not None and site.dip is not None:
         worst = max(worst, abs(float(dip_angle(window.gravity, window.field)) - site.dip) / float(np.radians(1.0)))
     shares = {
         "clipped": window.clipped / max(settings.clipped_share, 1e-12),
-        "disturbed": max(window.ripple / window.circle.radius / DISTURBED, worst),
+        "disturbed": max(window.ripple / window.circle.radius / disturbed, worst),
         "vibration": tilt / SHAKEN,
         "offset": window.offset_sigma / transverse / float(np.radians(0.5)),  # turn of the field worth a flag
         # m/s^2 allowed, beside five standard deviations
