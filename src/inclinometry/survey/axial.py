@@ -18,20 +18,15 @@ from inclinometry.survey.stations import Source, Stations
 SOURCE: Final = "axial correction"
 """Name of the source of error left by the correction; its two parameters are the reference b (nT) and dip (rad)."""
 
-LEFT: Final = "axial interference"
-"""Name of the source of error at stations that could not be corrected; its parameter is the interference, nT."""
 
 SINGULAR: Final = float(np.cos(np.radians(70.0)) ** 2)
-"""1 - sin^2 I sin^2 A below which the correction must not be used: when level, azimuth within 20 deg of east-west."""
+"""1 - sin^2 I sin^2 A below which the correction must not be used: when level, azimuth within 20 deg of east-west.
 
-WEAK: Final = float(np.cos(np.radians(60.0)) ** 2)
-"""The same below which it is better avoided, by spacing the assembly well: when level, within 30 deg of east-west.
-
-Both sectors: Innova, Appendix C, short collar correction; written in I and A they hold at every inclination.
+Innova, Appendix C, short collar correction; written in I and A it holds at every inclination.
 """
 
+
 _STEEP: Final = 1e-12  # sine of inclination below which the axial field does not depend on azimuth
-_STEPS: Final = 80  # halvings: more than the digits of a double
 
 
 class _Geometry(NamedTuple):
@@ -53,7 +48,7 @@ class AxialCorrection:
     stations : Stations, corrected.
     interference : (n,) measured minus computed axial field, nT; also at stations that were left alone.
     observability : (n,) 1 - sin^2 I (H/Bh) sin^2 A: an error of the axial field is divided by this.
-    singular, weak : (n,) left alone below `SINGULAR`; corrected but poorly below `WEAK`.
+    singular, weak : (n,) left alone below `SINGULAR`; corrected but poorly below 0.25.
     azimuth_by_b, azimuth_by_dip : (n,) rad per nT and rad per rad of the reference; NaN at vertical stations.
     misfit : (n, 2) horizontal and vertical field after the correction minus the reference, nT.
     """
@@ -144,7 +139,8 @@ def axial_correction(
         interference=interference,
         observability=observability,
         singular=singular,
-        weak=(observability < WEAK) & ~singular,
+        # the same source: within 30 deg of east-west it is better avoided, by spacing the assembly well
+        weak=(observability < np.cos(np.radians(60.0)) ** 2) & ~singular,
         azimuth_by_b=by_bz * by_reference[:, 0],
         azimuth_by_dip=by_bz * by_reference[:, 1],
         misfit=np.column_stack([level - horizontal, down - vertical]),
@@ -190,7 +186,7 @@ def _axial_field(at: _Geometry, horizontal: float, vertical: float, measured: Ar
 
 def _bisected(gap: Callable[[Array], Array], low: Array, high: Array) -> Array:
     low, high = low.copy(), high.copy()
-    for _ in range(_STEPS):
+    for _ in range(80):  # more halvings than the digits of a double
         middle = 0.5 * (low + high)
         above = gap(middle) > 0.0
         low, high = np.where(above, low, middle), np.where(above, middle, high)
@@ -249,7 +245,8 @@ def _propagated(
     if keep.any():
         left = np.zeros((size, 6, 1))
         left[keep, 5] = 1.0
-        sources[LEFT] = Source(left, np.array([[interference_sigma**2]]))
+        # name of the source of error at stations that could not be corrected; its parameter is the interference, nT
+        sources["axial interference"] = Source(left, np.array([[interference_sigma**2]]))
     return noise, sources
 
 

@@ -15,13 +15,8 @@ from inclinometry.sensors import Tool, by_parameter
 from inclinometry.survey.reduce import tool_fields
 from inclinometry.survey.stations import Source, Stations
 
-SOURCE: Final = "calibration"
-"""Name of the source that the tool's certificate is."""
-
 NOTHING_STATED: Final = "the certificate states no uncertainty: its covariance is zero"
 """Line of history of stations whose tool has no covariance."""
-
-_UNITS: Final = ("m/s^2", "nT")
 
 
 def stations_from_tool(
@@ -93,7 +88,7 @@ def stations_from_tool(
         strengths[1] * seen["magnetometer"],
         heat,
         noise,
-        {} if source is None else {SOURCE: source},
+        {} if source is None else {"calibration": source},
         tuple(history),
     )
 
@@ -129,7 +124,7 @@ def field_errors(
 def _strengths(tool: Tool, stated: tuple[float | None, float | None]) -> tuple[tuple[float, float], list[str]]:
     """Field strengths at the calibration, and in words where they are not the calibration's own."""
     found, history = [], []
-    for kind, unit, name, other in zip(VECTORS, _UNITS, ("g", "b"), stated, strict=True):
+    for kind, unit, name, other in zip(VECTORS, ("m/s^2", "nT"), ("g", "b"), stated, strict=True):
         own = tool.triads[kind].field_strength
         if own is None and other is None:
             raise InputError(

@@ -17,14 +17,6 @@ from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.survey.flags import ROUNDING, Check, summary, worst
 from inclinometry.survey.reduce import Survey
 
-SAME_DEPTH = 1e-3
-"""Depths closer than this, m, are one depth: nothing is interpolated."""
-
-_SWING = np.pi / 2  # between two stations whose azimuths differ by more the shorter arc is a guess
-
-_COINCIDENCE = 3  # fewer stations may be alike by the rounding of their figures
-_SAME_ANGLE = 1e-9  # rad; what conversion and writing change
-
 
 class Stations(Protocol):
     """What is compared: a `survey.reduce.Survey` has it too."""
@@ -210,7 +202,8 @@ def _not_one_run(inclination: Array, azimuth: Array) -> None:
     """InputError where the runs do not differ at all: no two runs repeat every station to the last figure."""
     known = np.isfinite(azimuth)
     difference, what = (azimuth[known], "azimuth") if known.any() else (inclination, "inclination")
-    if len(difference) >= _COINCIDENCE and (np.abs(difference) <= _SAME_ANGLE).all():
+    # fewer than three may be alike by the rounding of their figures; conversion and writing change 1e-9 rad
+    if len(difference) >= 3 and (np.abs(difference) <= 1e-9).all():
         raise InputError(
             f"in-run and out-run have the same {what} at all {len(difference)} stations compared; "
             "the same run twice proves nothing: give the two runs"
@@ -219,6 +212,7 @@ def _not_one_run(inclination: Array, azimuth: Array) -> None:
 
 def _interpolated(md: Array, run: Stations, interval: float) -> _At:
     """The out-run at other depths; not covered outside its range and over gaps longer than `interval`."""
+    same_depth = 1e-3  # depths closer than this, m, are one depth: nothing is interpolated
     if not len(run.md):
         nothing, none = np.full(len(md), np.nan), np.zeros(len(md), dtype=bool)
         return _At(nothing, nothing, none, none)
@@ -226,13 +220,14 @@ def _interpolated(md: Array, run: Stations, interval: float) -> _At:
     after = np.clip(np.searchsorted(run.md, md), min(1, last), last)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(run.md[before] - md) <= np.abs(run.md[after] - md), before, after)
-    same = np.abs(run.md[nearest] - md) <= SAME_DEPTH
+    same = np.abs(run.md[nearest] - md) <= same_depth
     inside = (md > run.md[0]) & (md < run.md[-1])
-    covered = same | (inside & (run.md[after] - run.md[before] <= interval + SAME_DEPTH))
+    covered = same | (inside & (run.md[after] - run.md[before] <= interval + same_depth))
     span = np.where(after > before, run.md[after] - run.md[before], 1.0)
     share = (md - run.md[before]) / span
     turn = wrap_signed(run.azimuth[after] - run.azimuth[before])
-    turn = np.where(np.abs(turn) > _SWING, np.nan, turn)
+    # between two stations whose azimuths differ by more the shorter arc is a guess
+    turn = np.where(np.abs(turn) > np.pi / 2, np.nan, turn)
     inclination = run.inclination[before] + share * (run.inclination[after] - run.inclination[before])
     azimuth = wrap_positive(run.azimuth[before] + share * turn)
     return _At(

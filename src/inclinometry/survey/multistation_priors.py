@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +18,6 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, Triad
 from inclinometry.uncertainty import covariance_matrix
-
-_AXIAL: Final = "axial interference"
-_WIDE: Final = float(np.radians(270.0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,7 +42,7 @@ class Priors:
     noise: Array
     source: str
     axial: str = ""
-    largest_gap: float = _WIDE
+    largest_gap: float = float(np.radians(270.0))
     power: Array = field(default_factory=lambda: np.zeros(0))
     reference_temperature: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -175,6 +172,7 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
     >>> len(priors.names), priors.names[3], priors.names[-1]
     (25, 'accelerometer.offset[0]', 'axial interference')
     """
+    interference = "axial interference"
     content = published()
     axial = content["axial_interference_nT"] if axial_sigma is None else axial_sigma
     within(axial, "axial_sigma", 0.0, 1e5, "nT")
@@ -195,14 +193,14 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
         for part, kind in zip(parts, VECTORS, strict=True)
     ]
     return Priors(
-        names=(*(tool.parameter_names[i] for i in chosen), _AXIAL),
+        names=(*(tool.parameter_names[i] for i in chosen), interference),
         units=(*(tool.triads[tool.parameter_names[i].split(".")[0]].unit for i in chosen), "nT"),
         gain=np.concatenate([*(part[0] for part in parts), np.zeros((1, 6, 6))]),
         offset=np.concatenate([*(part[1] for part in parts), np.eye(6)[5:]]),
         covariance=covariance,
         noise=_tool_noise(tool),
         source=f"calibration of tool {tool.name}",
-        axial=_AXIAL,
+        axial=interference,
         power=np.concatenate([*(part[2] for part in parts), [0.0]]),
         reference_temperature=np.concatenate([*heat, [0.0]]),
     )

@@ -20,8 +20,6 @@ from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
 # what
 # it is multiplied with, beta dbeta, is linear in the changes of the two directions.
 
-SERIES: Final = 0.5
-"""Angle, rad, below which a difference is taken from its series."""
 # (cos x - sin(x)/x) / x^2 by powers of x^2; the first term left out is 3e-18
 TERMS: Final = tuple((-1.0) ** k * 2 * k / factorial(2 * k + 1) for k in range(1, 8))
 
@@ -72,7 +70,7 @@ def sinc(c: Array, dogleg: Array, slopes: bool = True) -> Even:
 
 def bend(x: Array) -> Array:
     """Derivative of sin(x)/x divided by x: (cos x - sin(x)/x) / x^2, -1/3 at 0."""
-    small = np.abs(x) < SERIES
+    small = np.abs(x) < 0.5  # there the difference is taken from its series
     safe = np.where(small, 1.0, x)
     return np.where(small, np.polynomial.polynomial.polyval(x * x, TERMS), (np.cos(safe) - _sinc(safe)) / safe**2)
 

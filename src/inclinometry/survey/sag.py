@@ -20,9 +20,6 @@ from inclinometry.survey.reduce import Survey
 from inclinometry.survey.stations import Source, Stations
 
 _TOUCH: Final = 1e-9  # m
-_PULL: Final = 1e-9  # of the largest load of a node: rounding
-_ROUNDS: Final = 2  # changes of contact for each degree of freedom before the slower way
-_PATIENCE: Final = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +101,14 @@ class _Problem(NamedTuple):
         """The contact that would have to pull hardest, None where all push."""
         pull = np.where(self.bounded, -side * (self.force - _times(self.band, values)), 0.0)
         worst = int(np.argmax(pull))
-        return worst if pull[worst] > _PULL * np.abs(self.force).max(initial=1e-12) else None
+        # beyond the rounding of the largest load of a node
+        return worst if pull[worst] > 1e-9 * np.abs(self.force).max(initial=1e-12) else None
 
 
 def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
     """Close the contact passed furthest, else open the one that pulls hardest; None where that goes in circles."""
     side = start.copy()
-    for _ in range(_ROUNDS * len(side)):
+    for _ in range(2 * len(side)):  # then the slower way
         values = _solved(problem.band, problem.force, problem.held | (side != 0), side * problem.wall)
         past = np.where(problem.bounded, np.abs(values) - problem.wall, 0.0)
         worst = int(np.argmax(past))
@@ -127,7 +125,7 @@ def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
 def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
     """The same by steps that stay between the walls and never gain energy: slower, but it ends."""
     side, values = start.copy(), start * problem.wall
-    for _ in range(_PATIENCE * len(side)):
+    for _ in range(50 * len(side)):
         fixed = problem.held | (side != 0)
         aim = _solved(problem.band, problem.force, fixed, values)
         step = aim - values
@@ -211,10 +209,6 @@ MATERIALS: Final[Mapping[str, Material]] = MappingProxyType(
 )
 """Alloy steel, and austenitic steel of non-magnetic collars (28e6 psi); densities of steel in both."""
 
-_BIT: Final = 0.8  # of the hole's diameter; an under-reamer above opens a hole by less
-_BEYOND: Final = 25.0  # m above the last stabiliser; there any string has found the low side
-_MESH: Final = 0.4  # m; the elements are exact at nodes, the mesh only says where the body may touch the wall
-
 
 @dataclass(frozen=True, kw_only=True)
 class Element:
@@ -277,6 +271,7 @@ class Bha:
     beam: Beam = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        bit = 0.8  # of the hole's diameter; an under-reamer above opens a hole by less
         if not self.elements:
             raise InputError("the assembly has no elements; give at least the bit and a collar")
         length = sum(one.length for one in self.elements)
@@ -293,10 +288,10 @@ class Bha:
             raise InputError(
                 f"the hole is {self.hole:g} m wide, the assembly {widest:g} m; a hole is at least as wide as its bit"
             )
-        if self.elements[0].outer < _BIT * self.hole:
+        if self.elements[0].outer < bit * self.hole:
             raise InputError(
                 f"the first element is {self.elements[0].outer:g} m wide in a hole of {self.hole:g} m; it must be the "
-                f"bit, at least {_BIT:g} of the hole"
+                f"bit, at least {bit:g} of the hole"
             )
         object.__setattr__(self, "beam", _mesh(self))
 
@@ -309,10 +304,12 @@ class Bha:
 def _mesh(bha: Bha) -> Beam:
     """Nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be."""
     ends = np.cumsum([0.0, *(one.length for one in bha.elements)])
-    ends[-1] = max(ends[-1], _BEYOND + max((blade.position for blade in bha.stabilisers), default=0.0))
+    # 25 m above the last stabiliser any string has found the low side
+    ends[-1] = max(ends[-1], 25.0 + max((blade.position for blade in bha.stabilisers), default=0.0))
     # to the centimetre: much shorter pieces would be too stiff beside the others for the digits of a double
     marks = np.unique(np.round([*ends, bha.sensor, *(blade.position for blade in bha.stabilisers)], 2))
-    pieces = [np.linspace(a, b, int(np.ceil((b - a) / _MESH)) + 1)[:-1] for a, b in pairwise(marks)]
+    # the elements are exact at nodes, the mesh of 0.4 m only says where the body may touch the wall
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / 0.4)) + 1)[:-1] for a, b in pairwise(marks)]
     x = np.concatenate([*pieces, marks[-1:]])
     which = np.clip(np.searchsorted(ends, 0.5 * (x[1:] + x[:-1])) - 1, 0, len(bha.elements) - 1)
     outer = np.array([one.outer for one in bha.elements])[which]
@@ -331,8 +328,6 @@ def _mesh(bha: Bha) -> Beam:
 
 SOURCE: Final = "sag correction"
 """Name of the source of error the correction leaves; its parameter is the error over its standard deviation."""
-
-_HALF_SPAN: Final = 15.0  # m to both sides over which the curvature of the hole is taken
 
 
 class Sag(NamedTuple):
@@ -454,10 +449,11 @@ def run_sag(md: ArrayLike, inclination: ArrayLike, bha: Bha) -> Sag:
     InputError
         As `deflection`, or shapes that differ.
     """
+    half_span = 15.0  # m to both sides over which the curvature of the hole is taken
     depth, tilt = finite(md, "md", (None,)), within(inclination, "inclination", 0.0, np.pi, "rad")
     if depth.shape != tilt.shape or not depth.size:
         raise InputError(f"md is {depth.shape} and inclination {tilt.shape}; give n of each")
-    above, below = np.maximum(depth - _HALF_SPAN, depth[0]), np.minimum(depth + _HALF_SPAN, depth[-1])
+    above, below = np.maximum(depth - half_span, depth[0]), np.minimum(depth + half_span, depth[-1])
     turn = np.interp(below, depth, tilt) - np.interp(above, depth, tilt)
     span = below - above
     return sag_angles(bha, tilt, np.divide(turn, span, out=np.zeros_like(turn), where=span > 0.0))
