@@ -87,7 +87,18 @@ def magnitudes(seen: Mapping[str, Array], tool: Tool, heat: Array | None, size: 
     """Strengths relative to the stand, dip and latitude, with uncertainty from calibration and noise."""
     strength, spread, blocks = {}, {}, {}
     for kind, field in seen.items():
-        covariance = _field_covariance(tool, kind, field, heat)
+        # covariance (n, 3, 3) of a field vector from its triad's parameters and one reading's noise
+        triad = tool.triads[kind]
+        powers, inverse = triad.basis(heat), triad.inverse_at(field, heat)
+        regressor = np.concatenate([field, np.ones((len(field), 1))], axis=1)
+        design = (np.broadcast_to(powers, (len(field), triad.degree + 1))[:, :, None] * regressor[:, None, :]).reshape(
+            len(field), -1
+        )
+        terms, count = triad.degree + 1, triad.count
+        own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(terms, count, 4, terms, count, 4)
+        ordered = own.transpose(1, 0, 2, 4, 3, 5).reshape(count, terms * 4, count, terms * 4)
+        signal = np.einsum("np,apbq,nq->nab", design, ordered, design, optimize=True) + np.diag(tool.noise[kind] ** 2)
+        covariance = np.asarray(inverse @ signal @ np.swapaxes(inverse, -1, -2))
         strength[kind] = np.linalg.norm(field, axis=1)
         unit = field / strength[kind][:, None]
         # a length that is known has no variance, but for rounding
@@ -110,21 +121,6 @@ def _dip(seen: Mapping[str, Array], blocks: Mapping[str, Array], second: str, si
         for p, k in enumerate(("accelerometer", second))
     )
     return dip_angle(g, b), np.sqrt(variance)
-
-
-def _field_covariance(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
-    """Covariance (n, 3, 3) of a field vector from its triad's parameters and one reading's noise."""
-    triad = tool.triads[kind]
-    powers, inverse = triad.basis(heat), triad.inverse_at(field, heat)
-    regressor = np.concatenate([field, np.ones((len(field), 1))], axis=1)
-    design = (np.broadcast_to(powers, (len(field), triad.degree + 1))[:, :, None] * regressor[:, None, :]).reshape(
-        len(field), -1
-    )
-    size, count = triad.degree + 1, triad.count
-    own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(size, count, 4, size, count, 4)
-    ordered = own.transpose(1, 0, 2, 4, 3, 5).reshape(count, size * 4, count, size * 4)
-    signal = np.einsum("np,apbq,nq->nab", design, ordered, design, optimize=True) + np.diag(tool.noise[kind] ** 2)
-    return np.asarray(inverse @ signal @ np.swapaxes(inverse, -1, -2))
 
 
 def reversed_field(dip: Array, site: Site | None) -> list[str]:

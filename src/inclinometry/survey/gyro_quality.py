@@ -20,34 +20,18 @@ from inclinometry.uncertainty import chi_square_limit, coverage_factor
 _SAME = 9.0  # misfits closer than three standard deviations squared: either latitude may be the true one
 
 
-class Projections(NamedTuple):
-    """Products of the reading and of three unit vectors under the weight of the reading, each (n,).
-
-    y: reading over the Earth rate; d: down; p, q: two horizontal directions. Where the azimuth counts from does not
-    matter because it is eliminated: nothing here has a pole.
-    """
-
-    yy: Array
-    yp: Array
-    yq: Array
-    yd: Array
-    pp: Array
-    pq: Array
-    qq: Array
-    pd: Array
-    qd: Array
-    dd: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Misfit:
     """Weighted squared residuals of a run as a function of latitude.
 
+    products : yy, yp, yq, yd, pp, pq, qq, pd, qd, dd, each (n,), under the weight of the reading: y, the reading over
+        the Earth rate; d, down; p, q, two horizontal directions. Where the azimuth counts from does not matter because
+        it is eliminated: nothing here has a pole.
     prior : 1/variance (n,) of the relative scale of each station; infinite where it is known.
     freedom : degrees of freedom at the best latitude.
     """
 
-    products: Projections
+    products: tuple[Array, ...]
     prior: Array
     freedom: int
 
@@ -88,7 +72,7 @@ class Misfit:
         return np.take_along_axis(lowest, row, axis=0)[0], np.take_along_axis(azimuth, row, axis=0)[0]
 
     def _rows(self, rows: Index) -> Misfit:
-        return Misfit(Projections(*(x[rows] for x in self.products)), self.prior[rows], self.freedom)
+        return Misfit(tuple(x[rows] for x in self.products), self.prior[rows], self.freedom)
 
     def _valleys(self, latitude: float) -> Array:
         """Azimuths (3, n) of the grid where the misfit is least among its neighbours, the lowest three.
@@ -110,14 +94,15 @@ class Misfit:
 
     def cost(self, latitude: float, azimuth: Array) -> tuple[Array, Array]:
         """Misfit (..., n) and the relative scale (..., n) that is best with it, at azimuths (..., n)."""
-        a, c, s = self.products, np.cos(latitude), np.sin(latitude)
+        yy, yp, yq, yd, pp, pq, qq, pd, qd, dd = self.products
+        c, s = np.cos(latitude), np.sin(latitude)
         u, v = c * np.cos(azimuth), c * np.sin(azimuth)
-        ym = u * a.yp + v * a.yq - s * a.yd
-        mm = u * u * a.pp + v * v * a.qq + s * s * a.dd + 2.0 * (u * v * a.pq - s * (u * a.pd + v * a.qd))
+        ym = u * yp + v * yq - s * yd
+        mm = u * u * pp + v * v * qq + s * s * dd + 2.0 * (u * v * pq - s * (u * pd + v * qd))
         known = np.isinf(self.prior)
         prior = np.where(known, 1.0, self.prior)
         k = np.where(known, 1.0, (ym + prior) / (mm + prior))
-        return a.yy - 2.0 * k * ym + k * k * mm + np.where(known, 0.0, prior) * (k - 1.0) ** 2, k
+        return yy - 2.0 * k * ym + k * k * mm + np.where(known, 0.0, prior) * (k - 1.0) ** 2, k
 
     def best(self, stated: float) -> tuple[float, float]:
         """Latitude of least misfit and that misfit; of several that fit as well the one nearest to `stated`."""
@@ -180,8 +165,8 @@ class Misfit:
 
     def _dot(self, one: Array, other: Array) -> Array:
         """Product (n,) under the weights of two vectors given by their parts (3, n) along p, q, d."""
-        a = self.products
-        rows = ((a.pp, a.pq, a.pd), (a.pq, a.qq, a.qd), (a.pd, a.qd, a.dd))
+        pp, pq, qq, pd, qd, dd = self.products[4:]
+        rows = ((pp, pq, pd), (pq, qq, qd), (pd, qd, dd))
         return np.asarray(sum(one[i] * rows[i][j] * other[j] for i in range(3) for j in range(3)))
 
 
@@ -204,7 +189,7 @@ def misfit(rate: Array, down: Array, weight: Array, seen: Mask, prior: Array) ->
     pairs = ((y, y), (y, p), (y, q), (y, down), (p, p), (p, q), (q, q), (p, down), (q, down), (down, down))
     # one azimuth a station is unknown, and one latitude; the scale's prior counts as an observation
     freedom = int((1 + seen.astype(int)).sum()) - 1
-    return Misfit(Projections(*(dot(a, b) for a, b in pairs)), prior, freedom)
+    return Misfit(tuple(dot(a, b) for a, b in pairs), prior, freedom)
 
 
 def weights(covariance: Array, seen: Mask) -> Array:
@@ -384,7 +369,11 @@ def _readings(
     g: float | None,
 ) -> _Readings:
     """Everything checked and in units of gravity and of the Earth rate."""
-    raw, field = (_cross_finite(v, n) for v, n in ((rate, "rate"), (gravity, "gravity")))
+    raw, field = np.asarray(rate, dtype=np.float64), np.asarray(gravity, dtype=np.float64)
+    for array, name in ((raw, "rate"), (field, "gravity")):
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise InputError(f"{name} has shape {array.shape}; expected (n, 3), z NaN where no channel sees it")
+        finite(np.where(np.isnan(array) & (np.arange(3) == 2), 0.0, array), name)
     size = len(raw)
     if not size or len(field) != size:
         raise InputError(f"{len(field)} stations of gravity and {size} of rate; give both for at least one station")
@@ -393,19 +382,28 @@ def _readings(
         raise InputError("a scale is not positive, or its standard uncertainty is negative; true rate = scale x rate")
     seen = np.isfinite(raw[:, 2])
     assumed = np.isnan(field[:, 2])
-    down, tilt = _down(field, _covariance(gravity_covariance, "gravity_covariance", ~assumed), g)
+    # z of gravity from `g`, down, where it is not measured
+    covariance = _covariance(gravity_covariance, "gravity_covariance", ~assumed)
+    if assumed.any() and (g is None or not g > 0.0):
+        raise InputError("gravity along the tool is not measured and g is not given; give g of the site")
+    level = np.hypot(field[:, 0], field[:, 1])
+    z = np.where(assumed, np.sqrt(np.maximum((g or 0.0) ** 2 - level**2, 0.0)), field[:, 2])
+    full = np.stack([field[:, 0], field[:, 1], z], axis=1)
+    length = np.linalg.norm(full, axis=1)
+    if (length == 0.0).any():
+        raise InputError(f"gravity is zero at station {int(np.argmax(length == 0.0)) + 1}; remove that reading")
+    down = full / length[:, None]
+    jacobian = np.eye(3) - down[:, :, None] * down[:, None, :]
+    # z = sqrt(g^2 - x^2 - y^2); at inclination 90 its slope is infinite and it is held back at a tenth of a degree
+    slope = -down[:, :2] / np.maximum(down[:, 2], 2e-3)[:, None]
+    jacobian[assumed] = np.eye(3)
+    jacobian[assumed, 2, :2] = slope[assumed]
+    jacobian /= length[:, None, None]
+    tilt = np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
     noise = _covariance(rate_covariance, "rate_covariance", seen)
     ratio = factor / EARTH_RATE
     noise = ratio[:, None, None] ** 2 * noise
     return _Readings(down, tilt, ratio[:, None] * raw, noise, seen, assumed, spread / factor)
-
-
-def _cross_finite(value: ArrayLike, name: str) -> Array:
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"{name} has shape {array.shape}; expected (n, 3), z NaN where no channel sees it")
-    finite(np.where(np.isnan(array) & (np.arange(3) == 2), 0.0, array), name)
-    return array
 
 
 def _covariance(value: ArrayLike, name: str, seen: Mask) -> Array:
@@ -416,27 +414,6 @@ def _covariance(value: ArrayLike, name: str, seen: Mask) -> Array:
     if (np.linalg.eigvalsh(array[:, :2, :2])[:, 0] <= 0.0).any() or (array[seen, 2, 2] <= 0.0).any():
         raise InputError(f"{name} has a variance that is not positive; state the noise of every channel")
     return array
-
-
-def _down(gravity: Array, covariance: Array, g: float | None) -> tuple[Array, Array]:
-    """Direction of gravity (n, 3) and its covariance (n, 3, 3); z from `g`, down, where it is not measured."""
-    missing = np.isnan(gravity[:, 2])
-    if missing.any() and (g is None or not g > 0.0):
-        raise InputError("gravity along the tool is not measured and g is not given; give g of the site")
-    level = np.hypot(gravity[:, 0], gravity[:, 1])
-    z = np.where(missing, np.sqrt(np.maximum((g or 0.0) ** 2 - level**2, 0.0)), gravity[:, 2])
-    full = np.stack([gravity[:, 0], gravity[:, 1], z], axis=1)
-    length = np.linalg.norm(full, axis=1)
-    if (length == 0.0).any():
-        raise InputError(f"gravity is zero at station {int(np.argmax(length == 0.0)) + 1}; remove that reading")
-    down = full / length[:, None]
-    jacobian = np.eye(3) - down[:, :, None] * down[:, None, :]
-    # z = sqrt(g^2 - x^2 - y^2); at inclination 90 its slope is infinite and it is held back at a tenth of a degree
-    slope = -down[:, :2] / np.maximum(down[:, 2], 2e-3)[:, None]
-    jacobian[missing] = np.eye(3)
-    jacobian[missing, 2, :2] = slope[missing]
-    jacobian /= length[:, None, None]
-    return down, np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
 
 def _run(read: _Readings) -> Misfit:

@@ -24,13 +24,6 @@ from inclinometry.survey.stations import Source, Stations
 from inclinometry.uncertainty import chi_square_limit, correlation, standard_deviations
 
 
-class Linear(NamedTuple):
-    """Whitened residuals (3n,) and their derivatives (3n, q) by the standardised parameters."""
-
-    residual: Array
-    jacobian: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Model:
     """The problem in z, of unit prior covariance: parameters x = root z, the last three those of the reference.
@@ -63,14 +56,14 @@ class Model:
         moved = (moved + self.offset) * self.weights[:, :, None]
         return np.asarray(-inverse @ moved.transpose(0, 2, 1))
 
-    def linear(self, z: Array) -> Linear:
-        """Whitened residuals and Jacobian at z."""
+    def linear(self, z: Array) -> tuple[Array, Array]:
+        """Whitened residuals (3n,) at z and their derivatives (3n, q) by the standardised parameters."""
         x = self.root @ z
         fields, inverse = self.fields(x)
         residual = invariants(fields) - self.reference - x[-3:]
         jacobian = invariants_jacobian(fields) @ self.by_parameter(fields, inverse) @ self.root[:-3] - self.root[-3:]
         whitened = np.einsum("nab,nb->na", self.whitener, residual)
-        return Linear(whitened.ravel(), (self.whitener @ jacobian).reshape(-1, len(z)))
+        return whitened.ravel(), (self.whitener @ jacobian).reshape(-1, len(z))
 
     def normal(self, z: Array) -> Normal:
         """Normal equations of the maximum a posteriori estimate."""
@@ -345,14 +338,6 @@ def multistation(
     _refuse(measured, reference.values, gap, chosen.largest_gap)
     before = measured - reference.values
     noise = stations.noise if stations.noise.any() else np.broadcast_to(chosen.noise, (len(stations), 6, 6))
-    model = _model(stations, readings, reference, chosen, noise)
-    # settled to a millionth of a standard deviation
-    fit = levenberg_marquardt(model.normal, np.zeros(model.root.shape[1]), lambda z, step: z + step, tolerance=1e-6)
-    return _result(stations, before, gap, chosen, noise, model, fit)
-
-
-def _model(stations: Stations, readings: Array, reference: FieldReference, priors: Priors, noise: Array) -> Model:
-    """The problem in standardised parameters."""
     rows = invariants_jacobian(readings)
     spread = rows @ noise @ np.swapaxes(rows, 1, 2)
     if stations.noise.any():  # the published noise of a station takes the field's own disturbance in
@@ -362,19 +347,22 @@ def _model(stations: Stations, readings: Array, reference: FieldReference, prior
         row = int(np.argmax((scale <= 0.0).any(axis=1)))
         raise InputError(f"station {row + 1} has noise in some channels and none in others; state it for all six")
     factor = np.linalg.cholesky(spread / (scale[:, :, None] * scale[:, None, :]))
-    size = len(priors.names)
+    size = len(chosen.names)
     prior = np.zeros((size + 3, size + 3))
-    prior[:size, :size] = priors.covariance
+    prior[:size, :size] = chosen.covariance
     prior[size:, size:] = np.diag(reference.sigmas**2)
-    return Model(
+    model = Model(
         readings,
-        priors.weights(stations.temperature, len(stations)),
-        priors.gain,
-        priors.offset,
+        chosen.weights(stations.temperature, len(stations)),
+        chosen.gain,
+        chosen.offset,
         reference.values,
         root_of(prior),
         np.linalg.inv(factor) / scale[:, None, :],
     )
+    # settled to a millionth of a standard deviation
+    fit = levenberg_marquardt(model.normal, np.zeros(model.root.shape[1]), lambda z, step: z + step, tolerance=1e-6)
+    return _result(stations, before, gap, chosen, noise, model, fit)
 
 
 def _result(

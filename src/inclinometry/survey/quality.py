@@ -136,15 +136,15 @@ def _quantity_check(column: int, difference: Array, limit: Array, judged: Mask, 
     value, allowed = float(abs(difference[row, column])), float(limit[row, column])
     if not len(failed):
         return Check(quantity.name, "pass", value, allowed, (), reason, unit=quantity.unit)
-    pattern = tuple(bool(beyond[failed, c].mean() > 0.5) for c in range(3))
-    action = _run_action(len(failed) / int(able.sum()), (pattern[0], pattern[1], pattern[2]))
+    action = _run_action(failed, able, beyond)
     return Check(quantity.name, "fail", value, allowed, tuple(map(int, failed)), reason, action, quantity.unit)
 
 
-def _run_action(share: float, pattern: tuple[bool, bool, bool]) -> str:
-    if share <= 0.2:  # an event; with more of the stations it is the tool
+def _run_action(failed: Index, able: Mask, single: Mask) -> str:
+    if len(failed) / int(able.sum()) <= 0.2:  # an event; with more of the stations it is the tool
         return "repeat these stations at rest, away from casing and offset wells"
-    return _ACTIONS[pattern]
+    first, second, third = (bool(single[failed, c].mean() > 0.5) for c in range(3))
+    return _ACTIONS[first, second, third]
 
 
 def _distance_check(distance: Array, allowed: Array, beyond: Mask, single: Mask) -> Check:
@@ -161,8 +161,7 @@ def _distance_check(distance: Array, allowed: Array, beyond: Mask, single: Mask)
     )
     if not len(failed):
         return Check(name, "pass", float(distance[row]), float(allowed[row]), (), reason, unit="sigma")
-    pattern = tuple(bool(single[failed, c].mean() > 0.5) for c in range(3))
-    action = _run_action(len(failed) / int(able.sum()), (pattern[0], pattern[1], pattern[2]))
+    action = _run_action(failed, able, single)
     rows = tuple(map(int, failed))
     return Check(name, "fail", float(distance[row]), float(allowed[row]), rows, reason, action, "sigma")
 
@@ -211,15 +210,6 @@ _ALL: Final = (
 _WRAPPED: Final = 1  # the column of azimuth
 
 
-class _Rows(NamedTuple):
-    """Inclination, azimuth, |g|, |b|, dip (n, 5) and their derivatives (n, 5, 6) by the channels."""
-
-    values: Array
-    jacobian: Array
-    steep: Mask
-    faint: Mask  # (n, 5)
-
-
 def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
     """Whether stations at one place and different toolfaces agree.
 
@@ -254,15 +244,15 @@ def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
     """
     least = 3
     k = float(within(k, "k", 1.0, 6.0))
-    rows = _rows(shots)
-    difference = rows.values - rows.values.mean(axis=0)
-    turned = wrap_signed(rows.values[:, _WRAPPED] - rows.values[0, _WRAPPED])
+    values, jacobian, steep, faint = _rows(shots)
+    difference = values - values.mean(axis=0)
+    turned = wrap_signed(values[:, _WRAPPED] - values[0, _WRAPPED])
     difference[:, _WRAPPED] = turned - turned.mean()
     size = len(shots)
-    own = np.einsum("nqa,nab,nqb->nq", rows.jacobian, shots.noise, rows.jacobian)
+    own = np.einsum("nqa,nab,nqb->nq", jacobian, shots.noise, jacobian)
     variance = own * (1.0 - 2.0 / size) + own.sum(axis=0) / size**2
     for source in shots.sources.values():
-        moved = rows.jacobian @ source.by_field
+        moved = jacobian @ source.by_field
         moved = moved - moved.mean(axis=0)
         variance += np.einsum("nqp,pr,nqr->nq", moved, source.covariance, moved)
     gap = toolface_gap(np.concatenate([shots.g, shots.b], axis=1))
@@ -273,8 +263,8 @@ def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
         problem = f"the toolfaces lie within {360.0 - np.degrees(gap):.0f} deg: turn the tool all round"
     why = [
         problem
-        or ("the hole is too steep for an azimuth" if rows.steep.any() and column == _WRAPPED else "")
-        or ("the transverse sensors hardly show in it here" if rows.faint[:, column].all() else "")
+        or ("the hole is too steep for an azimuth" if steep.any() and column == _WRAPPED else "")
+        or ("the transverse sensors hardly show in it here" if faint[:, column].all() else "")
         for column in range(5)
     ]
     action = "errors turn with the tool: calibrate the transverse sensors, or run a multi-station analysis"
@@ -319,18 +309,24 @@ def repeated_stations(
     ['pass', 'pass', 'pass', 'pass', 'pass']
     """
     k = float(within(k, "k", 1.0, 6.0))
-    here, there = _pairs(first.md, second.md, float(within(apart_m, "apart_m", 0.0, 100.0, "m")))
+    apart = float(within(apart_m, "apart_m", 0.0, 100.0, "m"))
+    after = np.clip(np.searchsorted(second.md, first.md), 0, len(second) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(second.md[before] - first.md) <= np.abs(second.md[after] - first.md), before, after)
+    here = np.flatnonzero(np.abs(second.md[nearest] - first.md) <= apart + 1e-9)
+    there = nearest[here]
     if not len(here):
         reason = f"no station of the second run lies within {apart_m:g} m of one of the first"
         return [Check(f"repeat: {q.name}", "not judged", np.nan, np.nan, (), reason, unit=q.unit) for q in _ALL]
-    one, two = _rows(first), _rows(second)
-    difference = two.values[there] - one.values[here]
+    one, by_one, steep_one, _ = _rows(first)
+    two, by_two, _, _ = _rows(second)
+    difference = two[there] - one[here]
     difference[:, _WRAPPED] = wrap_signed(difference[:, _WRAPPED])
     variance = sum(
-        np.einsum("nqa,nab,nqb->nq", part.jacobian[rows], run.noise[rows], part.jacobian[rows])
-        for part, run, rows in ((one, first, here), (two, second, there))
-    ) + _shared(one.jacobian[here], two.jacobian[there], first, second, (here, there), same_tool)
-    steep = one.steep[here]
+        np.einsum("nqa,nab,nqb->nq", part[rows], run.noise[rows], part[rows])
+        for part, run, rows in ((by_one, first, here), (by_two, second, there))
+    ) + _shared(by_one[here], by_two[there], first, second, (here, there), same_tool)
+    steep = steep_one[here]
     difference[steep, _WRAPPED] = np.nan
     action = "repeat once more at rest; if the runs still differ, check depth, calibration and interference of both"
     why = ["" if c != _WRAPPED or not steep.all() else "the hole is too steep for an azimuth" for c in range(5)]
@@ -396,7 +392,8 @@ def dual_depth(
     return Check(name, "fail", value, allowed, tuple(map(int, failed)), reason, action, "m")
 
 
-def _rows(stations: Stations) -> _Rows:
+def _rows(stations: Stations) -> tuple[Array, Array, Mask, Mask]:
+    """Inclination, azimuth, |g|, |b|, dip (n, 5), their derivatives (n, 5, 6), too steep (n,), hardly seen (n, 5)."""
     readings = np.concatenate([stations.g, stations.b], axis=1)
     found = angles(stations.g, stations.b)
     values = np.column_stack([found.inclination, found.azimuth, invariants(readings)])
@@ -408,16 +405,7 @@ def _rows(stations: Stations) -> _Rows:
     for column, first in ((2, 0), (3, 3)):
         # less than a tenth of the quantity's response to the whole triad
         faint[:, column] = np.hypot(jacobian[:, column, first], jacobian[:, column, first + 1]) < 0.1
-    return _Rows(values, jacobian, steep, faint)
-
-
-def _pairs(first: Array, second: Array, apart: float) -> tuple[Index, Index]:
-    """Rows of both runs that belong together."""
-    after = np.clip(np.searchsorted(second, first), 0, len(second) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(second[before] - first) <= np.abs(second[after] - first), before, after)
-    here = np.flatnonzero(np.abs(second[nearest] - first) <= apart + 1e-9)
-    return here, nearest[here]
+    return values, jacobian, steep, faint
 
 
 def _shared(
@@ -661,7 +649,14 @@ def judge_fields(
     difference = found - reference.values
     covariance = residual_covariance(stations, rows, reference)
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
-    limit, judged = _limits(found, k * sigma, reference, limits)
+    limit = k * sigma
+    if limits is not None:
+        for column, fixed in enumerate((limits.g, limits.b, limits.dip)):
+            if fixed is not None:
+                limit[:, column] = fixed
+    judged = limit > 0.0
+    # a field that may be vertical has a dip that can only come out too small
+    judged[:, 2] &= abs(reference.dip) + limit[:, 2] < np.pi / 2
     distance, freedom = _distances(difference, covariance, judged & (sigma > 0.0))
     allowed = distance_limit(k, freedom)
     hidden = _undetected(readings, rows, covariance, k)
@@ -720,21 +715,6 @@ def distance_limit(k: float, freedom: Index) -> Array:
     probability = math.erf(k / math.sqrt(2.0))
     table = np.array([np.nan, *(ellipsoid_factor(probability, size) for size in (1, 2, 3))])
     return np.asarray(table[freedom])
-
-
-def _limits(
-    found: Array, tolerance: Array, reference: FieldReference, limits: FieldLimits | None
-) -> tuple[Array, Mask]:
-    """Limits (n, 3) and whether they can be judged by."""
-    limit = tolerance.copy()
-    if limits is not None:
-        for column, fixed in enumerate((limits.g, limits.b, limits.dip)):
-            if fixed is not None:
-                limit[:, column] = fixed
-    judged = limit > 0.0
-    # a field that may be vertical has a dip that can only come out too small
-    judged[:, 2] &= abs(reference.dip) + limit[:, 2] < np.pi / 2
-    return limit, judged
 
 
 def _distances(difference: Array, covariance: Array, judged: Mask) -> tuple[Array, Index]:

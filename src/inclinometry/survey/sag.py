@@ -70,7 +70,29 @@ def deflected_shape(beam: Beam, share: float, curvature: float, touching: Sequen
     ConvergenceError
         The contacts do not settle.
     """
-    band, force = _assembled(beam, share, curvature)
+    # lower band (4, 2n) of the stiffness matrix and the load (2n,)
+    span = np.diff(beam.x)
+    size = 2 * len(beam.x)
+    band, force = np.zeros((4, size)), np.zeros(size)
+    one = np.ones_like(span)
+    block = np.array(
+        [
+            [12 * one, 6 * span, -12 * one, 6 * span],
+            [6 * span, 4 * span**2, -6 * span, 2 * span**2],
+            [-12 * one, -6 * span, 12 * one, -6 * span],
+            [6 * span, 2 * span**2, -6 * span, 4 * span**2],
+        ]
+    ) * (beam.stiffness / span**3)
+    first = 2 * np.arange(len(span))
+    for column in range(4):
+        for row in range(column, 4):
+            np.add.at(band[row - column], first + column, block[row, column])
+    weight = beam.load * share
+    # a curved hole is a straight beam's initial bend: E I (v'' - curvature)^2 / 2
+    moment = beam.stiffness * curvature
+    parts = (weight * span / 2, weight * span**2 / 12 - moment, weight * span / 2, -weight * span**2 / 12 + moment)
+    for place, part in enumerate(parts):
+        np.add.at(force, first + place, part)
     bounded = np.zeros(2 * len(beam.x), dtype=bool)
     bounded[::2] = np.isfinite(beam.gap)
     wall = np.zeros(len(bounded))
@@ -146,33 +168,6 @@ def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
     raise ConvergenceError(
         "the contacts of the assembly with the wall do not settle; check diameters and positions of the stabilisers"
     )
-
-
-def _assembled(beam: Beam, share: float, curvature: float) -> tuple[Array, Array]:
-    """Lower band (4, 2n) of the stiffness matrix and the load (2n,)."""
-    span = np.diff(beam.x)
-    size = 2 * len(beam.x)
-    band, force = np.zeros((4, size)), np.zeros(size)
-    one = np.ones_like(span)
-    block = np.array(
-        [
-            [12 * one, 6 * span, -12 * one, 6 * span],
-            [6 * span, 4 * span**2, -6 * span, 2 * span**2],
-            [-12 * one, -6 * span, 12 * one, -6 * span],
-            [6 * span, 2 * span**2, -6 * span, 4 * span**2],
-        ]
-    ) * (beam.stiffness / span**3)
-    first = 2 * np.arange(len(span))
-    for column in range(4):
-        for row in range(column, 4):
-            np.add.at(band[row - column], first + column, block[row, column])
-    weight = beam.load * share
-    # a curved hole is a straight beam's initial bend: E I (v'' - curvature)^2 / 2
-    moment = beam.stiffness * curvature
-    parts = (weight * span / 2, weight * span**2 / 12 - moment, weight * span / 2, -weight * span**2 / 12 + moment)
-    for place, part in enumerate(parts):
-        np.add.at(force, first + place, part)
-    return band, force
 
 
 def _times(band: Array, values: Array) -> Array:
@@ -293,37 +288,33 @@ class Bha:
                 f"the first element is {self.elements[0].outer:g} m wide in a hole of {self.hole:g} m; it must be the "
                 f"bit, at least {bit:g} of the hole"
             )
-        object.__setattr__(self, "beam", _mesh(self))
+        # nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be
+        ends = np.cumsum([0.0, *(one.length for one in self.elements)])
+        # 25 m above the last stabiliser any string has found the low side
+        ends[-1] = max(ends[-1], 25.0 + max((blade.position for blade in self.stabilisers), default=0.0))
+        # to the centimetre: much shorter pieces would be too stiff beside the others for the digits of a double
+        marks = np.unique(np.round([*ends, self.sensor, *(blade.position for blade in self.stabilisers)], 2))
+        # the elements are exact at nodes, the mesh of 0.4 m only says where the body may touch the wall
+        pieces = [np.linspace(a, b, int(np.ceil((b - a) / 0.4)) + 1)[:-1] for a, b in pairwise(marks)]
+        x = np.concatenate([*pieces, marks[-1:]])
+        which = np.clip(np.searchsorted(ends, 0.5 * (x[1:] + x[:-1])) - 1, 0, len(self.elements) - 1)
+        outer = np.array([one.outer for one in self.elements])[which]
+        body = np.maximum(np.append(outer, 0.0), np.append(0.0, outer))
+        hole = self.hole + self.over_gauge
+        gap = (hole - body) / 2.0
+        # the bit guides by its lower end; its length would otherwise hold the slope
+        gap[(x > 0.0) & (x <= ends[1] + 1e-9)] = np.inf
+        for blade in self.stabilisers:
+            at = int(np.argmin(np.abs(x - blade.position)))
+            gap[at] = min(gap[at], (hole - blade.outer) / 2.0)
+        stiffness = np.array([one.stiffness for one in self.elements])[which]
+        weight = np.array([one.weight * (1.0 - self.mud_density / one.density) for one in self.elements])[which]
+        object.__setattr__(self, "beam", Beam(x, stiffness, weight * STANDARD_GRAVITY, gap))
 
     @property
     def length(self) -> float:
         """Of all elements, m."""
         return float(sum(one.length for one in self.elements))
-
-
-def _mesh(bha: Bha) -> Beam:
-    """Nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be."""
-    ends = np.cumsum([0.0, *(one.length for one in bha.elements)])
-    # 25 m above the last stabiliser any string has found the low side
-    ends[-1] = max(ends[-1], 25.0 + max((blade.position for blade in bha.stabilisers), default=0.0))
-    # to the centimetre: much shorter pieces would be too stiff beside the others for the digits of a double
-    marks = np.unique(np.round([*ends, bha.sensor, *(blade.position for blade in bha.stabilisers)], 2))
-    # the elements are exact at nodes, the mesh of 0.4 m only says where the body may touch the wall
-    pieces = [np.linspace(a, b, int(np.ceil((b - a) / 0.4)) + 1)[:-1] for a, b in pairwise(marks)]
-    x = np.concatenate([*pieces, marks[-1:]])
-    which = np.clip(np.searchsorted(ends, 0.5 * (x[1:] + x[:-1])) - 1, 0, len(bha.elements) - 1)
-    outer = np.array([one.outer for one in bha.elements])[which]
-    body = np.maximum(np.append(outer, 0.0), np.append(0.0, outer))
-    hole = bha.hole + bha.over_gauge
-    gap = (hole - body) / 2.0
-    # the bit guides by its lower end; its length would otherwise hold the slope
-    gap[(x > 0.0) & (x <= ends[1] + 1e-9)] = np.inf
-    for blade in bha.stabilisers:
-        at = int(np.argmin(np.abs(x - blade.position)))
-        gap[at] = min(gap[at], (hole - blade.outer) / 2.0)
-    stiffness = np.array([one.stiffness for one in bha.elements])[which]
-    weight = np.array([one.weight * (1.0 - bha.mud_density / one.density) for one in bha.elements])[which]
-    return Beam(x, stiffness, weight * STANDARD_GRAVITY, gap)
 
 
 SOURCE: Final = "sag correction"
