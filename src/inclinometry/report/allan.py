@@ -14,7 +14,6 @@ from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, Table
 from inclinometry.report.words import listed, significant, with_uncertainty
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -43,15 +42,8 @@ def allan_figure(channel: ChannelNoise) -> Figure:
     for place, (name, part) in enumerate(channel.model.parts(t).items()):
         title = units.coefficients[COEFFICIENTS.index(name)].title if name in COEFFICIENTS else name
         axes.plot(t, factor * part, color=SERIES[place + 1], linestyle=DASHES[place % 3 + 1], label=title)
-    _scales(axes, low, float((points * np.exp(COVERAGE_FACTOR * u / np.maximum(points, 1e-300))).max()))
-    axes.set_xlabel("averaging time, s")
-    axes.set_ylabel(f"Allan deviation, {units.deviation.unit}")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.2)
-    return figure
-
-
-def _scales(axes: Axes, low: float, high: float) -> None:
-    """Logarithmic axes with plain numbers."""
+    # logarithmic axes with plain numbers
+    high = float((points * np.exp(COVERAGE_FACTOR * u / np.maximum(points, 1e-300))).max())
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_xscale("log")
@@ -62,6 +54,10 @@ def _scales(axes: Axes, low: float, high: float) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("averaging time, s")
+    axes.set_ylabel(f"Allan deviation, {units.deviation.unit}")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.2)
+    return figure
 
 
 def allan_report(record: NoiseRecord) -> str:
@@ -133,14 +129,13 @@ def _sentence(record: NoiseRecord) -> str:
 
 def _table(channels: list[ChannelNoise]) -> Table:
     units = units_of(channels[0])
-    body = [TableRow([c.name, *(coefficient_text(*pair) for pair in coefficients_of(c)), *_fit(c)]) for c in channels]
+    body = []
+    for c in channels:
+        found = (coefficient_text(*pair) for pair in coefficients_of(c))
+        body.append(TableRow([c.name, *found, f"{c.model.chi_square:.1f}", str(c.model.dof)]))
     head = ["channel", *(f"{s.title}, {s.unit}" for s in units.coefficients), "misfit", "degrees of freedom"]
     caption = f"{channels[0].kind.capitalize()}: coefficient ± standard uncertainty, or upper limit (95 %)"
     return Table(caption, head, body)
-
-
-def _fit(channel: ChannelNoise) -> list[str]:
-    return [f"{channel.model.chi_square:.1f}", str(channel.model.dof)]
 
 
 def _picture(channel: ChannelNoise, place: int) -> Picture:

@@ -99,7 +99,8 @@ def parameter_rows(tool: Tool, kind: str) -> list[Row]:
     ('gyro.tensor[0,0]', '1.000 ± 0.010', 'V')
     """
     triad = tool.triads[kind]
-    spread = _own_sd(tool, kind)
+    variance = np.diagonal(tool.covariance)[tool.slices[kind]]
+    spread = np.asarray(np.where(variance > 0.0, np.sqrt(np.abs(variance)), np.nan))
     units = []
     for power in range(triad.degree + 1):
         tail = "" if power == 0 else "/K" if power == 1 else f"/K^{power}"
@@ -148,12 +149,6 @@ def noise_rows(tool: Tool, kind: str) -> list[Row]:
     values = tool.noise[kind] * signal_to_field(triad)
     names = sensor_names(triad.count)
     return [Row(f"{n} noise", float(v), np.nan, field_unit(triad).name) for n, v in zip(names, values, strict=True)]
-
-
-def _own_sd(tool: Tool, kind: str) -> Array:
-    """Standard uncertainties of a triad's parameters; nan where the method gave none."""
-    variance = np.diagonal(tool.covariance)[tool.slices[kind]]
-    return np.asarray(np.where(variance > 0.0, np.sqrt(np.abs(variance)), np.nan))
 
 
 def _derived(tool: Tool, kind: str, view: Callable[[Triad], Array], labels: list[str], units: list[str]) -> list[Row]:

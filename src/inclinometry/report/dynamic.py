@@ -112,7 +112,16 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
         upper.set_ylabel(f"{name}, deg")
         lower.set_ylabel(f"|error| of {name}, deg")
         lower.set_xlabel("time, s")
-    _legend(head, errors)
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color=INK, linestyle="--")]
+    labels = ["truth"]
+    for look, (name, (inclination, azimuth)) in zip(_LOOKS, errors.items(), strict=False):
+        handles.append(Line2D([], [], **(look | {"marker": "o", "markersize": 2.5} if "alpha" in look else look)))
+        inc, azi = (significant(rms_of(one)) for one in (inclination, azimuth))
+        labels.append(f"{name}: rms error inclination {inc}°, azimuth {azi}°")
+    head.axis("off")
+    head.legend(handles, labels, loc="center left", ncols=1, borderaxespad=0.0)
     return figure
 
 
@@ -152,24 +161,6 @@ def _error_panel(
         good = size[np.isfinite(size) & (size > 0.0)]
         low.append(float(np.quantile(good, 0.02)) if len(good) else 1.0)
     log_scale(axes, max(min(low), 1e-4), 180.0)
-
-
-def _legend(axes: Axes, errors: Mapping[str, tuple[Array, Array]]) -> None:
-    """Names with their root mean square errors, above everything."""
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], color=INK, linestyle="--")]
-    labels = ["truth"]
-    for look, (name, (inclination, azimuth)) in zip(_LOOKS, errors.items(), strict=False):
-        handles.append(Line2D([], [], **(look | {"marker": "o", "markersize": 2.5} if "alpha" in look else look)))
-        inc, azi = (significant(rms_of(one)) for one in (inclination, azimuth))
-        labels.append(f"{name}: rms error inclination {inc}°, azimuth {azi}°")
-    axes.axis("off")
-    axes.legend(handles, labels, loc="center left", ncols=1, borderaxespad=0.0)
-
-
-MOST_BARS = 400
-"""Refused stretches drawn as vectors; more of them are drawn as an image."""
 
 
 class Clock(NamedTuple):
@@ -220,7 +211,7 @@ def _shade(axes: Axes, time: Array, refused: Mask, at: Clock) -> None:
     if bars:
         axes.broken_barh(
             bars, (0.0, 1.0), transform=axes.get_xaxis_transform(), color=BAD, alpha=0.16, linewidth=0.0, zorder=0.5,
-            label="refused", rasterized=len(bars) > MOST_BARS,
+            label="refused", rasterized=len(bars) > 400,
         )  # fmt: skip
 
 
@@ -238,11 +229,18 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
     time = at.shown(found.time[rows])
     value, u = (np.degrees(getattr(found, column)[rows]) for column in (name, f"u_{name}"))
     path = value if name == "inclination" else unbroken(value)
-    if _leaps(path):
+    steps = np.abs(np.diff(path[np.isfinite(path)]))
+    # an angle that turns so far from row to row that a curve would say nothing
+    if len(steps) and float(np.median(steps)) > 30.0:
         compass_dots(upper, time, path)
     else:
         course(upper, time, path, COVERAGE_FACTOR * u)
-        _frame(upper, path, COVERAGE_FACTOR * u)
+        # limits that hold the curve and most of its band
+        spread = COVERAGE_FACTOR * u
+        good = np.isfinite(path) & np.isfinite(spread)
+        if good.any() and float(np.ptp(path[good])) <= 720.0:
+            room = min(1.2 * float(np.quantile(spread[good], 0.9)) + 0.01, 180.0)
+            upper.set_ylim(float(path[good].min()) - room, float(path[good].max()) + room)
     for axes in (upper, lower):
         _shade(axes, found.time, found.refused, at)
     upper.set_ylabel(f"{name}, deg")
@@ -255,20 +253,6 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
     lower.set_ylabel("U, deg")
     lower.set_xlabel(f"time, {at.unit}")
     return figure
-
-
-def _leaps(path: Array) -> bool:
-    """Whether an angle, deg, turns so far from row to row that a curve would say nothing."""
-    steps = np.abs(np.diff(path[np.isfinite(path)]))
-    return bool(len(steps)) and float(np.median(steps)) > 30.0
-
-
-def _frame(axes: Axes, path: Array, spread: Array) -> None:
-    """Limits that hold the curve and most of its band."""
-    good = np.isfinite(path) & np.isfinite(spread)
-    if good.any() and float(np.ptp(path[good])) <= 720.0:
-        room = min(1.2 * float(np.quantile(spread[good], 0.9)) + 0.01, 180.0)
-        axes.set_ylim(float(path[good].min()) - room, float(path[good].max()) + room)
 
 
 @styled
@@ -333,7 +317,13 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
     top = float(known.max()) if len(known) and known.max() > 0.0 else 1.0
     low = max(1e-4 * top, float(np.quantile(known, 0.02)) if len(known) else 0.0)
     low = low if low < top else 0.1 * top
-    edges = _edges(found.frequency)
+    # edges (f + 1,) of cells about their middles; the first cell begins at zero
+    middle = found.frequency
+    if len(middle) < 2:
+        edges = np.array([0.0, 2.0 * float(middle[0]) if len(middle) else 1.0])
+    else:
+        inner = 0.5 * (middle[1:] + middle[:-1])
+        edges = np.concatenate([[0.0 if middle[0] >= 0.0 else middle[0]], inner, [2.0 * middle[-1] - inner[-1]]])
     mesh = axes.pcolormesh(
         at.shown(found.time), edges, np.ma.maximum(amplitude, low).T, norm=LogNorm(low, top), cmap="viridis",
         rasterized=True,
@@ -346,14 +336,6 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
     bar.ax.yaxis.set_minor_formatter(NullFormatter())
     bar.set_label("m/s² / √Hz")
     return figure
-
-
-def _edges(middle: Array) -> Array:
-    """Edges (f + 1,) of cells about their middles; the first cell begins at zero."""
-    if len(middle) < 2:
-        return np.array([0.0, 2.0 * float(middle[0]) if len(middle) else 1.0])
-    inner = 0.5 * (middle[1:] + middle[:-1])
-    return np.concatenate([[0.0 if middle[0] >= 0.0 else middle[0]], inner, [2.0 * middle[-1] - inner[-1]]])
 
 
 @styled
@@ -430,13 +412,6 @@ CHANNEL_WORDS: Final = {"accel": "apparent gravity", "mag": "magnetic field", "g
 """What each triad of `CHANNELS` reads."""
 
 
-MOTION_CONVENTIONS = (
-    f"{CONVENTIONS} Speed: about the tool axis, positive clockwise looking down hole. Stick-slip index: (fastest - "
-    "slowest) / (2 mean) speed, averaged over 0.1 s; 1 where the string stops once a cycle. g: standard gravity."
-)
-_STILL_RPM = 1.0
-
-
 def dynamic_report(run: DynamicRun) -> str:
     """Attitude of a moving tool as one self-contained HTML page.
 
@@ -457,22 +432,48 @@ def dynamic_report(run: DynamicRun) -> str:
     """
     if not len(run.rows):
         raise InputError("the run has no window to report; give a longer run or shorter windows")
-    state, badge = _badge(run.rows)
+    rows = run.rows
+    refused, size = int(rows.refused.sum()), len(rows)
+    flagged = int((rows.flags != 0).sum())
+    if refused == size:
+        state, badge = "bad", "No window could be trusted"
+    elif refused:
+        state, badge = "warn", f"{refused} of {_windows(size)} refused"
+    elif flagged:
+        state, badge = "warn", f"{flagged} of {_windows(size)} flagged"
+    else:
+        state, badge = "good", "Nothing refused or flagged"
+    pictures, body = [], []
+    for name in ANGLES:
+        expanded = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}"))
+        good = np.flatnonzero(np.isfinite(expanded))
+        if not len(good):
+            continue
+        pictures.append(picture(attitude_figure(rows, name), name, _angle_caption(rows, name)))
+        at = int(good[np.argmax(expanded[good])])
+        cells = [significant(float(v)) for v in (expanded[good].min(), np.median(expanded[good]), expanded[at])]
+        body.append(TableRow([name, *cells, plain(rows.time[at], 2)]))
+    head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at time, s"]
+    tables = [Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)] if body else []
     sections = [
-        _angles(run),
+        Section("Inclination, azimuth, toolface", [f"Azimuth counts from {norths(rows)}."], tables, pictures),
         _motion(run),
         _refused(run.rows),
         _methods(run),
         _recorded(run),
         _table(run),
     ]
+    conventions = (
+        f"{CONVENTIONS} Speed: about the tool axis, positive clockwise looking down hole. Stick-slip index: (fastest - "
+        "slowest) / (2 mean) speed, averaged over 0.1 s; 1 where the string stops once a cycle. g: standard gravity."
+    )
     return render(
         "report.html",
         about="What was reduced",
         title=f"Attitude of {run.tool or 'a moving tool'}",
         kind="Dynamic attitude report",
         heading=f"Attitude of {run.tool} in motion" if run.tool else "Attitude in motion",
-        conventions=MOTION_CONVENTIONS,
+        conventions=conventions,
         state=state,
         badge=badge,
         verdict=_sentence(run),
@@ -498,16 +499,6 @@ def norths(rows: AttitudeRows) -> str:
 
 def _windows(count: int) -> str:
     return f"{count} window{'s' * (count != 1)}"
-
-
-def _badge(rows: AttitudeRows) -> tuple[str, str]:
-    refused, size = int(rows.refused.sum()), len(rows)
-    flagged = int((rows.flags != 0).sum())
-    if refused == size:
-        return "bad", "No window could be trusted"
-    if refused:
-        return "warn", f"{refused} of {_windows(size)} refused"
-    return ("warn", f"{flagged} of {_windows(size)} flagged") if flagged else ("good", "Nothing refused or flagged")
 
 
 def _span(seconds: float) -> str:
@@ -546,22 +537,6 @@ def _covers(run: DynamicRun) -> str:
     )
 
 
-def _angles(run: DynamicRun) -> Section:
-    rows, pictures, body = run.rows, [], []
-    for name in ANGLES:
-        expanded = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}"))
-        good = np.flatnonzero(np.isfinite(expanded))
-        if not len(good):
-            continue
-        pictures.append(picture(attitude_figure(rows, name), name, _angle_caption(rows, name)))
-        at = int(good[np.argmax(expanded[good])])
-        cells = [significant(float(v)) for v in (expanded[good].min(), np.median(expanded[good]), expanded[at])]
-        body.append(TableRow([name, *cells, plain(rows.time[at], 2)]))
-    head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at time, s"]
-    tables = [Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)] if body else []
-    return Section("Inclination, azimuth, toolface", [f"Azimuth counts from {norths(rows)}."], tables, pictures)
-
-
 def _angle_caption(rows: AttitudeRows, name: str) -> str:
     reference = f" from {norths(rows)}" if name == "azimuth" else ""
     shaded = "; shaded: refused" if rows.refused.any() else ""
@@ -579,13 +554,9 @@ def _motion(run: DynamicRun) -> Section:
     if run.spectrogram is not None and np.isfinite(run.spectrogram.density).any():
         caption = f"Spectrogram: {run.spectrogram.what}"
         pictures.append(picture(spectrogram_figure(run.spectrogram), "spectrogram", caption))
-    return Section("How it turned and shook", _motion_sentences(vibration, run.rows.rate), [], pictures)
-
-
-def _motion_sentences(vibration: Vibration, rate: Array) -> list[str]:
     lines = []
     # the speeds of the table of windows, where there are any: a gyro's own mean has its scale error besides
-    mean = rate if np.isfinite(rate).any() and np.isfinite(vibration.mean).any() else vibration.mean
+    mean = run.rows.rate if np.isfinite(run.rows.rate).any() and np.isfinite(vibration.mean).any() else vibration.mean
     speed = np.abs(RPM * mean[np.isfinite(mean)])
     if len(speed):
         low, middle, high = (plain(float(v), 1) for v in (speed.min(), np.median(speed), speed.max()))
@@ -597,7 +568,10 @@ def _motion_sentences(vibration: Vibration, rate: Array) -> list[str]:
     index = vibration.stick_slip[np.isfinite(vibration.stick_slip)]
     if len(index):
         worst, usual = significant(float(index.max())), significant(float(np.median(index)))
-        stops = int(_stopped(vibration).sum())
+        # windows (v,) in which a turning string came to a stop or turned back
+        ends = np.stack([vibration.slowest, vibration.fastest])
+        least = np.where(ends[0] * ends[1] <= 0.0, 0.0, np.abs(ends).min(axis=0))
+        stops = int(np.asarray(np.isfinite(vibration.stick_slip) & (RPM * least < 1.0)).sum())
         whole = f"the string stopped in {_windows(stops)}" if stops else "the string never stopped"
         lines.append(f"Stick-slip index: {usual} at the median window, {worst} at the worst; {whole}.")
     for name in ("lateral", "axial", "peak"):
@@ -608,14 +582,7 @@ def _motion_sentences(vibration: Vibration, rate: Array) -> list[str]:
             label = "Largest acceleration" if name == "peak" else f"Vibration, {name}"
             unit = "g" if name == "peak" else "g rms"
             lines.append(f"{label}: {usual} {unit} at the median window, {most} {unit} at the worst.")
-    return lines
-
-
-def _stopped(vibration: Vibration) -> Mask:
-    """Windows (v,) in which a turning string came to a stop or turned back."""
-    ends = np.stack([vibration.slowest, vibration.fastest])
-    least = np.where(ends[0] * ends[1] <= 0.0, 0.0, np.abs(ends).min(axis=0))
-    return np.asarray(np.isfinite(vibration.stick_slip) & (RPM * least < _STILL_RPM))
+    return Section("How it turned and shook", lines, [], pictures)
 
 
 def _refused(rows: AttitudeRows) -> Section | None:

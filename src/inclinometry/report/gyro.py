@@ -155,7 +155,11 @@ def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Ar
     wide = np.minimum(band, 180.0)[order]
     axes.fill_between(place[order], -wide, wide, color=SERIES[2], alpha=0.25, linewidth=0.0, label=band_label)
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    reach = _reach(values, band)
+    # half the height of the axis, deg: most of the points, not the few a failing closed form throws far away
+    sizes = [np.abs(value[np.isfinite(value)]) for value in values.values()]
+    tall = [float(np.quantile(size, 0.9)) for size in sizes if len(size)]
+    reach = 2.0 * max([*tall, float(np.median(np.minimum(band, 90.0))) if len(band) else 0.0], default=0.0)
+    reach = float(np.clip(reach, 1e-6, 180.0))
     for n, (name, value) in enumerate(values.items()):
         colour = SERIES[(1, 0, 2, 3, 4, 5)[n % 6]]
         inside = np.where(np.abs(value) <= reach, value, np.nan)
@@ -165,27 +169,16 @@ def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Ar
             linewidth=1.0, marker=MARKERS[n % len(MARKERS)], markersize=3.8 if few else 2.0, label=name,
             rasterized=len(value) > MANY,
         )  # fmt: skip
-        _edge(axes, place, value, reach, colour)
+        for rows, at, marker in ((value > reach, reach, "^"), (value < -reach, -reach, "v")):
+            if rows.any():
+                axes.plot(
+                    place[rows], np.full(int(rows.sum()), 1.05 * at), linestyle="none", marker=marker, color=colour
+                )
+        lost = ~np.isfinite(value)
+        if lost.any():
+            low = np.full(int(lost.sum()), -1.05 * reach)
+            axes.plot(place[lost], low, linestyle="none", marker="x", color=BAD, markersize=6.5, markeredgewidth=1.8)
     axes.set_ylim(-1.12 * reach, 1.12 * reach)
-
-
-def _reach(values: Mapping[str, Array], band: Array) -> float:
-    """Half the height of the axis, deg: most of the points, not the few a failing closed form throws far away."""
-    sizes = [np.abs(value[np.isfinite(value)]) for value in values.values()]
-    tall = [float(np.quantile(size, 0.9)) for size in sizes if len(size)]
-    reach = 2.0 * max([*tall, float(np.median(np.minimum(band, 90.0))) if len(band) else 0.0], default=0.0)
-    return float(np.clip(reach, 1e-6, 180.0))
-
-
-def _edge(axes: Axes, place: Array, value: Array, reach: float, colour: str) -> None:
-    """Triangles point to what lies beyond the axis; a cross on the lower edge says that there is no value."""
-    for rows, at, marker in ((value > reach, reach, "^"), (value < -reach, -reach, "v")):
-        if rows.any():
-            axes.plot(place[rows], np.full(int(rows.sum()), 1.05 * at), linestyle="none", marker=marker, color=colour)
-    lost = ~np.isfinite(value)
-    if lost.any():
-        low = np.full(int(lost.sum()), -1.05 * reach)
-        axes.plot(place[lost], low, linestyle="none", marker="x", color=BAD, markersize=6.5, markeredgewidth=1.8)
 
 
 @styled
@@ -443,16 +436,6 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
 
 
 _ANGLES = ("inclination", "azimuth")
-_UNITS = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
-_NOT_INCLUDED = (
-    "misalignment of the tool in the hole",
-    "misalignment of gyros against accelerometers",
-    "sag",
-    "movement of the tool while it measured",
-    "bias that drifts unevenly over the index positions",
-    "the gyros’ response to acceleration",
-)
-_STATES = {"pass": "", "not judged": "warn", "fail": "bad"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -528,6 +511,25 @@ def gyro_report(
         Section("Flags", tables=[_flags(survey)]) if flagged else None,
         Section("Stations", tables=[cut(_stations(run))]),
     ]
+    size = len(survey)
+    span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
+    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in _ANGLES}
+    parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
+    failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
+    condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
+    included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
+    left = [] if "latitude" in included else ["error of the latitude"]
+    left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
+    named = listed([f"“{name}”" for name in included]) or "nothing"
+    not_included = (
+        "misalignment of the tool in the hole",
+        "misalignment of gyros against accelerometers",
+        "sag",
+        "movement of the tool while it measured",
+        "bias that drifts unevenly over the index positions",
+        "the gyros’ response to acceleration",
+    )
+    missing = listed([*not_included, *left])
     return render(
         "report.html",
         about="What was reduced",
@@ -537,8 +539,11 @@ def gyro_report(
         conventions=GYRO_CONVENTIONS,
         state=state,
         badge=badge,
-        verdict=_sentence(survey, checks),
-        notes=[_covers(survey)],
+        verdict=f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).{condition}",
+        notes=[
+            f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
+            f"Not included: {missing}."
+        ],
         warnings=list(survey.warnings),
         sections=[section for section in sections if section is not None],
         facts=_facts(run, track, site),
@@ -591,28 +596,6 @@ def _badge(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> tu
     if checks and worst(checks) == "not judged":
         return "warn", "No check could be judged"
     return "good", "No flags, all checks passed" if checks else "No flags"
-
-
-def _sentence(survey: Survey, checks: Sequence[Check]) -> str:
-    size = len(survey)
-    span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in _ANGLES}
-    parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
-    failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
-    condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
-    return f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).{condition}"
-
-
-def _covers(survey: Survey) -> str:
-    included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
-    left = [] if "latitude" in included else ["error of the latitude"]
-    left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
-    named = listed([f"“{name}”" for name in included]) or "nothing"
-    missing = listed([*_NOT_INCLUDED, *left])
-    return (
-        f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
-        f"Not included: {missing}."
-    )
 
 
 def _angles(run: _Run) -> Section:
@@ -692,7 +675,7 @@ def _check_table(checks: Sequence[Check]) -> Table:
     body = [
         TableRow(
             [c.name, c.verdict, c.reason, c.action, _measure(c.value, c.unit), _measure(c.limit, c.unit)],
-            _STATES.get(c.verdict, ""),
+            {"pass": "", "not judged": "warn", "fail": "bad"}.get(c.verdict, ""),
         )
         for c in checks
     ]
@@ -702,7 +685,8 @@ def _check_table(checks: Sequence[Check]) -> Table:
 def _measure(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "none"
-    name, per = _UNITS.get(unit, ("", 1.0))
+    units = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
+    name, per = units.get(unit, ("", 1.0))
     return f"{plain(value, 0)} stations" if unit == "stations" else f"{significant(value * per)}{name}"
 
 

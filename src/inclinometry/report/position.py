@@ -26,10 +26,6 @@ if TYPE_CHECKING:
 
 PROBABILITY: Final = 0.95
 """That an ellipse or ellipsoid of the report holds the true position."""
-VIEW: Final = (np.radians(110.0), np.radians(25.0))
-"""From where the view in space looks at first: azimuth clockwise of the well's, and how far from above."""
-PLAN: Final = np.eye(3)[:2][::-1]
-"""East to the right, north up."""
 _TURN: Final = np.linspace(0.0, 2.0 * np.pi, 73)
 
 
@@ -42,7 +38,7 @@ def section_azimuth(path: Path) -> float:
 
 def first_view(path: Path) -> tuple[float, float]:
     """Azimuth that the view in space looks from, and how far from above, rad."""
-    return float(wrap_positive(section_azimuth(path) + VIEW[0])), float(VIEW[1])
+    return float(wrap_positive(section_azimuth(path) + np.radians(110.0))), float(np.radians(25.0))
 
 
 def section_axes(direction: float) -> Array:
@@ -124,7 +120,8 @@ def plan_figure(path: Path, covariance: Array | None, north: str, magnify: float
     """The well from above, with horizontal ellipses."""
     figure = new_figure(4.4)
     axes = figure.add_subplot()
-    _drawn(axes, path, covariance, PLAN, magnify * ellipsoid_factor(PROBABILITY, 2))
+    east_north = np.eye(3)[:2][::-1]
+    _drawn(axes, path, covariance, east_north, magnify * ellipsoid_factor(PROBABILITY, 2))
     _scaled(axes)
     axes.set_xlabel("east, m")
     axes.set_ylabel(f"north ({north}), m")
@@ -153,7 +150,8 @@ def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure
     corners = _points(path)
     low, high = corners.min(axis=0), corners.max(axis=0)
     # the floor of the box, and the well's shadow on it
-    floor = np.array([[x, y, high[2]] for x, y in _corners(low, high)]) @ plane.T
+    ends = ((low, low), (high, low), (high, high), (low, high), (low, low))
+    floor = np.array([[x[0], y[1], high[2]] for x, y in ends]) @ plane.T
     axes.plot(floor[:, 0], floor[:, 1], color=INK, alpha=0.35, linewidth=0.8)
     shadow = np.column_stack([corners[:, :2], np.full(len(corners), high[2])])[thinned(len(path))] @ plane.T
     axes.plot(shadow[:, 0], shadow[:, 1], color=INK, alpha=0.35, linewidth=1.0, linestyle=":")
@@ -164,10 +162,6 @@ def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
     return figure
-
-
-def _corners(low: Array, high: Array) -> list[tuple[float, float]]:
-    return [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]), (low[0], low[1])]
 
 
 @styled
@@ -277,19 +271,6 @@ def _arrow(axes: Axes, azimuth: float, length: float, colour: str, width: float)
 
 # Tables and sentences of a well's position.
 
-_SHARED = {
-    "random": "nothing: each station its own",
-    "systematic": "the stations of the run",
-    "well": "the runs of the well",
-    "global": "all wells",
-}
-
-_CERTIFIED = {
-    "calibration": "What the certificate of {} leaves unknown of its sensors, with all correlations",
-    "sensor noise": "Noise of one reading of {}",
-    "declination": "The site's declination",
-}
-
 
 class Contribution(NamedTuple):
     """A source at one station: sigma (3,) north, east, down, m; m along the ellipse's major axis; share of variance."""
@@ -360,14 +341,25 @@ def source_table(
     if uncertainty is None:
         return None
     terms = () if code is None else code.terms
-    words = {} if calibration is None else {name: text.format(calibration) for name, text in _CERTIFIED.items()}
+    certified = {
+        "calibration": "What the certificate of {} leaves unknown of its sensors, with all correlations",
+        "sensor noise": "Noise of one reading of {}",
+        "declination": "The site's declination",
+    }
+    words = {} if calibration is None else {name: text.format(calibration) for name, text in certified.items()}
     words |= {one.name: f"{one.description} ({one.magnitude:g} {one.unit})" for one in terms}
+    shared = {
+        "random": "nothing: each station its own",
+        "systematic": "the stations of the run",
+        "well": "the runs of the well",
+        "global": "all wells",
+    }
     rows = [
         TableRow(
             [
                 part.name,
                 words.get(part.name, ""),
-                f"{part.propagation}: {_SHARED[part.propagation]}",
+                f"{part.propagation}: {shared[part.propagation]}",
                 significant(part.major, 3),
                 f"{100.0 * part.share:.1f}",
                 *(significant(float(s), 3) for s in part.sigma),
@@ -432,15 +424,10 @@ def missing(uncertainty: PositionUncertainty | None, code: ToolCode | None, cali
             f"Anything that is not {beside}a term of {code.name}: a tool, a hole or a correction that model was not "
             "made for."
         )
-    if not _tied(uncertainty):
+    if not uncertainty.survey.tie.any():
         lines.append("Uncertainty of the first station's position: it was taken as exact.")
     lines.append("Errors so large that the well's shape itself changes: the propagation is linear.")
     return lines
-
-
-def _tied(uncertainty: PositionUncertainty) -> bool:
-    """Whether the position of the first station has an uncertainty of its own."""
-    return bool(uncertainty.survey.tie.any())
 
 
 def station_table(path: Path, uncertainty: PositionUncertainty | None) -> Table:
@@ -498,12 +485,6 @@ def _place(site: Site) -> list[tuple[str, str]]:
     return found
 
 
-MOST_SOURCES = 14
-"""Bars in the drawing of sources; the table holds all."""
-MOST_ELLIPSOIDS = 20
-"""Stations with an ellipsoid in the picture that turns."""
-
-
 def position_report(
     path: Path,
     survey: WellSurvey,
@@ -556,7 +537,11 @@ def position_report(
         heading="Position of the well",
         conventions=CONVENTIONS,
         state="" if uncertainty is None else "warn" if warnings else "good",
-        badge=_badge(path, uncertainty, warnings),
+        badge=(
+            "Read the warnings"
+            if warnings
+            else f"{len(path)} stations" + ("" if uncertainty is not None else ", uncertainty not known")
+        ),
         verdict=_verdict(path, survey, uncertainty),
         notes=list(notes),
         warnings=list(warnings),
@@ -574,12 +559,6 @@ def position_report(
         stations=cut(station_table(path, uncertainty)),
         facts=fact_pairs(path, survey, azimuth_reference, tool_code, calibration, inputs or {}),
     )
-
-
-def _badge(path: Path, uncertainty: PositionUncertainty | None, warnings: Sequence[str]) -> str:
-    if warnings:
-        return "Read the warnings"
-    return f"{len(path)} stations" + ("" if uncertainty is not None else ", uncertainty not known")
 
 
 def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | None) -> str:
@@ -633,7 +612,7 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
     rows = thinned(len(path))
     bodies: list[list[float]] = []
     if uncertainty is not None:
-        for row in ellipse_rows(uncertainty.covariance, MOST_ELLIPSOIDS):
+        for row in ellipse_rows(uncertainty.covariance, 20):
             c = uncertainty.covariance[row]
             upper = [float(f"{c[i, j]:.6g}") for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
             bodies.append([*columns[row].round(2).tolist(), *upper])
@@ -650,7 +629,7 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
 def _sources_picture(uncertainty: PositionUncertainty | None) -> list[Picture]:
     if uncertainty is None:
         return []
-    parts = contributions(uncertainty)[:MOST_SOURCES]
+    parts = contributions(uncertainty)[:14]
     figure = source_figure([p.name for p in parts], [p.major for p in parts], [p.propagation for p in parts])
     more = len(uncertainty.sources) - len(parts)
     return [picture(figure, "sources", f"The {len(parts)} largest sources" if more else "All sources")]

@@ -18,9 +18,7 @@ from inclinometry.survey.quality import QUANTITIES, FieldQuality, Quantity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NAMES = ("gravity", "b", "dip")
 _AXES = ("total gravity, m/s²", "total field, nT", "dip, deg")
-_UNITS = {"rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/h", 180.0 / np.pi * 3600.0), "m/s^2": ("m/s²", 1.0)}
 _FEW = 80  # points up to which each is marked
 
 
@@ -39,7 +37,7 @@ def quality_pictures(
     """
     moved = [None] * 3 if corrected is None else [float(value) for value in corrected]
     found = []
-    for column, name in enumerate(_NAMES):
+    for column, name in enumerate(("gravity", "b", "dip")):
         what = QUANTITIES[column].name
         caption = f"{what[0].upper()}{what[1:]} against the reference; shaded: what is allowed"
         figure = fields_figure(quality, column, before, moved[column])
@@ -74,7 +72,10 @@ def fields_figure(
         axes.plot(md, factor * before.found[rows, column], label="before", markersize=3.0, alpha=0.8, **look)
     label = "measured" if before is None else "corrected"
     axes.plot(md, factor * quality.found[rows, column], color=SERIES[0], marker="o" if mark else None, label=label)
-    _crosses(axes, quality, factor * quality.found[:, column], _beyond(quality, column))
+    check = quality.checks[column]
+    failed = np.zeros(len(quality.md), dtype=bool)
+    failed[list(check.stations if check.verdict == "fail" else ())] = True
+    _crosses(axes, quality, factor * quality.found[:, column], failed)
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_ylabel(_AXES[column])
     axes.set_xlabel("measured depth, m")
@@ -104,13 +105,6 @@ def distance_figure(quality: FieldQuality, before: FieldQuality | None = None) -
     return figure
 
 
-def _beyond(quality: FieldQuality, column: int) -> Mask:
-    check = quality.checks[column]
-    failed = np.zeros(len(quality.md), dtype=bool)
-    failed[list(check.stations if check.verdict == "fail" else ())] = True
-    return failed
-
-
 def _crosses(axes: Any, quality: FieldQuality, values: Array, failed: Mask) -> None:
     if failed.any():
         look: dict[str, Any] = {"linestyle": "none", "marker": "X", "color": BAD, "markersize": 6.5, "label": "beyond"}
@@ -121,8 +115,9 @@ def check_table(checks: Sequence[Check]) -> Table:
     """Every check with its figures, reason and next action."""
     states = {"pass": "", "not judged": "warn", "fail": "bad"}
     body = []
+    units = {"rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/h", 180.0 / np.pi * 3600.0), "m/s^2": ("m/s²", 1.0)}
     for check in checks:
-        unit, factor = _UNITS.get(check.unit, (check.unit, 1.0))
+        unit, factor = units.get(check.unit, (check.unit, 1.0))
         value, limit = (_shown(x * factor) for x in (check.value, check.limit))
         action = check.action if check.verdict != "pass" else ""
         cells = [check.name, check.verdict, check.reason, action, value, limit, unit]

@@ -16,13 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LOOKS = {
-    "pass": ("o", SERIES[0]),
-    "inconclusive": ("s", SERIES[1]),
-    "fail": ("X", BAD),
-    "not judged": ("D", SERIES[7]),
-}
-"""Marker and colour of each decision."""
 DIAL_COLUMN = (1, 0, 2)
 """Where the dials hold inclination, azimuth, toolface."""
 
@@ -35,7 +28,13 @@ def station_figure(verification: Verification, column: int) -> Figure:
     place = np.arange(len(verification.station))
     limit = np.degrees(np.where(np.isfinite(verification.limits[:, column]), verification.limits[:, column], np.nan))
     spread = verification.coverage_factor * np.degrees(verification.u[:, column])
-    _limits(axes, place, limit, np.maximum(limit - spread, 0.0), guarded=_guarded(verification))
+    inner = np.maximum(limit - spread, 0.0)
+    guarded = any("inconclusive" in row for row in verification.decision)
+    edges = np.append(place - 0.5, place[-1] + 0.5) if len(place) else place
+    for sign in (1.0, -1.0):
+        axes.stairs(sign * limit, edges, baseline=None, color=BAD, linewidth=1.3)
+        if guarded:
+            axes.stairs(sign * limit, edges, baseline=sign * inner, fill=True, color=BAD, alpha=0.16, linewidth=0.0)
     handles = _errors(axes, place, verification, column)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_ylim(*_reach(verification, column))
@@ -65,19 +64,6 @@ def settings(verification: Verification, column: int) -> int:
     return len(np.unique(np.degrees(verification.dials[judged, DIAL_COLUMN[column]]).round(3)))
 
 
-def _guarded(verification: Verification) -> bool:
-    return any("inconclusive" in row for row in verification.decision)
-
-
-def _limits(axes: Axes, place: np.ndarray, limit: np.ndarray, inner: np.ndarray, *, guarded: bool) -> None:
-    """Limits as steps over the stations; the guard band between them and the acceptance limit."""
-    edges = np.append(place - 0.5, place[-1] + 0.5) if len(place) else place
-    for sign in (1.0, -1.0):
-        axes.stairs(sign * limit, edges, baseline=None, color=BAD, linewidth=1.3)
-        if guarded:
-            axes.stairs(sign * limit, edges, baseline=sign * inner, fill=True, color=BAD, alpha=0.16, linewidth=0.0)
-
-
 def _errors(axes: Axes, x: np.ndarray, verification: Verification, column: int) -> list[object]:
     """Points with expanded uncertainties, one look a decision; returns the handles of the legend."""
     from matplotlib.lines import Line2D
@@ -86,7 +72,13 @@ def _errors(axes: Axes, x: np.ndarray, verification: Verification, column: int) 
     errors = np.degrees(verification.errors[:, column])
     spread = COVERAGE_FACTOR * np.degrees(verification.u[:, column])
     handles: list[object] = []
-    for name, (marker, colour) in LOOKS.items():
+    looks = {
+        "pass": ("o", SERIES[0]),
+        "inconclusive": ("s", SERIES[1]),
+        "fail": ("X", BAD),
+        "not judged": ("D", SERIES[7]),
+    }
+    for name, (marker, colour) in looks.items():
         rows = decisions == name
         if rows.any():
             # the bars of a vertical tool's azimuth would cross the whole drawing
@@ -109,13 +101,6 @@ def _reach(verification: Verification, column: int) -> tuple[float, float]:
     )
     top = 1.1 * float(max(limit.max(initial=0.0), (np.abs(error) + COVERAGE_FACTOR * u).max(initial=1e-6)))
     return -top, top
-
-
-UNDEFINED_DEG = 30.0
-"""Standard uncertainty from which an angle is not worth printing: the tool hangs vertically, deg."""
-FEWEST_SETTINGS = 4
-"""Settings of an angle below which errors over it are no curve; the stations show them."""
-_STATES = {"fail": "bad", "inconclusive": "warn"}
 
 
 def verification_report(verification: Verification) -> str:
@@ -143,6 +128,7 @@ def verification_report(verification: Verification) -> str:
     passed = verification.verdict == "pass"
     drawn = [c for c in range(3) if np.isfinite(verification.errors[:, c]).any()]
     name = verification.tool or "Tool without a name"
+    # errors over fewer than four settings of an angle are no curve; the stations show them
     return render(
         "report.html",
         about="What was judged",
@@ -165,7 +151,7 @@ def verification_report(verification: Verification) -> str:
             ),
             Section(
                 "Error curves",
-                pictures=[_curve(verification, c) for c in drawn if settings(verification, c) >= FEWEST_SETTINGS],
+                pictures=[_curve(verification, c) for c in drawn if settings(verification, c) >= 4],
             ),
             Section("Every position", tables=[cut(_table(verification))]),
         ],
@@ -265,12 +251,12 @@ def _table(verification: Verification) -> Table:
         for column in range(3):
             error, u = float(errors[k, column]), float(spread[k, column])
             limit = float(np.degrees(verification.limits[k, column]))
-            defined = u < UNDEFINED_DEG
+            defined = u < 30.0  # beyond, the tool hangs vertically
             cells += (
                 [_signed(error, u), significant(verification.coverage_factor * u)] if defined else ["undefined", ""]
             )
             cells += [f"{limit:.3g}" if np.isfinite(limit) else "", verification.decision[k][column]]
-        worst = [_STATES.get(d, "") for d in verification.decision[k]]
+        worst = [{"fail": "bad", "inconclusive": "warn"}.get(d, "") for d in verification.decision[k]]
         state = "bad" if "bad" in worst else "warn" if "warn" in worst else ""
         rows.append(TableRow([station, *cells], state))
     head = ["station", "azimuth set", "inclination set", "toolface set"]

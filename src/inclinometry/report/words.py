@@ -100,15 +100,6 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
     return f"{text} ± {significant(uncertainty)}"
 
 
-METHODS = {
-    "joint": "joint maximum likelihood of all triads, rig errors shared between them",
-    "twelve": "closed form for the twelve positions",
-    "orthogonal": "closed form for the 24 orthogonal positions",
-    "rotations": "closed form for two full rotations about the tool axis",
-    "field": "constant field strength in any attitude, no rig",
-    "classical": "classical small-angle differences",
-    "datasheet": "nameplate values of the sensors, nothing measured",
-}
 DECISIVE = 0.9
 """Leverage from which a station decides alone: an error there would go unseen."""
 
@@ -169,10 +160,19 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
     """What was measured, as pairs of label and text."""
     tool, stations = calibration.tool, len(calibration.residuals.station)
     triads = [f"{t.count} {kind}s ({t.unit})" for kind, t in tool.triads.items()]
+    methods = {
+        "joint": "joint maximum likelihood of all triads, rig errors shared between them",
+        "twelve": "closed form for the twelve positions",
+        "orthogonal": "closed form for the 24 orthogonal positions",
+        "rotations": "closed form for two full rotations about the tool axis",
+        "field": "constant field strength in any attitude, no rig",
+        "classical": "classical small-angle differences",
+        "datasheet": "nameplate values of the sensors, nothing measured",
+    }
     facts = [
         ("Tool", tool.name or "not named"),
         ("Sensors", listed(triads)),
-        ("Method", f"{calibration.method}: {METHODS.get(calibration.method, 'see the record')}"),
+        ("Method", f"{calibration.method}: {methods.get(calibration.method, 'see the record')}"),
         ("Stations", f"{stations}{_left_out(stations, readings)}"),
         ("Temperature", _temperature(calibration)),
     ]
