@@ -10,7 +10,7 @@ from inclinometry.allan import ChannelNoise, Coefficient, NoiseRecord
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.files.allan_json import COEFFICIENTS, PlottedCurve, coefficients_of, units_of
 from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
-from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, picture, render
+from inclinometry.report.page import CONVENTIONS, Section, Table, TableRow, picture, render
 from inclinometry.report.words import listed, significant, with_uncertainty
 
 if TYPE_CHECKING:
@@ -84,6 +84,31 @@ def allan_report(record: NoiseRecord) -> str:
     (True, 1)
     """
     troubles = len(record.warnings)
+    tables = []
+    for kind in record.kinds:
+        units, body = units_of(record.of(kind)[0]), []
+        for c in record.of(kind):
+            found = (coefficient_text(*pair) for pair in coefficients_of(c))
+            body.append(TableRow([c.name, *found, f"{c.model.chi_square:.1f}", str(c.model.dof)]))
+        head = ["channel", *(f"{s.title}, {s.unit}" for s in units.coefficients), "misfit", "degrees of freedom"]
+        caption = f"{kind.capitalize()}: coefficient ± standard uncertainty, or upper limit (95 %)"
+        tables.append(Table(caption, head, body))
+    what = f"Allan deviation with its band (k = {COVERAGE_FACTOR:g}), the fitted curve and its components"
+    pictures = [picture(allan_figure(c), f"allan{n}", f"{c.name}: {what}") for n, c in enumerate(record.channels)]
+    facts = [
+        ("Samples", str(record.samples)),
+        ("Sampling interval", f"{record.dt:.6g} s"),
+        ("Length", f"{record.samples * record.dt:.6g} s"),
+    ]
+    parts = []
+    for triad in record.kinds:
+        shown, _ = coefficients_of(record.of(triad)[0])[0]
+        levels = [one.value * shown.factor for _, one in (coefficients_of(x)[0] for x in record.of(triad)) if one.seen]
+        if levels:
+            low, high = (significant(v) for v in (min(levels), max(levels)))
+            span = low if low == high else f"{low} to {high}"
+            parts.append(f"{triad} {span} {shown.unit} ({shown.title})")
+    length = f"{record.samples} samples over {significant(record.samples * record.dt, 3)} s"
     return render(
         "report.html",
         about="What was analysed",
@@ -93,17 +118,17 @@ def allan_report(record: NoiseRecord) -> str:
         conventions=CONVENTIONS,
         state="warn" if troubles else "good",
         badge=f"{troubles} warning{'s' * (troubles > 1)}" if troubles else "No warnings",
-        verdict=_sentence(record),
+        verdict=f"{length}: {listed(parts)}." if parts else f"{length}: no white noise is seen.",
         notes=[
             "Coefficients as in IEEE Std 952-1997: the Allan variance over a time t is N²/t + 0.441 B² + K² t/3. "
             "Where a record is too short to see one, its upper limit (95 %) stands instead."
         ],
         warnings=list(record.warnings),
         sections=[
-            Section("Noise of each channel", tables=[_table(record.of(kind)) for kind in record.kinds]),
-            Section("Allan deviation", pictures=[_picture(channel, at) for at, channel in enumerate(record.channels)]),
+            Section("Noise of each channel", tables=tables),
+            Section("Allan deviation", pictures=pictures),
         ],
-        facts=_facts(record),
+        facts=facts + [(f"Digest of {name}", digest) for name, digest in record.inputs.items()],
     )
 
 
@@ -112,43 +137,3 @@ def coefficient_text(shown: PlottedCurve, found: Coefficient) -> str:
     if not found.seen:
         return f"< {significant(shown.factor * found.limit)}"
     return with_uncertainty(shown.factor * found.value, shown.factor * found.u)
-
-
-def _sentence(record: NoiseRecord) -> str:
-    parts = []
-    for kind in record.kinds:
-        shown, _ = coefficients_of(record.of(kind)[0])[0]
-        values = [c.value * shown.factor for _, c in (coefficients_of(x)[0] for x in record.of(kind)) if c.seen]
-        if values:
-            low, high = (significant(v) for v in (min(values), max(values)))
-            span = low if low == high else f"{low} to {high}"
-            parts.append(f"{kind} {span} {shown.unit} ({shown.title})")
-    length = f"{record.samples} samples over {significant(record.samples * record.dt, 3)} s"
-    return f"{length}: {listed(parts)}." if parts else f"{length}: no white noise is seen."
-
-
-def _table(channels: list[ChannelNoise]) -> Table:
-    units = units_of(channels[0])
-    body = []
-    for c in channels:
-        found = (coefficient_text(*pair) for pair in coefficients_of(c))
-        body.append(TableRow([c.name, *found, f"{c.model.chi_square:.1f}", str(c.model.dof)]))
-    head = ["channel", *(f"{s.title}, {s.unit}" for s in units.coefficients), "misfit", "degrees of freedom"]
-    caption = f"{channels[0].kind.capitalize()}: coefficient ± standard uncertainty, or upper limit (95 %)"
-    return Table(caption, head, body)
-
-
-def _picture(channel: ChannelNoise, place: int) -> Picture:
-    caption = (
-        f"{channel.name}: Allan deviation with its band (k = {COVERAGE_FACTOR:g}), the fitted curve and its components"
-    )
-    return picture(allan_figure(channel), f"allan{place}", caption)
-
-
-def _facts(record: NoiseRecord) -> list[tuple[str, str]]:
-    facts = [
-        ("Samples", str(record.samples)),
-        ("Sampling interval", f"{record.dt:.6g} s"),
-        ("Length", f"{record.samples * record.dt:.6g} s"),
-    ]
-    return facts + [(f"Digest of {name}", digest) for name, digest in record.inputs.items()]

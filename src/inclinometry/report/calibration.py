@@ -229,6 +229,7 @@ def calibration_report(
     troubles = len(calibration.warnings)
     rig_table = tables.rig_table(calibration, readings)
     second = None if readings is None else second_harmonics(readings)
+    captions = {kind: f"Standardised residuals of the {kind}" for kind in calibration.residuals.standardised}
     return render(
         "calibration.html",
         title=f"Calibration of {name or 'a tool'}",
@@ -253,7 +254,9 @@ def calibration_report(
         rig_table=rig_table and cut(rig_table),
         tests=tables.test_table(tests),
         residuals=words.residual_sentences(calibration),
-        residual_figures=_residual_figures(calibration),
+        residual_figures=[
+            picture(residual_figure(calibration, kind), f"res{kind}", text) for kind, text in captions.items()
+        ],
         residual_tables=[(k, cut(t)) for k, t in tables.residual_tables(calibration, readings).items()],
         rolls=second and cut(tables.roll_table(second, readings.units if readings else {})),
         roll_sentences=_rolls(second) if second else [],
@@ -310,8 +313,3 @@ def _rig_figures(calibration: Calibration) -> list[Picture]:
         picture(rig_figure(calibration, dial), f"rig{name}", f"Error of the {name} setting; {dashed}")
         for dial, name in enumerate(DIALS)
     ]
-
-
-def _residual_figures(calibration: Calibration) -> list[Picture]:
-    captions = {kind: f"Standardised residuals of the {kind}" for kind in calibration.residuals.standardised}
-    return [picture(residual_figure(calibration, kind), f"res{kind}", text) for kind, text in captions.items()]

@@ -342,30 +342,27 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
     head.append(f"noise, {unit.name}")
     at = f" at {triad.reference_temperature:g} °C" if triad.degree else ""
     square = orthogonality_rows(tool, kind)
+    # tensor and offset, a line a sensor and power of temperature
+    rows = parameter_rows(tool, kind)
+    triad = tool.triads[kind]
+    sensors, lines = sensor_names(triad.count), []
+    for start in range(0, len(rows), 4):
+        power, sensor = divmod(start // 4, triad.count)
+        label = sensors[sensor] + (f" · T{power}" if triad.degree else "")
+        units = [rows[start].unit] if triad.degree else []
+        lines.append(TableRow([label, *units, *(row.text for row in rows[start : start + 4])]))
+    columns = ["sensor", *(["unit"] if triad.degree else []), "N x", "N y", "N z", "U0"]
+    given = "" if triad.degree else f", {triad.unit}"
+    powers = f"; Tn: factor of (T - {triad.reference_temperature:g} °C)^n" if triad.degree else ""
+    caption = f"Tensor N and offset U0{given}, ± standard uncertainty{powers}"
     return {
         "kind": kind,
         "classical": Table(f"Scale, bias and misalignment{at}, ± standard uncertainty", head, body),
         "orthogonality": Table(
             "Angle between axes less 90°", ["axes", "deg"], [TableRow([row.label, row.text]) for row in square]
         ),
-        "parameters": _parameters(tool, kind, parameter_rows(tool, kind)),
+        "parameters": Table(caption, columns, lines, text_columns=2 if triad.degree else 1),
     }
-
-
-def _parameters(tool: Tool, kind: str, rows: list[Row]) -> Table:
-    """Tensor and offset, a line a sensor and power of temperature."""
-    triad = tool.triads[kind]
-    names, body = sensor_names(triad.count), []
-    for start in range(0, len(rows), 4):
-        power, sensor = divmod(start // 4, triad.count)
-        label = names[sensor] + (f" · T{power}" if triad.degree else "")
-        units = [rows[start].unit] if triad.degree else []
-        body.append(TableRow([label, *units, *(row.text for row in rows[start : start + 4])]))
-    head = ["sensor", *(["unit"] if triad.degree else []), "N x", "N y", "N z", "U0"]
-    unit = "" if triad.degree else f", {triad.unit}"
-    powers = f"; Tn: factor of (T - {triad.reference_temperature:g} °C)^n" if triad.degree else ""
-    caption = f"Tensor N and offset U0{unit}, ± standard uncertainty{powers}"
-    return Table(caption, head, body, text_columns=2 if triad.degree else 1)
 
 
 def correlation_table(calibration: Calibration) -> Table | None:

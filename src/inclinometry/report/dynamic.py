@@ -107,7 +107,27 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
     for column, name in enumerate(("inclination", "azimuth")):
         upper = figure.add_subplot(grid[2, column])
         lower = figure.add_subplot(grid[3, column], sharex=upper)
-        _angle_panel(upper, truth, found, errors, column)
+        # one angle; the axis holds what the second method makes of it, raw values beyond are cut
+        true = np.degrees(np.unwrap((truth.inclination, truth.azimuth)[column]))
+        for layer, (line, (key, method)) in enumerate(zip(_LOOKS, found.items(), strict=False)):
+            error = np.degrees(errors[key][column])
+            path = np.interp(method.time, truth.time, true) + error
+            upper.plot(method.time, path, zorder=2.0 + layer, **line)
+            if method.u is not None:
+                upper.errorbar(
+                    method.time,
+                    path,
+                    COVERAGE_FACTOR * np.degrees(method.u[column]),
+                    linestyle="none",
+                    color=line["color"],
+                    capsize=2.0,
+                )
+        upper.plot(truth.time, true, color=INK, linewidth=1.6, linestyle="--", zorder=6.0)
+        sizes = [np.abs(np.degrees(errors[key][column])) for key in list(found)[1:]]
+        reach = 1.3 * max(float(np.nanquantile(method, 0.98)) for method in sizes)
+        upper.set_ylim(float(true.min()) - reach, float(true.max()) + reach)
+        if column == 0:
+            upper.set_title("dots beyond the axes are cut")
         _error_panel(lower, found, errors, column)
         upper.set_ylabel(f"{name}, deg")
         lower.set_ylabel(f"|error| of {name}, deg")
@@ -125,32 +145,6 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
     return figure
 
 
-def _angle_panel(
-    axes: Axes, truth: Found, found: Mapping[str, Found], errors: Mapping[str, tuple[Array, Array]], column: int
-) -> None:
-    """One angle; the axis holds what the second method makes of it, raw values beyond are cut."""
-    true = np.degrees(np.unwrap((truth.inclination, truth.azimuth)[column]))
-    for place, (look, (name, one)) in enumerate(zip(_LOOKS, found.items(), strict=False)):
-        off = np.degrees(errors[name][column])
-        path = np.interp(one.time, truth.time, true) + off
-        axes.plot(one.time, path, zorder=2.0 + place, **look)
-        if one.u is not None:
-            axes.errorbar(
-                one.time,
-                path,
-                COVERAGE_FACTOR * np.degrees(one.u[column]),
-                linestyle="none",
-                color=look["color"],
-                capsize=2.0,
-            )
-    axes.plot(truth.time, true, color=INK, linewidth=1.6, linestyle="--", zorder=6.0)
-    size = [np.abs(np.degrees(errors[name][column])) for name in list(found)[1:]]
-    reach = 1.3 * max(float(np.nanquantile(one, 0.98)) for one in size)
-    axes.set_ylim(float(true.min()) - reach, float(true.max()) + reach)
-    if column == 0:
-        axes.set_title("dots beyond the axes are cut")
-
-
 def _error_panel(
     axes: Axes, found: Mapping[str, Found], errors: Mapping[str, tuple[Array, Array]], column: int
 ) -> None:
@@ -163,27 +157,16 @@ def _error_panel(
     log_scale(axes, max(min(low), 1e-4), 180.0)
 
 
-class Clock(NamedTuple):
-    """The unit times are shown in: seconds of one unit, and its sign."""
-
-    seconds: float
-    unit: str
-
-    def shown(self, time: Array) -> Array:
-        """Times, s, in this unit."""
-        return np.asarray(time / self.seconds)
-
-
-def clock(time: Array) -> Clock:
-    """Seconds up to ten minutes, minutes up to three hours, hours beyond.
+def clock(time: Array) -> tuple[float, str]:
+    """The unit times are shown in, its seconds and its sign: s to ten minutes, min to three hours, h beyond.
 
     Examples
     --------
-    >>> clock(np.array([0.0, 60.0])).unit, clock(np.array([0.0, 1e5])).unit
-    ('s', 'h')
+    >>> clock(np.array([0.0, 60.0])), clock(np.array([0.0, 1e5]))
+    ((1.0, 's'), (3600.0, 'h'))
     """
     span = float(np.ptp(time)) if len(time) else 0.0
-    return Clock(1.0, "s") if span <= 600.0 else Clock(60.0, "min") if span <= 10_800.0 else Clock(3600.0, "h")
+    return (1.0, "s") if span <= 600.0 else (60.0, "min") if span <= 10_800.0 else (3600.0, "h")
 
 
 def stretches(time: Array, chosen: Mask) -> list[tuple[float, float]]:
@@ -205,9 +188,9 @@ def stretches(time: Array, chosen: Mask) -> list[tuple[float, float]]:
     return [(float(low[first]), float(high[last] - low[first])) for first, last in pairs]
 
 
-def _shade(axes: Axes, time: Array, refused: Mask, at: Clock) -> None:
+def _shade(axes: Axes, time: Array, refused: Mask, unit: float) -> None:
     """Refused stretches over the full height."""
-    bars = [(begin / at.seconds, length / at.seconds) for begin, length in stretches(time, refused)]
+    bars = [(begin / unit, length / unit) for begin, length in stretches(time, refused)]
     if bars:
         axes.broken_barh(
             bars, (0.0, 1.0), transform=axes.get_xaxis_transform(), color=BAD, alpha=0.16, linewidth=0.0, zorder=0.5,
@@ -225,8 +208,8 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
     """One angle over time with its band of expanded uncertainty, refused stretches shaded; below, U."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    rows, at = thinned(len(found)), clock(found.time)
-    time = at.shown(found.time[rows])
+    rows, (unit, sign) = thinned(len(found)), clock(found.time)
+    time = found.time[rows] / unit
     value, u = (np.degrees(getattr(found, column)[rows]) for column in (name, f"u_{name}"))
     path = value if name == "inclination" else unbroken(value)
     steps = np.abs(np.diff(path[np.isfinite(path)]))
@@ -242,7 +225,7 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
             room = min(1.2 * float(np.quantile(spread[good], 0.9)) + 0.01, 180.0)
             upper.set_ylim(float(path[good].min()) - room, float(path[good].max()) + room)
     for axes in (upper, lower):
-        _shade(axes, found.time, found.refused, at)
+        _shade(axes, found.time, found.refused, unit)
     upper.set_ylabel(f"{name}, deg")
     _above(upper, 2)
     seen = u[np.isfinite(u) & (u > 0.0)]
@@ -251,7 +234,7 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
         # wide enough for two labels where U hardly changes
         log_scale(lower, 0.8 * COVERAGE_FACTOR * float(seen.min()), 1.25 * COVERAGE_FACTOR * float(seen.max()))
     lower.set_ylabel("U, deg")
-    lower.set_xlabel(f"time, {at.unit}")
+    lower.set_xlabel(f"time, {sign}")
     return figure
 
 
@@ -260,9 +243,9 @@ def speed_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
     """Turns a minute over time with its fastest and slowest tenth of a second, and the stick-slip index."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    at = clock(found.time)
+    unit, sign = clock(found.time)
     rows = thinned(len(vibration))
-    time = at.shown(vibration.time[rows])
+    time = vibration.time[rows] / unit
     low, high = RPM * vibration.slowest[rows], RPM * vibration.fastest[rows]
     upper.fill_between(time, low, high, color=SERIES[0], alpha=0.25, linewidth=0.0, label="slowest to fastest")
     _line(upper, time, RPM * vibration.mean[rows], SERIES[0], "mean")
@@ -270,10 +253,10 @@ def speed_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
     lower.axhline(1.0, color=INK, linewidth=0.8, linestyle=":")
     lower.set_ylim(bottom=0.0)
     for axes in (upper, lower):
-        _shade(axes, found.time, found.refused, at)
+        _shade(axes, found.time, found.refused, unit)
     upper.set_ylabel("speed, rpm")
     lower.set_ylabel("stick-slip index")
-    lower.set_xlabel(f"time, {at.unit}")
+    lower.set_xlabel(f"time, {sign}")
     _above(upper, 3)
     return figure
 
@@ -283,17 +266,17 @@ def vibration_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
     """Vibration over time by direction, g rms, and the peaks below."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    rows, at = thinned(len(vibration)), clock(found.time)
-    time = at.shown(vibration.time[rows])
+    rows, (unit, sign) = thinned(len(vibration)), clock(found.time)
+    time = vibration.time[rows] / unit
     for place, name in enumerate(("lateral", "axial")):
         _line(upper, time, getattr(vibration, name)[rows] / STANDARD_GRAVITY, SERIES[place], name, place)
     _line(lower, time, vibration.peak[rows] / STANDARD_GRAVITY, SERIES[3])
     for axes in (upper, lower):
-        _shade(axes, found.time, found.refused, at)
+        _shade(axes, found.time, found.refused, unit)
         axes.set_ylim(bottom=0.0)
     upper.set_ylabel("vibration, g rms")
     lower.set_ylabel("peak, g")
-    lower.set_xlabel(f"time, {at.unit}")
+    lower.set_xlabel(f"time, {sign}")
     _above(upper, 3)
     return figure
 
@@ -311,7 +294,7 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
 
     figure = new_figure(3.4)
     axes = figure.add_subplot()
-    at = clock(found.time)
+    unit, sign = clock(found.time)
     amplitude = np.ma.masked_invalid(np.sqrt(found.density))
     known = amplitude.compressed()
     top = float(known.max()) if len(known) and known.max() > 0.0 else 1.0
@@ -325,11 +308,11 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
         inner = 0.5 * (middle[1:] + middle[:-1])
         edges = np.concatenate([[0.0 if middle[0] >= 0.0 else middle[0]], inner, [2.0 * middle[-1] - inner[-1]]])
     mesh = axes.pcolormesh(
-        at.shown(found.time), edges, np.ma.maximum(amplitude, low).T, norm=LogNorm(low, top), cmap="viridis",
+        found.time / unit, edges, np.ma.maximum(amplitude, low).T, norm=LogNorm(low, top), cmap="viridis",
         rasterized=True,
     )  # fmt: skip
     axes.grid(visible=False)
-    axes.set_xlabel(f"time, {at.unit}")
+    axes.set_xlabel(f"time, {sign}")
     axes.set_ylabel("frequency, Hz")
     places, plain = LogLocator(subs=(1.0, 2.0, 5.0)), FuncFormatter(lambda value, _: f"{value:g}")
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, ticks=places, format=plain)
@@ -343,13 +326,13 @@ def envelope_figure(channels: Sequence[Envelope], label: str) -> Figure:
     """Channels of one triad over the whole run: mean, and lowest to highest value as a band."""
     figure = new_figure(3.0)
     axes = figure.add_subplot()
-    at = clock(channels[0].time)
+    unit, sign = clock(channels[0].time)
     for place, one in enumerate(channels):
         look: dict[str, Any] = {"color": SERIES[place], "alpha": 0.18, "linewidth": 0.0}
-        axes.fill_between(at.shown(one.time), one.low, one.high, **look)
-        _line(axes, at.shown(one.time), one.mean, SERIES[place], one.name, place)
+        axes.fill_between(one.time / unit, one.low, one.high, **look)
+        _line(axes, one.time / unit, one.mean, SERIES[place], one.name, place)
     axes.set_ylabel(f"{label}, {_printed(channels[0].unit)}")
-    axes.set_xlabel(f"time, {at.unit}")
+    axes.set_xlabel(f"time, {sign}")
     _above(axes, 3)
     return figure
 
@@ -501,14 +484,11 @@ def _windows(count: int) -> str:
     return f"{count} window{'s' * (count != 1)}"
 
 
-def _span(seconds: float) -> str:
-    at = clock(np.array([0.0, seconds]))
-    return f"{significant(seconds / at.seconds, 3)} {at.unit}"
-
-
 def _sentence(run: DynamicRun) -> str:
     rows = run.rows
-    span = f"{_windows(len(rows))} in {_span(run.counts.stop - run.counts.start)}"
+    seconds = run.counts.stop - run.counts.start
+    unit, sign = clock(np.array([0.0, seconds]))
+    span = f"{_windows(len(rows))} in {significant(seconds / unit, 3)} {sign}"
     refused = rows.refused
     if refused.all():
         return f"{span}: all refused; the reasons and what to do about them stand below."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.report.calibration import MANY
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, styled
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
+from inclinometry.report.survey import flag_table, summary_table
 from inclinometry.report.survey_figures import angle_figure
 from inclinometry.report.words import listed, plain, rounded, significant, with_uncertainty
 from inclinometry.rotations import wrap_signed
@@ -321,6 +322,30 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         raise InputError(f"md has {len(depth)} depths, the track {len(track)} stations; give one depth a station")
     left = int((~track.learnt).sum())
     learnt = learnt_sentences(track)
+    belief = track.belief
+    sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
+    names = [
+        f"scale factor at {belief.reference_temperature:g} °C",
+        f"slope, per {SPAN:g} °C",
+        f"bend, per ({SPAN:g} °C)²",
+    ]
+    body = [
+        TableRow([name, with_uncertainty(float(value), float(u))])
+        for name, value, u in zip(names, belief.coefficients, sd, strict=False)
+    ]
+    if belief.walk > 0.0:
+        value, variance, _ = belief.stands
+        body.append(TableRow(["wandered off by the end of the run", with_uncertainty(value, float(np.sqrt(variance)))]))
+        body.append(TableRow(["sd of the wandering over 1 °C", significant(belief.walk)]))
+    if belief.jitter > 0.0:
+        body.append(TableRow(["sd of what is each station’s own", significant(belief.jitter)]))
+    span = belief.temperature_range or (float(track.temperature.min()), float(track.temperature.max()))
+    sentences = [
+        f"The next run can start from these coefficients with their covariance. They were learnt from {span[0]:.0f} to "
+        f"{span[1]:.0f} °C; beyond that they are extrapolated."
+    ]
+    if belief.walk > 0.0:
+        sentences.append("The scale wanders, so the offer holds at the temperature at which the run ended.")
     return render(
         "report.html",
         about="What was reduced",
@@ -339,8 +364,10 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         warnings=[*learnt[1:], *notes],
         sections=[
             Section("Scale factor over temperature", [], [], [scale_picture(track)]),
-            Section("What was learnt", [], [_coefficients(track)]),
-            Section("What this run offers to the next one", _offer(track), [_forecast(track)]),
+            Section(
+                "What was learnt", [], [Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)]
+            ),
+            Section("What this run offers to the next one", sentences, [_forecast(track)]),
             Section("Stations", [], [cut(_scale_stations(track, depth))]),
         ],
         facts=[("Tool", tool or "not named"), ("Stations", str(len(track)))],
@@ -365,39 +392,6 @@ def learnt_sentences(track: ScaleTrack) -> list[str]:
         f"±{significant(spread)} % at half of the stations (k = {COVERAGE_FACTOR:g}).",
         *(f"{note[0].upper()}{note[1:]}." for note in track.notes),
     ]
-
-
-def _coefficients(track: ScaleTrack) -> Table:
-    belief = track.belief
-    sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
-    names = [
-        f"scale factor at {belief.reference_temperature:g} °C",
-        f"slope, per {SPAN:g} °C",
-        f"bend, per ({SPAN:g} °C)²",
-    ]
-    body = [
-        TableRow([name, with_uncertainty(float(value), float(u))])
-        for name, value, u in zip(names, belief.coefficients, sd, strict=False)
-    ]
-    if belief.walk > 0.0:
-        value, variance, _ = belief.stands
-        body.append(TableRow(["wandered off by the end of the run", with_uncertainty(value, float(np.sqrt(variance)))]))
-        body.append(TableRow(["sd of the wandering over 1 °C", significant(belief.walk)]))
-    if belief.jitter > 0.0:
-        body.append(TableRow(["sd of what is each station’s own", significant(belief.jitter)]))
-    return Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)
-
-
-def _offer(track: ScaleTrack) -> list[str]:
-    belief = track.belief
-    span = belief.temperature_range or (float(track.temperature.min()), float(track.temperature.max()))
-    sentences = [
-        f"The next run can start from these coefficients with their covariance. They were learnt from {span[0]:.0f} to "
-        f"{span[1]:.0f} °C; beyond that they are extrapolated."
-    ]
-    if belief.walk > 0.0:
-        sentences.append("The scale wanders, so the offer holds at the temperature at which the run ended.")
-    return sentences
 
 
 def _forecast(track: ScaleTrack) -> Table:
@@ -436,16 +430,6 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
 
 
 _ANGLES = ("inclination", "azimuth")
-
-
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """Stations from the top down, all in the order of the survey; temperature (n,), degC."""
-
-    survey: Survey
-    north: North
-    temperature: Array | None
-    others: Mapping[str, North]
 
 
 def gyro_report(
@@ -500,16 +484,16 @@ def gyro_report(
     >>> "Azimuth counts from true north" in gyro_report(gyro_survey([100.0], north), north, md=[100.0])
     True
     """
-    run = _run(survey, north, md, temperature, track, others or {})
+    north, heat, others = _in_order(survey, north, md, temperature, track, others or {})
     flagged = sum(bool(row) for row in survey.flags)
     state, badge = _badge(flagged, len(survey), checks, bool(survey.warnings))
     sections = [
-        _angles(run),
-        _scale(run, track),
-        _methods(run),
+        _angles(survey),
+        _scale(survey, north, others, track),
+        _methods(survey, north, others, heat) if others else None,
         Section("Checks", tables=[_check_table(checks)]) if checks else None,
-        Section("Flags", tables=[_flags(survey)]) if flagged else None,
-        Section("Stations", tables=[cut(_stations(run))]),
+        Section("Flags", tables=[flag_table(survey, FLAGS)]) if flagged else None,
+        Section("Stations", tables=[cut(_stations(survey, north, heat))]),
     ]
     size = len(survey)
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
@@ -546,18 +530,19 @@ def gyro_report(
         ],
         warnings=list(survey.warnings),
         sections=[section for section in sections if section is not None],
-        facts=_facts(run, track, site),
+        facts=_facts(survey, north, heat, track, site),
     )
 
 
-def _run(
+def _in_order(
     survey: Survey,
     north: North,
     md: ArrayLike,
     temperature: ArrayLike | None,
     track: ScaleTrack | None,
     others: Mapping[str, North],
-) -> _Run:
+) -> tuple[North, Array | None, dict[str, North]]:
+    """Stations from the top down, as in the survey; temperature (n,), degC."""
     depth = finite(md, "md", (None,))
     heat = None if temperature is None else finite(temperature, "temperature", (None,))
     if heat is None and track is not None and track.thermometer:
@@ -572,7 +557,7 @@ def _run(
     if not np.array_equal(depth[order], survey.md):
         raise InputError("md holds other depths than the survey; give the depths from which the survey was made")
     turned = {name: _taken(other, order) for name, other in others.items()}
-    return _Run(survey, _taken(north, order), None if heat is None else heat[order], turned)
+    return _taken(north, order), None if heat is None else heat[order], turned
 
 
 def _taken(north: North, order: Index) -> North:
@@ -598,28 +583,19 @@ def _badge(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> tu
     return "good", "No flags, all checks passed" if checks else "No flags"
 
 
-def _angles(run: _Run) -> Section:
-    survey = run.survey
+def _angles(survey: Survey) -> Section:
     pictures = [
         picture(angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by cause")
         for name in _ANGLES
         if np.isfinite(getattr(survey, name)).any()
     ]
-    body = []
-    for name in _ANGLES:
-        expanded = COVERAGE_FACTOR * np.degrees(survey.u(name))
-        at = int(np.argmax(expanded))
-        cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[at])]
-        body.append(TableRow([name, *cells, plain(survey.md[at], 2)]))
-    head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
-    table = Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)
     reference = f"Azimuth counts from {survey.azimuth_reference} north."
-    return Section("Inclination and azimuth", [reference], [table], pictures)
+    return Section("Inclination and azimuth", [reference], [summary_table(survey, _ANGLES)], pictures)
 
 
-def _scale(run: _Run, track: ScaleTrack | None) -> Section:
+def _scale(survey: Survey, north: North, others: Mapping[str, North], track: ScaleTrack | None) -> Section:
     """What is known of the scale factor, and where the run could see it."""
-    k = run.north.k
+    k = north.k
     sentences = [] if track is None else learnt_sentences(track)
     pictures = [] if track is None else [scale_picture(track)]
     blind = int((np.abs(k) < SINGULAR).sum())
@@ -628,46 +604,40 @@ def _scale(run: _Run, track: ScaleTrack | None) -> Section:
         "nothing of the scale factor, and its prior decides."
     )
     lost = np.zeros(len(k), dtype=bool)
-    for other in run.others.values():
+    for other in others.values():
         lost |= ~np.isfinite(other.scale)
     caption = "K over depth; the scale factor cannot be seen where it is zero"
-    pictures.append(picture(condition_figure(k, run.survey.md, DEPTH, lost), "condition", caption))
+    pictures.append(picture(condition_figure(k, survey.md, DEPTH, lost), "condition", caption))
     return Section("Scale factor", sentences, [], pictures)
 
 
-def _methods(run: _Run) -> Section | None:
+def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Array | None) -> Section:
     """Azimuth by other methods less the one reported."""
-    if not run.others:
-        return None
     body = []
-    for name, other in run.others.items():
-        size = np.abs(np.degrees(wrap_signed(other.azimuth - run.north.azimuth)))
+    for name, other in others.items():
+        size = np.abs(np.degrees(wrap_signed(other.azimuth - north.azimuth)))
         good = size[np.isfinite(size)]
         rms, most = (float(np.sqrt(np.mean(good**2))), float(good.max())) if len(good) else (np.nan, np.nan)
         lost = len(size) - len(good)
-        cells = [method_label(name), _reasons(other), significant(rms), significant(most), str(lost)]
+        missed = [set(row) for row, azimuth in zip(other.flags, other.azimuth, strict=True) if not np.isfinite(azimuth)]
+        counts = {flag: sum(flag in row for row in missed) for flag in FLAGS}
+        why = listed([f"{flag} ({count})" for flag, count in counts.items() if count])
+        cells = [method_label(name), why, significant(rms), significant(most), str(lost)]
         body.append(TableRow(cells, "warn" if lost else ""))
     head = ["method", "why it fails", "rms difference, deg", "largest, deg", "no azimuth at"]
-    table = Table(f"Azimuth less that of the method reported ({run.north.method})", head, body, text_columns=2)
-    places = [("bydepth", "depth", run.survey.md, DEPTH)]
-    if run.temperature is not None and np.ptp(run.temperature) > 0.0:
-        places.append(("byheat", "temperature", run.temperature, TEMPERATURE))
+    table = Table(f"Azimuth less that of the method reported ({north.method})", head, body, text_columns=2)
+    places = [("bydepth", "depth", survey.md, DEPTH)]
+    if heat is not None and np.ptp(heat) > 0.0:
+        places.append(("byheat", "temperature", heat, TEMPERATURE))
     pictures = [
         picture(
-            difference_figure(run.north, run.others, place, label),
+            difference_figure(north, others, place, label),
             name,
             f"Azimuth by other methods over {over}; triangles: off the axis, red crosses: no azimuth",
         )
         for name, over, place, label in places
     ]
     return Section("Methods compared", [], [table], pictures)
-
-
-def _reasons(north: North) -> str:
-    """Flags of the stations without azimuth, with how often."""
-    lost = [set(row) for row, azimuth in zip(north.flags, north.azimuth, strict=True) if not np.isfinite(azimuth)]
-    counts = {name: sum(name in row for row in lost) for name in FLAGS}
-    return listed([f"{name} ({count})" for name, count in counts.items() if count])
 
 
 def _check_table(checks: Sequence[Check]) -> Table:
@@ -690,17 +660,7 @@ def _measure(value: float, unit: str) -> str:
     return f"{plain(value, 0)} stations" if unit == "stations" else f"{significant(value * per)}{name}"
 
 
-def _flags(survey: Survey) -> Table:
-    """Every flag that occurs: what it means, how often, where first."""
-    body = []
-    for name in sorted({name for row in survey.flags for name in row}):
-        rows = [n for n, row in enumerate(survey.flags) if name in row]
-        body.append(TableRow([name, FLAGS.get(name, ""), str(len(rows)), plain(survey.md[rows[0]], 2)], "warn"))
-    return Table("Flags that occur", ["flag", "meaning", "stations", "first at md, m"], body, text_columns=2)
-
-
-def _stations(run: _Run) -> Table:
-    survey, north = run.survey, run.north
+def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
     angles = [(np.degrees(getattr(survey, n)), np.degrees(survey.u(n))) for n in (*_ANGLES, "toolface")]
     rows = []
     for n in range(len(survey)):
@@ -710,12 +670,12 @@ def _stations(run: _Run) -> Table:
         u_scale = float(north.u_scale[n])
         cells += [rounded(float(north.scale[n]), u_scale), significant(u_scale)]
         cells += [north.root[n], rounded(float(north.k[n]), 0.02)]
-        cells += [] if run.temperature is None else [f"{run.temperature[n]:.1f}"]
+        cells += [] if heat is None else [f"{heat[n]:.1f}"]
         rows.append(TableRow([*cells, ", ".join(survey.flags[n])], "warn" if survey.flags[n] else ""))
     head = ["md, m"]
     for name in (*_ANGLES, "toolface"):
         head += [name, "U"]
-    head += ["scale", "u", "root", "K", *([] if run.temperature is None else ["T, °C"]), "flags"]
+    head += ["scale", "u", "root", "K", *([] if heat is None else ["T, °C"]), "flags"]
     caption = (
         f"Stations; angles and U (k = {COVERAGE_FACTOR:g}) in deg, azimuth from {survey.azimuth_reference} north, "
         "scale with its standard uncertainty u"
@@ -723,20 +683,22 @@ def _stations(run: _Run) -> Table:
     return Table(caption, head, rows)
 
 
-def _facts(run: _Run, track: ScaleTrack | None, site: Site | None) -> list[tuple[str, str]]:
+def _facts(
+    survey: Survey, north: North, heat: Array | None, track: ScaleTrack | None, site: Site | None
+) -> list[tuple[str, str]]:
     facts = [
-        ("Tool", run.survey.tool or "not named"),
-        ("Stations", str(len(run.survey))),
-        ("Method", run.north.method),
-        ("North reference", run.survey.azimuth_reference),
+        ("Tool", survey.tool or "not named"),
+        ("Stations", str(len(survey))),
+        ("Method", north.method),
+        ("North reference", survey.azimuth_reference),
     ]
     if site is not None and site.latitude is not None:
         facts.append(("Latitude", f"{np.degrees(site.latitude):+.4f}°"))
-    if site is not None and site.convergence is not None and run.survey.azimuth_reference == "grid":
+    if site is not None and site.convergence is not None and survey.azimuth_reference == "grid":
         facts.append(("Convergence", f"{np.degrees(site.convergence):+.3f}°"))
-    if run.temperature is not None:
-        facts.append(("Temperature", f"{run.temperature.min():.1f} to {run.temperature.max():.1f} °C"))
+    if heat is not None:
+        facts.append(("Temperature", f"{heat.min():.1f} to {heat.max():.1f} °C"))
     if track is not None:
         facts.append(("Scale learnt from", f"{int(track.learnt.sum())} of {len(track)} stations"))
-    facts += [("Note", sentence) for sentence in run.survey.notes]
-    return facts + [(f"Digest of {name}", digest) for name, digest in run.survey.inputs.items()]
+    facts += [("Note", sentence) for sentence in survey.notes]
+    return facts + [(f"Digest of {name}", digest) for name, digest in survey.inputs.items()]

@@ -283,6 +283,9 @@ def msa_report(
     names = labels(found)
     said = [*warnings, *found.warnings]
     shift = np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
+    signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
+    reference, md = quality.reference, found.corrected.md
+    dip = with_uncertainty(float(np.degrees(reference.dip)), float(np.degrees(reference.dip_sigma)))
     return render(
         "report.html",
         about="What was analysed",
@@ -303,12 +306,26 @@ def msa_report(
             ),
             Section("What it does to the azimuth", pictures=_azimuths(found, before, u_before, u_after)),
             Section(
-                "What was found", tables=[_parameters(found), _pairs(found, names)], pictures=_estimates(found, names)
+                "What was found",
+                tables=[_parameters(found), _pairs(found, names)],
+                pictures=[
+                    picture(estimate_figure(found, names), "estimates", "Estimates; squares: more than 2 u from zero"),
+                    picture(correlation_figure(found, names), "correlation", signs),
+                ],
             ),
             Section("What the geometry cannot tell", blind_spots(found, after, u_after)),
             Section("Stations", tables=[cut(_stations(found, before, quality, after))]),
         ],
-        facts=_facts(found, quality, tool, inputs or {}),
+        facts=[
+            ("Tool", tool or "not named"),
+            ("Stations", f"{len(md)}, {md[0]:g} to {md[-1]:g} m"),
+            ("Priors", found.priors),
+            ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
+            ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
+            ("Reference b", f"{with_uncertainty(reference.b, reference.b_sigma)} nT"),
+            ("Reference dip", f"{dip}°"),
+            *((f"Digest of {name}", digest) for name, digest in (inputs or {}).items()),
+        ],
     )
 
 
@@ -319,14 +336,6 @@ def _badge(verdict: str, said: Sequence[str], stations: int) -> str:
     if said:
         return "Read the warnings"
     return f"{stations} stations, every test passed" if verdict == "pass" else "The tests of the field are not decided"
-
-
-def _estimates(found: MultiStation, names: dict[str, str]) -> list[Picture]:
-    signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
-    return [
-        picture(estimate_figure(found, names), "estimates", "Estimates; squares: more than 2 u from zero"),
-        picture(correlation_figure(found, names), "correlation", signs),
-    ]
 
 
 def azimuth_u(stations: Stations) -> Array:
@@ -347,7 +356,11 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     moves = {name: float(size) * abs(found.parameters[name].value) for name, size in zip(names, sizes, strict=True)}
     stand_out = (name for name in moves if found.parameters[name].significance > COVERAGE_FACTOR)
     sure = sorted(stand_out, key=lambda name: -moves[name])[:3]
-    parts = [f"{described(name)} {_value(found, name)}" for name in sure]
+    parts = []
+    for name in sure:
+        p = found.parameters[name]
+        unit, factor = unit_of(p.unit)
+        parts.append(f"{described(name)} {with_uncertainty(factor * p.value, factor * p.u)} {unit}".rstrip())
     what = "; ".join(parts) if parts else "no sensor error stands out"
     able = u_after < VAGUE
     if not able.any():
@@ -361,12 +374,6 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
         f"{what[0].upper()}{what[1:]}. Azimuth changes by {half}° at half of {which}, at most by {most}°, and is then "
         f"known to ±{significant(left)}° at half of them (expanded, k = {COVERAGE_FACTOR:g})."
     )
-
-
-def _value(found: MultiStation, name: str) -> str:
-    p = found.parameters[name]
-    unit, factor = unit_of(p.unit)
-    return f"{with_uncertainty(factor * p.value, factor * p.u)} {unit}".rstrip()
 
 
 def _fields(before: FieldQuality, after: FieldQuality, found: MultiStation) -> Table:
@@ -454,18 +461,3 @@ def _stations(found: MultiStation, before: Stations, was: FieldQuality, now: Fie
         head += [f"{quantity.name} − reference, {quantity.shown.replace('m/s^2', 'm/s²')}", "after"]
     caption = "Stations; magnetic azimuth and influence in deg; surprise: squared error against the others, expected 3"
     return Table(caption, [*head, "influence", "surprise"], rows)
-
-
-def _facts(found: MultiStation, quality: FieldQuality, tool: str, inputs: Mapping[str, str]) -> list[tuple[str, str]]:
-    reference, md = quality.reference, found.corrected.md
-    dip = with_uncertainty(float(np.degrees(reference.dip)), float(np.degrees(reference.dip_sigma)))
-    return [
-        ("Tool", tool or "not named"),
-        ("Stations", f"{len(md)}, {md[0]:g} to {md[-1]:g} m"),
-        ("Priors", found.priors),
-        ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
-        ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
-        ("Reference b", f"{with_uncertainty(reference.b, reference.b_sigma)} nT"),
-        ("Reference dip", f"{dip}°"),
-        *((f"Digest of {name}", digest) for name, digest in inputs.items()),
-    ]

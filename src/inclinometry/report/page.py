@@ -26,8 +26,11 @@ def render(template: str, **content: Any) -> str:
 
     Numbers are formatted before they get here; text is escaped here, once, by the template engine.
     """
-    text = _environment().get_template(template).render(version=_version(), clean=clean, **content)
-    return clean(text)
+    try:
+        release = version("inclinometry")
+    except PackageNotFoundError:
+        release = "source"
+    return clean(_environment().get_template(template).render(version=release, clean=clean, **content))
 
 
 def clean(text: str) -> str:
@@ -48,13 +51,6 @@ def _environment() -> Environment:
 
     loader = PackageLoader("inclinometry.report", "templates")
     return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-
-
-def _version() -> str:
-    try:
-        return version("inclinometry")
-    except PackageNotFoundError:
-        return "source"
 
 
 CONVENTIONS = (

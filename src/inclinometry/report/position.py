@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, Index
-from inclinometry.earth.site import Site, convert_azimuth
+from inclinometry.earth.site import convert_azimuth
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
@@ -383,8 +383,13 @@ def chain_table(survey: WellSurvey, reference: str) -> Table:
         if correction is None and name != "true":
             rows.append(TableRow([name, "not known", "", _role(name, reference, survey.north)]))
             continue
-        value = float(np.degrees(convert_azimuth(true, "true", name, site)))
-        rows.append(TableRow([name, f"{value:.3f}", _step(name, site), _role(name, reference, survey.north)]))
+        value, step = float(np.degrees(convert_azimuth(true, "true", name, site))), ""
+        if correction is not None:
+            quantity = {"magnetic": "declination", "grid": "convergence"}[name]
+            sigma = getattr(site, f"{quantity}_sigma")
+            spread = f" ± {np.degrees(sigma):.2f}" if sigma else ""
+            step = f"{quantity} {np.degrees(correction):+.3f}{spread}° added ({site.origin(quantity)})"
+        rows.append(TableRow([name, f"{value:.3f}", step, _role(name, reference, survey.north)]))
     caption = f"Azimuth of the station at {survey.md[row]:.2f} m from each north"
     note = (
         "true = magnetic + declination (positive where magnetic north is east of true north); grid = true − "
@@ -392,15 +397,6 @@ def chain_table(survey: WellSurvey, reference: str) -> Table:
         "compare the drawing with a map."
     )
     return Table(caption, ["north", "azimuth, deg", "from it to true north", "use"], rows, note)
-
-
-def _step(name: str, site: Site) -> str:
-    quantity = {"magnetic": "declination", "grid": "convergence"}.get(name)
-    if quantity is None:
-        return ""
-    value, sigma = getattr(site, quantity), getattr(site, f"{quantity}_sigma")
-    spread = f" ± {np.degrees(sigma):.2f}" if sigma else ""
-    return f"{quantity} {np.degrees(value):+.3f}{spread}° added ({site.origin(quantity)})"
 
 
 def _role(name: str, reference: str, north: str) -> str:
@@ -465,24 +461,25 @@ def fact_pairs(
         facts.append(("What it is", code.description or "not stated"))
     if calibration is not None:
         facts.append(("Error model of the sensors", f"the calibration of {calibration}"))
-    return facts + _place(survey.site) + [(f"Digest of {name}", digest) for name, digest in inputs.items()]
-
-
-def _place(site: Site) -> list[tuple[str, str]]:
-    """Values of the site that the error model used, with where they come from."""
+    # values of the site that the error model used, with where they come from
+    site = survey.site
     shown = {
         "gravity": ("g", "{:.5f} m/s²", 1.0),
         "b": ("b", "{:.0f} nT", 1.0),
         "dip": ("dip", "{:.3f}°", np.degrees(1.0)),
         "latitude": ("latitude", "{:.4f}°", np.degrees(1.0)),
     }
-    found = []
-    for name, (label, form, unit) in shown.items():
-        value = getattr(site, name)
+    places = []
+    for quantity, (label, form, unit) in shown.items():
+        value = getattr(site, quantity)
         if value is not None:
-            origin = ("given" if site.g is not None else "normal gravity") if name == "gravity" else site.origin(name)
-            found.append((f"Site: {label}", f"{form.format(value * unit)} ({origin})"))
-    return found
+            origin = (
+                ("given" if site.g is not None else "normal gravity")
+                if quantity == "gravity"
+                else site.origin(quantity)
+            )
+            places.append((f"Site: {label}", f"{form.format(value * unit)} ({origin})"))
+    return facts + places + [(f"Digest of {name}", digest) for name, digest in inputs.items()]
 
 
 def position_report(
@@ -530,6 +527,20 @@ def position_report(
     True
     """
     magnify = magnification(path, None if uncertainty is None else uncertainty.covariance)
+    covariance = None if uncertainty is None else uncertainty.covariance
+    direction = section_azimuth(path)
+    what = "" if covariance is None else f"; 95 % ellipses{_drawn_at(magnify)}"
+    severity = dogleg_severity_deg(path)
+    found = []
+    if uncertainty is not None:
+        sigmas = hole_sigmas(uncertainty.covariance, path.inclination, path.azimuth)
+        major = horizontal_ellipse(uncertainty.covariance).major
+        found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
+    known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
+    norths = [(name, angle) for name, angle in known.items() if angle is not None]
+    row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
+    times = spread_of_norths([angle for _, angle in norths])
+    caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
     return render(
         "position.html",
         title="Position of the well",
@@ -546,15 +557,18 @@ def position_report(
         notes=list(notes),
         warnings=list(warnings),
         bottom=bottom_table(path, survey, uncertainty),
-        plans=_plans(path, survey, uncertainty, magnify),
+        plans=[
+            picture(plan_figure(path, covariance, survey.north, magnify), "plan", f"Plan{what}"),
+            picture(section_figure(path, covariance, direction, magnify), "section", f"Vertical section{what}"),
+        ],
         still=_still(path, uncertainty, magnify),
         data=_data(path, uncertainty, magnify, survey.north),
         magnify=f"{magnify:g}",
         sources=_sources_picture(uncertainty),
         source_table=source_table(uncertainty, tool_code, calibration),
-        courses=_courses(path, uncertainty),
+        courses=[*found, picture(severity_figure(path.md, severity), "severity", "Dogleg severity of each interval")],
         chain=chain_table(survey, azimuth_reference),
-        compass=_compass(survey),
+        compass=[picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)],
         missing=missing(uncertainty, tool_code, calibration),
         stations=cut(station_table(path, uncertainty)),
         facts=fact_pairs(path, survey, azimuth_reference, tool_code, calibration, inputs or {}),
@@ -582,16 +596,6 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
         f"{significant(float(ellipse.major))} m by {significant(float(ellipse.minor))} m (semi-axes, the major one at "
         f"azimuth {np.degrees(float(ellipse.direction)):.0f}°), and within ±{significant(vertical)} m vertically."
     )
-
-
-def _plans(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | None, magnify: float) -> list[Picture]:
-    covariance = None if uncertainty is None else uncertainty.covariance
-    direction = section_azimuth(path)
-    what = "" if covariance is None else f"; 95 % ellipses{_drawn_at(magnify)}"
-    return [
-        picture(plan_figure(path, covariance, survey.north, magnify), "plan", f"Plan{what}"),
-        picture(section_figure(path, covariance, direction, magnify), "section", f"Vertical section{what}"),
-    ]
 
 
 def _drawn_at(magnify: float) -> str:
@@ -633,22 +637,3 @@ def _sources_picture(uncertainty: PositionUncertainty | None) -> list[Picture]:
     figure = source_figure([p.name for p in parts], [p.major for p in parts], [p.propagation for p in parts])
     more = len(uncertainty.sources) - len(parts)
     return [picture(figure, "sources", f"The {len(parts)} largest sources" if more else "All sources")]
-
-
-def _courses(path: Path, uncertainty: PositionUncertainty | None) -> list[Picture]:
-    severity = dogleg_severity_deg(path)
-    found = []
-    if uncertainty is not None:
-        sigmas = hole_sigmas(uncertainty.covariance, path.inclination, path.azimuth)
-        major = horizontal_ellipse(uncertainty.covariance).major
-        found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
-    return [*found, picture(severity_figure(path.md, severity), "severity", "Dogleg severity of each interval")]
-
-
-def _compass(survey: WellSurvey) -> list[Picture]:
-    known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
-    norths = [(name, angle) for name, angle in known.items() if angle is not None]
-    row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
-    times = spread_of_norths([angle for _, angle in norths])
-    caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
-    return [picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]

@@ -118,16 +118,13 @@ def check_table(checks: Sequence[Check]) -> Table:
     units = {"rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/h", 180.0 / np.pi * 3600.0), "m/s^2": ("m/s²", 1.0)}
     for check in checks:
         unit, factor = units.get(check.unit, (check.unit, 1.0))
-        value, limit = (_shown(x * factor) for x in (check.value, check.limit))
+        sizes = (check.value * factor, check.limit * factor)
+        value, limit = (significant(size, 3) if np.isfinite(size) else "-" for size in sizes)
         action = check.action if check.verdict != "pass" else ""
         cells = [check.name, check.verdict, check.reason, action, value, limit, unit]
         body.append(TableRow(cells, states[check.verdict]))
     head = ["check", "verdict", "what was found", "what to do", "value", "limit", "unit"]
     return Table("Checks of the run", head, body, text_columns=4)
-
-
-def _shown(value: float) -> str:
-    return significant(value, 3) if np.isfinite(value) else "-"
 
 
 def _cells(quality: FieldQuality, row: int, column: int, quantity: Quantity) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from inclinometry.calibration.acceptance import DERIVED, Verification
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.report.figure import BAD, INK, SERIES, new_figure, station_axis, styled
-from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
+from inclinometry.report.page import CONVENTIONS, Section, Table, TableRow, cut, picture, render
 from inclinometry.report.words import plain, rounded, significant
 
 if TYPE_CHECKING:
@@ -126,9 +126,29 @@ def verification_report(verification: Verification) -> str:
     (True, False)
     """
     passed = verification.verdict == "pass"
-    drawn = [c for c in range(3) if np.isfinite(verification.errors[:, c]).any()]
+    band = "; shaded: guard band" if any("inconclusive" in row for row in verification.decision) else ""
+    errors, curves = [], []
+    for column, angle in enumerate(verification.names):
+        if not np.isfinite(verification.errors[:, column]).any():
+            continue
+        slug = angle.replace(" ", "")
+        caption = f"Error of {angle} at each station, bars U (k = {COVERAGE_FACTOR:g}); red: limits{band}"
+        errors.append(picture(station_figure(verification, column), f"station{slug}", caption))
+        # errors over fewer than four settings of an angle are no curve; the stations show them
+        if settings(verification, column) >= 4:
+            caption = f"Error curve: error of {angle} over its setting"
+            curves.append(picture(curve_figure(verification, column), f"curve{slug}", caption))
     name = verification.tool or "Tool without a name"
-    # errors over fewer than four settings of an angle are no curve; the stations show them
+    count, tool = len(verification.station), verification.tool or "the tool"
+    kept = "keeps" if verification.verdict == "pass" else "does not keep"
+    where = f"{count} independent position{'s' * (count != 1)}"
+    facts = [
+        ("Tool", verification.tool or "not named"),
+        ("Positions", str(len(verification.station))),
+        ("Limits", verification.limits_name),
+        ("Source of the limits", verification.limits_source or "not stated"),
+        ("Coverage factor", f"k = {verification.coverage_factor:.3g}"),
+    ]
     return render(
         "report.html",
         about="What was judged",
@@ -139,7 +159,7 @@ def verification_report(verification: Verification) -> str:
         # green only when nothing below speaks against relying on it
         state="bad" if not passed else "warn" if verification.warnings else "good",
         badge=verification.verdict.upper() + (", with reservations" if passed and verification.warnings else ""),
-        verdict=_sentence(verification),
+        verdict=f"{tool[:1].upper()}{tool[1:]} {kept} the limits “{verification.limits_name}” at {where}.",
         notes=[f"{said[:1].upper()}{said[1:]}." for said in (*verification.reasons, *verification.notes)],
         warnings=list(verification.warnings),
         sections=[
@@ -147,23 +167,16 @@ def verification_report(verification: Verification) -> str:
                 "Errors against limits",
                 [_rule(verification)],
                 tables=[_summary(verification)],
-                pictures=[_station(verification, c) for c in drawn],
+                pictures=errors,
             ),
             Section(
                 "Error curves",
-                pictures=[_curve(verification, c) for c in drawn if settings(verification, c) >= 4],
+                pictures=curves,
             ),
             Section("Every position", tables=[cut(_table(verification))]),
         ],
-        facts=_facts(verification),
+        facts=facts + [(f"Digest of {name}", digest) for name, digest in verification.inputs.items()],
     )
-
-
-def _sentence(verification: Verification) -> str:
-    count, tool = len(verification.station), verification.tool or "the tool"
-    kept = "keeps" if verification.verdict == "pass" else "does not keep"
-    where = f"{count} independent position{'s' * (count != 1)}"
-    return f"{tool[:1].upper()}{tool[1:]} {kept} the limits “{verification.limits_name}” at {where}."
 
 
 def _summary(verification: Verification) -> Table:
@@ -225,22 +238,6 @@ def _rule(verification: Verification) -> str:
     )
 
 
-def _station(verification: Verification, column: int) -> Picture:
-    name = verification.names[column]
-    band = "; shaded: guard band" if any("inconclusive" in row for row in verification.decision) else ""
-    caption = f"Error of {name} at each station, bars U (k = {COVERAGE_FACTOR:g}); red: limits{band}"
-    return picture(station_figure(verification, column), f"station{_slug(name)}", caption)
-
-
-def _slug(name: str) -> str:
-    return name.replace(" ", "")
-
-
-def _curve(verification: Verification, column: int) -> Picture:
-    caption = f"Error curve: error of {verification.names[column]} over its setting"
-    return picture(curve_figure(verification, column), f"curve{_slug(verification.names[column])}", caption)
-
-
 def _table(verification: Verification) -> Table:
     """A line a station: settings, error and expanded uncertainty of each angle, decisions."""
     dials = np.degrees(verification.dials)
@@ -263,14 +260,3 @@ def _table(verification: Verification) -> Table:
     for name in verification.names:
         head += [f"error of {name}", "U", "limit ±", "decision"]
     return Table(f"All positions, deg; U with k = {verification.coverage_factor:.3g}", head, rows)
-
-
-def _facts(verification: Verification) -> list[tuple[str, str]]:
-    facts = [
-        ("Tool", verification.tool or "not named"),
-        ("Positions", str(len(verification.station))),
-        ("Limits", verification.limits_name),
-        ("Source of the limits", verification.limits_source or "not stated"),
-        ("Coverage factor", f"k = {verification.coverage_factor:.3g}"),
-    ]
-    return facts + [(f"Digest of {name}", digest) for name, digest in verification.inputs.items()]
