@@ -235,12 +235,9 @@ def rig_table(calibration: Calibration, readings: BenchReadings | None) -> Table
         rows.append(
             TableRow([name, *settings.get(name, []), *(with_uncertainty(float(e), float(s)) for e, s in pairs)])
         )
-    head = ["station", *(_SET if settings else []), *(f"error of {d}, deg" for d in DIALS)]
+    head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"error of {d}, deg" for d in DIALS)]
     note = "Each estimate is drawn toward zero by the standard deviation of a setting; their scatter understates it."
     return Table("Estimated error of each setting", head, rows, note)
-
-
-_SET = [f"{dial} set, deg" for dial in DIALS]
 
 
 def _settings(calibration: Calibration, readings: BenchReadings | None) -> dict[str, list[str]]:
@@ -272,7 +269,7 @@ def residual_tables(calibration: Calibration, readings: BenchReadings | None) ->
             rows.append(
                 TableRow([name, *settings.get(name, []), *cells, *scaled, f"{residuals.leverage[k]:.2f}"], state)
             )
-        head = ["station", *(_SET if settings else []), *(f"{n}, {unit}" for n in names)]
+        head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"{n}, {unit}" for n in names)]
         head += [*(f"{n} / σ" for n in names), "leverage"]
         note = "Reading minus model at the settings as dialled; coloured beyond two, bold beyond three deviations."
         found[kind] = Table(f"Residuals of the {kind}", head, rows, note)

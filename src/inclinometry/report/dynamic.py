@@ -73,13 +73,6 @@ def rms_of(error: Array) -> float:
     return float(np.degrees(np.sqrt(np.mean(good**2)))) if len(good) else float("nan")
 
 
-_LOOKS: Final[tuple[dict[str, Any], ...]] = (
-    {"color": SERIES[7], "linestyle": "none", "marker": ",", "alpha": 0.55, "rasterized": True},
-    {"color": SERIES[1], "linewidth": 1.1},
-    {"color": SERIES[0], "marker": "o", "markersize": 5.0, "linewidth": 0.8},
-)
-
-
 @styled
 def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figure:
     """Three ways of finding the attitude against the truth: speed, angles on clipped axes, errors on logarithmic ones.
@@ -97,6 +90,8 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
     Figure
         Root mean square errors stand in the legend.
     """
+    from matplotlib.lines import Line2D
+
     figure = new_figure(8.6, width=9.0)
     grid = figure.add_gridspec(4, 2, height_ratios=(0.12, 1.0, 2.6, 2.2))
     head, speed = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
@@ -104,57 +99,52 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
     speed.set_ylabel("true speed, rpm")
     speed.set_xlabel("time, s")
     errors = {name: errors_of(one, truth) for name, one in found.items()}
+    looks: tuple[dict[str, Any], ...] = (
+        {"color": SERIES[7], "linestyle": "none", "marker": ",", "alpha": 0.55, "rasterized": True},
+        {"color": SERIES[1], "linewidth": 1.1},
+        {"color": SERIES[0], "marker": "o", "markersize": 5.0, "linewidth": 0.8},
+    )
     for column, name in enumerate(("inclination", "azimuth")):
         upper = figure.add_subplot(grid[2, column])
         lower = figure.add_subplot(grid[3, column], sharex=upper)
-        # one angle; the axis holds what the second method makes of it, raw values beyond are cut
+        low = []
         true = np.degrees(np.unwrap((truth.inclination, truth.azimuth)[column]))
-        for layer, (line, (key, method)) in enumerate(zip(_LOOKS, found.items(), strict=False)):
+        for layer, (look, (key, method)) in enumerate(zip(looks, found.items(), strict=False)):
             error = np.degrees(errors[key][column])
             path = np.interp(method.time, truth.time, true) + error
-            upper.plot(method.time, path, zorder=2.0 + layer, **line)
+            upper.plot(method.time, path, zorder=2.0 + layer, **look)
             if method.u is not None:
                 upper.errorbar(
                     method.time,
                     path,
                     COVERAGE_FACTOR * np.degrees(method.u[column]),
                     linestyle="none",
-                    color=line["color"],
+                    color=look["color"],
                     capsize=2.0,
                 )
+            lower.plot(method.time, np.abs(error), **look)
+            seen = np.abs(error)[np.isfinite(error) & (error != 0.0)]
+            low.append(float(np.quantile(seen, 0.02)) if len(seen) else 1.0)
         upper.plot(truth.time, true, color=INK, linewidth=1.6, linestyle="--", zorder=6.0)
+        # the axis holds what the second method makes of it, raw values beyond are cut
         sizes = [np.abs(np.degrees(errors[key][column])) for key in list(found)[1:]]
-        reach = 1.3 * max(float(np.nanquantile(method, 0.98)) for method in sizes)
+        reach = 1.3 * max(float(np.nanquantile(size, 0.98)) for size in sizes)
         upper.set_ylim(float(true.min()) - reach, float(true.max()) + reach)
         if column == 0:
             upper.set_title("dots beyond the axes are cut")
-        _error_panel(lower, found, errors, column)
+        log_scale(lower, max(min(low), 1e-4), 180.0)
         upper.set_ylabel(f"{name}, deg")
         lower.set_ylabel(f"|error| of {name}, deg")
         lower.set_xlabel("time, s")
-    from matplotlib.lines import Line2D
-
     handles = [Line2D([], [], color=INK, linestyle="--")]
     labels = ["truth"]
-    for look, (name, (inclination, azimuth)) in zip(_LOOKS, errors.items(), strict=False):
+    for look, (name, (inclination, azimuth)) in zip(looks, errors.items(), strict=False):
         handles.append(Line2D([], [], **(look | {"marker": "o", "markersize": 2.5} if "alpha" in look else look)))
         inc, azi = (significant(rms_of(one)) for one in (inclination, azimuth))
         labels.append(f"{name}: rms error inclination {inc}°, azimuth {azi}°")
     head.axis("off")
     head.legend(handles, labels, loc="center left", ncols=1, borderaxespad=0.0)
     return figure
-
-
-def _error_panel(
-    axes: Axes, found: Mapping[str, Found], errors: Mapping[str, tuple[Array, Array]], column: int
-) -> None:
-    low = []
-    for look, (name, one) in zip(_LOOKS, found.items(), strict=False):
-        size = np.abs(np.degrees(errors[name][column]))
-        axes.plot(one.time, size, **look)
-        good = size[np.isfinite(size) & (size > 0.0)]
-        low.append(float(np.quantile(good, 0.02)) if len(good) else 1.0)
-    log_scale(axes, max(min(low), 1e-4), 180.0)
 
 
 def clock(time: Array) -> tuple[float, str]:

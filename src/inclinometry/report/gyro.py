@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite
-from inclinometry.constants import COVERAGE_FACTOR, DEG_PER_HOUR
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.gyro.result import FLAGS, North
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
 
 SINGULAR = 0.1
 """|K| below which noise of the rates reaches the scale factor of the closed form more than tenfold."""
-
-PER_CENT = 100.0
-TEMPERATURE = "temperature, °C"
-DEPTH = "measured depth, m"
 
 
 def method_label(method: str) -> str:
@@ -84,7 +80,7 @@ def scale_figure(track: ScaleTrack) -> Figure:
                 "elinewidth": 1.0,
                 "markersize": size if marker == "o" else 6.5,
             }
-            bars, value = COVERAGE_FACTOR * PER_CENT * track.scale_sd[rows], _per_cent(track.scale[rows])
+            bars, value = COVERAGE_FACTOR * 100.0 * track.scale_sd[rows], _per_cent(track.scale[rows])
             few = int(rows.sum()) <= MANY
             axes.errorbar(
                 scale_place(track)[rows],
@@ -96,19 +92,19 @@ def scale_figure(track: ScaleTrack) -> Figure:
                 rasterized=not few,
                 **look,
             )
-    axes.set_xlabel(TEMPERATURE if track.thermometer else "station")
+    axes.set_xlabel("temperature, °C" if track.thermometer else "station")
     _above(axes, 2)
     return figure
 
 
 def _per_cent(scale: Array) -> Array:
     """A scale factor as what it adds to the readings, %."""
-    return np.asarray(PER_CENT * (scale - 1.0))
+    return np.asarray(100.0 * (scale - 1.0))
 
 
 def _scale_panel(axes: Axes, track: ScaleTrack, label: str = "learnt", colour: str = SERIES[0]) -> None:
     heat, scale, sd = scale_course(track)
-    middle, spread = _per_cent(scale), COVERAGE_FACTOR * PER_CENT * sd
+    middle, spread = _per_cent(scale), COVERAGE_FACTOR * 100.0 * sd
     band: dict[str, Any] = {
         "color": colour,
         "alpha": 0.2,
@@ -253,7 +249,12 @@ def hot_run_figure(
             raise InputError(f"{name} has {len(value)} stations, temperature {size}; give one value for each station")
     figure = new_figure(8.2, width=9.0)
     top, middle, low = figure.subplots(3, 1, sharex=True, height_ratios=(5, 4, 1.6))
-    named = {_with_rms(name, value): np.degrees(value) for name, value in errors.items()}
+    named = {}
+    for name, value in errors.items():
+        good = value[np.isfinite(value)]
+        rms = significant(float(np.degrees(np.sqrt(np.mean(good**2))))) if len(good) else "not known"
+        lost = f", no azimuth at {size - len(good)} of {size}" if len(good) < size else ""
+        named[f"{name}: rms {rms}°{lost}"] = np.degrees(value)
     who, spread = list(u.items())[-1]
     _differences(top, temperature, named, COVERAGE_FACTOR * np.degrees(spread), f"95 % band that “{who}” states")
     top.set_ylabel("azimuth error, deg")
@@ -271,13 +272,6 @@ def hot_run_figure(
     low.set_yticks([0, 45, 90])
     low.set_xlabel("temperature in the tool, °C")
     return figure
-
-
-def _with_rms(name: str, error: Array) -> str:
-    good = error[np.isfinite(error)]
-    rms = significant(float(np.degrees(np.sqrt(np.mean(good**2))))) if len(good) else "not known"
-    lost = len(error) - len(good)
-    return f"{name}: rms {rms}°{f', no azimuth at {lost} of {len(error)}' if lost else ''}"
 
 
 # The report of a scale factor followed over temperature.
@@ -384,8 +378,8 @@ def scale_picture(track: ScaleTrack) -> Picture:
 def learnt_sentences(track: ScaleTrack) -> list[str]:
     """How far the scale factor moved and how well it is known, and what the track itself notes."""
     low, high = float(track.temperature.min()), float(track.temperature.max())
-    spread = COVERAGE_FACTOR * PER_CENT * float(np.median(track.scale_sd))
-    change = PER_CENT * float(np.ptp(track.scale))
+    spread = COVERAGE_FACTOR * 100.0 * float(np.median(track.scale_sd))
+    change = 100.0 * float(np.ptp(track.scale))
     over = f"From {low:.0f} to {high:.0f} °C" if track.thermometer else "Over the run"
     return [
         f"{over} the scale factor changed by {significant(change)} %; it is known within "
@@ -427,9 +421,6 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
         "learnt from",
     ]
     return Table(f"Scale factor of each station, U (k = {COVERAGE_FACTOR:g})", head, body)
-
-
-_ANGLES = ("inclination", "azimuth")
 
 
 def gyro_report(
@@ -497,7 +488,7 @@ def gyro_report(
     ]
     size = len(survey)
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in _ANGLES}
+    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in ANGLES[:2]}
     parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
     failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
     condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
@@ -586,11 +577,11 @@ def _badge(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> tu
 def _angles(survey: Survey) -> Section:
     pictures = [
         picture(angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by cause")
-        for name in _ANGLES
+        for name in ANGLES[:2]
         if np.isfinite(getattr(survey, name)).any()
     ]
     reference = f"Azimuth counts from {survey.azimuth_reference} north."
-    return Section("Inclination and azimuth", [reference], [summary_table(survey, _ANGLES)], pictures)
+    return Section("Inclination and azimuth", [reference], [summary_table(survey, ANGLES[:2])], pictures)
 
 
 def _scale(survey: Survey, north: North, others: Mapping[str, North], track: ScaleTrack | None) -> Section:
@@ -607,7 +598,7 @@ def _scale(survey: Survey, north: North, others: Mapping[str, North], track: Sca
     for other in others.values():
         lost |= ~np.isfinite(other.scale)
     caption = "K over depth; the scale factor cannot be seen where it is zero"
-    pictures.append(picture(condition_figure(k, survey.md, DEPTH, lost), "condition", caption))
+    pictures.append(picture(condition_figure(k, survey.md, "measured depth, m", lost), "condition", caption))
     return Section("Scale factor", sentences, [], pictures)
 
 
@@ -626,9 +617,9 @@ def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Ar
         body.append(TableRow(cells, "warn" if lost else ""))
     head = ["method", "why it fails", "rms difference, deg", "largest, deg", "no azimuth at"]
     table = Table(f"Azimuth less that of the method reported ({north.method})", head, body, text_columns=2)
-    places = [("bydepth", "depth", survey.md, DEPTH)]
+    places = [("bydepth", "depth", survey.md, "measured depth, m")]
     if heat is not None and np.ptp(heat) > 0.0:
-        places.append(("byheat", "temperature", heat, TEMPERATURE))
+        places.append(("byheat", "temperature", heat, "temperature, °C"))
     pictures = [
         picture(
             difference_figure(north, others, place, label),
@@ -661,7 +652,7 @@ def _measure(value: float, unit: str) -> str:
 
 
 def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
-    angles = [(np.degrees(getattr(survey, n)), np.degrees(survey.u(n))) for n in (*_ANGLES, "toolface")]
+    angles = [(np.degrees(getattr(survey, n)), np.degrees(survey.u(n))) for n in ANGLES]
     rows = []
     for n in range(len(survey)):
         cells = [f"{survey.md[n]:.2f}"]
@@ -673,7 +664,7 @@ def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
         cells += [] if heat is None else [f"{heat[n]:.1f}"]
         rows.append(TableRow([*cells, ", ".join(survey.flags[n])], "warn" if survey.flags[n] else ""))
     head = ["md, m"]
-    for name in (*_ANGLES, "toolface"):
+    for name in ANGLES:
         head += [name, "U"]
     head += ["scale", "u", "root", "K", *([] if heat is None else ["T, °C"]), "flags"]
     caption = (

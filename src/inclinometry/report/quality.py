@@ -18,9 +18,6 @@ from inclinometry.survey.quality import QUANTITIES, FieldQuality, Quantity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_AXES = ("total gravity, m/s²", "total field, nT", "dip, deg")
-_FEW = 80  # points up to which each is marked
-
 
 def quality_pictures(
     quality: FieldQuality, before: FieldQuality | None = None, corrected: Array | None = None
@@ -66,7 +63,7 @@ def fields_figure(
     axes.axhline(reference, color=SERIES[2], linestyle="--", label="reference")
     if corrected is not None:
         axes.axhline(factor * corrected, color=INK, linestyle=":", linewidth=1.2, label="reference, corrected")
-    mark = len(md) <= _FEW
+    mark = len(md) <= 80
     if before is not None:
         look: dict[str, Any] = {"color": SERIES[1], "linestyle": "-." if mark else ":", "marker": "s" if mark else None}
         axes.plot(md, factor * before.found[rows, column], label="before", markersize=3.0, alpha=0.8, **look)
@@ -77,7 +74,7 @@ def fields_figure(
     failed[list(check.stations if check.verdict == "fail" else ())] = True
     _crosses(axes, quality, factor * quality.found[:, column], failed)
     axes.ticklabel_format(axis="y", useOffset=False)
-    axes.set_ylabel(_AXES[column])
+    axes.set_ylabel(("total gravity, m/s²", "total field, nT", "dip, deg")[column])
     axes.set_xlabel("measured depth, m")
     wide = 2 if before is not None and corrected is not None else 3
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.0)
@@ -90,7 +87,7 @@ def distance_figure(quality: FieldQuality, before: FieldQuality | None = None) -
     figure = new_figure(3.0)
     axes = figure.add_subplot()
     rows = thinned(len(quality.md))
-    md, mark = quality.md[rows], len(rows) <= _FEW
+    md, mark = quality.md[rows], len(rows) <= 80
     if before is not None:
         look: dict[str, Any] = {"color": SERIES[1], "linestyle": "-." if mark else ":", "marker": "s" if mark else None}
         axes.plot(md, before.distance[rows], label="before", markersize=3.0, alpha=0.8, **look)

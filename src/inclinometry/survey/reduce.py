@@ -159,9 +159,14 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     if SOURCE in stations.sources:
         raise InputError("these stations have been through a multi-station analysis; give the stations before it")
     size, x = len(correction.offset), np.array([p.value for p in correction.parameters.values()])
+    weights = np.ones((len(stations), len(correction.power)))
+    if correction.power.any():
+        if stations.temperature is None:
+            raise InputError("the correction depends on temperature; give the stations' temperature_degC")
+        weights = (stations.temperature[:, None] - correction.reference_temperature) ** correction.power
     model = Model(
         np.concatenate([stations.g, stations.b], axis=1),
-        _weights(stations, correction),
+        weights,
         correction.gain,
         correction.offset,
         correction.reference.values,
@@ -179,14 +184,6 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     own = stations.noise if stations.noise.any() else correction.noise  # as the analysis does
     noise = inverse @ own @ np.swapaxes(inverse, 1, 2)
     return stations.corrected(fields[:, :3], fields[:, 3:], line, sources, noise)
-
-
-def _weights(stations: Stations, correction: SensorCorrection) -> Array:
-    if not correction.power.any():
-        return np.ones((len(stations), len(correction.power)))
-    if stations.temperature is None:
-        raise InputError("the correction depends on temperature; give the stations' temperature_degC")
-    return np.asarray((stations.temperature[:, None] - correction.reference_temperature) ** correction.power)
 
 
 HOLES = {"down": 1.0, "up": -1.0}
