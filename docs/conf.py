@@ -74,12 +74,11 @@ OUTSIDE = (
     "inclinometry.calibration.rate_table.Suspect", "complex128", "uint8", "uint32", "datetime", "socket.socket",
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
     "timedelta", "inclinometry.laboratory.registry.T", "inclinometry.motion.window_filter.Step",
-    "inclinometry.motion.window_filter.Common",
     "inclinometry.files.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
     "Progress", "Numbered", "types.Callable",
     "inclinometry.files.exchange.Sheet", "inclinometry.files._quantities.Quantity",
-    "inclinometry.motion._hole_direction.Observation", "inclinometry.calibration._field_model.Shots",
-    "inclinometry.calibration._field_model.Unknowns", "inclinometry.calibration._field_model.Estimate",
+    "inclinometry.calibration._field_model.Shots", "inclinometry.calibration._field_model.Unknowns",
+    "inclinometry.calibration._field_model.Estimate",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from inclinometry.earth.magnetic import (
     MODELS,
-    UNKNOWN_ANGLE,
     Coefficients,
     complete_site,
     decimal_year,
@@ -27,6 +26,7 @@ from inclinometry.earth.magnetic import (
 )
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
+from inclinometry.uncertainty import UNKNOWN
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "geomag"
 DATE = datetime.date(2026, 3, 1)
@@ -252,7 +252,7 @@ def test_at_the_magnetic_pole_the_declination_is_unknown_and_the_field_is_not():
     field = wmm2025(latitude, longitude, 0.0, 2025.0)
     k = np.unravel_index(field.horizontal.argmin(), field.b.shape)
     assert field.horizontal[k] < 10.0
-    assert field.declination_sigma[k] == UNKNOWN_ANGLE
+    assert field.declination_sigma[k] == UNKNOWN
     assert np.sqrt(np.trace(field.covariance[k])) < 350.0
 
 

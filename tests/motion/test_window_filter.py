@@ -94,7 +94,7 @@ def test_offsets_and_frames_are_inverse() -> None:
         moved = turned(frame, vector)
         np.testing.assert_allclose(moved, rotation_exp([-vector[0], -vector[1], 0.0]) @ frame, atol=1e-14)
         np.testing.assert_allclose(offset_of(frame, moved[2]), vector, atol=1e-13)
-        np.testing.assert_allclose(observe(frame, moved, np.eye(3)).roll, 0.0, atol=1e-14)
+        np.testing.assert_allclose(observe(frame, moved, np.eye(3))[2], 0.0, atol=1e-14)
 
 
 def test_a_row_taken_as_it_is_comes_back() -> None:
@@ -103,8 +103,8 @@ def test_a_row_taken_as_it_is_comes_back() -> None:
     matrix, frame = dcm(1.0, 0.5, 2.0), dcm(1.001, 0.5, 0.0)
     root = random.standard_normal((3, 3))
     covariance = root @ root.T
-    seen = observe(frame, matrix, covariance)
-    found, spread = rolled(turned(frame, seen.offset), seen.noise, matrix, covariance)
+    offset, noise, _ = observe(frame, matrix, covariance)
+    found, spread = rolled(turned(frame, offset), noise, matrix, covariance)
     np.testing.assert_allclose(found, matrix, atol=1e-14)
     np.testing.assert_allclose(spread, covariance, rtol=1e-10)
 
@@ -123,9 +123,9 @@ def test_the_update_is_that_of_a_filter_of_three_angles() -> None:
     wanted = gain @ measured
     spread = wide - gain @ wide
     # the same with the direction alone filtered, the prior's frame being the truth: z of the frame is z of the tool
-    seen = observe(truth, matrix, covariance)
-    keep = prior @ np.linalg.inv(prior + seen.noise)
-    frame = turned(truth, keep @ seen.offset)
+    offset, noise, _ = observe(truth, matrix, covariance)
+    keep = prior @ np.linalg.inv(prior + noise)
+    frame = turned(truth, keep @ offset)
     found, joint = rolled(frame, prior - keep @ prior, matrix, covariance)
     np.testing.assert_allclose(rotation_log(found @ truth.T), wanted, atol=3e-8)
     np.testing.assert_allclose(joint, spread, atol=1e-3 * spread[2, 2])

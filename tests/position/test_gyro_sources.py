@@ -5,9 +5,10 @@ import pytest
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
-from inclinometry.position.propagation import LARGEST, gyro_sources, propagate
+from inclinometry.position.propagation import gyro_sources, propagate
 from inclinometry.position.well import well_survey
 from inclinometry.survey.reduce import Survey
+from inclinometry.uncertainty import UNKNOWN
 
 MD = np.arange(0.0, 601.0, 30.0)
 INC_SD, AZI_SD = np.radians([0.02, 0.3])
@@ -51,7 +52,7 @@ def test_a_vertical_hole_leans_either_way():
 def test_an_unknown_azimuth_is_bounded():
     well = well_survey(MD, np.full(len(MD), 0.1), np.zeros(len(MD)), Site())
     source = gyro_sources(survey(0.1, 0.0, {"gyro": variances(0.0, np.inf)}), well)[0]
-    assert source.by_angles[3, 2, 1] == LARGEST
+    assert source.by_angles[3, 2, 1] == UNKNOWN
 
 
 def test_wrong_input_is_named():

@@ -140,7 +140,7 @@ def test_views_and_shadows():
     # from the south: east to the right, up is up; from the east: south is on the left, north on the right
     np.testing.assert_allclose(draw.view_axes(np.pi, 0.0), [[0, 1, 0], [0, 0, -1]], atol=1e-15)
     np.testing.assert_allclose(draw.view_axes(np.pi / 2, 0.0), [[1, 0, 0], [0, 0, -1]], atol=1e-15)
-    outline = draw.ellipse_points(np.diag([4.0, 9.0, 1.0]), draw.PLAN, 2.0)
+    outline = draw.ellipse_points(np.diag([4.0, 9.0, 1.0]), np.eye(3)[[1, 0]], 2.0)
     np.testing.assert_allclose(outline.max(axis=0), [6.0, 4.0], rtol=1e-3)
     # every point lies on the ellipse
     np.testing.assert_allclose((outline[:, 0] / 6.0) ** 2 + (outline[:, 1] / 4.0) ** 2, 1.0, rtol=1e-12)

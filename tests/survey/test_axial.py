@@ -5,7 +5,7 @@ import pytest
 
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, angles_jacobian, fields
-from inclinometry.survey.axial import LEFT, SINGULAR, SOURCE, axial_correction
+from inclinometry.survey.axial import SINGULAR, SOURCE, axial_correction
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
 
@@ -166,7 +166,7 @@ def test_near_horizontal_east_west_is_reported_and_left_alone():
     assert found.check.value < SINGULAR
     assert "gyro" in found.check.action
     assert "left as measured: stations 1, 2" in found.stations.history[-1]
-    left = found.stations.sources[LEFT]
+    left = found.stations.sources["axial interference"]
     assert left.by_field[:, 5, 0].tolist() == [1.0, 1.0, 0.0, 0.0]
     assert left.covariance[0, 0] == 220.0**2
 

@@ -14,16 +14,6 @@ SEMI_MAJOR_AXIS: Final = 6378137.0
 """m (WGS84)."""
 FLATTENING: Final = 1.0 / 298.257223563
 """WGS84."""
-EQUATORIAL_GRAVITY: Final = 9.7803253359
-"""m/s^2 (NIMA TR8350.2, table 3.4)."""
-SOMIGLIANA: Final = 0.00193185265241
-"""Constant k of Somigliana's formula (NIMA TR8350.2, table 3.4)."""
-CENTRIFUGAL_RATIO: Final = 0.00344978650684
-"""m = omega^2 a^2 b / GM (NIMA TR8350.2, table 3.4)."""
-GRAVITATION: Final = 6.67430e-11
-"""Newton's constant, m^3 kg^-1 s^-2 (CODATA 2018)."""
-CRUST_DENSITY: Final = 2670.0
-"""Conventional density of the upper crust, kg/m^3."""
 GRAVITY_SIGMA: Final = 4e-4
 """Standard deviation to assume for normal gravity when nothing is known of the place, m/s^2: gravity anomalies are
 commonly some tens of mGal (1 mGal = 1e-5 m/s^2), here 40, and several times that in high mountains."""
@@ -63,8 +53,11 @@ def normal_gravity(latitude: ArrayLike, height: ArrayLike = 0.0) -> Array:
     h = within(height, "height", -12e3, 20e3, "m")
     sine2 = np.sin(phi) ** 2
     eccentricity2 = FLATTENING * (2.0 - FLATTENING)
-    surface = EQUATORIAL_GRAVITY * (1.0 + SOMIGLIANA * sine2) / np.sqrt(1.0 - eccentricity2 * sine2)
-    first = 1.0 + FLATTENING + CENTRIFUGAL_RATIO - 2.0 * FLATTENING * sine2
+    equatorial = 9.7803253359  # m/s^2 (NIMA TR8350.2, table 3.4)
+    somigliana = 0.00193185265241  # constant k of Somigliana's formula (NIMA TR8350.2, table 3.4)
+    surface = equatorial * (1.0 + somigliana * sine2) / np.sqrt(1.0 - eccentricity2 * sine2)
+    centrifugal_ratio = 0.00344978650684  # m = omega^2 a^2 b / GM (NIMA TR8350.2, table 3.4)
+    first = 1.0 + FLATTENING + centrifugal_ratio - 2.0 * FLATTENING * sine2
     ratio = h / SEMI_MAJOR_AXIS
     return np.asarray(surface * (1.0 - 2.0 * first * ratio + 3.0 * ratio**2))
 
@@ -104,7 +97,9 @@ def gravity_at_depth(latitude: ArrayLike, depth: ArrayLike, surface_height: Arra
     """
     z = within(depth, "depth", 0.0, 12e3, "m")
     top = within(surface_height, "surface_height", -500.0, 8000.0, "m")
-    return np.asarray(normal_gravity(latitude, top - z) - 4.0 * np.pi * GRAVITATION * CRUST_DENSITY * z)
+    gravitation = 6.67430e-11  # Newton's constant, m^3 kg^-1 s^-2 (CODATA 2018)
+    crust_density = 2670.0  # conventional density of the upper crust, kg/m^3
+    return np.asarray(normal_gravity(latitude, top - z) - 4.0 * np.pi * gravitation * crust_density * z)
 
 
 def relative_gravity(

@@ -18,11 +18,9 @@ from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.earth.gravity import FLATTENING, SEMI_MAJOR_AXIS
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
+from inclinometry.uncertainty import UNKNOWN
 
 # Synthesis of a main field from Schmidt semi-normalised Gauss coefficients; finite at the poles.
-
-REFERENCE_RADIUS: Final = 6371.2e3
-"""Radius the coefficients refer to, m (geomagnetic convention)."""
 
 
 class Coefficients(NamedTuple):
@@ -50,7 +48,8 @@ def field_ned(model: Coefficients, latitude: Array, longitude: Array, height: Ar
     """Field (P, 3) north, east, down, nT, at geodetic points (P,), rad and m, and decimal years (P,) or (1,)."""
     radius, sine, cosine = geocentric(latitude, height)
     g, h = model.at(year)
-    theta, outward, east = _spherical(model.degree, g, h, REFERENCE_RADIUS / radius, sine, cosine, longitude)
+    # the coefficients refer to a radius of 6371.2 km (geomagnetic convention)
+    theta, outward, east = _spherical(model.degree, g, h, 6371.2e3 / radius, sine, cosine, longitude)
     # from the geocentric vertical to that of the ellipsoid: both lie in the meridian plane
     s = cosine * np.cos(latitude) - sine * np.sin(latitude)
     c = sine * np.cos(latitude) + cosine * np.sin(latitude)
@@ -123,8 +122,6 @@ def _zonal(degree: int, sine: Array, cosine: Array) -> list[tuple[Array, Array, 
 
 # Gauss coefficients of the models, from the files beside this module (ORIGIN.md); read once, never fetched.
 
-_WMM_YEARS = 5.0
-
 
 @cache
 def wmm2025_coefficients() -> Coefficients:
@@ -137,8 +134,8 @@ def wmm2025_coefficients() -> Coefficients:
     values[:, n, m] = rows[:, 2:].T
     g, h, g_rate, h_rate = values
     epoch = float(head.split()[0])
-    g, h = np.stack([g, g + _WMM_YEARS * g_rate]), np.stack([h, h + _WMM_YEARS * h_rate])
-    return Coefficients(frozen([epoch, epoch + _WMM_YEARS]), frozen(g), frozen(h))
+    g, h = np.stack([g, g + 5.0 * g_rate]), np.stack([h, h + 5.0 * h_rate])
+    return Coefficients(frozen([epoch, epoch + 5.0]), frozen(g), frozen(h))
 
 
 @cache
@@ -156,13 +153,6 @@ def igrf14_coefficients() -> Coefficients:
 
 def _published(name: str) -> list[str]:
     return files("inclinometry.earth").joinpath(name).read_text(encoding="ascii").splitlines()
-
-
-UNKNOWN_ANGLE: Final = float(np.pi / np.sqrt(3.0))
-"""Standard deviation of a declination of which nothing is known (uniform over the circle), rad."""
-
-HIGHEST: Final = 2000e3
-"""Height up to which the models are evaluated, m; readings of a hole never come near it."""
 
 
 class ReferenceErrors(NamedTuple):
@@ -337,7 +327,7 @@ def decimal_year(date: datetime.date) -> float:
     >>> decimal_year(datetime.date(2025, 7, 2)).__round__(6)
     2025.49863
     """
-    first, following = datetime.date(date.year, 1, 1).toordinal(), _length(date.year)
+    first, following = datetime.date(date.year, 1, 1).toordinal(), datetime.date(date.year, 12, 31).timetuple().tm_yday
     return date.year + (date.toordinal() - first) / following
 
 
@@ -397,8 +387,14 @@ def _field(
 ) -> MagneticField:
     phi = within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
     lam = within(longitude, "longitude", -np.pi, 2.0 * np.pi, "rad")
-    height = within(height_m, "height_m", -12e3, HIGHEST, "m")
-    year = _years(name, model, date)
+    height = within(height_m, "height_m", -12e3, 2000e3, "m")
+    year = np.asarray(decimal_year(date)) if isinstance(date, datetime.date) else finite(date, "date")
+    first, last = model.years[[0, -1]]
+    bad = (year < first) | (year > last)
+    if bad.any():
+        shown = str(date) if isinstance(date, datetime.date) else f"{year[bad].flat[0]:.10g}"
+        remedy = "give another date, another model or the field itself"
+        raise InputError(f"date is {shown}; {name} holds from {first:.1f} to {last:.1f}: {remedy}")
     try:
         shape = np.broadcast_shapes(phi.shape, lam.shape, height.shape, year.shape)
     except ValueError:
@@ -409,17 +405,13 @@ def _field(
     same = year.size > 0 and bool((year == year.flat[0]).all())
     when = year.ravel()[:1] if same else np.broadcast_to(year, shape).ravel()
     ned = field_ned(model, phi, lam, height, when).reshape(*shape, 3)
-    return _with_errors(name, (float(model.years[0]), float(model.years[-1])), ned, errors)
-
-
-def _with_errors(name: str, years: tuple[float, float], ned: Array, errors: ReferenceErrors) -> MagneticField:
     north, east, down = (ned[..., k] for k in range(3))
     h = np.hypot(north, east)
     b, dip, declination = np.hypot(h, down), np.arctan2(down, h), np.arctan2(east, north)
     # an error of declination moves the field across by this much, which stays finite where h vanishes
     across = np.hypot(errors.declination * h, errors.declination_by_h)
     with np.errstate(divide="ignore", invalid="ignore"):
-        declination_sigma = np.minimum(np.where(h > 0.0, across / h, np.inf), UNKNOWN_ANGLE)
+        declination_sigma = np.minimum(np.where(h > 0.0, across / h, np.inf), UNKNOWN)
     c, s, nothing = np.cos(declination), np.sin(declination), np.zeros_like(h)
     moved = (
         errors.b * np.stack([np.cos(dip) * c, np.cos(dip) * s, np.sin(dip)], axis=-1),
@@ -428,24 +420,11 @@ def _with_errors(name: str, years: tuple[float, float], ned: Array, errors: Refe
     )
     covariance = sum(step[..., :, None] * step[..., None, :] for step in moved)
     sigmas = nothing + errors.b, nothing + errors.dip, declination_sigma
-    return MagneticField(name, years, *map(frozen, (north, east, down, b, dip, declination, *sigmas, covariance)))
-
-
-def _years(name: str, model: Coefficients, date: datetime.date | ArrayLike) -> Array:
-    """Decimal years within the model's."""
-    given = isinstance(date, datetime.date)
-    year = np.asarray(decimal_year(date)) if isinstance(date, datetime.date) else finite(date, "date")
-    first, last = model.years[[0, -1]]
-    bad = (year < first) | (year > last)
-    if bad.any():
-        shown = str(date) if given else f"{year[bad].flat[0]:.10g}"
-        remedy = "give another date, another model or the field itself"
-        raise InputError(f"date is {shown}; {name} holds from {first:.1f} to {last:.1f}: {remedy}")
-    return year
-
-
-def _length(year: int) -> int:
-    return datetime.date(year, 12, 31).timetuple().tm_yday
+    return MagneticField(
+        name,
+        (float(model.years[0]), float(model.years[-1])),
+        *map(frozen, (north, east, down, b, dip, declination, *sigmas, covariance)),
+    )
 
 
 @cache

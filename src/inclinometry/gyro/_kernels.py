@@ -17,9 +17,7 @@ from inclinometry.arrays import Array
 from inclinometry.compiled import MATRIX, MATRIX_OUT, VECTOR, compiled, inlined, math, types
 
 GRID: Final = 64  # azimuths at which every cost is laid out; valleys are never narrower than 40 deg apart from twins
-STEPS: Final = 40  # at most; six are enough away from singular places
 FLAT: Final = 0.5  # standard uncertainty, rad, beyond which the cost is called flat without looking at its shape
-LEAST: Final = 1e-12  # information below which there is none
 COLUMNS: Final = 10
 
 _TABLE = np.stack([np.cos(2.0 * np.pi * np.arange(GRID) / GRID), np.sin(2.0 * np.pi * np.arange(GRID) / GRID)])
@@ -75,7 +73,8 @@ def _fisher(h: Array, e: Array, psi: float, k0: float, w: float, out: Array) -> 
 def _refine(h: Array, e: Array, start: float, k0: float, w: float, out: Array) -> float:
     """Azimuth at the bottom of a valley; `out` is left as `_fisher` fills it there."""
     psi = start
-    for _ in range(STEPS):
+    # at most; six are enough away from singular places
+    for _ in range(40):
         _fisher(h, e, psi, k0, w, out)
         known = w == math.inf
         curvature = out[1] + out[5] - (0.0 if known else (out[2] + out[6]) ** 2 / out[3])
@@ -151,6 +150,7 @@ def north(
     table = _TABLE
     h, e, found, starts = np.empty(3), np.empty((3, 3)), np.empty(7), np.empty(4)
     lay = np.empty(GRID)
+    least = 1e-12  # information below which there is none
     for n in range(inclination.size):
         _whiten(rate[n], covariance[n], inclination[n], latitude[n], h, e)
         prior, w = k0[n], weight[n]
@@ -180,8 +180,8 @@ def north(
             best_cost = lay.min()
         _fisher(h, e, best, prior, w, found)
         known = w == math.inf
-        own = max(found[3], LEAST)
-        variance = 1.0 / max(found[1] - (0.0 if known else found[2] * found[2] / own), LEAST)
+        own = max(found[3], least)
+        variance = 1.0 / max(found[1] - (0.0 if known else found[2] * found[2] / own), least)
         variance_k = 0.0
         covariance_k = 0.0
         if not known:

@@ -28,12 +28,6 @@ from inclinometry.rotations import wrap_positive
 STEEPEST = 1e-9
 """Sine of the inclination, and cosine for a tool without z, below which derivatives are taken there instead."""
 
-HEAVIEST = 1e9
-"""Any unit of gravity gives less."""
-
-EXCESS = 0.05
-"""Share by which cross-axis gravity may exceed gravity before it is refused."""
-
 
 class Tilt(NamedTuple):
     """n stations.
@@ -76,14 +70,16 @@ def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
     >>> np.degrees(found.inclination).round(9), found.unseen
     (array([30.]), array([ True]))
     """
-    field = vectors(gravity, "gravity", HEAVIEST)
+    # any unit of gravity gives less
+    field = vectors(gravity, "gravity", 1e9)
     unseen = np.isnan(field[:, 2])
     if unseen.any() and g is None:
         raise InputError("no accelerometer along the tool and no g: give gravity, m/s^2, or the latitude of the site")
     level = np.hypot(field[:, 0], field[:, 1])
     total = np.where(unseen, 0.0 if g is None else g, np.hypot(level, field[:, 2]))
     ratio = np.divide(level, total, out=np.full(len(level), np.inf), where=total > 0.0)
-    bad = ~(total > 0.0) | (unseen & (ratio > 1.0 + EXCESS))
+    # cross-axis gravity may exceed gravity by 5 %
+    bad = ~(total > 0.0) | (unseen & (ratio > 1.0 + 0.05))
     if bad.any():
         row = int(np.argmax(bad))
         raise InputError(
@@ -92,19 +88,6 @@ def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
         )
     whole = np.where(unseen, np.sqrt(np.maximum(total * total - level * level, 0.0)), field[:, 2])
     inclination, toolface = inclination_toolface(np.stack([field[:, 0], field[:, 1], whole], axis=1))
-    return Tilt(inclination, toolface, _derivatives(inclination, toolface, total, unseen), unseen, total)
-
-
-def upward(found: Tilt, rows: Mask) -> Tilt:
-    """The same stations with the tool of some `rows` pointing up instead of down."""
-    by_gravity = found.by_gravity.copy()
-    by_gravity[rows, 0] *= -1.0
-    return found._replace(
-        inclination=np.where(rows, np.pi - found.inclination, found.inclination), by_gravity=by_gravity
-    )
-
-
-def _derivatives(inclination: Array, toolface: Array, total: Array, unseen: Mask) -> Array:
     sine, cosine = np.sin(inclination), np.cos(inclination)
     ct, st = np.cos(toolface), np.sin(toolface)
     out = np.zeros((len(inclination), 2, 3))
@@ -114,7 +97,16 @@ def _derivatives(inclination: Array, toolface: Array, total: Array, unseen: Mask
     out[:, 0, 2] = np.where(unseen, 0.0, -sine / total)
     lever = 1.0 / (np.maximum(sine, STEEPEST) * total)
     out[:, 1, 0], out[:, 1, 1] = st * lever, ct * lever
-    return out
+    return Tilt(inclination, toolface, out, unseen, total)
+
+
+def upward(found: Tilt, rows: Mask) -> Tilt:
+    """The same stations with the tool of some `rows` pointing up instead of down."""
+    by_gravity = found.by_gravity.copy()
+    by_gravity[rows, 0] *= -1.0
+    return found._replace(
+        inclination=np.where(rows, np.pi - found.inclination, found.inclination), by_gravity=by_gravity
+    )
 
 
 def settle_vertical(inclination: Array, azimuth: Array, toolface: Array) -> tuple[Array, Array]:
@@ -135,9 +127,6 @@ def settle_vertical(inclination: Array, azimuth: Array, toolface: Array) -> tupl
 #
 # Source: "Temperature compensation method of a fibre-optic gyro inclinometer", patent application of Wuxi Huilian
 # Information Technology, 2015, steps C to F; formulas repaired, because the text in circulation lost its roots.
-
-HALF_PI: Final = np.pi / 2
-_ARGUMENTS: Final = ("gx", "gy", "wx", "wy", "g", "latitude")
 
 
 def high_side(rate: ArrayLike, toolface: ArrayLike) -> tuple[Array, Array]:
@@ -237,7 +226,10 @@ def scale_roots(a: ArrayLike, b: ArrayLike, inclination: ArrayLike, latitude: Ar
     array([1.3531, 1.01  ])
     """
     a, b = finite(a, "a"), finite(b, "b")
-    th, lat = within(inclination, "inclination", 0.0, HALF_PI, "rad"), within(latitude, "latitude", -HALF_PI, HALF_PI)
+    th, lat = (
+        within(inclination, "inclination", 0.0, np.pi / 2, "rad"),
+        within(latitude, "latitude", -np.pi / 2, np.pi / 2),
+    )
     discriminant = (a**2 + b**2) * np.cos(lat) ** 2 - (np.sin(th) * b) ** 2
     middle = a * np.sin(lat) * np.sin(th)
     product = -np.cos(lat + th) * np.cos(lat - th)
@@ -306,7 +298,8 @@ def patent_azimuth(
     >>> float(np.degrees(patent_azimuth(-4.9, 0.1, *w, 9.8, np.radians(45.0))).round(3))
     72.755
     """
-    gx, gy, wx, wy, g, lat = (finite(v, n) for v, n in zip((gx, gy, wx, wy, g, latitude), _ARGUMENTS, strict=True))
+    names = ("gx", "gy", "wx", "wy", "g", "latitude")
+    gx, gy, wx, wy, g, lat = (finite(v, n) for v, n in zip((gx, gy, wx, wy, g, latitude), names, strict=True))
     level = gx**2 + gy**2
     sine = -(wx * gy - wy * gx) * np.sqrt(np.maximum(g**2 - level, 0.0))
     cosine = -g * (wx * gx + wy * gy) - EARTH_RATE * np.sin(lat) * level
@@ -334,22 +327,10 @@ def printed_toolface(gx: ArrayLike, gy: ArrayLike) -> Array:
 
 WITHIN_NOISE: Final = 3.0
 """Standard uncertainties within which a quantity cannot be told from zero."""
-ANGLE_FLOOR: Final = 1e-7
-"""Sine or cosine of the inclination taken as zero, rad: the arcsine of two axes does not resolve less near 90 deg."""
 ROUNDING: Final = 1e-9
 """Relative size of a discriminant below which rounding of the readings moves azimuth by more than 1e-9 deg."""
-PARALLEL_FLOOR: Final = 1e-12
-"""Reading, in units of the Earth rate, below which rounding alone decides its direction."""
-FAR: Final = 4.0
-"""Standard uncertainties from the history beyond which a scale factor does not continue it."""
 CHANGE: Final = 0.002
 """Standard deviation of the change of a scale factor from one station to the next, where none is stated."""
-STEADY: Final = 0.1
-"""Share of the change from station to station by which the rate of that change may itself change."""
-FORTH: Final = np.array([[1.0, 1.0], [0.0, 1.0]])
-"""Scale factor and its rate of change from one station to the next."""
-FAILURES: Final = frozenset({"up-hole", "horizontal", "parallel", "complex", "double-root"})
-"""Flags before the choice of a root that leave nothing to choose."""
 
 
 class Attitude(NamedTuple):
@@ -373,7 +354,7 @@ def prepare(
     g: float | None,
 ) -> tuple[Attitude, Array, Array, dict[str, Array], float]:
     """Attitude, A and B, covariances (n, 4, 4) of (A, B, inclination, toolface) by cause, latitude."""
-    lat = float(within(latitude, "latitude", -HALF_PI, HALF_PI, "rad"))
+    lat = float(within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad"))
     rate = np.asarray(rate, dtype=np.float64)
     if rate.ndim != 2 or rate.shape[1] not in (2, 3):
         raise InputError(f"rate has shape {rate.shape}; expected (n, 2) or (n, 3)")
@@ -409,9 +390,10 @@ def _attitude(gravity: ArrayLike, covariance: ArrayLike | None, g: float | None)
     found = tilt(gravity, g)
     inclination, n = found.inclination, len(found.inclination)
     spread = found.by_gravity @ _covariance(covariance, n, "gravity_covariance") @ found.by_gravity.swapaxes(-1, -2)
-    near = np.maximum(WITHIN_NOISE * np.sqrt(spread[:, 0, 0]), ANGLE_FLOOR)
+    # sine or cosine taken as zero, rad: the arcsine of two axes does not resolve less near 90 deg
+    near = np.maximum(WITHIN_NOISE * np.sqrt(spread[:, 0, 0]), 1e-7)
     horizontal = np.abs(np.cos(inclination)) <= near
-    up = (inclination > HALF_PI) & ~horizontal
+    up = (inclination > np.pi / 2) & ~horizontal
     vertical = (np.sin(inclination) <= near) & ~up & ~horizontal
     return Attitude(inclination, found.toolface, spread, up, found.unseen, vertical, horizontal)
 
@@ -456,11 +438,12 @@ def failures(
     attitude: Attitude, a: Array, b: Array, discriminant: Array, noise: dict[str, Array], lat: float
 ) -> list[list[str]]:
     """Flags of every station before a root is chosen."""
-    th = np.minimum(attitude.inclination, HALF_PI)
+    th = np.minimum(attitude.inclination, np.pi / 2)
     total = sum(noise.values(), np.zeros((len(a), 4, 4)))
     seen = a**2 + (b * np.cos(th)) ** 2
     spread = total[:, 0, 0] + np.cos(th) ** 2 * total[:, 1, 1]
-    parallel = seen <= np.maximum(WITHIN_NOISE**2 * spread, PARALLEL_FLOOR**2)
+    # 1e-12 Earth rates: below that rounding alone decides the direction of the readings
+    parallel = seen <= np.maximum(WITHIN_NOISE**2 * spread, 1e-12**2)
     flat, slant = np.cos(lat) ** 2, np.sin(th)
     gradient = 2.0 * np.stack([a * flat, b * (flat - slant**2), -slant * np.cos(th) * b**2, -a * b * slant**2], -1)
     rounding = ROUNDING * ((a**2 + b**2) * flat + (slant * b) ** 2)
@@ -495,13 +478,18 @@ def choose(
     state = None if history is None else np.array([float(within(history, "history", 1e-3, 1e3)), 0.0])
     known = float(within(history_sd, "history_sd", 0.0, 1e3))
     change = CHANGE if change_sd is None else float(within(change_sd, "change_sd", 0.0, 1e3))
-    moves = np.diag([change**2, (STEADY * change) ** 2])
+    # by a tenth of that the rate of that change may itself change
+    moves = np.diag([change**2, (0.1 * change) ** 2])
     spread, doubted = np.diag([known**2, change**2]), (np.nan, 0.0)
     chosen = np.full(len(roots), -1)
+    far = 4.0  # standard uncertainties from the history beyond which a scale factor does not continue it
+    forth = np.array([[1.0, 1.0], [0.0, 1.0]])  # scale factor and its rate of change from one station to the next
+    # flags before the choice of a root that leave nothing to choose
+    hopeless = frozenset({"up-hole", "horizontal", "parallel", "complex", "double-root"})
     for i, names in enumerate(flags):
         if state is not None:
-            state, spread = FORTH @ state, FORTH @ spread @ FORTH.T + moves
-        if any(name in FAILURES for name in names):
+            state, spread = forth @ state, forth @ spread @ forth.T + moves
+        if any(name in hopeless for name in names):
             continue
         positive = np.flatnonzero(roots[i] > 0.0)
         if len(positive) == 0:
@@ -513,11 +501,11 @@ def choose(
         off = roots[i] - (roots[i] if state is None else state[0])
         pick = int(positive[np.argmin(np.abs(off[positive]))])
         value, u = float(roots[i, pick]), float(u_roots[i, pick])
-        agrees = len(positive) == 1 and abs(value - doubted[0]) <= FAR * np.hypot(np.hypot(u, doubted[1]), change)
+        agrees = len(positive) == 1 and abs(value - doubted[0]) <= far * np.hypot(np.hypot(u, doubted[1]), change)
         if state is None or agrees:
             # the first of the tool's own history, or the second in a row that contradicts what was taken for it
             state, spread = np.array([value, 0.0]), np.diag([u**2, change**2])
-        elif change_sd is not None and abs(off[pick]) > FAR * np.sqrt(u**2 + spread[0, 0]):
+        elif change_sd is not None and abs(off[pick]) > far * np.sqrt(u**2 + spread[0, 0]):
             if len(positive) == 2:  # neither root is near the history: which of them is true it does not say
                 names.append("history")
                 continue
@@ -627,7 +615,7 @@ def solve_patent(
     (40.0, 1.01, '+')
     """
     attitude, a, b, noise, lat = prepare(gravity, rate, latitude, gravity_covariance, rate_covariance, g)
-    th = np.minimum(attitude.inclination, HALF_PI)
+    th = np.minimum(attitude.inclination, np.pi / 2)
     roots, discriminant = scale_roots(a, b, th, lat)
     a2, b2, th2 = a[:, None], b[:, None], th[:, None]
     psi = azimuth_arctan2(a2, b2, roots, th2, lat)
@@ -697,7 +685,7 @@ def solve_fixed_arctan2(
     attitude, a, b, noise, lat = prepare(gravity, rate, latitude, gravity_covariance, rate_covariance, g)
     s = np.broadcast_to(within(scale, "scale", 1e-3, 1e3), a.shape)
     u = np.broadcast_to(within(u_scale, "u_scale", 0.0, np.inf), a.shape)
-    th = np.minimum(attitude.inclination, HALF_PI)
+    th = np.minimum(attitude.inclination, np.pi / 2)
     lost = attitude.up | attitude.horizontal
     psi = np.where(lost, np.nan, azimuth_arctan2(a, b, s, th, lat))
     # derivatives in the vertical: very near to it, where azimuth and toolface are numbers

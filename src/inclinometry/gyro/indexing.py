@@ -18,12 +18,6 @@ from inclinometry.uncertainty import chi_square_tail
 
 # Least squares for many stations at once: arrays in and out, no checks.
 
-DETERMINED = 1e-10
-"""Smallest eigenvalue of the scaled normal matrix that still counts as determined; rounding leaves about 1e-16."""
-
-REDUNDANT = 1e-6
-"""Smallest share of a row that its residual must keep for the others to say anything about it."""
-
 
 class Columns(NamedTuple):
     """Which unknown each column of the design is: v_x, v_y[, v_z], a bias of each free channel[, a drift of each]."""
@@ -84,9 +78,13 @@ def solve(matrix: Array, values: Array, weight: Array, columns: Columns) -> Solv
     flat = whitened.reshape(stations, rows * channels, width)
     target = (values * weight).reshape(stations, rows * channels, 1)
     normal = flat.swapaxes(1, 2) @ flat + np.diag(columns.prior)
-    scale = _scale(normal)
+    # scale (S, q) of the unknowns; x and y share one, so that positions that do not see y show as undetermined
+    diagonal = np.diagonal(normal, axis1=1, axis2=2).copy()
+    diagonal[:, :2] = diagonal[:, :2].sum(axis=1, keepdims=True)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = normal / (scale[:, :, None] * scale[:, None, :])
-    determined = np.linalg.eigvalsh(scaled)[:, 0] > DETERMINED
+    # rounding leaves about 1e-16
+    determined = np.linalg.eigvalsh(scaled)[:, 0] > 1e-10
     # what is not determined is only reported as such, its numbers are never used
     scaled[~determined] = np.eye(width)
     inverse = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
@@ -109,17 +107,11 @@ def solve(matrix: Array, values: Array, weight: Array, columns: Columns) -> Solv
     )
 
 
-def _scale(normal: Array) -> Array:
-    """Scale (S, q) of the unknowns; x and y share one, so that positions that do not see y show as undetermined."""
-    diagonal = np.diagonal(normal, axis1=1, axis2=2).copy()
-    diagonal[:, :2] = diagonal[:, :2].sum(axis=1, keepdims=True)
-    return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-
-
 def _deletion(left: Array, leverage: Array, used: Mask) -> Array:
     """Drop in chi-square (S, P) when a row is left out: r' (1 - H)^-1 r of the row's own block."""
     own = np.eye(left.shape[-1]) - leverage
-    replaceable = used & (np.linalg.eigvalsh(own)[..., 0] > REDUNDANT)
+    # share of a row that its residual must keep for the others to say anything about it
+    replaceable = used & (np.linalg.eigvalsh(own)[..., 0] > 1e-6)
     own[~replaceable] = np.eye(left.shape[-1])
     drop = np.einsum("skm,skm->sk", left, np.linalg.solve(own, left[..., None])[..., 0])
     return np.where(replaceable, drop, np.nan)
@@ -130,19 +122,9 @@ def _deletion(left: Array, leverage: Array, used: Mask) -> Array:
 LEVEL = 1e-3
 """Chance of calling anything in a clean file a spike (or noisy), over the whole file."""
 
-FEWEST = 2.5
-"""Degrees of freedom that an estimated noise must exceed for its uncertainty to be finite."""
-
-ALIKE = 30.0
-"""Degrees of freedom that the likeness of sensors of one kind is worth."""
 
 MANY = 8
 """Stations from which a median over them tells the noise in spite of spikes."""
-
-_APART = 10.83  # chi-square with one degree of freedom at 1e-3: how much better a spike must explain than the next row
-_BATCH = 2_000_000  # elements of a design held at once
-_ROUNDS = 6  # of reweighting at most
-_SETTLED = 3e-3  # relative change of the noise that no longer matters: 1e5 degrees of freedom know it no better
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +188,8 @@ class Noise:
 
 def slices(shape: tuple[int, int], channels: int) -> Iterator[slice]:
     """Parts of a batch whose design stays within memory."""
-    step = max(1, _BATCH // (shape[1] * channels * (3 + 2 * channels)))
+    # two million elements of a design are held at once
+    step = max(1, 2_000_000 // (shape[1] * channels * (3 + 2 * channels)))
     return (slice(start, start + step) for start in range(0, shape[0], step))
 
 
@@ -221,36 +204,38 @@ def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) ->
     # loses where the noise is too much smaller than that
     sharpest = max(float(batch.columns.prior.max(initial=0.0)) for batch in batches)
     floor = max(1e-13 * largest, 3e-5 / np.sqrt(sharpest) if sharpest > 0.0 else 1e-100, 1e-100)
-    gain = _gains(batches)
+    # reading per field (m,) of each channel, by which the noises of sensors of one kind compare
+    rows = np.mean([np.linalg.norm(batch.tensor, axis=-1).mean(axis=(0, 1)) for batch in batches], axis=0)
+    gain = np.where(rows > 0.0, rows, 1.0)
     sd = np.full(len(names), max(1e-3 * largest, floor))
     dof = 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(6):
         square, redundancy = _station_squares(batches, sd, clean)
-        _check_redundancy(redundancy, names)
-        before, sd = sd, np.maximum(np.sqrt(_shared(_typical(square, redundancy), redundancy, gain)), floor)
+        poor = np.flatnonzero(redundancy.sum(axis=0) < 1e-6)
+        if len(poor):
+            raise InputError(
+                f"noise is not given and the readings of the {names[poor[0]]} sensor are all needed for the result: no "
+                "residual is left to estimate it from; give the noise of one reading, or measure at more positions"
+            )
+        # variances (m,) drawn together where each rests on few residuals: a weight that collapses is worse than none
+        variance = _typical(square, redundancy)
+        own = redundancy.sum(axis=0)
+        common = np.sum(own * variance / gain**2) / np.sum(own)
+        # the likeness of sensors of one kind is worth 30 degrees of freedom; many residuals speak for themselves
+        alike = 30.0 / (1.0 + own / 30.0)
+        before = sd
+        sd = np.maximum(np.sqrt((own * variance + alike * common * gain**2) / (own + alike)), floor)
         dof = float(redundancy.sum())
-        if np.all(np.abs(sd - before) < _SETTLED * sd):
+        # 1e5 degrees of freedom know the noise no better
+        if np.all(np.abs(sd - before) < 3e-3 * sd):
             break
-    if dof <= FEWEST:
+    # for the uncertainty of an estimated noise to be finite
+    if dof <= 2.5:
         raise InputError(
             f"noise is not given and {dof:.1f} degrees of freedom are too few to estimate it from; give the noise of "
             "one reading, or measure more stations or positions"
         )
     return Noise(sd, dof, inside=len(square) < MANY)
-
-
-def _gains(batches: Sequence[Batch]) -> Array:
-    """Reading per field (m,) of each channel, by which the noises of sensors of one kind compare."""
-    rows = np.mean([np.linalg.norm(batch.tensor, axis=-1).mean(axis=(0, 1)) for batch in batches], axis=0)
-    return np.asarray(np.where(rows > 0.0, rows, 1.0))
-
-
-def _shared(variance: Array, redundancy: Array, gain: Array) -> Array:
-    """Variances (m,) drawn together where each rests on few residuals: a weight that collapses is worse than none."""
-    own = redundancy.sum(axis=0)
-    common = np.sum(own * variance / gain**2) / np.sum(own)
-    alike = ALIKE / (1.0 + own / ALIKE)  # many residuals speak for themselves
-    return np.asarray((own * variance + alike * common * gain**2) / (own + alike))
 
 
 def _station_squares(batches: Sequence[Batch], sd: Array, clean: Mask) -> tuple[Array, Array]:
@@ -265,15 +250,6 @@ def _station_squares(batches: Sequence[Batch], sd: Array, clean: Mask) -> tuple[
         squares.append(np.sum(weighted**2, axis=1))
         redundancies.append(np.maximum(fit.redundancy, 0.0))
     return np.concatenate(squares), np.concatenate(redundancies)
-
-
-def _check_redundancy(redundancy: Array, names: Sequence[str]) -> None:
-    poor = np.flatnonzero(redundancy.sum(axis=0) < 1e-6)
-    if len(poor):
-        raise InputError(
-            f"noise is not given and the readings of the {names[poor[0]]} sensor are all needed for the result: no "
-            "residual is left to estimate it from; give the noise of one reading, or measure at more positions"
-        )
 
 
 def _typical(square: Array, redundancy: Array) -> Array:
@@ -310,7 +286,8 @@ def find_spikes(batch: Batch, noise: Noise, total: int) -> tuple[Batch, Mask]:
         drops = np.sort(statistic, axis=1)
         worst, margin = drops[:, -1], drops[:, -1] - drops[:, -2]
         likely = noise.tail(worst, np.full_like(worst, channels)) * total > LEVEL
-        clear = margin > _APART * noise.shrunk(worst, np.full_like(worst, channels))
+        # chi-square with one degree of freedom at 1e-3: so much better than the next row must a spike explain
+        clear = margin > 10.83 * noise.shrunk(worst, np.full_like(worst, channels))
         out = ~likely & clear & (fit.dof - channels >= 1.0)
         unsure[place[~likely & ~out]] = True
         row = np.argmax(statistic, axis=1)
@@ -327,9 +304,6 @@ def _with_used(batch: Batch, used: Mask) -> Batch:
 
 
 # The index schemes as data, and whether a file's positions are those of its scheme.
-
-DRIFT_ROWS: Final = 6
-"""Readings of a station from which a scheme with free positions can afford a drift."""
 
 
 @dataclass(frozen=True)
@@ -381,10 +355,21 @@ def scheme_named(name: str) -> Scheme:
 def check_positions(scheme: Scheme, labels: Index, index: Array, tolerance: float) -> None:
     """Raise unless the positions (S, P) of every station are those of the scheme, repeats in place allowed."""
     if scheme.positions_deg:
-        for place in np.flatnonzero(~_as_wanted(scheme, index, tolerance)):
+        # nearly always all stations hold exactly the scheme's positions, one reading each
+        wanted = np.radians(scheme.positions_deg)
+        unlike: Mask = np.ones(len(index), dtype=np.bool_)
+        if index.shape[1] == len(wanted):
+            unlike = np.asarray(~(np.abs(wrap_signed(index - wanted)) <= tolerance).all(axis=1))
+        for place in np.flatnonzero(unlike):
             _check_visits(scheme, int(labels[place]), index[place], tolerance)
         return
-    different = _different(index, tolerance)
+    # number (S,) of positions further apart than the tolerance, around the circle
+    turned = np.sort(np.mod(index, 2.0 * np.pi), axis=1)
+    gaps = np.diff(turned, axis=1, append=turned[:, :1] + 2.0 * np.pi)
+    apart = np.count_nonzero(gaps > tolerance, axis=1)
+    # a dense rotation has no gap at all, but the ground it covers counts
+    covered = np.floor(np.where(gaps > tolerance, 0.0, gaps).sum(axis=1) / tolerance)
+    different = np.asarray(np.maximum(np.maximum(1, apart), covered), dtype=np.intp)
     poor = np.flatnonzero(different < scheme.minimum)
     if len(poor):
         at = poor[0]
@@ -404,14 +389,6 @@ def check_times(labels: Index, time: Array) -> None:
             f"station {labels[at]}: time goes from {time[at, row]:.10g} s to {time[at, row + 1]:.10g} s at its "
             f"reading {row + 2}; it must increase within a station: put the rows in the order of measurement"
         )
-
-
-def _as_wanted(scheme: Scheme, index: Array, tolerance: float) -> Mask:
-    """Stations (S,) that hold exactly the scheme's positions, one reading each: nearly always all of them."""
-    wanted = np.radians(scheme.positions_deg)
-    if index.shape[1] != len(wanted):
-        return np.zeros(len(index), dtype=np.bool_)
-    return np.asarray((np.abs(wrap_signed(index - wanted)) <= tolerance).all(axis=1))
 
 
 def _check_visits(scheme: Scheme, label: int, index: Array, tolerance: float) -> None:
@@ -436,16 +413,6 @@ def _check_visits(scheme: Scheme, label: int, index: Array, tolerance: float) ->
 def _visits(index: Array, tolerance: float) -> Array:
     """Positions with repeats in place struck out."""
     return np.asarray(index[np.concatenate([[True], np.abs(wrap_signed(np.diff(index))) > tolerance])])
-
-
-def _different(index: Array, tolerance: float) -> Index:
-    """Number (S,) of positions further apart than the tolerance, around the circle."""
-    turned = np.sort(np.mod(index, 2.0 * np.pi), axis=1)
-    gaps = np.diff(turned, axis=1, append=turned[:, :1] + 2.0 * np.pi)
-    apart = np.count_nonzero(gaps > tolerance, axis=1)
-    # a dense rotation has no gap at all, but the ground it covers counts
-    covered = np.floor(np.where(gaps > tolerance, 0.0, gaps).sum(axis=1) / tolerance)
-    return np.asarray(np.maximum(np.maximum(1, apart), covered), dtype=np.intp)
 
 
 def _listed(index: Array, most: int = 12) -> str:
@@ -538,16 +505,6 @@ def read_axes(tensor: ArrayLike | None, table: Table) -> Array:
     return axes
 
 
-def _along(axes: Array) -> Mask:
-    """Channels (m,) that see mostly the field along the tool."""
-    return np.asarray((np.abs(axes[..., 2]) > np.hypot(axes[..., 0], axes[..., 1])).any(axis=0))
-
-
-def _sees_z(axes: Array) -> Mask:
-    """Channels (m,) whose view along the tool is more than a misalignment: a tenth of their length."""
-    return np.asarray((np.abs(axes[..., 2]) > 0.1 * np.linalg.norm(axes, axis=-1)).any(axis=0))
-
-
 def channel_names(axes: Array) -> Sequence[str]:
     """What messages call the channels."""
     count = axes.shape[1]
@@ -567,7 +524,7 @@ def read_noise(noise: ArrayLike | None, shape: tuple[int, ...]) -> tuple[Array, 
 
 def read_offset_sd(offset_sd: ArrayLike | None, axes: Array) -> Array:
     """Prior sd (m,) of what is left of the bias."""
-    along = _along(axes)
+    along = np.asarray((np.abs(axes[..., 2]) > np.hypot(axes[..., 0], axes[..., 1])).any(axis=0))  # see mostly z
     if offset_sd is None:
         return np.where(along, 0.0, np.inf)
     sd = np.asarray(offset_sd, dtype=np.float64)
@@ -586,7 +543,8 @@ def fits_drift(plan: Scheme, drift: bool | None, table: Table, places: Index) ->
     wanted = plan.drift if drift is None else drift
     count = int(table.starts[places[0] + 1] - table.starts[places[0]])
     if wanted is None:
-        return table.time is not None and count >= DRIFT_ROWS
+        # from six readings on a scheme with free positions can afford a drift
+        return table.time is not None and count >= 6
     if wanted and table.time is None:
         remedy = "give time_s" + ("" if plan.positions_deg else ", or do not fit a drift")
         label = table.labels[places[0]]
@@ -599,7 +557,8 @@ def make_batches(
 ) -> list[Batch]:
     """Stations with equally many rows, in parts."""
     rows = table.rows(places)
-    bounded = np.isfinite(known) & _sees_z(axes)
+    # a view along the tool of less than a tenth of the length is a misalignment
+    bounded = np.isfinite(known) & (np.abs(axes[..., 2]) > 0.1 * np.linalg.norm(axes, axis=-1)).any(axis=0)
     seen = bool(bounded.any())
     # what is not told from the field along the tool goes into the bias
     mixed = np.zeros_like(bounded) if seen else (axes[..., 2] != 0.0).any(axis=0)
@@ -630,10 +589,6 @@ def make_batches(
     ]
 
 
-TOLERANCE = float(np.radians(1.0))
-"""How far an index position may be from the scheme's, rad; the angle read is used, not the scheme's."""
-
-
 def average_index(
     station: ArrayLike,
     index: ArrayLike,
@@ -647,7 +602,7 @@ def average_index(
     offset_sd: ArrayLike | None = None,
     sweep: float = 0.0,
     drift: bool | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = np.pi / 180.0,
 ) -> IndexAverage:
     """Field in tool axes at index 0 of every station, freed from bias and, where the scheme can, from linear drift.
 
@@ -680,7 +635,8 @@ def average_index(
     drift : bool, optional
         Fit a drift or not; as the scheme says when absent.
     tolerance : float
-        rad; positions closer than that coincide.
+        rad, by which a position may be off the scheme's (the angle read is used, not the scheme's); positions closer
+        than that coincide.
 
     Returns
     -------
@@ -724,12 +680,7 @@ def average_index(
         for batch in make_batches(table, rows, axes, relative, known, fits_drift(plan, drift, table, rows), damping)
     ]
     names = channel_names(axes)
-    _check_determined(batches, given, table, plan)
-    return _averaged(batches, given, table, names)
-
-
-def _check_determined(batches: Sequence[Batch], given: Array | None, table: Table, plan: Scheme) -> None:
-    """Raise where positions and sensors do not tell field, bias and drift apart."""
+    # positions and sensors must tell field, bias and drift apart
     for batch in batches:
         noise = np.ones(batch.values.shape[-1]) if given is None else given
         lost = np.flatnonzero(~batch.solve(noise).determined)
@@ -743,6 +694,7 @@ def _check_determined(batches: Sequence[Batch], given: Array | None, table: Tabl
             f"station {table.labels[batch.stations[lost[0]]]}: {batch.values.shape[-1]} channel(s) at index {shown} "
             f"deg do not determine both components of the field across the tool beside the bias; {remedy}"
         )
+    return _averaged(batches, given, table, names)
 
 
 def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Sequence[str]) -> IndexAverage:
@@ -763,6 +715,23 @@ def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Se
         for s, p in np.argwhere(~batch.used)
     ]
     left_out.sort(key=lambda pair: pair[1])
+    warnings = [
+        f"Station {label}: reading in row {row} disagrees with the others; left out." for label, row in left_out
+    ]
+    noisy = table.labels[out.noisy]
+    if len(noisy):
+        shown = ", ".join(str(label) for label in noisy[:10]) + (", ..." if len(noisy) > 10 else "")
+        warnings.append(
+            f"{len(noisy)} station(s) disagree within themselves by more than the noise ({shown}); their covariance "
+            "is multiplied by chi-square over degrees of freedom."
+        )
+    notes: tuple[str, ...] = ()
+    if noise.dof is not None:
+        values = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, noise.sd, strict=True))
+        notes = (
+            f"Noise of one reading, estimated from the residuals of {len(table.labels)} station(s) with "
+            f"{noise.dof:.0f} degrees of freedom: {values}.",
+        )
     return IndexAverage(
         field=frozen(out.field),
         covariance=frozen(out.covariance),
@@ -776,8 +745,8 @@ def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Se
             for s, n in zip(out.spike.tolist(), out.noisy.tolist(), strict=True)
         ),
         left_out=tuple(left_out),
-        notes=_notes(noise, table, names),
-        warnings=_warnings(table, out, left_out),
+        notes=notes,
+        warnings=tuple(warnings),
     )
 
 
@@ -805,25 +774,3 @@ class _Sums:
             self.drift[at] = fit.estimate[:, columns.bias_slots().stop :] / batch.second[:, None]
         self.chi_square[at], self.dof[at] = fit.chi_square, fit.dof
         self.noisy[at], self.spike[at] = noisy, ~batch.used.all(axis=1)
-
-
-def _notes(noise: Noise, table: Table, names: Sequence[str]) -> tuple[str, ...]:
-    if noise.dof is None:
-        return ()
-    values = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, noise.sd, strict=True))
-    return (
-        f"Noise of one reading, estimated from the residuals of {len(table.labels)} station(s) with "
-        f"{noise.dof:.0f} degrees of freedom: {values}.",
-    )
-
-
-def _warnings(table: Table, out: _Sums, left_out: Sequence[tuple[int, int]]) -> tuple[str, ...]:
-    notes = [f"Station {label}: reading in row {row} disagrees with the others; left out." for label, row in left_out]
-    noisy = table.labels[out.noisy]
-    if len(noisy):
-        shown = ", ".join(str(label) for label in noisy[:10]) + (", ..." if len(noisy) > 10 else "")
-        notes.append(
-            f"{len(noisy)} station(s) disagree within themselves by more than the noise ({shown}); their covariance "
-            "is multiplied by chi-square over degrees of freedom."
-        )
-    return tuple(notes)

@@ -24,12 +24,6 @@ LARGEST = 1e6
 SCALES = (0.2, 5.0)
 """Scale factors taken for possible."""
 
-VAGUEST = 1e3
-"""Standard uncertainty of the scale factor beyond which nothing at all is known of it."""
-
-CIRCLE = 1440
-"""Azimuths over which a posterior that is not Gaussian is integrated."""
-
 
 class JointBatch(NamedTuple):
     """n stations, rad.
@@ -133,7 +127,8 @@ def prior_of_k(scale: ArrayLike, scale_sd: ArrayLike, size: int) -> tuple[Array,
     """Mean and standard deviation (n,) of k = 1/scale."""
     known = per_station(scale, size, "scale", *SCALES)
     sd = per_station(scale_sd, size, "scale_sd", 0.0, np.inf)
-    return 1.0 / known, np.where(sd > VAGUEST, np.inf, sd) / known**2
+    # beyond that nothing at all is known of the scale factor
+    return 1.0 / known, np.where(sd > 1e3, np.inf, sd) / known**2
 
 
 def posterior_sd(
@@ -143,7 +138,8 @@ def posterior_sd(
 
     Integrates over azimuth, k eliminated; used where the posterior has more than one peak or is flat.
     """
-    psi = 2.0 * np.pi * np.arange(CIRCLE) / CIRCLE
+    circle = 1440  # azimuths over which a posterior that is not Gaussian is integrated
+    psi = 2.0 * np.pi * np.arange(circle) / circle
     spread = np.empty(len(azimuth))
     for n in range(len(azimuth)):
         axes = 3 if np.isfinite(rates[n, -1]) and rates.shape[1] == 3 else 2
@@ -153,7 +149,7 @@ def posterior_sd(
         e, h = np.linalg.solve(lower, model.T), np.linalg.solve(lower, rates[n, :axes])
         p, q = e.T @ h, np.sum(e * e, axis=0)
         w = np.inf if sd[n] == 0.0 else 1.0 / sd[n] ** 2
-        k = np.full(CIRCLE, k0[n]) if np.isinf(w) else np.maximum((p + k0[n] * w) / np.maximum(q + w, 1e-300), 0.0)
+        k = np.full(circle, k0[n]) if np.isinf(w) else np.maximum((p + k0[n] * w) / np.maximum(q + w, 1e-300), 0.0)
         cost = np.sum((h[:, None] - k * e) ** 2, axis=0)
         if np.isfinite(w):
             cost = cost + w * (k - k0[n]) ** 2 + np.log(q + w)

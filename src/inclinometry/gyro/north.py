@@ -25,18 +25,6 @@ from inclinometry.gyro.result import North, covariances, one_value, per_station,
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.uncertainty import UNKNOWN
 
-HOLES = ("down", "up")
-MISFIT = 16.0
-"""Cost of one degree of freedom beyond which rates do not fit the Earth's."""
-
-NEAR_VERTICAL = 5.0
-"""Standard uncertainties of inclination within which a tool counts as vertical."""
-
-NEAR_HORIZONTAL = 5.0
-"""Standard uncertainties of inclination within which a tool without z counts as horizontal: with 3, three stations in
-20 000 at exactly 90 deg passed with an azimuth wrong by a hundred degrees, since the inclination errs there by the root
-of the noise."""
-
 
 def estimate_north(
     gravity: ArrayLike,
@@ -160,8 +148,9 @@ def _problem(
     g: float | None,
     hole: str | None,
 ) -> _Problem:
-    if hole is not None and hole not in HOLES:
-        raise InputError(f"hole is {hole!r}; allowed: {', '.join(HOLES)} or None")
+    holes = ("down", "up")
+    if hole is not None and hole not in holes:
+        raise InputError(f"hole is {hole!r}; allowed: {', '.join(holes)} or None")
     found = tilt(gravity, g)
     size = len(found.inclination)
     rates = vectors(rate, "rate", LARGEST * EARTH_RATE, size)
@@ -225,7 +214,16 @@ def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) 
         )
     response = _responses(best, found, high, covariance, latitude, problem.scale)
     components = _components(problem, prior_sd, best, found, response, latitude_sd)
-    lost = _too_level(problem.tilt, problem.gravity_covariance)
+    # stations without z so near 90 deg that their inclination, by arcsine, is lost
+    level = problem.tilt
+    across = np.stack([-np.cos(level.toolface), np.sin(level.toolface)], axis=1)
+    arc = np.sqrt(np.einsum("ni,nij,nj->n", across, problem.gravity_covariance[:, :2, :2], across))
+    # 1 - sin(inclination) against the error of the sine
+    gap = 2.0 * np.sin(0.5 * (np.pi / 2 - level.inclination)) ** 2 * level.strength
+    # u(inclination) is that error over the cosine, and 90 deg less the inclination is 2 gap / spread of them. Five are
+    # asked for: with 3, three stations in 20 000 at exactly 90 deg passed with an azimuth wrong by a hundred degrees,
+    # since the inclination errs there by the root of the noise
+    lost = np.asarray(level.unseen & (gap <= 0.5 * 5.0 * arc))
     odd = np.flatnonzero(best.weak | best.ambiguous)
     if odd.size:
         spread = posterior_sd(
@@ -242,33 +240,16 @@ def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) 
     quadrant = lost & np.isnan(problem.rate[:, 2])
     if quadrant.any():  # azimuth and 180 deg - azimuth look alike
         components["quadrant"] = _azimuth_only(np.where(quadrant, UNKNOWN**2, 0.0))
-    return _result(problem, best, found, components, response, method, lost)
-
-
-def _too_level(found: Tilt, covariance: Array) -> Mask:
-    """Stations without z so near 90 deg that their inclination, by arcsine, is lost."""
-    ct, st = np.cos(found.toolface), np.sin(found.toolface)
-    across = np.stack([-ct, st], axis=1)
-    spread = np.sqrt(np.einsum("ni,nij,nj->n", across, covariance[:, :2, :2], across))
-    # 1 - sin(inclination) against the error of the sine
-    gap = 2.0 * np.sin(0.5 * (np.pi / 2 - found.inclination)) ** 2 * found.strength
-    # u(inclination) is that error over the cosine, and 90 deg less the inclination is 2 gap / spread of them
-    return np.asarray(found.unseen & (gap <= 0.5 * NEAR_HORIZONTAL * spread))
-
-
-class _Response(NamedTuple):
-    """Derivatives (n, 2, ...) of azimuth and k."""
-
-    by_rate: Array  # (n, 2, 3)
-    by_tilt: Array  # (n, 2, 2) by inclination and toolface
-    by_prior: Array  # (n, 2) by k0
-    by_latitude: Array  # (n, 2)
+    return _result(problem, best, found, components, response[1], method, lost)
 
 
 def _responses(
     best: JointBatch, found: Tilt, high: Array, covariance: Array, latitude: Array, scale: Array
-) -> _Response:
-    """Gauss-Newton response of the solution: P [k E_psi, E]' W, P the inverse information."""
+) -> tuple[Array, Array, Array, Array]:
+    """Gauss-Newton response of the solution: P [k E_psi, E]' W, P the inverse information.
+
+    Derivatives of azimuth and k by rate (n, 2, 3), inclination and toolface (n, 2, 2), k0 (n, 2), latitude (n, 2).
+    """
     seen = np.isfinite(high[:, 2])
     weight = np.zeros_like(covariance)
     weight[~seen, :2, :2] = np.linalg.inv(covariance[~seen, :2, :2])
@@ -296,11 +277,11 @@ def _responses(
     fixed = best.var_k == 0.0
     by_prior = np.where(fixed[:, None], np.einsum("nij,nj->ni", by_rate, -model), np.nan)
     by_prior[fixed, 1] = 1.0
-    return _Response(by_rate, by_tilt, by_prior, by_latitude)
+    return by_rate, by_tilt, by_prior, by_latitude
 
 
 def _components(
-    problem: _Problem, prior_sd: Array, best: JointBatch, found: Tilt, response: _Response, latitude_sd: float
+    problem: _Problem, prior_sd: Array, best: JointBatch, found: Tilt, response: tuple[Array, ...], latitude_sd: float
 ) -> dict[str, Array]:
     """Variances (n, 4) of inclination, azimuth, toolface and gyro toolface by cause."""
     size = len(best.azimuth)
@@ -308,21 +289,25 @@ def _components(
     _, cov_rate = to_high_side(problem.rate, problem.rate_covariance, found.toolface)
     cov_rate = np.where(np.isfinite(cov_rate), cov_rate, 0.0)
     cov_rate[~seen, 2, :] = cov_rate[~seen, :, 2] = 0.0
-    by_rate = response.by_rate[:, 0]
+    by_rate, by_tilt, by_prior, by_latitude = (part[:, 0] for part in response)  # of azimuth
     gyro = np.einsum("ni,nij,nj->n", by_rate, cov_rate, by_rate)
     row = np.zeros((size, 4, 3))
     row[:, 0], row[:, 2] = found.by_gravity[:, 0], found.by_gravity[:, 1]
-    turned = response.by_tilt[:, 0]
-    row[:, 1] = turned[:, :1] * found.by_gravity[:, 0] + turned[:, 1:] * found.by_gravity[:, 1]
-    row[:, 3] = turned[:, :1] * found.by_gravity[:, 0] + (turned[:, 1:] + 1.0) * found.by_gravity[:, 1]
+    row[:, 1] = by_tilt[:, :1] * found.by_gravity[:, 0] + by_tilt[:, 1:] * found.by_gravity[:, 1]
+    row[:, 3] = by_tilt[:, :1] * found.by_gravity[:, 0] + (by_tilt[:, 1:] + 1.0) * found.by_gravity[:, 1]
     cov_gravity = np.where(np.isfinite(problem.gravity_covariance), problem.gravity_covariance, 0.0)
+    sd_k = problem.scale_sd / problem.scale**2
+    fixed, flat = prior_sd == 0.0, np.isinf(sd_k)
+    own = (by_prior * sd_k) ** 2
+    safe = np.where(flat | fixed | (sd_k == 0.0), 1.0, sd_k)
+    joint = np.where(flat, 0.0, (best.cov_azimuth_k / safe) ** 2)
     parts = {
         "gyro": _azimuth_only(gyro),
         "accelerometer": np.einsum("nij,njk,nik->ni", row, cov_gravity, row),
-        "scale": _azimuth_only(_scale_part(problem, prior_sd, best, response)),
+        "scale": _azimuth_only(np.where(fixed, np.where(np.isfinite(own), own, 0.0), joint)),
     }
     if latitude_sd > 0.0:
-        parts["latitude"] = _azimuth_only((response.by_latitude[:, 0] * latitude_sd) ** 2)
+        parts["latitude"] = _azimuth_only((by_latitude * latitude_sd) ** 2)
     return parts
 
 
@@ -333,23 +318,12 @@ def _azimuth_only(variance: Array) -> Array:
     return out
 
 
-def _scale_part(problem: _Problem, prior_sd: Array, best: JointBatch, response: _Response) -> Array:
-    """Variance of azimuth from the prior of the scale."""
-    sd_k = problem.scale_sd / problem.scale**2
-    fixed = prior_sd == 0.0
-    own = (response.by_prior[:, 0] * sd_k) ** 2
-    flat = np.isinf(sd_k)
-    safe = np.where(flat | fixed | (sd_k == 0.0), 1.0, sd_k)
-    joint = np.where(flat, 0.0, (best.cov_azimuth_k / safe) ** 2)
-    return np.where(fixed, np.where(np.isfinite(own), own, 0.0), joint)
-
-
 def _result(
     problem: _Problem,
     best: JointBatch,
     found: Tilt,
     components: dict[str, Array],
-    response: _Response,
+    by_tilt: Array,
     method: str,
     lost: Mask,
 ) -> North:
@@ -358,7 +332,7 @@ def _result(
     condition = scale_condition(best.azimuth, inc, problem.latitude)
     scale = 1.0 / np.maximum(best.k, 1e-6)
     cov_gravity = np.where(np.isfinite(problem.gravity_covariance), problem.gravity_covariance, 0.0)
-    by_gravity = np.einsum("ni,nij->nj", response.by_tilt[:, 1], found.by_gravity)
+    by_gravity = np.einsum("ni,nij->nj", by_tilt[:, 1], found.by_gravity)
     # the accelerometers reach the scale too
     var_k = best.var_k + np.einsum("ni,nij,nj->n", by_gravity, cov_gravity, by_gravity)
     if method == "fixed":
@@ -371,13 +345,13 @@ def _result(
         surprise = np.abs(best.k - 1.0 / problem.scale) > 4.0 * sd_k
     masks = {
         # by the sine: the inclination of a tool without z is uncertain near horizontal too
-        "vertical": np.sin(inc) <= NEAR_VERTICAL * spread * np.abs(np.cos(inc)),
+        "vertical": np.sin(inc) <= 5.0 * spread * np.abs(np.cos(inc)),
         "down-assumed": problem.assumed,
         "horizontal": lost,
         "ambiguous": best.ambiguous,
         "weak": best.weak,
         "scale": surprise & (method == "joint"),
-        "misfit": best.cost > MISFIT * np.maximum(dof, 1.0),
+        "misfit": best.cost > 16.0 * np.maximum(dof, 1.0),  # a degree of freedom
     }
     flags = tuple(tuple(name for name, mask in masks.items() if mask[n]) for n in range(len(inc)))
     return North(

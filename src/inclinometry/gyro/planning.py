@@ -16,9 +16,6 @@ from inclinometry.uncertainty import UNKNOWN
 
 VERTICAL = float(np.radians(1.0))
 """Inclination nearer to the vertical than which azimuth is no use and the gyro toolface is planned for, rad."""
-NEAREST_POLE = float(np.radians(89.9))
-FOREVER = 1e12
-"""A time, s, that has left nothing of white noise."""
 LONGEST = 86400.0
 """A standstill, s, longer than which is not planned: no gyro's bias is worth that trust."""
 AZIMUTHS = 720
@@ -138,7 +135,7 @@ def standstill_time(
     240
     """
     place = float(within(latitude, "latitude", -np.pi / 2.0, np.pi / 2.0, "rad"))
-    if abs(place) > NEAREST_POLE:
+    if abs(place) > np.radians(89.9):
         shown = f"latitude is {np.degrees(place):.3f} degrees"
         raise InputError(f"{shown}; at the pole there is no north to find: within 89.9 degrees is allowed")
     lean = float(within(inclination, "inclination", 0.0, np.pi, "rad"))
@@ -149,10 +146,26 @@ def standstill_time(
     rows = np.linspace(0.0, 2.0 * np.pi, AZIMUTHS, endpoint=False)
     if azimuth is not None:
         rows = np.array([float(within(azimuth, "azimuth", -2.0 * np.pi, 2.0 * np.pi, "rad"))])
-    floor = azimuth_sigma(place, lean, rows, FOREVER, setup)
-    time = _time(place, lean, rows, wanted, setup)
-    notes = (*_remarks(lean, setup), *_remedies(place, lean, rows, wanted, setup))
-    return StandstillPlan(frozen(rows), frozen(time), frozen(floor), moving, wanted, notes)
+    # s, that have left nothing of white noise
+    floor = azimuth_sigma(place, lean, rows, 1e12, setup)
+    # bisection in the logarithm of time, every azimuth at once; infinite where a day is not enough
+    low, high = np.full(len(rows), -18.0), np.full(len(rows), np.log(LONGEST))
+    possible = azimuth_sigma(place, lean, rows, LONGEST, setup) <= wanted
+    for _ in range(60):
+        middle = (low + high) / 2.0
+        enough = azimuth_sigma(place, lean, rows, np.exp(middle), setup) <= wanted
+        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+    time = np.where(possible, np.exp(high), np.inf)
+    notes = []
+    if np.sin(lean) < np.sin(VERTICAL):
+        notes.append("within 1 deg of the vertical azimuth is undefined; the plan is for the gyro toolface")
+    if setup.axes == 3 and setup.axial_bias_sd == 0.0:
+        notes.append(
+            "the gyro along the tool is taken as free of bias but for its instability, which turning about the tool "
+            "axis does not remove: state the standard uncertainty of its bias"
+        )
+    notes += _remedies(place, lean, rows, wanted, setup)
+    return StandstillPlan(frozen(rows), frozen(time), frozen(floor), moving, wanted, tuple(notes))
 
 
 def azimuth_sigma(latitude: float, inclination: float, azimuth: Array, time: float | Array, setup: GyroSetup) -> Array:
@@ -229,29 +242,6 @@ def _tilt_gain(gain: Array, earth: Array, inclination: float, vertical: bool) ->
     if vertical:
         turned = turned + np.sign(np.cos(inclination))
     return np.asarray((gain * by_inclination).sum(axis=0) ** 2 + (turned / np.sin(inclination)) ** 2)
-
-
-def _time(latitude: float, inclination: float, azimuth: Array, wanted: float, setup: GyroSetup) -> Array:
-    """Bisection in the logarithm of time, every azimuth at once; infinite where a day is not enough."""
-    low, high = np.full(len(azimuth), -18.0), np.full(len(azimuth), np.log(LONGEST))
-    possible = azimuth_sigma(latitude, inclination, azimuth, LONGEST, setup) <= wanted
-    for _ in range(60):
-        middle = (low + high) / 2.0
-        enough = azimuth_sigma(latitude, inclination, azimuth, np.exp(middle), setup) <= wanted
-        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
-    return np.where(possible, np.exp(high), np.inf)
-
-
-def _remarks(inclination: float, setup: GyroSetup) -> list[str]:
-    notes = []
-    if np.sin(inclination) < np.sin(VERTICAL):
-        notes.append("within 1 deg of the vertical azimuth is undefined; the plan is for the gyro toolface")
-    if setup.axes == 3 and setup.axial_bias_sd == 0.0:
-        notes.append(
-            "the gyro along the tool is taken as free of bias but for its instability, which turning about the tool "
-            "axis does not remove: state the standard uncertainty of its bias"
-        )
-    return notes
 
 
 def _remedies(latitude: float, inclination: float, azimuth: Array, wanted: float, setup: GyroSetup) -> list[str]:

@@ -12,9 +12,6 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.errors import InputError
 from inclinometry.uncertainty import angle_sd
 
-SKEW = 1e-6
-"""Share by which a covariance may miss being symmetric and positive before it is refused."""
-
 
 def numbers(value: ArrayLike, name: str) -> Array:
     """float64, NaN allowed; InputError for what is no number."""
@@ -75,7 +72,23 @@ def covariances(value: ArrayLike, name: str, seen: Mask, *, positive: bool) -> A
     out[~seen, 2, :] = out[~seen, :, 2] = np.nan
     if seen.any() and axes == 2:
         raise InputError(f"{name} is 2 x 2, but z is measured; give 3 x 3 matrices, or leave z out")
-    bad = _impossible(out, seen, positive)
+    # matrices that are no covariances, looked at by 2 x 2 minors and, with z, the determinant
+    bad = np.zeros(len(out), dtype=bool)
+    variance = np.diagonal(out, axis1=1, axis2=2)
+    skew = 1e-6
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        used = seen if j == 2 else np.ones(len(seen), dtype=bool)
+        with np.errstate(invalid="ignore", over="ignore"):
+            product, cross = variance[:, i] * variance[:, j], out[:, i, j]
+            fits = (variance[:, i] >= 0.0) & (variance[:, j] >= 0.0) & np.isfinite(product)
+            fits &= np.abs(cross - out[:, j, i]) <= skew * np.sqrt(np.maximum(product, 0.0))
+            fits &= cross**2 < product if positive else cross**2 <= product * (1.0 + skew)
+        bad |= used & ~fits
+    whole = seen & ~bad
+    if positive and whole.any():
+        # by the mean variance, so that determinants neither over- nor underflow
+        mean = np.trace(out[whole], axis1=1, axis2=2)[:, None, None] / 3.0
+        bad[whole] |= ~(np.linalg.det(out[whole] / mean) > 0.0)
     if bad.any():
         row = int(np.argmax(bad))
         need = "positive" if positive else "not negative"
@@ -83,29 +96,6 @@ def covariances(value: ArrayLike, name: str, seen: Mask, *, positive: bool) -> A
             f"{name}[{row}] is {given[row].tolist()}; a covariance is finite, symmetric and {need}: give the noise"
         )
     return out
-
-
-def _impossible(matrices: Array, seen: Mask, positive: bool) -> Mask:
-    """Matrices that are no covariances, looked at by 2 x 2 minors and, with z, the determinant."""
-    bad = np.zeros(len(matrices), dtype=bool)
-    variance = np.diagonal(matrices, axis1=1, axis2=2)
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        used = seen if j == 2 else np.ones(len(seen), dtype=bool)
-        with np.errstate(invalid="ignore", over="ignore"):
-            product, cross = variance[:, i] * variance[:, j], matrices[:, i, j]
-            fits = (variance[:, i] >= 0.0) & (variance[:, j] >= 0.0) & np.isfinite(product)
-            fits &= np.abs(cross - matrices[:, j, i]) <= SKEW * np.sqrt(np.maximum(product, 0.0))
-            fits &= cross**2 < product if positive else cross**2 <= product * (1.0 + SKEW)
-        bad |= used & ~fits
-    whole = seen & ~bad
-    if positive and whole.any():
-        bad[whole] |= ~(np.linalg.det(matrices[whole] / _size(matrices[whole])) > 0.0)
-    return bad
-
-
-def _size(matrices: Array) -> Array:
-    """Mean variance (n, 1, 1), so that determinants neither over- nor underflow."""
-    return np.asarray(np.trace(matrices, axis1=1, axis2=2)[:, None, None] / 3.0)
 
 
 FLAGS = {

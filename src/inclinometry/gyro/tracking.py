@@ -22,8 +22,6 @@ TEMPERATURES = (-273.15, 1000.0)
 TIGHTEST = 1e-9
 """Standard uncertainty below which a scale factor need not be known."""
 
-SHARPEST = 1e-7
-"""Standard uncertainty to which one station at best teaches the scale: what is sharper drowns in rounding."""
 
 SURPRISE = 25.0
 """Squared distance, in variances, of a scale from what was expected, beyond which nothing is learnt from it."""
@@ -31,12 +29,6 @@ SURPRISE = 25.0
 DOUBTFUL = 9.0
 """Squared misfit of a station, in variances, beyond which it speaks against what is believed of the scale."""
 
-UNLIKELY = 16.0
-"""Squared distance, in variances, of a scale from what is believed, from which on the belief is widened: well before a
-station's own surprise keeps it from teaching anything."""
-
-ENOUGH = 200
-"""Stations that are asked whether the belief can be true."""
 
 FINENESS = 2e-3
 """Relative step of the scale factors tried for that."""
@@ -47,8 +39,6 @@ geothermal gradient."""
 
 MOST = 3000
 """Stations that `smooth_scale` takes at once."""
-
-SWEEPS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,15 +249,15 @@ class ScaleTracker:
         row = np.append(belief.basis(heat), 1.0)
         here, variance = float(row @ self._mean), float(row @ self._spread @ row) + max(belief.jitter, TIGHTEST) ** 2
         found = solve_joint(high, cov, slant, self.latitude, scale=here, scale_sd=np.sqrt(variance))
-        after = _posterior(found)
-        learnt = bool(_teaches(found, after, np.array([here]), np.array([variance]))[0])
+        scale, left = _posterior(found)
+        learnt = bool(_teaches(found, scale, left, np.array([here]), np.array([variance]))[0])
         if learnt:
             gain = self._spread @ row / variance
-            self._mean = self._mean + gain * (after.scale[0] - here)
-            self._spread = self._spread - np.outer(gain, gain) * (variance - after.variance[0])
-        scale, sd = float(after.scale[0]), float(np.sqrt(after.variance[0]))
+            self._mean = self._mean + gain * (scale[0] - here)
+            self._spread = self._spread - np.outer(gain, gain) * (variance - left[0])
+        own = float(scale[0]), float(np.sqrt(left[0]))
         turn = float(found.azimuth[0]), float(np.sqrt(found.var_azimuth[0]))
-        return ScaleStep(heat, here, float(np.sqrt(variance)), scale, sd, learnt, *turn)
+        return ScaleStep(heat, here, float(np.sqrt(variance)), *own, learnt, *turn)
 
     @property
     def belief(self) -> ScaleBelief:
@@ -333,7 +323,8 @@ class _BeliefCheck:
         self._waiting = []
         own = np.minimum(((self._tried - self._centre) / self._sd) ** 2, SURPRISE)
         best = int(np.argmin(self._cost + own))
-        if own[best] < UNLIKELY or self._fits[best] < 0.5 * self._size:
+        # squared distance, in variances: well before a station's own surprise keeps it from teaching anything
+        if own[best] < 16.0 or self._fits[best] < 0.5 * self._size:
             return self.belief
         wide = self.belief.covariance.copy()
         wide[0, 0] += (self._tried[best] - self._centre) ** 2
@@ -349,7 +340,8 @@ def contradicted(
 
     Parameters as `track_scale`, checked.
     """
-    rows = np.unique(np.linspace(0, len(rates) - 1, min(len(rates), ENOUGH)).astype(int))
+    # 200 stations are enough to ask
+    rows = np.unique(np.linspace(0, len(rates) - 1, min(len(rates), 200)).astype(int))
     check = _BeliefCheck(belief, latitude)
     check.add(rates[rows], covariance[rows], inclination[rows], temperature[rows])
     return check.verdict()
@@ -467,14 +459,21 @@ def smooth_scale(
     prior = shared + max(belief.jitter, TIGHTEST) ** 2 * np.eye(len(heat))
     size = len(heat)
     precision, shift = np.zeros(size), np.zeros(size)  # what each station's own rates add, as a Gaussian
-    for _ in range(SWEEPS):
-        expected, variance = _without_own(prior, mean, precision, shift)
+    # one station teaches the scale to this standard uncertainty at best: what is sharper drowns in rounding
+    sharpest = 1e-7
+    for _ in range(6):
+        # mean and variance (n,) of each station's scale from all others, by (prior^-1 + precision)^-1
+        factor = np.linalg.solve(np.eye(size) + prior * precision, prior)
+        centre = mean + factor @ (shift - precision * mean)
+        own = np.diagonal(factor)
+        rest = 1.0 / own - precision
+        expected, variance = (centre / own - shift) / rest, 1.0 / rest
         found = solve_joint(high, covariance, slant, latitude, scale=expected, scale_sd=np.sqrt(variance))
-        after = _posterior(found)
-        learnt = _teaches(found, after, expected, variance)
-        sharp = np.clip(after.variance, SHARPEST**2, variance)
+        scale, left = _posterior(found)
+        learnt = _teaches(found, scale, left, expected, variance)
+        sharp = np.clip(left, sharpest**2, variance)
         gained = np.where(learnt, 1.0 / sharp - 1.0 / variance, 0.0)
-        moved = np.where(gained > 0.0, after.scale / sharp - expected / variance, 0.0)
+        moved = np.where(gained > 0.0, scale / sharp - expected / variance, 0.0)
         done = np.allclose(gained, precision, rtol=1e-9, atol=1e-6) and np.allclose(moved, shift, rtol=1e-9, atol=1e-6)
         precision, shift = gained, moved
         if done:
@@ -486,38 +485,23 @@ def smooth_scale(
     weights = np.linalg.solve(np.eye(size) + precision[:, None] * prior, np.diag(precision))
     centre = np.divide(shift, precision, out=mean.copy(), where=precision > 0.0)
     known = _moved(belief, start + state @ weights @ (centre - mean), end - state @ weights @ state.T, heat)
-    sd = np.sqrt(variance), np.sqrt(after.variance)
+    sd = np.sqrt(variance), np.sqrt(left)
     notes = (*widened(stated, belief), *_note(learnt))
-    return ScaleTrack(heat, expected, sd[0], after.scale, sd[1], learnt, known, belief, temperature is not None, notes)
+    return ScaleTrack(heat, expected, sd[0], scale, sd[1], learnt, known, belief, temperature is not None, notes)
 
 
-class _Posterior(NamedTuple):
-    scale: Array
-    variance: Array
-
-
-def _posterior(found: JointBatch) -> _Posterior:
-    """The scale, 1/k, with its own rates."""
+def _posterior(found: JointBatch) -> tuple[Array, Array]:
+    """The scale, 1/k, with its own rates, and its variance."""
     k = np.maximum(found.k, 1e-6)
-    return _Posterior(1.0 / k, found.var_k / k**4)
+    return 1.0 / k, found.var_k / k**4
 
 
-def _teaches(found: JointBatch, after: _Posterior, expected: Array, variance: Array) -> Mask:
-    """Stations whose scale may be learnt from."""
-    gained = variance - after.variance
+def _teaches(found: JointBatch, scale: Array, left: Array, expected: Array, variance: Array) -> Mask:
+    """Stations whose scale, of the variance `left`, may be learnt from."""
+    gained = variance - left
     with np.errstate(divide="ignore", invalid="ignore"):
-        surprise = np.where(gained > 0.0, (after.scale - expected) ** 2 / gained, 0.0)
+        surprise = np.where(gained > 0.0, (scale - expected) ** 2 / gained, 0.0)
     return np.asarray(~found.ambiguous & ~found.weak & (gained > 0.0) & (surprise < SURPRISE))
-
-
-def _without_own(prior: Array, mean: Array, precision: Array, shift: Array) -> tuple[Array, Array]:
-    """Mean and variance (n,) of each station's scale from all others."""
-    size = len(mean)
-    factor = np.linalg.solve(np.eye(size) + prior * precision, prior)  # (prior^-1 + sites)^-1
-    centre = mean + factor @ (shift - precision * mean)
-    own = np.diagonal(factor)
-    left = 1.0 / own - precision
-    return (centre / own - shift) / left, 1.0 / left
 
 
 def _temperatures(temperature: ArrayLike, size: int) -> Array:

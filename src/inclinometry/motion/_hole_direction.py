@@ -8,23 +8,11 @@ measured direction errs by p = -M e, M the turn by minus the roll.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.uncertainty import UNKNOWN
-
-AZIMUTH_KNOWN = 0.3
-"""Standard deviation of the turn about the vertical, rad, beyond which a row's azimuth is no measurement."""
-
-
-class Observation(NamedTuple):
-    """A row's attitude held against a hole frame."""
-
-    offset: Array  # (2,) rotation vector from the frame to the measured direction
-    noise: Array  # (2, 2) its covariance
-    roll: float  # of the tool in the measured direction's own frame
 
 
 def turned(frame: Array, offset: Array) -> Array:
@@ -57,13 +45,17 @@ def offset_of(frame: Array, direction: Array) -> Array:
     return np.array([-h[1] * ratio, h[0] * ratio])
 
 
-def observe(frame: Array, matrix: Array, covariance: Array) -> Observation:
-    """Offset of a row's direction from the frame, its noise, and the roll."""
+def observe(frame: Array, matrix: Array, covariance: Array) -> tuple[Array, Array, float]:
+    """A row's attitude held against a hole frame.
+
+    Rotation vector (2,) from the frame to the measured direction, its covariance (2, 2), and the tool's roll in the
+    measured direction's own frame.
+    """
     offset = offset_of(frame, matrix[2])
     spin = matrix @ turned(frame, offset).T
     roll = math.atan2(spin[0, 1], spin[0, 0])
     back = _turn(roll)
-    return Observation(offset, back @ covariance[:2, :2] @ back.T, roll)
+    return offset, back @ covariance[:2, :2] @ back.T, roll
 
 
 def with_azimuth(matrix: Array, covariance: Array, direction: Array) -> Array:
@@ -79,7 +71,8 @@ def with_azimuth(matrix: Array, covariance: Array, direction: Array) -> Array:
 
 def azimuth_unknown(matrix: Array, covariance: Array) -> bool:
     """Whether the turn about the vertical is as good as unknown."""
-    return float(matrix[:, 2] @ covariance @ matrix[:, 2]) > AZIMUTH_KNOWN**2
+    # rad, standard deviation beyond which a row's azimuth is no measurement
+    return float(matrix[:, 2] @ covariance @ matrix[:, 2]) > 0.3**2
 
 
 def rolled(frame: Array, spread: Array, matrix: Array, covariance: Array) -> tuple[Array, Array]:
@@ -97,10 +90,10 @@ def rolled(frame: Array, spread: Array, matrix: Array, covariance: Array) -> tup
     e_z given e_xy: with G = P_z,xy P_xy^-1 the roll is corrected by G e_xy, and
     P_zz <- P_zz - G P_xy,z + G P_xy(estimate) G': the Kalman update of a roll about which nothing else is known.
     """
-    seen = observe(frame, matrix, covariance)
-    back = _turn(seen.roll)
+    offset, _, seen = observe(frame, matrix, covariance)
+    back = _turn(seen)
     gain: Array = np.asarray(np.linalg.solve(covariance[:2, :2], covariance[:2, 2]), dtype=np.float64)
-    roll = seen.roll - float(gain @ (back.T @ seen.offset))
+    roll = seen - float(gain @ (back.T @ offset))
     across = back.T @ spread @ back
     own = float(covariance[2, 2] - gain @ covariance[:2, 2])
     return _upright(roll) @ frame, _joint(across, gain, own)

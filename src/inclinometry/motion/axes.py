@@ -9,72 +9,35 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.conventions import AXES, Mapping, axes_matrix, find_mapping, named
+from inclinometry.conventions import AXES, axes_matrix, find_mapping, named
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
-from inclinometry.motion.reference import FieldOff
+from inclinometry.motion.reference import FAR_DIP, FieldOff
 from inclinometry.motion.result import Finding, Samples
 from inclinometry.motion.turning import LEAST_TURNS, Harmonics, Turning
 from inclinometry.orientation import dip_angle
 
 ENOUGH: Final = 3
 """Windows that must agree."""
-FAR_DIP: Final = 0.12
-"""rad, between the dip and the site's: no disturbance that leaves the strength right."""
-CIRCLE: Final = 0.05
-"""Root mean square of a transverse channel about its mean, of the strength, that is a circle worth looking at."""
+
 SURE: Final = 5
 """Windows that must agree on an exchange of axes or on a gyro's unit: inside casing the field does anything."""
 KEPT: Final = 12
 """Windows that are looked at together, the latest."""
 SLACK: Final = 0.06
 """rad, scatter of the dip that offsets of uncalibrated sensors may cause."""
-MOST_U: Final = 0.05
-"""Uncertainty of gravity, of its strength, with which its direction tells axes."""
-ROUGH: Final = 0.15
-"""The same, with which its strength tells units and its axial part the sign."""
-MOST_SPEED: Final = 220.0
-"""rad/s, 2100 rpm: faster than any string."""
 UP: Final = -0.3
 """Axial gravity, of its strength, below which the accelerometer is believed to report specific force (or the hole to
 climb at 107 deg)."""
 GRAVITY_UNITS: Final = {"g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000.0}
-FIELD_UNITS: Final = {"uT": 1e3, "gauss": 1e5, "mgauss": 1e2, "T": 1e9}
-RATE_UNITS: Final = {"deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0, "rpm": np.pi / 30.0}
-FIELD_RANGE: Final = (18_000.0, 72_000.0)
-"""nT, of the Earth's field."""
 
-LEAST_SPAN: Final = 1.0
-"""rad, rotation from which the field and a gyro can be held against each other,"""
-MIRRORED: Final = 0.3
-"""and departure of their ratio from -1 with which they contradict."""
-LEAST_SWING: Final = 0.004
-"""rad, the same of a tool that swings to and fro,"""
-CLEARLY: Final = 4.0
-"""and times by which one sense of rotation leaves less than the other."""
-MARGIN: Final = 4.0
-"""Standard deviations allowed to the dip of a single window, beside `SLACK`."""
 _AGAINST: Final = (
     "the magnetic field turns against the gyro: one of them has a wrong sign or two exchanged transverse axes; gyro_z "
     "is positive clockwise looking down hole, and then the field's angle from x to y falls. Where the magnetometer has "
     "axes of its own state them: --mag-axes=y,x,-z are those of many chips"
 )
-STATED: Final = (
-    ("--convention specific-force", "accelerometers that report specific force", named("specific-force"), AXES),
-    ("--convention z-up", "z up the hole, and specific force", named("z-up"), AXES),
-    ("--axes=x,-y,-z", "z up the hole, and gravity", named("native"), ("x", "-y", "-z")),
-)
-"""How axes and signs that are often met are stated: option, words, convention and axes before it."""
 TURNED_TO: Final = {"x": ("y,z,x", "z,y,-x"), "y": ("z,x,y", "x,z,-y")}
 """Axes that bring one of the file to z, where it points down the hole and where it points up."""
-FAR_NORTH: Final = float(np.radians(30.0))
-"""Latitude from which the sign of the dip is that of the latitude, wherever the magnetic poles are."""
-LIVELY: Final = 0.2
-"""rad/s, root mean square rate of a tool that moves: beyond any bias."""
-ALONG: Final = 0.7
-"""Share of z in the rotation below which it is not that of a tool in a hole, whose z lies along it,"""
-ALONE: Final = 0.95
-"""and share of another axis from which it is the hole's, wrongly named."""
 
 
 def expected_dip(site: Site | None) -> tuple[float | None, str]:
@@ -89,7 +52,8 @@ def expected_dip(site: Site | None) -> tuple[float | None, str]:
         return None, ""
     if site.dip is not None:
         return site.dip, f"the site's is {np.degrees(site.dip):.1f} deg"
-    if site.latitude is None or abs(site.latitude) < FAR_NORTH:
+    # from 30 deg on the sign of the dip is that of the latitude, wherever the magnetic poles are
+    if site.latitude is None or abs(site.latitude) < float(np.radians(30.0)):
         return None, ""
     dip = float(np.arctan(2.0 * np.tan(site.latitude)))
     return dip, f"at the latitude {np.degrees(site.latitude):.1f} deg it is near {np.degrees(dip):.0f} deg"
@@ -154,7 +118,13 @@ class AxesCheck:
         if self._believed:
             return []
         if window.mag is not None:
-            self._field_unit(np.linalg.norm(window.mag, axis=1))
+            strength = np.linalg.norm(window.mag, axis=1)
+            if not (float(strength.std()) > 0.2 * float(strength.mean())):
+                self._strengths = [*self._strengths, float(strength.mean())][-KEPT:]
+                if len(self._strengths) >= ENOUGH:
+                    units = {"uT": 1e3, "gauss": 1e5, "mgauss": 1e2, "T": 1e9}
+                    # nT, of the Earth's field
+                    _unit("the magnetometer", "nT", float(np.median(self._strengths)), 18_000.0, 72_000.0, units)
             if field_usable:
                 self._field_axis(window.mag)
         if not phase_usable:
@@ -174,12 +144,16 @@ class AxesCheck:
         """
         if turning.by != "gyro" or self._turns or not np.isfinite(turning.slope):
             return []
-        if turning.span > LEAST_SPAN:
-            wrong = abs(turning.slope + 1.0) < MIRRORED
+        # rad, rotation from which the field and a gyro can be held against each other
+        if turning.span > 1.0:
+            # a mirrored gyro makes their ratio -1
+            wrong = abs(turning.slope + 1.0) < 0.3
             right = not wrong
         else:
-            swings = turning.swing > LEAST_SWING
-            wrong, right = swings and turning.mirror < 1.0 / CLEARLY, swings and turning.mirror > CLEARLY
+            # rad, of a tool that swings to and fro
+            swings = turning.swing > 0.004
+            clearly = 4.0  # times by which one sense of rotation leaves less than the other
+            wrong, right = swings and turning.mirror < 1.0 / clearly, swings and turning.mirror > clearly
         # a window that does not tell is as good or bad as those before it
         self._against = 0 if right else self._against + wrong
         if self._against >= ENOUGH:
@@ -202,11 +176,12 @@ class AxesCheck:
         expected = None if self.site is None else self.site.dip
         if expected is None or not np.isfinite(off.dip):
             return []
-        limit = SLACK + MARGIN * off.u
+        margin = 4.0  # standard deviations allowed to the dip of a single window, beside `SLACK`
+        limit = SLACK + margin * off.u
         if off.off <= limit:
             self._right += 1
             return []
-        opposite = abs(expected) > np.radians(10.0) and abs(off.dip + expected) < FAR_DIP + MARGIN * off.u
+        opposite = abs(expected) > np.radians(10.0) and abs(off.dip + expected) < FAR_DIP + margin * off.u
         self._up = self._up + 1 if opposite else 0
         said = f"the dip comes out as {np.degrees(off.dip):.1f} deg, the site's is {np.degrees(expected):.1f} deg"
         if self._up >= ENOUGH and not self._right:
@@ -231,7 +206,10 @@ class AxesCheck:
     def _free(self) -> str:
         """A sentence where the tool turns about no axis of its own; "" otherwise."""
         total = float(self._rates.sum())
-        if not total > self._samples * LIVELY**2 or self._rates[2] > ALONG * total or self._rates.max() > ALONE * total:
+        lively = 0.2  # rad/s, root mean square rate of a tool that moves: beyond any bias
+        along = 0.7  # share of z in the rotation below which it is not that of a tool in a hole, whose z lies along it
+        alone = 0.95  # share of another axis from which it is the hole's, wrongly named
+        if not total > self._samples * lively**2 or self._rates[2] > along * total or self._rates.max() > alone * total:
             return ""
         shares = ", ".join(f"{axis} {100.0 * one / total:.0f} %" for axis, one in zip("xyz", self._rates, strict=True))
         return (
@@ -243,7 +221,13 @@ class AxesCheck:
         """Which statement of axes and signs makes a run right whose dip or gravity has the wrong sign."""
         fits = []
         dip, _ = expected_dip(self.site)
-        for option, words, convention, axes in STATED if seen else ():
+        # how axes and signs that are often met are stated: option, words, convention and axes before it
+        stated = (
+            ("--convention specific-force", "accelerometers that report specific force", named("specific-force"), AXES),
+            ("--convention z-up", "z up the hole, and specific force", named("z-up"), AXES),
+            ("--axes=x,-y,-z", "z up the hole, and gravity", named("native"), ("x", "-y", "-z")),
+        )
+        for option, words, convention, axes in stated if seen else ():
             turn = axes_matrix(axes).T
             accel = np.concatenate([one.accel for one in seen]) @ turn @ convention.matrix("accelerometer").T
             mag = np.concatenate([one.mag for one in seen]) @ turn @ convention.matrix("magnetometer").T
@@ -263,24 +247,27 @@ class AxesCheck:
             return []
         strength = np.linalg.norm(found.accel, axis=1)
         self._climbs |= bool((found.accel[:, 2] < UP * strength).all())
-        if not (strength.min() > 0.0 and found.u_accel < ROUGH * float(strength.mean())):
+        # uncertainty, of the strength, with which gravity's strength tells units and its axial part the sign
+        if not (strength.min() > 0.0 and found.u_accel < 0.15 * float(strength.mean())):
             return []
         if not field_usable:
             found = Harmonics(found.accel, np.full_like(found.mag, np.nan), found.u_accel, found.turned)
         self._seen = [*self._seen, found][-KEPT:]
         if len(self._seen) < ENOUGH:
             return []
-        self._gravity_unit()
+        strength = float(np.median([np.linalg.norm(one.accel, axis=1).mean() for one in self._seen]))
+        _unit("the accelerometer", "m/s^2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
         return self._mapping()
 
     def _gyro(self, gyro: Array, turning: Turning, *, judged: bool, sampled: bool) -> None:
         """Which gyro axis turns, how fast, and whether the field turns with it."""
         size = np.abs(gyro).mean(axis=0)
         self._speeds = [*self._speeds, float(size.max())][-KEPT:]
-        if len(self._speeds) >= ENOUGH and min(self._speeds) > MOST_SPEED:
+        most_speed = 220.0  # rad/s, 2100 rpm: faster than any string
+        if len(self._speeds) >= ENOUGH and min(self._speeds) > most_speed:
             rpm = float(np.median(self._speeds)) * 30.0 / np.pi
             raise InputError(
-                f"the gyro reads {rpm:.0f} rpm throughout (allowed {MOST_SPEED * 30.0 / np.pi:.0f}); its unit is "
+                f"the gyro reads {rpm:.0f} rpm throughout (allowed {most_speed * 30.0 / np.pi:.0f}); its unit is "
                 "rad/s: convert deg/s or rpm first"
             )
         if float(size.max()) > 1.0:
@@ -296,24 +283,24 @@ class AxesCheck:
             self._slopes = [*self._slopes, turning.slope][-KEPT:]
             if len(self._slopes) >= SURE:
                 slopes = np.array(self._slopes)
-                _judge_slope(slopes, sampled=sampled)
+                # opposite is told only when sampled fast enough
+                if sampled and (slopes < -0.5).all():
+                    raise InputError(_AGAINST)
+                units = {"deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0, "rpm": np.pi / 30.0}
+                for unit, factor in units.items():
+                    if (np.abs(slopes / factor - 1.0) < 0.2).all():
+                        times = 1.0 / float(np.median(slopes))
+                        raise InputError(
+                            f"the gyro reads {times:.4g} times the speed with which the magnetic field turns; its unit "
+                            f"is rad/s, the reading is right for {unit}: multiply by {factor:.6g}"
+                        )
                 self._turns = bool((np.abs(slopes - 1.0) < 0.2).all())
-
-    def _gravity_unit(self) -> None:
-        strength = float(np.median([np.linalg.norm(one.accel, axis=1).mean() for one in self._seen]))
-        _unit("the accelerometer", "m/s^2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
-
-    def _field_unit(self, strength: Array) -> None:
-        if float(strength.std()) > 0.2 * float(strength.mean()):
-            return
-        self._strengths = [*self._strengths, float(strength.mean())][-KEPT:]
-        if len(self._strengths) >= ENOUGH:
-            _unit("the magnetometer", "nT", float(np.median(self._strengths)), *FIELD_RANGE, FIELD_UNITS)
 
     def _field_axis(self, mag: Array) -> None:
         """Which channel keeps its value while the other two go round: it lies along the hole."""
         low, middle, high = np.sort(mag.var(axis=0))
-        size = (CIRCLE * float(np.linalg.norm(mag, axis=1).mean())) ** 2
+        # a circle worth looking at: rms of a transverse channel about its mean, of the strength
+        size = (0.05 * float(np.linalg.norm(mag, axis=1).mean())) ** 2
         if low > 0.02 * middle or middle < 0.3 * high or middle < size:
             return
         self._along = [*self._along, int(mag.var(axis=0).argmin())][-KEPT:]
@@ -347,7 +334,8 @@ class AxesCheck:
         """Whether the dip is constant, and of the site's sign."""
         usable = [one for one in self._seen if np.isfinite(one.mag).all()]
         dip = None if self.site is None else self.site.dip
-        sure = [one for one in usable if one.turned and one.u_accel < MOST_U * STANDARD_GRAVITY]
+        # 5 % of uncertainty: with it gravity's direction tells axes
+        sure = [one for one in usable if one.turned and one.u_accel < 0.05 * STANDARD_GRAVITY]
         if len(sure) < ENOUGH:
             self._sign(usable if len(usable) >= ENOUGH else self._seen)
             return []
@@ -376,7 +364,8 @@ class AxesCheck:
             return [Finding("axes", "mag", share, False, f"{said}; no exchange of axes explains it")]
         raise InputError(
             f"accelerometer and magnetometer do not lie along the same axes: {said}. It is right with "
-            f"{_words(fits)}" + (", or correct the site's dip" if scatter <= slack else "")
+            + " or ".join(f"--mag-axes={','.join(one.axes)}" for one in fits[:3])
+            + (", or correct the site's dip" if scatter <= slack else "")
         )
 
     def _sign(self, usable: list[Harmonics]) -> None:
@@ -406,20 +395,3 @@ def _unit(what: str, unit: str, strength: float, low: float, high: float, others
                 f"{what} reads {strength:.4g} {unit} on the mean (allowed {low:.3g} to {high:.3g}): right for {other}; "
                 f"multiply by {factor:g}"
             )
-
-
-def _judge_slope(slopes: Array, *, sampled: bool) -> None:
-    """Field against gyro: opposite (told only when sampled fast enough), or in another unit."""
-    slope = float(np.median(slopes))
-    if sampled and (slopes < -0.5).all():
-        raise InputError(_AGAINST)
-    for unit, factor in RATE_UNITS.items():
-        if (np.abs(slopes / factor - 1.0) < 0.2).all():
-            raise InputError(
-                f"the gyro reads {1.0 / slope:.4g} times the speed with which the magnetic field turns; its unit is "
-                f"rad/s, the reading is right for {unit}: multiply by {factor:.6g}"
-            )
-
-
-def _words(fits: list[Mapping]) -> str:
-    return " or ".join(f"--mag-axes={','.join(one.axes)}" for one in fits[:3])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -53,14 +53,6 @@ class ChooserSettings:
         within(self.window, "window", 0.5, LONGEST, "s")
 
 
-class _Choice(NamedTuple):
-    """Row of a window, and what is said of it."""
-
-    row: Attitude
-    kind: str  # "still", "sliding", "rotating", or "moving" where nothing tells which
-    outcome: str  # the method's name, or "refused"
-
-
 class AttitudeChooser:
     """`choose_attitude` fed block by block; the same rows to the last bit.
 
@@ -85,7 +77,7 @@ class AttitudeChooser:
         self._health = HealthCheck(self._settings.health, site)
         self._buffer: WindowBuffer | None = None
         self._magnetic: dict[bool, MagneticStream] = {}  # with and without the gyro
-        self._filter = LazyStream(self._make_filter)
+        self._filter = LazyStream(lambda: InertialStream(self._inertial(), site))
         self._gyro = LazyStream(lambda: GyroStream(self._inertial(), site))
         self._counts: Counter[tuple[str, str]] = Counter()
         self._why: Counter[str] = Counter()
@@ -108,9 +100,18 @@ class AttitudeChooser:
         if not len(samples):
             return self._none()
         if self._buffer is None:
-            self._begin(samples)
-        if self._buffer is None:
-            return self._none()
+            # what the first block settles: the length of the windows and the north
+            self._interval = samples.interval
+            self._size = max(round(self._settings.window / samples.interval), 1)
+            if samples.has("mag"):
+                chosen = self._magnetic_settings(use_gyro=True)
+                try:
+                    self._size = chosen.nodes(samples.interval) * chosen.node(samples.interval)
+                    self._phased = True
+                except InputError:
+                    self._phased = False  # too sparse to turn gravity back by the phase; at rest the mean still serves
+            self._north = "true" if samples.has("gyro") and not samples.has("mag") else "magnetic"
+            self._buffer = WindowBuffer(self._size * samples.interval)
         return self._rows(self._buffer.push(samples))
 
     def finish(self) -> Attitude:
@@ -121,20 +122,6 @@ class AttitudeChooser:
             notes += [note for note in stream.finish().notes if "gaps between blocks" not in note]
         return replace(rows, notes=tuple(dict.fromkeys(notes)))
 
-    def _begin(self, samples: Samples) -> None:
-        """What the first block settles: the length of the windows and the north."""
-        self._interval = samples.interval
-        self._size = max(round(self._settings.window / samples.interval), 1)
-        if samples.has("mag"):
-            chosen = self._magnetic_settings(use_gyro=True)
-            try:
-                self._size = chosen.nodes(samples.interval) * chosen.node(samples.interval)
-                self._phased = True
-            except InputError:
-                self._phased = False  # too sparse to turn gravity back by the phase; at rest the mean still serves
-        self._north = "true" if samples.has("gyro") and not samples.has("mag") else "magnetic"
-        self._buffer = WindowBuffer(self._size * samples.interval)
-
     def _magnetic_settings(self, *, use_gyro: bool) -> MagneticSettings:
         site, given = self._site or self._settings.magnetic.site, self._settings.magnetic
         use = given.use_gyro and use_gyro
@@ -142,9 +129,6 @@ class AttitudeChooser:
 
     def _inertial(self) -> InertialSettings:
         return replace(self._settings.inertial, window=min(self._size * self._interval, LONGEST))
-
-    def _make_filter(self) -> InertialStream:
-        return InertialStream(self._inertial(), self._site)
 
     def _none(self) -> Attitude:
         return refusals([], (), "static", self._north)
@@ -160,17 +144,19 @@ class AttitudeChooser:
                 self._gyro.restart()
             self._end = float(window.time[-1])
             health = self._health.check(window)
-            choice = self._choose(health)
-            choice = choice._replace(row=named(choice.row, health))
-            self._counts[choice.kind, choice.outcome] += 1
-            if choice.outcome == "refused":
-                self._why.update(choice.row.names(0))
-            rows.append(replace(choice.row, flags=choice.row.flags | np.uint32(health.flags), notes=()))
+            row, kind, outcome = self._choose(health)
+            row = named(row, health)
+            self._counts[kind, outcome] += 1
+            if outcome == "refused":
+                self._why.update(row.names(0))
+            rows.append(replace(row, flags=row.flags | np.uint32(health.flags), notes=()))
         return joined(rows) if rows else self._none()
 
-    def _choose(self, health: WindowHealth) -> _Choice:
-        """Route one window."""
-        window, kind = health.samples, _kind(health)
+    def _choose(self, health: WindowHealth) -> tuple[Attitude, str, str]:
+        """Route one window: its row, what the tool did ("moving" where nothing tells), the method or "refused"."""
+        # what a tool that shakes does
+        kind = "rotating" if health.turning.span >= TURNING else "sliding"
+        window, kind = health.samples, kind if health.turning.by else "moving"
         field = window.has("mag") and not health.spoilt("mag")
         usable = not health.spoilt("accel")
         refused: Attitude | None = None
@@ -182,30 +168,34 @@ class AttitudeChooser:
                 kind = "still"
             refused = row if shake == 0.0 else None
         if usable and field and self._phased:
-            row = self._magnetic_row(health)
+            # row of the window; without the gyro where that is spoilt
+            use = self._drives(health)
+            if use not in self._magnetic:
+                self._magnetic[use] = MagneticStream(self._magnetic_settings(use_gyro=use))
+            row = self._honest(self._magnetic[use].push(health.samples), health)
             if not bool(row.refused[0]):
                 return self._doubted(health, row, kind)
             refused = row
         carried = self._carried(health) if usable and self._drives(health) else None
         if carried is not None:
             outcome = "refused" if bool(carried.refused[0]) else METHODS[int(carried.method[0])]
-            return _Choice(carried, kind, outcome)
+            return carried, kind, outcome
         if not self._drives(health):
             self._filter.restart()
             self._gyro.restart()
         if kind == "still" and usable:
-            return _Choice(self._static(replace(window, mag=None)), kind, "static")
-        return _Choice(refused if refused is not None else self._refusal(health), kind, "refused")
+            return self._static(replace(window, mag=None)), kind, "static"
+        return refused if refused is not None else self._refusal(health), kind, "refused"
 
-    def _settled(self, health: WindowHealth, row: Attitude, kind: str, *, good: bool) -> _Choice:
+    def _settled(self, health: WindowHealth, row: Attitude, kind: str, *, good: bool) -> tuple[Attitude, str, str]:
         """A row that needs no filter; the filters are told of the window."""
         if self._drives(health):
             clean = good and not _marked(health.samples)
             self._filter.take(health.samples, good=clean, wanted=False)
             self._gyro.take(health.samples, good=not _marked(health.samples), wanted=False)
-        return _Choice(row, kind, METHODS[int(row.method[0])])
+        return row, kind, METHODS[int(row.method[0])]
 
-    def _doubted(self, health: WindowHealth, row: Attitude, kind: str) -> _Choice:
+    def _doubted(self, health: WindowHealth, row: Attitude, kind: str) -> tuple[Attitude, str, str]:
         """A magnetic row, or the filter's where the field is disturbed and the gyro knows the azimuth better."""
         disturbed = bool(int(row.flags[0] | health.flags) & BITS["disturbed"])
         if not (disturbed and self._drives(health)):
@@ -214,7 +204,7 @@ class AttitudeChooser:
         self._gyro.take(health.samples, good=not _marked(health.samples), wanted=False)
         if other is not None and single(other) and other.u.azimuth[0] < row.u.azimuth[0]:
             row = other
-        return _Choice(row, kind, METHODS[int(row.method[0])])
+        return row, kind, METHODS[int(row.method[0])]
 
     def _drives(self, health: WindowHealth) -> bool:
         """Whether a gyro can carry the attitude."""
@@ -223,13 +213,6 @@ class AttitudeChooser:
     def _static(self, window: Samples) -> Attitude:
         settings = replace(self._settings.static, window=len(window) * window.interval)
         return static_attitude(window, settings, self._site)
-
-    def _magnetic_row(self, health: WindowHealth) -> Attitude:
-        """Row of the window; without the gyro where that is spoilt."""
-        use = self._drives(health)
-        if use not in self._magnetic:
-            self._magnetic[use] = MagneticStream(self._magnetic_settings(use_gyro=use))
-        return self._honest(self._magnetic[use].push(health.samples), health)
 
     def _honest(self, row: Attitude, health: WindowHealth) -> Attitude:
         """The row with what the field's departure from the site's adds to its uncertainty."""
@@ -321,13 +304,6 @@ def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, s
     chooser = AttitudeChooser(settings, site)
     first, last = chooser.push(samples), chooser.finish()
     return joined([first, last])
-
-
-def _kind(health: WindowHealth) -> str:
-    """What a tool that shakes does."""
-    if not health.turning.by:
-        return "moving"
-    return "rotating" if health.turning.span >= TURNING else "sliding"
 
 
 def _shake(window: Samples) -> float:

@@ -16,15 +16,6 @@ from inclinometry.motion.turning import Turning
 
 # Sampling too slow for the rotation.
 
-MOST_STEP: Final = 0.75 * np.pi
-"""Rotation between samples, rad, beyond which its direction is no longer sure."""
-SAMPLES_A_TURN: Final = 8.0
-"""Needed to follow a speed that changes."""
-LOST: Final = 0.5
-"""Turns by which gyro and field may differ."""
-LOST_SHARE: Final = 0.02
-"""Of the turns made, the same: what a gyro's scale error leaves."""
-
 
 def aliasing_findings(turning: Turning, interval: float) -> list[Finding]:
     """Whether the phase between samples is ambiguous, and the rate that would be needed.
@@ -36,16 +27,19 @@ def aliasing_findings(turning: Turning, interval: float) -> list[Finding]:
     """
     if not turning.by:
         return []
-    share = turning.step / MOST_STEP
+    most_step = 0.75 * np.pi  # rotation between samples, rad, beyond which its direction is no longer sure
+    share = turning.step / most_step
     turns = turning.span / (2.0 * np.pi)
-    lost = abs(turning.lost) / (LOST + LOST_SHARE * turns)
+    # turns by which gyro and field may differ, and of the turns made what a gyro's scale error leaves
+    lost = abs(turning.lost) / (0.5 + 0.02 * turns)
     # lost turns with steps that are small are a matter of axes or of the field, not of sampling
-    if not (share > 1.0 or (lost > 1.0 and turning.step > 0.5 * MOST_STEP)):
+    if not (share > 1.0 or (lost > 1.0 and turning.step > 0.5 * most_step)):
         return []
     speed = turning.step / interval
+    samples_a_turn = 8.0  # to follow a speed that changes
     text = (
         f"sampled every {interval:.4g} s, too slowly for the rotation: {speed * 30.0 / np.pi:.0f} rpm needs "
-        f"{SAMPLES_A_TURN * speed / (2.0 * np.pi):.0f} Hz or more"
+        f"{samples_a_turn * speed / (2.0 * np.pi):.0f} Hz or more"
     )
     return [Finding("aliased", turning.by, float(max(share, 1.0)), True, text)]
 
@@ -54,33 +48,10 @@ def aliasing_findings(turning: Turning, interval: float) -> list[Finding]:
 
 MOST_JITTER: Final = 0.3
 """Root mean square departure of stamps from the grid, in intervals, from which their places are no longer certain."""
-MOST_SHARED: Final = 0.02
-"""Share of stamps that may fall on a place that is taken."""
-FIRST: Final = 64
-"""Stamps the interval is searched with."""
-CLEAR: Final = 0.7
-"""Closeness of the first stamps' phases (1 - 2 (pi jitter)^2, of an interval) below which all are searched with."""
-CERTAIN: Final = 1e-3
-"""Uncertainty of an interval, as a share of it, below which a round one beside it is no chance."""
-SHORTEST: Final = 2e-5
-"""s, intervals between samples that are believed,"""
-LONGEST: Final = 2.0
-PLAUSIBLE: Final = (2e-4, 0.5)
-"""and those that another unit is guessed from."""
-TIME_UNITS: Final = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "hours": 3600.0, "days": 86400.0}
-_DIGITS: Final = (1, 2, 3, 4)
-"""Significant digits of intervals and rates people choose."""
 
 
-class Neighbour(NamedTuple):
-    """The stamp before: the place nearest to it, and whether it was written late."""
-
-    nearest: int
-    late: bool
-
-
-NOBODY: Final = Neighbour(-10, False)
-"""Before the first stamp of a stretch."""
+NOBODY: Final = (-10, False)
+"""Before the first stamp of a stretch: the place nearest to the stamp before, and whether that was written late."""
 
 
 class Grid(NamedTuple):
@@ -94,7 +65,7 @@ class Grid(NamedTuple):
     interval: float
     jitter: float
 
-    def places(self, time: Array, before: Neighbour, *, final: bool) -> tuple[Index, Array, Neighbour]:
+    def places(self, time: Array, before: tuple[int, bool], *, final: bool) -> tuple[Index, Array, tuple[int, bool]]:
         """Place of each stamp, departure from it in intervals, and what the stamps that follow need to know.
 
         The last stamp only helps with the one before it, unless it is `final`. A stamp nearest to the place of its
@@ -102,13 +73,13 @@ class Grid(NamedTuple):
         """
         position = (time - self.start) / self.interval
         nearest = np.rint(position).astype(np.intp)
-        above = np.concatenate([[before.nearest], nearest[:-1]])
+        above = np.concatenate([[before[0]], nearest[:-1]])
         below = np.concatenate([nearest[1:], nearest[-1:] + 1])
         late = (nearest - above >= 2) & (below == nearest)
-        early = (nearest == above) & (below - nearest >= 2) & ~np.concatenate([[before.late], late[:-1]])
+        early = (nearest == above) & (below - nearest >= 2) & ~np.concatenate([[before[1]], late[:-1]])
         number = nearest - late + early
         count = time.size if final else time.size - 1
-        after = Neighbour(int(nearest[count - 1]), bool(late[count - 1])) if count else before
+        after = (int(nearest[count - 1]), bool(late[count - 1])) if count else before
         return number[:count], (position - number)[:count], after
 
 
@@ -144,9 +115,11 @@ def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
     t = finite(time, "time", (None,))
     if t.size < 2:
         raise InputError(f"{t.size} time stamps; a sampling interval needs 2 or more")
-    count = min(t.size, FIRST)
+    # stamps the interval is searched with
+    count = min(t.size, 64)
     start, interval, clear = _coarse(t[:count])
-    if clear < CLEAR:
+    # closeness of the first stamps' phases, 1 - 2 (pi jitter)^2 of an interval
+    if clear < 0.7:
         # stamps that jitter this much hide the interval from a few of them
         count = t.size
         start, interval, _ = _coarse(t)
@@ -166,7 +139,8 @@ def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
     grid = Grid(start, interval, float(np.sqrt(np.mean((t - start - interval * places) ** 2))))
     numbers, off, _ = grid.places(t, NOBODY, final=True)
     shared = float(np.mean(np.diff(numbers) < 1))
-    good = shared <= MOST_SHARED and float(np.sqrt(np.mean(off**2))) <= MOST_JITTER
+    # share of stamps that may fall on a place that is taken
+    good = shared <= 0.02 and float(np.sqrt(np.mean(off**2))) <= MOST_JITTER
     # the first stamp's place is number 0
     return grid._replace(start=grid.start + interval * float(numbers[0])) if good else None
 
@@ -184,14 +158,18 @@ def unit_warning(interval: float) -> str:
     >>> unit_warning(0.01), unit_warning(5.0)
     ('', 'the stamps are 5 s apart; are they in milliseconds? time_s is in seconds: divide by 1000')
     """
-    if SHORTEST <= interval <= LONGEST:
+    shortest = 2e-5  # s, intervals between samples that are believed
+    longest = 2.0
+    if shortest <= interval <= longest:
         return ""
     said = f"the stamps are {interval:.6g} s apart"
-    for unit, factor in TIME_UNITS.items():
-        if PLAUSIBLE[0] <= interval * factor <= PLAUSIBLE[1]:
+    plausible = (2e-4, 0.5)  # s, those that another unit is guessed from
+    units = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "hours": 3600.0, "days": 86400.0}
+    for unit, factor in units.items():
+        if plausible[0] <= interval * factor <= plausible[1]:
             way = f"divide by {1.0 / factor:.6g}" if factor < 1.0 else f"multiply by {factor:.6g}"
             return f"{said}; are they in {unit}? time_s is in seconds: {way}"
-    return f"{said}; a moving tool is sampled every {SHORTEST:g} to {LONGEST:g} s, in seconds"
+    return f"{said}; a moving tool is sampled every {shortest:g} to {longest:g} s, in seconds"
 
 
 def _coarse(t: Array) -> tuple[float, float, float]:
@@ -222,21 +200,15 @@ def _meant(interval: float, jitter: float, t: Array, known: float | None) -> flo
     margin = 4.0 * noise * np.sqrt(12.0 / t.size**3) + 1e-9 * interval
     if known is not None and abs(known - interval) <= margin:
         return known
-    if margin > CERTAIN * interval:
+    # beyond this share a round interval beside the one found may be chance
+    if margin > 1e-3 * interval:
         return interval
-    for digits in _DIGITS:
+    # significant digits of intervals and rates people choose
+    for digits in (1, 2, 3, 4):
         for candidate in (1.0 / float(f"{1.0 / interval:.{digits - 1}e}"), float(f"{interval:.{digits - 1}e}")):
             if abs(candidate - interval) <= margin:
                 return candidate
     return interval
-
-
-ATTENUATION_DB: Final = 100.0
-"""Of everything above half the new rate; 97 at its very edge."""
-PASS: Final = 0.3
-"""Of the new rate: up to here the gain is 1 within 1e-5."""
-LARGEST: Final = 1000
-"""Factor."""
 
 
 def decimate(samples: Samples, factor: int) -> Samples:
@@ -291,8 +263,9 @@ class DecimationStream:
     """
 
     def __init__(self, factor: int) -> None:
-        if not (isinstance(factor, int | np.integer) and 1 <= factor <= LARGEST):
-            raise InputError(f"the factor is {factor!r}; allowed: a whole number from 1 to {LARGEST}")
+        largest = 1000  # factor
+        if not (isinstance(factor, int | np.integer) and 1 <= factor <= largest):
+            raise InputError(f"the factor is {factor!r}; allowed: a whole number from 1 to {largest}")
         self._factor = int(factor)
         self._taps = low_pass(self._factor)
         self._held = Held()
@@ -333,8 +306,10 @@ def low_pass(factor: int) -> Array:
         return np.ones(1)
     half = 16 * factor
     place = np.arange(-half, half + 1)
-    edge = (PASS + 0.5) / factor  # twice the middle of the transition, cycles per sample
-    taps = np.sinc(edge * place) * np.kaiser(2 * half + 1, 0.1102 * (ATTENUATION_DB - 8.7))
+    # up to 0.3 of the new rate the gain is 1 within 1e-5
+    edge = (0.3 + 0.5) / factor  # twice the middle of the transition, cycles per sample
+    # dB, of everything above half the new rate; 97 at its very edge
+    taps = np.sinc(edge * place) * np.kaiser(2 * half + 1, 0.1102 * (100.0 - 8.7))
     taps = taps / taps.sum()
     taps.flags.writeable = False
     return np.asarray(taps)

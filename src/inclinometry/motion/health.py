@@ -20,33 +20,10 @@ from inclinometry.motion.result import BITS, CHANNELS, Attitude, Finding, Sample
 from inclinometry.motion.turning import Turning, find_harmonics, find_turning
 from inclinometry.rotations import wrap_signed
 
-FEWEST: Final = 5
-"""Samples at one extreme value from which they may be a rail,"""
-RUNS: Final = 3
-"""in so many separate visits,"""
-PILE: Final = 4.0
-"""and so many times as many as at the next value: a rotating field's own turning points pile by 2.4."""
-FAR: Final = 10.0
-"""Steps of the converter between the extreme and the median: a still tool's noise does not reach so far."""
-MARGIN: Final = 4.5
-"""Least distance of a range from the mean, in standard deviations: of a low-passed channel more was cut off before the
-filter than is left in it, 12 g under 5 g rms (0.4 deg) still looks like 4."""
-OUTER: Final = 0.8
-"""Share of the largest magnitude that a rail must have: ranges are about symmetric."""
 LEAST_RUN: Final = 20
 """Samples of one value from which a channel may be stuck,"""
 RELATIVE: Final = 1e-5
 """Movement, of the vectors' length, below which neighbours count as still as well."""
-OTHERWISE: Final = 4.0
-"""rad by which the angles of a constant gyro and of the field must differ: a disturbed field wanders by less,"""
-STEADY: Final = 0.03
-"""Scatter of the field's strength, as a share, up to which its angle can be held against a gyro,"""
-OTHERWISE_SHARE: Final = 0.1
-"""and share of the angle."""
-MOST_HELD: Final = 0.05
-"""Share of rows that may repeat the row before."""
-RUN_SHARE: Final = 0.1
-"""and share of the window."""
 
 
 def rails(values: Array, reach: float | None) -> Mask:
@@ -73,7 +50,8 @@ def _pile(values: Array) -> Mask | None:
     top = float(values.max())
     at = values == top
     count = int(at.sum())
-    if count < FEWEST or count == values.size:
+    # samples at one extreme value from which they may be a rail
+    if count < 5 or count == values.size:
         return None
     runs = int(np.count_nonzero(at[1:] & ~at[:-1])) + int(at[0])
     distinct, often = np.unique(values, return_counts=True)
@@ -81,10 +59,12 @@ def _pile(values: Array) -> Mask | None:
     near = int(often[:-1][distinct[:-1] >= top - 1.5 * max(top - distinct[-2], step)].sum())
     # a motion that repeats to the last bit visits every value as often; the other end may be a rail as well
     inner = int(often[1:-1].max(initial=1))
-    far = top - float(np.median(values)) > FAR * step
-    # a string that sticks rests at the least speed, which is no rail
-    outer = abs(top) >= OUTER * abs(float(distinct[0]))
-    return at if runs >= RUNS and count >= PILE * max(near, inner, 1) and far and outer else None
+    # steps of the converter: a still tool's noise does not reach so far
+    far = top - float(np.median(values)) > 10.0 * step
+    # a string that sticks rests at the least speed, which is no rail: ranges are about symmetric
+    outer = abs(top) >= 0.8 * abs(float(distinct[0]))
+    # three separate visits; a rotating field's own turning points pile by 2.4
+    return at if runs >= 3 and count >= 4.0 * max(near, inner, 1) and far and outer else None
 
 
 def _step(values: Array) -> float:
@@ -118,20 +98,16 @@ def clipping_findings(window: Samples, ranges: Mapping[str, float]) -> tuple[lis
                 found.append(Finding("clipped", f"{triad}_{axis}", 1.0 + share, False, text))
                 marked |= at
             elif reach is not None:
-                found += _too_near(triad, axis, column, reach)
+                # least distance of a range from the mean, in standard deviations: of a low-passed channel more was cut
+                # off before the filter than is left in it, 12 g under 5 g rms (0.4 deg) still looks like 4
+                margin, least = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12), 4.5
+                if margin < least:
+                    text = (
+                        f"{triad}_{axis}: the end of its range is {max(margin, 0.0):.1f} standard deviations away; "
+                        "samples were cut off before the filter"
+                    )
+                    found.append(Finding("clipped", f"{triad}_{axis}", least / max(margin, 0.1), True, text))
     return found, marked
-
-
-def _too_near(triad: str, axis: str, column: Array, reach: float) -> list[Finding]:
-    """A range so near that samples before the filter must have left it."""
-    margin = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12)
-    if margin >= MARGIN:
-        return []
-    text = (
-        f"{triad}_{axis}: the end of its range is {max(margin, 0.0):.1f} standard deviations away; samples were cut "
-        "off before the filter"
-    )
-    return [Finding("clipped", f"{triad}_{axis}", MARGIN / max(margin, 0.1), True, text)]
 
 
 def stuck_findings(window: Samples) -> list[Finding]:
@@ -149,11 +125,20 @@ def stuck_findings(window: Samples) -> list[Finding]:
         if values is None or len(values) < LEAST_RUN:
             continue
         for place, axis in enumerate("xyz"):
-            run = _longest_run(values[:, place])
-            if run is None or run[1] - run[0] < max(LEAST_RUN, RUN_SHARE * len(values)):
+            # the longest stretch of one value: first and last + 1 sample
+            edges = np.flatnonzero(np.diff(values[:, place]) != 0.0) + 1
+            starts, stops = np.append(0, edges), np.append(edges, len(values))
+            best = int(np.argmax(stops - starts))
+            run = int(starts[best]), int(stops[best])
+            if run[1] - run[0] < max(LEAST_RUN, 0.1 * len(values)):
                 continue
             if place < 2:
-                alive = _partner_moved(values, place, run)
+                partner = values[:, 1 - place]
+                step = max(_step(partner), _step(values[:, place]))
+                moved = float(np.ptp(partner[run[0] : run[1]]))
+                alive = bool(
+                    moved > max(3.0 * np.sqrt(8.0 * step * _largest(values)), 4.0 * step, RELATIVE * _largest(values))
+                )
             elif triad == "gyro" and window.mag is not None:
                 alive = _turned_otherwise(values[run[0], 2], window.mag[run[0] : run[1]], window.interval)
             else:
@@ -173,42 +158,29 @@ def held_findings(window: Samples) -> list[Finding]:
     if window.clipped is not None:
         same = same[~window.clipped[1:]]
     share = float(same.mean()) if same.size else 0.0
-    if share <= MOST_HELD or min(np.unique(column).size for column in parts[0].T) < LEAST_RUN:
+    most_held = 0.05  # share of rows that may repeat the row before
+    if share <= most_held or min(np.unique(column).size for column in parts[0].T) < LEAST_RUN:
         return []
     text = (
         f"{100.0 * share:.0f} % of the rows repeat the readings of the row before: sampled faster than the sensors are"
     )
-    return [Finding("stuck", "all", share / MOST_HELD, False, text)]
-
-
-def _longest_run(values: Array) -> tuple[int, int] | None:
-    """First and last + 1 sample of the longest stretch of one value."""
-    edges = np.flatnonzero(np.diff(values) != 0.0) + 1
-    starts = np.concatenate([[0], edges])
-    stops = np.concatenate([edges, [values.size]])
-    best = int(np.argmax(stops - starts))
-    return (int(starts[best]), int(stops[best])) if values.size else None
-
-
-def _partner_moved(values: Array, place: int, run: tuple[int, int]) -> bool:
-    partner = values[:, 1 - place]
-    step = max(_step(partner), _step(values[:, place]))
-    moved = float(np.ptp(partner[run[0] : run[1]]))
-    return bool(moved > max(3.0 * np.sqrt(8.0 * step * _largest(values)), 4.0 * step, RELATIVE * _largest(values)))
+    return [Finding("stuck", "all", share / most_held, False, text)]
 
 
 def _turned_otherwise(speed: float, mag: Array, interval: float) -> bool:
     """Whether the field turned by another angle than an axial gyro that always reads `speed`."""
     strength = np.linalg.norm(mag, axis=1)
-    if float(strength.std()) > STEADY * float(strength.mean()):
+    # of the strength: scatter up to which the field's angle can be held against a gyro
+    if float(strength.std()) > 0.03 * float(strength.mean()):
         return False
     path = np.cumsum(-wrap_signed(np.diff(np.arctan2(mag[:, 1], mag[:, 0]))))
-    if abs(path[-1] - speed * interval * path.size) > OTHERWISE + OTHERWISE_SHARE * abs(path[-1]):
+    otherwise = 4.0  # rad, beside a tenth of the angle: a disturbed field wanders by less
+    if abs(path[-1] - speed * interval * path.size) > otherwise + 0.1 * abs(path[-1]):
         return True
     # the right mean speed, but the field turns now faster, now slower
     x = np.arange(path.size) - 0.5 * (path.size - 1)
     uneven = path - path.mean() - x * float(x @ path / max(float(x @ x), 1.0))
-    return float(np.ptp(uneven)) > OTHERWISE
+    return float(np.ptp(uneven)) > otherwise
 
 
 def _axial_alive(values: Array, *, turning: bool) -> bool:
@@ -226,12 +198,6 @@ def _axial_alive(values: Array, *, turning: bool) -> bool:
 def _largest(values: Array) -> float:
     """Largest length of the vectors."""
     return float(np.sqrt(np.einsum("ij,ij->i", values, values).max()))
-
-
-STILL: Final = 0.5
-"""m/s^2, range of the accelerometers in a window at rest, by whose means the site is held against the field."""
-LEAST_SENSED: Final = 0.5 * STANDARD_GRAVITY
-"""m/s^2: gravity and shaking together are more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,36 +299,38 @@ class HealthCheck:
             Units, signs or axes that contradict each other over several windows, naming the remedy.
         """
         findings, marked = clipping_findings(window, self._settings.ranges)
-        findings += stuck_findings(window) + held_findings(window) + _missing(window) + _dead(window)
+        findings += stuck_findings(window) + held_findings(window)
+        if share := 0.0 if window.clipped is None else float(window.clipped.mean()):
+            text = f"{100.0 * share:.2g} % of the samples are missing or marked"
+            findings.append(Finding("gap", "all", 1.0 + share, False, text))
+        findings += _dead(window)
         lame = window.mag is not None and any(one.refuse and one.where.startswith("gyro") for one in findings)
         judged = replace(window, gyro=None) if lame else window
         turning = find_turning(judged)
         aliased = aliasing_findings(turning, window.interval)
         field = field_findings(judged, turning, self._site)
         findings += aliased + field
-        strength = field_strength(judged, self._site)
+        strength, scatter, steady = field_strength(judged, self._site)
         found = None if aliased else find_harmonics(judged, turning)
-        off = field_off(judged, found, self._site, strength=strength.off, scatter=strength.scatter)
-        if judged.accel is not None and judged.mag is not None and np.ptp(judged.accel, axis=0).max() < STILL:
+        off = field_off(judged, found, self._site, strength=strength, scatter=scatter)
+        # m/s^2, range of the accelerometers at rest: by the means of such windows the site is held against the field
+        if judged.accel is not None and judged.mag is not None and np.ptp(judged.accel, axis=0).max() < 0.5:
             self._site_check.add(judged.accel.mean(axis=0), judged.mag.mean(axis=0), 0.0)
         if not self._settings.believe_axes and not any(
             one.refuse for one in findings if one.flag in ("stuck", "clipped")
         ):
-            findings += self._axes.add(judged, turning, found, field_usable=strength.steady, phase_usable=not aliased)
-            if strength.steady and not aliased:
+            findings += self._axes.add(judged, turning, found, field_usable=steady, phase_usable=not aliased)
+            if steady and not aliased:
                 findings += self._axes.against(turning) + self._axes.dip(off)
-        self._note(findings)
-        if marked.any():
-            already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
-            window = replace(window, clipped=already | marked)
-        return WindowHealth(window, turning, tuple(findings), off)
-
-    def _note(self, findings: list[Finding]) -> None:
         self._windows += 1
         for key in {(one.flag, one.where) for one in findings}:
             self._counts[key] += 1
         for one in findings:
             self._first.setdefault((one.flag, one.where), one.text)
+        if marked.any():
+            already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
+            window = replace(window, clipped=already | marked)
+        return WindowHealth(window, turning, tuple(findings), off)
 
     def notes(self, besides: tuple[str, ...] = ()) -> tuple[str, ...]:
         """A sentence for each kind of finding, with the number of windows; without some flags."""
@@ -389,17 +357,8 @@ def _dead(window: Samples) -> list[Finding]:
     if window.accel is None or not len(window):
         return []
     sensed = float(np.sqrt(np.mean(np.sum(window.accel**2, axis=1))))
-    if sensed >= LEAST_SENSED:
+    least_sensed = 0.5 * STANDARD_GRAVITY  # m/s^2: gravity and shaking together are more
+    if sensed >= least_sensed:
         return []
     text = f"the accelerometer reads {sensed:.3g} m/s^2 (root mean square), less than half of gravity"
-    return [Finding("misfit", "accel", LEAST_SENSED / max(sensed, 1e-9), True, text)]
-
-
-def _missing(window: Samples) -> list[Finding]:
-    if window.clipped is None:
-        return []
-    share = float(window.clipped.mean())
-    if not share:
-        return []
-    text = f"{100.0 * share:.2g} % of the samples are missing or marked"
-    return [Finding("gap", "all", 1.0 + share, False, text)]
+    return [Finding("misfit", "accel", least_sensed / max(sensed, 1e-9), True, text)]

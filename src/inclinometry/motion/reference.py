@@ -18,18 +18,10 @@ from inclinometry.rotations import dcm_from_quaternion, quaternion_from_dcm, rot
 
 # Whether there is a magnetic field to steer by: inside casing or beside steel there is not.
 
-LEAST_NT: Final = 3000.0
-"""Strength below which there is no field: an eighth of the weakest on Earth."""
 NO_FIELD: Final = 0.2
 """Departure of the strength from the site's, and scatter within a window, of the strength: not the Earth's field,"""
 DISTURBED: Final = 0.05
 """and the Earth's with something beside it. A calibrated tool's offsets leave 1 to 2 %."""
-RESTLESS: Final = 0.6
-"""rad, root mean square of the field's phase about the gyro's angle beyond which it does not turn with the tool,"""
-UNEASY: Final = 0.15
-"""and beyond which it is doubtful. A gyro's scale error drifts, which is taken off."""
-TURNED: Final = np.pi
-"""Rotation, rad, from which a field's phase must follow it."""
 
 
 def field_findings(window: Samples, turning: Turning, site: Site | None) -> list[Finding]:
@@ -54,33 +46,25 @@ def field_findings(window: Samples, turning: Turning, site: Site | None) -> list
     return found
 
 
-class FieldStrength(NamedTuple):
-    """What no exchange of axes or signs can change.
+def field_strength(window: Samples, site: Site | None) -> tuple[float, float, bool]:
+    """The field's strength in a window, which no exchange of axes or signs can change.
 
-    off, scatter : departure of the strength from the site's, 0 without a site, and variation in the window, of it.
-    steady : whether the strength is right and constant.
+    Departure from the site's, 0 without a site, variation in the window, of it, and whether it is right and constant.
     """
-
-    off: float
-    scatter: float
-    steady: bool
-
-
-def field_strength(window: Samples, site: Site | None) -> FieldStrength:
-    """The field's strength in a window."""
     if window.mag is None:
-        return FieldStrength(0.0, 0.0, False)
+        return 0.0, 0.0, False
     strength = np.sqrt(np.einsum("ij,ij->i", window.mag, window.mag))
     wrong, varied = _strength(strength, site), _scatter(strength)
     steady = max(*wrong[:2], *varied[:2]) <= 1.0
-    return FieldStrength(wrong[1] * DISTURBED, varied[1] * DISTURBED, steady)
+    return wrong[1] * DISTURBED, varied[1] * DISTURBED, steady
 
 
 def _strength(strength: Array, site: Site | None) -> tuple[float, float, str]:
     """Strength over what it may be: for no field, for a disturbed one, in words."""
     mean = float(strength.mean())
     if site is None or site.b is None:
-        return LEAST_NT / max(mean, 1.0), 0.0, f"the field is only {mean:.0f} nT strong"
+        # nT, an eighth of the weakest field on Earth
+        return 3000.0 / max(mean, 1.0), 0.0, f"the field is only {mean:.0f} nT strong"
     off = abs(mean / site.b - 1.0)
     return off / NO_FIELD, off / DISTURBED, f"the field is {mean:.0f} nT strong, the site's {site.b:.0f} nT"
 
@@ -94,22 +78,17 @@ def _scatter(strength: Array) -> tuple[float, float, str]:
 
 
 def _phase(turning: Turning) -> tuple[float, float, str]:
-    if turning.by != "gyro" or not np.isfinite(turning.restless) or turning.span < TURNED or turning.slope < 0.0:
+    # from half a turn on a field's phase must follow it
+    if turning.by != "gyro" or not np.isfinite(turning.restless) or turning.span < np.pi or turning.slope < 0.0:
         return 0.0, 0.0, ""
     text = f"the transverse field does not turn with the tool: {np.degrees(turning.restless):.0f} deg about the gyro"
-    return turning.restless / RESTLESS, turning.restless / UNEASY, text
+    # rad about the gyro's angle beyond which the phase does not turn with the tool, and beyond which it is
+    # doubtful; a gyro's scale error drifts, which is taken off
+    return turning.restless / 0.6, turning.restless / 0.15, text
 
 
-WEAK: Final = (0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY)
-"""m/s^2, strength of gravity with which its direction is believed."""
-MOST_U: Final = 0.05
-"""rad, uncertainty of a dip that tells something."""
 UNSURE: Final = 3.0
 """Standard deviations by which a dip must be off before it counts."""
-OFF: Final = 0.02
-"""Departure and scatter of the strength, of it, from which they count."""
-STEEPEST: Final = 0.05
-"""Least cosine of the dip that is used."""
 
 
 class FieldOff(NamedTuple):
@@ -155,7 +134,9 @@ def field_off(
     if accel is None or mag is None or not (np.isfinite(mag).all() and np.linalg.norm(mag, axis=1).all()):
         return nothing
     size = np.linalg.norm(accel, axis=1)
-    if not (WEAK[0] < float(size.mean()) < WEAK[1] and u < MOST_U * STANDARD_GRAVITY):
+    # m/s^2, strength of gravity with which its direction is believed
+    weak = (0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY)
+    if not (weak[0] < float(size.mean()) < weak[1] and u < 0.05 * STANDARD_GRAVITY):
         return nothing
     dips = dip_angle(accel, mag)
     mean = float(dips.mean())
@@ -232,10 +213,12 @@ def azimuth_uncertainty(off: FieldOff, site: Site | None) -> float:
     # only what its own uncertainty does not explain: a dip hardly known says little against an attitude known well
     turned = float(np.sqrt(max(off.off**2 - noise**2, 0.0)))
     uneven = UNSURE * (site.b_sigma or 0.0) / site.b if site is not None and site.b else 0.0
-    parts = [turned] + [one if one > max(OFF, uneven) else 0.0 for one in (off.strength, off.scatter)]
+    # of the strength, from which departure and scatter count
+    parts = [turned] + [one if one > max(0.02, uneven) else 0.0 for one in (off.strength, off.scatter)]
     dip = site.dip if site is not None and site.dip is not None else off.dip
     level = float(np.cos(dip)) if np.isfinite(dip) else 1.0
-    return float(np.linalg.norm(parts)) / max(level, STEEPEST)
+    # least cosine of the dip that is used
+    return float(np.linalg.norm(parts)) / max(level, 0.05)
 
 
 def widened(row: Attitude, u: float) -> Attitude:
@@ -298,34 +281,9 @@ COVERAGE: Final = 3.0
 """Standard deviations a reference may be missed by."""
 FAR_DIP: Final = 0.12
 """rad, between the dip and the site's: no disturbance that leaves the strength right, but axes or signs."""
-FAR_STRENGTH: Final = 0.2
-"""Share of the strength: not the Earth's field."""
-ENOUGH: Final = 3
-"""Windows that must agree before a site is doubted,"""
-ALIKE: Final = 0.2
-"""and the scatter of their fields, of their departure from the site's, up to which they are one field."""
-SURE: Final = 5.0
-"""Standard deviations of the window beyond these."""
 
 
-class Departure(NamedTuple):
-    """Of one window.
-
-    dip, strength : departures over what is allowed; 0 without a reference.
-    extra : nT, standard deviation of a further error of the field, per axis, that the departure gives away: the part
-        that no uncertainty explains; as large across the departure as along it.
-    far : whether no attitude may be built on the field.
-    text : a sentence for the user where it is far.
-    """
-
-    dip: float
-    strength: float
-    extra: float
-    far: bool
-    text: str
-
-
-def departure(gravity: Array, field: Array, covariance: Array, site: Site | None) -> Departure:
+def departure(gravity: Array, field: Array, covariance: Array, site: Site | None) -> tuple[float, str]:
     """Hold the field of a window against the site.
 
     Parameters
@@ -336,28 +294,34 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
         Of both.
     site : Site, optional
 
+    Returns
+    -------
+    extra : float
+        nT, standard deviation of a further error of the field, per axis, that the departure gives away: the part that
+        no uncertainty explains; as large across the departure as along it.
+    text : str
+        A sentence for the user where the departure is so far that no attitude may be built on the field.
     Examples
     --------
     >>> from inclinometry.earth.site import Site
     >>> place = Site(b=50e3, dip=1.0)
     >>> g, b = np.array([0.0, 0.0, 9.8]), 50e3 * np.array([np.cos(1.3), 0.0, np.sin(1.3)])
-    >>> found = departure(g, b, np.zeros((6, 6)), place)
-    >>> found.far, round(found.extra)
-    (True, 14476)
+    >>> extra, text = departure(g, b, np.zeros((6, 6)), place)
+    >>> round(extra), text.partition(",")[0]
+    (14476, 'the dip comes out as 74.5 deg')
     """
     if site is None:
-        return Departure(0.0, 0.0, 0.0, False, "")
+        return 0.0, ""
     size = float(np.linalg.norm(field))
-    excess, far, said = np.zeros(2), False, []
-    shares = [0.0, 0.0]
+    excess, said = np.zeros(2), []
+    sure = 5.0  # standard deviations of the window
     if site.dip is not None:
         slopes = dip_jacobian(gravity, field)
         own = float(np.sqrt(slopes @ covariance @ slopes))
         allowed = COVERAGE * float(np.hypot(own, DIP_SIGMA if site.dip_sigma is None else site.dip_sigma))
         off = float(dip_angle(gravity, field)) - site.dip
-        shares[0], excess[0] = abs(off) / allowed, size * max(abs(off) - allowed, 0.0)
-        if abs(off) > FAR_DIP + SURE * own:
-            far = True
+        excess[0] = size * max(abs(off) - allowed, 0.0)
+        if abs(off) > FAR_DIP + sure * own:
             seen, stated = np.degrees((off + site.dip, site.dip))
             said.append(f"the dip comes out as {seen:.1f} deg, the site's is {stated:.1f} deg")
     if site.b is not None and size > 0.0:
@@ -365,12 +329,11 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
         own = float(np.sqrt(along @ covariance[3:, 3:] @ along))
         allowed = COVERAGE * float(np.hypot(own, STRENGTH_SIGMA if site.b_sigma is None else site.b_sigma))
         off = size - site.b
-        shares[1], excess[1] = abs(off) / allowed, max(abs(off) - allowed, 0.0)
-        if abs(off) > FAR_STRENGTH * site.b + SURE * own:
-            far = True
+        excess[1] = max(abs(off) - allowed, 0.0)
+        if abs(off) > 0.2 * site.b + sure * own:  # not the Earth's field
             said.append(f"the field is {size:.0f} nT strong, the site's {site.b:.0f} nT")
     text = f"{' and '.join(said)}: axes or signs that are wrong, steel nearby, or another site" if said else ""
-    return Departure(shares[0], shares[1], float(np.hypot(*excess)), far, text)
+    return float(np.hypot(*excess)), text
 
 
 @dataclass
@@ -413,13 +376,15 @@ class SiteCheck:
 
     def notes(self, kind: str) -> tuple[str, ...]:
         """A sentence where all windows of this kind miss the site alike."""
-        if self._count < ENOUGH or self.site is None:
+        # windows that must agree before a site is doubted
+        if self._count < 3 or self.site is None:
             return ()
         mean = self._sums[0] / self._count
         scatter = np.sqrt(np.maximum(self._sums[1] / self._count - mean**2, 0.0))
         said = []
         for place, known in enumerate((self.site.dip, self.site.b)):
-            if known is None or self._missed[place] < self._count or scatter[place] > ALIKE * abs(mean[place] - known):
+            # scatter of their fields, of their departure from the site's, up to which they are one field
+            if known is None or self._missed[place] < self._count or scatter[place] > 0.2 * abs(mean[place] - known):
                 continue
             pair = (f"dip {np.degrees(known):.1f} deg", f"{np.degrees(mean[0]):.1f}")
             pair = pair if place == 0 else (f"a field of {known:.0f} nT", f"{mean[1]:.0f}")

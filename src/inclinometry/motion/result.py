@@ -36,6 +36,8 @@ class Finding(NamedTuple):
 CHANNELS: Final = ("accel", "mag", "gyro")
 MOST_JITTER: Final = 0.5
 """Departure of a stamp from the even grid, in intervals, that still counts as even: stamps are rounded and jitter."""
+LARGEST_BREAK: Final = 2.0 * MOST_JITTER - 1e-3
+"""The same of a block's first stamp from the grid of the block before, beyond which it is a gap: both may jitter."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Final, NamedTuple, Protocol
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,37 +26,12 @@ from inclinometry.wahba import VectorAttitude, solve_davenport, solve_svd, solve
 
 # One window of a still tool: means, their covariance, the attitude, and whether it may be believed.
 
-LEAST_SINE: Final = 1e-3
-"""Sine of the angle between gravity and field below which the field tells no azimuth."""
-LIVELY: Final = 5
-"""Distinct values of its neighbours from which a channel with one only is broken: noise that wide reaches two codes."""
-QUARTERS: Final = 4
-VERTICAL_U: Final = 0.1
-"""Standard uncertainty of the azimuth, rad, beyond which a steep tool is called vertical."""
-
-
-class Bounds(Protocol):
-    """What of `StaticSettings` a window needs."""
-
-    @property
-    def batches(self) -> int: ...
-    @property
-    def shake(self) -> float: ...
-    @property
-    def turn(self) -> float: ...
-    @property
-    def most_turn(self) -> float: ...
-    @property
-    def spin(self) -> float: ...
-    @property
-    def most_clipped(self) -> float: ...
-
 
 @dataclass(frozen=True)
 class Limits:
     """Settings, references and which triad tells north."""
 
-    settings: Bounds
+    settings: StaticSettings
     site: Site | None
     north: str  # "mag" or "gyro"
     method: str = "static"
@@ -75,7 +50,7 @@ class Limits:
 class Mean(NamedTuple):
     """Mean of a triad, its batch means, the covariance of the mean by rounding and calibration, and its life.
 
-    life : "all" channels change, "never" does one, or "one" does not while the others take `LIVELY` values and more.
+    life : "all" channels change, "never" does one, or "one" does not while the others take five values and more.
     """
 
     value: Array  # (3,)
@@ -173,14 +148,18 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
         return refusals([time], sorted({*flags, "misfit"}), limits.method, name)
     told = {} if second is None or unknown else _references(g, second, limits)
     if second is not None and not unknown and limits.north == "mag":
-        far = departure(g.value, second.value, _fixed(g, second) + _scattered(g, second), limits.site)
-        if far.far:
+        noise = np.zeros((6, 6))
+        noise[:3, :3], noise[3:, 3:] = covariance_of_mean(g.batches), covariance_of_mean(second.batches)
+        extra, far = departure(g.value, second.value, _fixed(g, second) + noise, limits.site)
+        if far:
             return refusals([time], sorted({*flags, "axes", "disturbed"}), limits.method, name)
-        second = second._replace(fixed=second.fixed + far.extra**2 * np.eye(3))
+        second = second._replace(fixed=second.fixed + extra**2 * np.eye(3))
     errors = _batch_errors(g, second, solution)
     shake = float(np.sqrt(np.mean(np.sum((window.accel[used] - g.value) ** 2, axis=1))))
     rate = _rate(window, used, errors)
-    turned = _turned(errors if limits.north == "mag" else _batch_errors(g, None, solution))
+    # largest departure of a quarter of the window from its mean, rad
+    quarters = batch_means(errors if limits.north == "mag" else _batch_errors(g, None, solution), 4)
+    turned = float(np.linalg.norm(quarters - quarters.mean(axis=0), axis=1).max())
     if turned > settings.most_turn:
         return refusals([time], sorted({*flags, "not-still"}), limits.method, name)
     ratios = {
@@ -189,7 +168,11 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
         **told,
     }
     flags |= {what for what, ratio in ratios.items() if ratio > 1.0}
-    covariance = _covariance(errors, g, second, solution, unknown)
+    spread = solution.response @ _fixed(g, second) @ solution.response.T
+    total = covariance_of_mean(errors) + spread + solution.reference
+    down = solution.matrix[:, 2]
+    total = total + (2.0 * UNKNOWN**2 * np.outer(down, down) if unknown else 0.0)
+    covariance = np.asarray(0.5 * (total + total.T))
     return _row(time, solution.matrix, covariance, rate, max(ratios.values()), flags, limits)
 
 
@@ -197,7 +180,8 @@ def _mean(window: Samples, name: str, used: Mask, limits: Limits) -> Mean:
     values = getattr(window, name)[used]
     fixed = rounding_variance(values, limits.of(name, "resolution")) + limits.sigma(name) ** 2
     distinct = sorted(np.unique(column).size for column in values.T)
-    life = "never" if distinct[2] == 1 else ("one" if distinct[0] == 1 and distinct[1] >= LIVELY else "all")
+    # five distinct values of its neighbours: noise that wide reaches two codes
+    life = "never" if distinct[2] == 1 else ("one" if distinct[0] == 1 and distinct[1] >= 5 else "all")
     return Mean(values.mean(axis=0), batch_means(values, limits.settings.batches), np.diag(fixed), life)
 
 
@@ -207,7 +191,8 @@ def _solve(g: Mean, second: Mean | None, limits: Limits, solve: Solve, flags: se
         return None, True
     if second is not None:
         sine = np.linalg.norm(np.cross(g.value, second.value))
-        if sine > LEAST_SINE * np.linalg.norm(g.value) * np.linalg.norm(second.value):
+        # below this the field tells no azimuth
+        if sine > 1e-3 * np.linalg.norm(g.value) * np.linalg.norm(second.value):
             return solve(g, second, limits), False
     flags |= {"no-field", "unobservable"} if limits.north == "mag" else {"unobservable"}
     inclination, toolface = inclination_toolface(g.value)
@@ -222,20 +207,6 @@ def _batch_errors(g: Mean, second: Mean | None, solution: Solution) -> Array:
     return np.asarray(np.hstack(parts) @ solution.response.T)
 
 
-def _turned(errors: Array) -> float:
-    """Largest departure of a quarter of the window from its mean, rad."""
-    quarters = batch_means(errors, QUARTERS)
-    return float(np.linalg.norm(quarters - quarters.mean(axis=0), axis=1).max())
-
-
-def _covariance(errors: Array, g: Mean, second: Mean | None, solution: Solution, unknown: bool) -> Array:
-    spread = solution.response @ _fixed(g, second) @ solution.response.T
-    total = covariance_of_mean(errors) + spread + solution.reference
-    down = solution.matrix[:, 2]
-    total = total + (2.0 * UNKNOWN**2 * np.outer(down, down) if unknown else 0.0)
-    return np.asarray(0.5 * (total + total.T))
-
-
 def _fixed(g: Mean, second: Mean | None) -> Array:
     """Covariance (6, 6) of the two means by rounding and calibration."""
     fixed = np.zeros((6, 6))
@@ -243,13 +214,6 @@ def _fixed(g: Mean, second: Mean | None) -> Array:
     if second is not None:
         fixed[3:, 3:] = second.fixed
     return fixed
-
-
-def _scattered(g: Mean, second: Mean) -> Array:
-    """Covariance (6, 6) of the two means by their batches."""
-    noise = np.zeros((6, 6))
-    noise[:3, :3], noise[3:, 3:] = covariance_of_mean(g.batches), covariance_of_mean(second.batches)
-    return noise
 
 
 def _rate(window: Samples, used: Mask, errors: Array) -> float:
@@ -270,7 +234,14 @@ def _references(g: Mean, second: Mean, limits: Limits) -> dict[str, float]:
     u_dip = float(
         np.sqrt(slopes[:3] @ (covariance_of_mean(g.batches) + g.fixed) @ slopes[:3] + slopes[3:] @ u @ slopes[3:])
     )
-    strength, spread, flag = _strength_reference(limits)
+    # strength of the second vector, its standard deviation, and the flag of a miss
+    if limits.north == "gyro":
+        strength, spread, flag = (None if limits.site is None else EARTH_RATE), 0.0, "misfit"
+    elif limits.site is None:
+        strength, spread, flag = None, 0.0, "disturbed"
+    else:
+        given = limits.site.b_sigma
+        strength, spread, flag = limits.site.b, STRENGTH_SIGMA if given is None else given, "disturbed"
     dip, dip_spread = _dip_reference(limits)
     found = 0.0
     if strength is not None:
@@ -279,16 +250,6 @@ def _references(g: Mean, second: Mean, limits: Limits) -> dict[str, float]:
         off = abs(float(dip_angle(g.value, second.value)) - dip)
         found = max(found, off / (COVERAGE * float(np.hypot(u_dip, dip_spread))))
     return {flag: found}
-
-
-def _strength_reference(limits: Limits) -> tuple[float | None, float, str]:
-    """Strength of the second vector, its standard deviation, and the flag of a miss."""
-    if limits.north == "gyro":
-        return (None if limits.site is None else EARTH_RATE), 0.0, "misfit"
-    if limits.site is None:
-        return None, 0.0, "disturbed"
-    given = limits.site.b_sigma
-    return limits.site.b, STRENGTH_SIGMA if given is None else given, "disturbed"
 
 
 def _dip_reference(limits: Limits) -> tuple[float | None, float]:
@@ -319,7 +280,8 @@ def _row(
         method=np.array([METHODS.index(limits.method)], dtype=np.uint8),
         north="magnetic" if limits.north == "mag" else "true",
     )
-    if row.u.azimuth[0] > VERTICAL_U and "unobservable" not in flags and abs(matrix[2, 2]) > np.cos(0.1):
+    # rad, of azimuth, beyond which a steep tool is called vertical
+    if row.u.azimuth[0] > 0.1 and "unobservable" not in flags and abs(matrix[2, 2]) > np.cos(0.1):
         row.flags[0] |= BITS["vertical"]
     return row
 

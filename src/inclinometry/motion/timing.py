@@ -105,15 +105,7 @@ FEWEST: Final = 16
 """Rows that can tell a grid from chance."""
 FOLLOWED: Final = 64
 """Stamps whose mean departure tells that the clock leaves the grid,"""
-MOST_DRIFT: Final = 0.25
-"""by these intervals."""
-MOST_UNEVEN: Final = 0.45
-"""Empty places, and twice the places taken already, for each of these stamps, from which the rate has changed."""
 _NONE: Final = np.zeros((FOLLOWED, 2), dtype=np.int64)
-_FINE: Final = 1 << 20
-"""Departures are summed as whole parts of an interval, so that sums do not depend on the blocks."""
-MOST_RAGGED: Final = 5
-"""Stretches in succession that leave their grid within `FEWEST` rows, and the stamps still count as a clock's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,22 +201,8 @@ class StretchCutter:
             a triad missing in most rows, columns other than in the first block.
         """
         t = finite(time, "time", (None,))
-        rows = self._columns(t.size, {"accel": accel, "mag": mag, "gyro": gyro, "temperature": temperature})
-        if t.size == 0:
-            return []
-        fresh = self._in_order(t, rows)
-        self._last = (float(t[-1]), rows[-1].copy())
-        self.report.rows += t.size
-        self._time = np.concatenate([self._time, t[fresh]])
-        self._rows = np.concatenate([self._rows, rows[fresh]])
-        return self._advance(final=False)
-
-    def finish(self) -> list[Piece]:
-        """The pieces still held back; the cutter is empty afterwards."""
-        return self._advance(final=True)
-
-    def _columns(self, size: int, given: dict[str, ArrayLike | None]) -> Array:
-        """The columns side by side, (n, m)."""
+        # the columns side by side, (n, m)
+        given = {"accel": accel, "mag": mag, "gyro": gyro, "temperature": temperature}
         names = tuple(name for name, value in given.items() if value is not None)
         if self._given is None:
             if not set(names) & set(CHANNELS):
@@ -237,10 +215,22 @@ class StretchCutter:
         for name in names:
             width = 1 if name == "temperature" else 3
             part = np.asarray(given[name], dtype=np.float64).reshape(-1, width)
-            if len(part) != size:
-                raise InputError(f"{name} has {len(part)} rows, time {size}; they must be the same")
+            if len(part) != t.size:
+                raise InputError(f"{name} has {len(part)} rows, time {t.size}; they must be the same")
             parts.append(part)
-        return np.concatenate(parts, axis=1)
+        rows = np.concatenate(parts, axis=1)
+        if t.size == 0:
+            return []
+        fresh = self._in_order(t, rows)
+        self._last = (float(t[-1]), rows[-1].copy())
+        self.report.rows += t.size
+        self._time = np.concatenate([self._time, t[fresh]])
+        self._rows = np.concatenate([self._rows, rows[fresh]])
+        return self._advance(final=False)
+
+    def finish(self) -> list[Piece]:
+        """The pieces still held back; the cutter is empty afterwards."""
+        return self._advance(final=True)
 
     def _in_order(self, t: Array, rows: Array) -> Mask:
         """Rows (n,) that do not repeat the one before; InputError where time runs backwards."""
@@ -274,20 +264,17 @@ class StretchCutter:
             if self._grid is None:
                 if self._time.size < GATHERED and not final:
                     break
-                self._grid = self._begin()
+                # grid of the stretch that starts with the first row held back
+                if self._kept is None:
+                    self._kept = self._present(self._rows[:GATHERED])
+                grid, self._place = self._fitted(self._time[:GATHERED]), -1
+                self._before, self._trace = NOBODY, _NONE
+                self.report.add_interval(grid.interval)
+                self.report.jitter = max(self.report.jitter, grid.jitter)
+                self.report.stretches += 1
+                self._grid = grid
             pieces += self._run(self._grid, final=final)
         return pieces
-
-    def _begin(self) -> Grid:
-        """Grid of the stretch that starts with the first row held back."""
-        if self._kept is None:
-            self._kept = self._present(self._rows[:GATHERED])
-        grid, self._place = self._fitted(self._time[:GATHERED]), -1
-        self._before, self._trace = NOBODY, _NONE
-        self.report.add_interval(grid.interval)
-        self.report.jitter = max(self.report.jitter, grid.jitter)
-        self.report.stretches += 1
-        return grid
 
     def _fitted(self, t: Array) -> Grid:
         """Grid of the stamps before the first large gap."""
@@ -336,37 +323,40 @@ class StretchCutter:
         """Rows held back that lie on the grid, given out; the grid is given up at the first that does not."""
         places, off, self._before = grid.places(self._time, self._before, final=final)
         step = np.diff(places, prepend=self._place)
-        trace = np.stack([np.rint(off * _FINE).astype(np.int64), np.where(step < 1, 2, step - 1)], axis=1)
+        fine = 1 << 20  # departures are summed as whole parts of an interval, so that sums do not depend on the blocks
+        trace = np.stack([np.rint(off * fine).astype(np.int64), np.where(step < 1, 2, step - 1)], axis=1)
         trace[0, 1] = 0 if self._place < 0 else trace[0, 1]
         trace = np.concatenate([self._trace, trace])
         total = np.cumsum(trace, axis=0)
         drift, uneven = ((total[FOLLOWED:] - total[:-FOLLOWED]) / FOLLOWED).T
-        lost = (step > self.settings.fill + 1) | (np.abs(drift) > MOST_DRIFT * _FINE) | (uneven > MOST_UNEVEN)
+        most_drift = 0.25  # intervals of mean departure that tell that the clock leaves the grid
+        most_uneven = 0.45  # empty places, and twice the places taken already, a stamp, from which the rate has changed
+        lost = (step > self.settings.fill + 1) | (np.abs(drift) > most_drift * fine) | (uneven > most_uneven)
         count = int(lost.argmax()) if lost.any() else places.size
         pieces = self._pieces(grid, step[:count], off[:count])
         if lost.any():
-            self._cut(grid, float(self._time[count]), int(step[count]) - 1, float(drift[count]) / _FINE)
+            # give up the grid, and say why
+            after = float(self._time[count])
+            missing = int(step[count]) - 1
+            if missing > self.settings.fill:
+                reason = f"about {missing} samples are missing"
+                self._ragged = 0
+            else:
+                reason = f"the stamps leave the grid of {grid.interval:.9g} s"
+                self._ragged = self._ragged + 1 if self._place < FEWEST else 0
+                if self._place >= GATHERED:
+                    # a long stretch tells the interval better than its first rows did
+                    self._known = grid.interval * (1.0 + (float(drift[count]) / fine) / self._place)
+            # stretches in succession that leave their grid within `FEWEST` rows: the stamps are no clock's
+            if self._ragged > 5:
+                raise _no_grid(after)
+            self.report.cuts += 1
+            if len(self.report.gaps) < LISTED:
+                self.report.gaps.append(Gap(self._stamp, after, reason))
+            self._grid = None
         self._trace = trace[-FOLLOWED:]
         self._time, self._rows = self._time[count:], self._rows[count:]
         return pieces
-
-    def _cut(self, grid: Grid, after: float, missing: int, off: float) -> None:
-        """Give up the grid, and say why."""
-        if missing > self.settings.fill:
-            reason = f"about {missing} samples are missing"
-            self._ragged = 0
-        else:
-            reason = f"the stamps leave the grid of {grid.interval:.9g} s"
-            self._ragged = self._ragged + 1 if self._place < FEWEST else 0
-            if self._place >= GATHERED:
-                # a long stretch tells the interval better than its first rows did
-                self._known = grid.interval * (1.0 + off / self._place)
-        if self._ragged > MOST_RAGGED:
-            raise _no_grid(after)
-        self.report.cuts += 1
-        if len(self.report.gaps) < LISTED:
-            self.report.gaps.append(Gap(self._stamp, after, reason))
-        self._grid = None
 
     def _pieces(self, grid: Grid, step: Index, off: Array) -> list[Piece]:
         """Samples at every place up to the last, the empty ones holding the reading before."""

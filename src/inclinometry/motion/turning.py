@@ -85,13 +85,19 @@ def find_turning(window: Samples) -> Turning:
     (9.0, 1.0, 44.91)
     """
     by_gyro = None if window.gyro is None else 0.5 * window.interval * (window.gyro[1:, 2] + window.gyro[:-1, 2])
-    by_mag = None if window.mag is None else _phase_steps(window.mag)
+    by_mag = None
+    if window.mag is not None:
+        # within half a turn: the field's phase runs against the rotation
+        by_mag = np.asarray(-wrap_signed(np.diff(np.arctan2(window.mag[:, 1], window.mag[:, 0]))))
     steps = by_mag if by_gyro is None else by_gyro
     if steps is None:
         return Turning(np.empty(0), np.empty(0), np.nan, np.nan, np.nan, np.nan, "")
     slope, lost, restless, mirror, swing = np.nan, np.nan, np.nan, np.nan, 0.0
     if by_gyro is not None and by_mag is not None:
-        slope, lost, restless = _compared(by_gyro, by_mag)
+        off, power = wrap_signed(by_mag - by_gyro), float(by_gyro @ by_gyro)
+        slope = float(by_mag @ by_gyro / power) if power > 0.0 else np.nan
+        lost = float(np.sum(by_mag - by_gyro - off)) / TAU
+        restless = _wander(off)
         swing = _wander(by_gyro)
         mirror = _wander(wrap_signed(by_mag + by_gyro)) / max(restless, 1e-12)
     angle = np.concatenate([[0.0], np.cumsum(steps)])
@@ -110,21 +116,6 @@ def find_turning(window: Samples) -> Turning:
     )
 
 
-def _phase_steps(mag: Array) -> Array:
-    """Rotation (n - 1,) from sample to sample, rad, within half a turn: the field's phase runs against it."""
-    phase = np.arctan2(mag[:, 1], mag[:, 0])
-    return np.asarray(-wrap_signed(np.diff(phase)))
-
-
-def _compared(by_gyro: Array, by_mag: Array) -> tuple[float, float, float]:
-    """Slope, whole turns lost, restlessness."""
-    off = wrap_signed(by_mag - by_gyro)
-    power = float(by_gyro @ by_gyro)
-    slope = float(by_mag @ by_gyro / power) if power > 0.0 else np.nan
-    turns = float(np.sum(by_mag - by_gyro - off)) / TAU
-    return slope, turns, _wander(off)
-
-
 def _wander(steps: Array) -> float:
     """Root mean square of the sum of the steps but for an offset and a drift, rad."""
     path = np.cumsum(steps)
@@ -138,18 +129,12 @@ def _wander(steps: Array) -> float:
 
 LEAST_TURNS: Final = 2.0
 """Turns that tell a mean from a harmonic."""
-STEADY: Final = 0.3
-"""Relative variation of the squared speed below which its effect is not told from a constant."""
 BATCHES: Final = 16
-LEAST_PART: Final = 0.1
-"""Harmonic over mean below which its plane, and with it the axis of rotation, does not show: near vertical."""
-DIRECTIONS: Final = 8
-"""Angles at which the fit is read: mirrored axes show in the second harmonic of the dip."""
 
 
 @dataclass(frozen=True, eq=False)
 class Harmonics:
-    """Gravity and field at `DIRECTIONS` angles, or one where the tool did not turn.
+    """Gravity and field at eight angles, or one where the tool did not turn.
 
     Attributes
     ----------
@@ -196,7 +181,11 @@ def find_harmonics(window: Samples, turning: Turning) -> Harmonics | None:
     basis = np.stack(columns, axis=1)
     fitted = np.linalg.pinv(basis.T @ basis, rcond=1e-9, hermitian=True) @ (basis.T @ values)
     rest = values[:, :3] - basis @ fitted[:, :3]
-    u = _uncertainty(rest, basis[:, :3])
+    # standard uncertainty of a component, from batch means of the residuals against each column
+    products = (rest[:, :, None] * basis[:, :3][:, None, :]).reshape(len(rest), -1)
+    batches = min(BATCHES, len(rest))
+    spread = batch_means(products, batches).var(axis=0, ddof=1) / batches
+    u = float(np.sqrt(spread.sum() / 3.0))
     if angle.size:
         across = float(np.linalg.norm(fitted[0, :3]))
         for triad in (slice(0, 3), slice(3, 6)):
@@ -206,18 +195,11 @@ def find_harmonics(window: Samples, turning: Turning) -> Harmonics | None:
         # an axis that is not quite right takes up some of what lies across it
         across = float(np.sqrt(max(across**2 - float(np.sum(fitted[0, :3] ** 2)), 0.0)))
         u *= 1.0 + across / float(np.linalg.norm(fitted[1:3, :3]))
-    at = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) if angle.size else np.zeros(1)
+    directions = 8  # angles at which the fit is read: mirrored axes show in the second harmonic of the dip
+    at = np.arange(directions) * (2.0 * np.pi / directions) if angle.size else np.zeros(1)
     root = np.sqrt(2.0)
     read = np.stack([np.ones(at.size), root * np.cos(at), root * np.sin(at)], axis=1)[:, : len(columns)] @ fitted[:3]
     return Harmonics(read[:, :3], read[:, 3:], u, bool(angle.size))
-
-
-def _uncertainty(rest: Array, basis: Array) -> float:
-    """Standard uncertainty of a component, from batch means of the residuals against each column."""
-    products = (rest[:, :, None] * basis[:, None, :]).reshape(len(rest), -1)
-    batches = min(BATCHES, len(rest))
-    spread = batch_means(products, batches).var(axis=0, ddof=1) / batches
-    return float(np.sqrt(spread.sum() / 3.0))
 
 
 def _along(fitted: Array) -> Array:
@@ -227,7 +209,8 @@ def _along(fitted: Array) -> Array:
     size = float(np.linalg.norm(axis))
     along = float(axis @ mean) / max(size, 1e-300)
     # axis is the product of two harmonics over sqrt(2) each
-    if not np.sqrt(2.0 * size) > LEAST_PART * abs(along):
+    # below 0.1 the harmonic's plane, and with it the axis of rotation, does not show: near vertical
+    if not np.sqrt(2.0 * size) > 0.1 * abs(along):
         return np.full(3, np.nan)
     return np.asarray(axis * (along / size))
 
@@ -238,8 +221,8 @@ def _driven(turning: Turning, window: Samples) -> list[Array]:
     speed = np.convolve(np.diff(turning.angle, append=turning.angle[-1]), np.ones(group) / group, "same")
     used = slice(None) if window.clipped is None else ~window.clipped
     square, change = (speed**2)[used], np.gradient(speed)[used]
-    if float(square.std()) < STEADY * float(square.mean()):
-        # a steady speed is not told from the constant, which keeps what it drives
+    if float(square.std()) < 0.3 * float(square.mean()):
+        # a speed so steady is not told from the constant, which keeps what it drives
         square, change = square - square.mean(), change - change.mean()
     return [
         one / max(float(np.abs(one).max()), float(np.abs(speed).max()) ** 2 * 1e-9, 1e-300) for one in (square, change)

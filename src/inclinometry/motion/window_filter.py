@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, NamedTuple, Protocol
+from typing import Annotated, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.motion._hole_direction import (
-    Observation,
     azimuth_unknown,
     carried,
     clean,
@@ -20,7 +19,7 @@ from inclinometry.motion._hole_direction import (
     turned,
     with_azimuth,
 )
-from inclinometry.motion.result import BITS, CHANNELS, METHODS, MOST_JITTER, Attitude, Samples
+from inclinometry.motion.result import BITS, CHANNELS, LARGEST_BREAK, METHODS, Attitude, Samples
 from inclinometry.motion.robust import (
     fading_factor,
     huber_weight,
@@ -36,10 +35,6 @@ from inclinometry.uncertainty import UNKNOWN
 
 # Equal windows of a stream of samples, the same however the stream is cut into blocks.
 
-LEAST_SHARE: Final = 0.5
-"""Share of a window that the rest of a record must fill to be a window of its own."""
-LARGEST_BREAK: Final = 2.0 * MOST_JITTER - 1e-3
-"""Departure of a block's first stamp from the window's grid, in intervals, that is a gap: both stamps may jitter."""
 
 Columns = dict[str, NDArray[Any]]
 
@@ -62,8 +57,17 @@ class WindowBuffer:
         if not len(block):
             return []
         columns, done = columns_of(block), []
-        if self._held and not self._continues(columns, block.interval):
-            done = self.finish()
+        if self._held:
+            first = self._parts[0]
+            if block.interval != self._interval or columns.keys() != first.keys():
+                raise InputError(
+                    f"a block has the interval {block.interval:.6g} s or channels unlike those before it "
+                    f"({self._interval:.6g} s); feed one run to a stream and start another for the next"
+                )
+            at = float(columns["time"][0])
+            slack = LARGEST_BREAK * block.interval + 4.0 * float(np.spacing(abs(at)))
+            if not abs(at - (first["time"][0] + block.interval * self._held)) <= slack:
+                done = self.finish()
         self._interval = block.interval
         self._parts.append(columns)
         self._held += len(block)
@@ -81,24 +85,14 @@ class WindowBuffer:
         """The rest, when it fills a good part of a window."""
         held, parts = self._held, self._parts
         self._held, self._parts = 0, []
-        if not held or held < LEAST_SHARE * max(round(self._seconds / self._interval), 1):
+        # a rest of half a window is a window of its own
+        if not held or held < 0.5 * max(round(self._seconds / self._interval), 1):
             return []
         return [self._window(joined_columns(parts), 0, held)]
 
     def _window(self, held: Columns, start: int, stop: int) -> Samples:
         cut = {name: values[start:stop] for name, values in held.items() if name != "time"}
         return Samples(held["time"][start] + self._interval * np.arange(stop - start), self._interval, **cut)
-
-    def _continues(self, columns: Columns, interval: float) -> bool:
-        first = self._parts[0]
-        if interval != self._interval or columns.keys() != first.keys():
-            raise InputError(
-                f"a block has the interval {interval:.6g} s or channels unlike those before it "
-                f"({self._interval:.6g} s); feed one run to a stream and start another for the next"
-            )
-        at = float(columns["time"][0])
-        slack = LARGEST_BREAK * interval + 4.0 * float(np.spacing(abs(at)))
-        return bool(abs(at - (first["time"][0] + interval * self._held)) <= slack)
 
 
 def columns_of(block: Samples) -> Columns:
@@ -123,8 +117,6 @@ BIASED: Final = sum(BITS[name] for name in ("disturbed", "step", "aliased", "axe
 """Flags of rows that may be off together: no evidence for a bend of the hole."""
 DOUBTFUL: Final = BIASED | sum(BITS[name] for name in ("clipped", "vibration", "misfit", "not-still"))
 """Flags of rows whose uncertainty is counted larger."""
-DELAYED: Final = 2.0
-"""Azimuth by the angle that the field is turned by a delay: 1 / cos D at most, 2 at a dip of 60 deg."""
 LOW_WEIGHT: Final = 0.1
 """Weight below which a row is flagged as a misfit."""
 
@@ -155,26 +147,6 @@ class Row(NamedTuple):
         if self.matrix is None or self.covariance is None:
             return False
         return not azimuth_unknown(self.matrix, self.covariance)
-
-
-class Common(NamedTuple):
-    """Standard deviations of what all rows share: rad about horizontal axes, rad about the vertical, s of delay."""
-
-    tilt: float
-    turn: float
-    delay: float
-
-    def covariance(self, step: Step, matrix: Array) -> Array:
-        """Share (3, 3) of a row, tool axes; what a delay turns is no more than the row itself is unsure of."""
-        down = matrix[:, 2]
-        speed = step.rate if np.isfinite(step.rate) else 0.0
-        delayed = (DELAYED * speed * self.delay) ** 2
-        if step.row.covariance is not None:
-            # the row's own variance of azimuth
-            level = max(float(down[:2] @ down[:2]), 1e-12)
-            delayed = min(delayed, float(down[:2] @ step.row.covariance[:2, :2] @ down[:2]) / level**2)
-        spread = np.array([self.tilt**2, self.tilt**2, self.turn**2 + delayed])
-        return np.asarray((matrix * spread) @ matrix.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,10 +214,12 @@ def updated(predicted: Belief, offset: Array, noise: Array) -> Belief:
     return Belief(predicted.time, frame, predicted.rate + change[2:], 0.5 * (covariance + covariance.T))
 
 
-def attitude_of(steps: list[Step], north: str, method: str, common: Common, notes: tuple[str, ...] = ()) -> Attitude:
+def attitude_of(
+    steps: list[Step], north: str, method: str, settings: WindowFilterSettings, notes: tuple[str, ...] = ()
+) -> Attitude:
     """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits.
 
-    common : what all rows share; added to every row.
+    What all rows share by the settings is added to every row.
     """
     size = len(steps)
     quaternion, covariance = np.full((size, 4), np.nan), np.full((size, 3, 3), np.nan)
@@ -254,7 +228,17 @@ def attitude_of(steps: list[Step], north: str, method: str, common: Common, note
         if step.matrix is None or step.covariance is None:
             continue
         quaternion[place] = quaternion_from_dcm(step.matrix)
-        covariance[place] = step.covariance + common.covariance(step, step.matrix)
+        down = step.matrix[:, 2]
+        speed = step.rate if np.isfinite(step.rate) else 0.0
+        # azimuth by the angle that the field is turned by a delay: 1 / cos D at most, 2 at a dip of 60 deg
+        delayed = (2.0 * speed * settings.common_delay) ** 2
+        if step.row.covariance is not None:
+            # no more than the row's own variance of azimuth
+            level = max(float(down[:2] @ down[:2]), 1e-12)
+            delayed = min(delayed, float(down[:2] @ step.row.covariance[:2, :2] @ down[:2]) / level**2)
+        tilt = settings.common_tilt**2
+        spread = np.array([tilt, tilt, settings.common_turn**2 + delayed])
+        covariance[place] = step.covariance + (step.matrix * spread) @ step.matrix.T
         if step.belief is not None and step.row.matrix is not None and step.weight < LOW_WEIGHT:
             flags[place] |= BITS["misfit"]
     return Attitude(
@@ -272,58 +256,16 @@ def attitude_of(steps: list[Step], north: str, method: str, common: Common, note
 
 # The forward pass over windows: prediction, adaptive factor, robust weight, update, one row at a time.
 
-LEAST_WEIGHT: Final = 1e-6
-"""Of a rejected row: it keeps its roll with a thousandfold standard deviation."""
-PRIOR_WINDOWS: Final = 30
-"""Windows' worth of trust in the rows' own covariance before Sage-Husa has seen any."""
-FADING_MEMORY: Final = 0.95
 LARGEST: Final = 4.0
 """Normalised innovation that Sage-Husa does not learn from and quality calls hopeless."""
 AGREE: Final = 3.0
 """Normalised distance up to which two rows tell the same direction."""
-PATIENCE: Final = 12
-"""Rows rejected one after another after which flagged ones are evidence too: a wrong reference flags them all."""
-STEADY: Final = 1e-2
-"""Speed of rotation, rad/s, below which a tool is taken not to rotate in a window that does not tell."""
-ROLL_WANDER: Final = 1e-4
-"""Standard deviation, rad/s, of the mean speed of a tool that does not rotate."""
-
-
-class Tuning(Protocol):
-    """What of `WindowFilterSettings` the recursion needs."""
-
-    @property
-    def huber(self) -> float | None: ...
-    @property
-    def igg3(self) -> tuple[float, float] | None: ...
-    @property
-    def adaptive_two(self) -> float | None: ...
-    @property
-    def adaptive_three(self) -> tuple[float, float] | None: ...
-    @property
-    def forgetting(self) -> float | None: ...
-    @property
-    def least_noise(self) -> float: ...
-    @property
-    def fading(self) -> float | None: ...
-    @property
-    def doubt(self) -> float: ...
-    @property
-    def direction_walk(self) -> float: ...
-    @property
-    def rate_walk(self) -> float: ...
-    @property
-    def rate_sigma(self) -> float: ...
-    @property
-    def roll_share(self) -> float: ...
-    @property
-    def longest_bridge(self) -> float: ...
 
 
 class Recursion:
     """State of the forward pass; `step` takes a row with the attitudes beside it."""
 
-    def __init__(self, tuning: Tuning) -> None:
+    def __init__(self, tuning: WindowFilterSettings) -> None:
         self._tuning = tuning
         self._belief: Belief | None = None
         self._seen_at = 0.0
@@ -339,11 +281,30 @@ class Recursion:
             self._belief = None
         if self._belief is None:
             return self._start(row, after)
-        predicted = self._predict(self._belief, row.time)
+        belief = self._belief
+        dt = row.time - belief.time
+        f = transition(dt)
+        moved = f @ belief.covariance @ f.T
+        added = process(dt, self._tuning.direction_walk, self._tuning.rate_walk)
+        if self._tuning.fading is not None and self._spread is not None:
+            moved = moved * fading_factor(self._spread, added[:2, :2], self._noise, moved[:2, :2], self._tuning.fading)
+        predicted = Belief(row.time, predicted_frame(belief, dt), belief.rate, moved + added)
         rate = row.rate if np.isfinite(row.rate) else self._rate
-        self._carry_roll(rate, row.time - self._belief.time, told=bool(np.isfinite(row.rate)))
+        # rad/s below which a tool is taken not to rotate in a window that does not tell
+        if not np.isfinite(rate) or (abs(rate) > 1e-2 and not bool(np.isfinite(row.rate))):
+            self._roll_variance = UNKNOWN**2
+        else:
+            self._roll += rate * dt
+            # 1e-4 rad/s: standard deviation of the mean speed of a tool that does not rotate
+            spread = (self._tuning.roll_share * abs(rate) + 1e-4) * dt
+            self._roll_variance = min(self._roll_variance + spread**2, UNKNOWN**2)
         if row.matrix is None or row.covariance is None:
-            return self._bridge(row, predicted, rate)
+            self._belief = predicted
+            matrix, covariance = carried(predicted.frame, predicted.covariance[:2, :2], self._roll, self._roll_variance)
+            quality = max(1.0 - (row.time - self._seen_at) / self._tuning.longest_bridge, 0.0)
+            return Step(
+                row, predicted, predicted, matrix, covariance, rate, self._roll, self._roll_variance, 1.0, 0.0, quality
+            )
         return self._update(row, row.matrix, row.covariance, self._adapted(predicted, row, before, after))
 
     def _start(self, row: Row, after: Row | None) -> Step:
@@ -353,7 +314,12 @@ class Recursion:
         full = np.diag([0.0, 0.0, self._tuning.rate_sigma**2, self._tuning.rate_sigma**2])
         full[:2, :2] = covariance[:2, :2]
         belief = Belief(row.time, matrix, np.zeros(2), full)
-        apart = self._contradiction(belief, after)
+        apart, robust = 0.0, self._tuning.igg3 is not None or self._tuning.huber is not None
+        if robust and after is not None and after.matrix is not None and after.covariance is not None:
+            # normalised distance of the first row from the next: either may be the outlier
+            level = with_azimuth(after.matrix, after.covariance, belief.frame[2])
+            offset, noise, _ = observe(belief.frame, level, after.covariance)
+            apart = _size(offset, belief.covariance[:2, :2] + noise)
         if apart > AGREE:
             doubted = row._replace(flags=row.flags | BITS["start"])
             wide = 2.0 * apart**2 * covariance
@@ -361,46 +327,21 @@ class Recursion:
         variance = float(covariance[2, 2])
         return self._done(Step(row, None, belief, matrix, covariance, row.rate, 0.0, variance, 1.0, 1.0, row.quality))
 
-    def _contradiction(self, belief: Belief, after: Row | None) -> float:
-        """Normalised distance of the first row from the next, for a robust filter: either may be the outlier."""
-        if self._tuning.igg3 is None and self._tuning.huber is None:
-            return 0.0
-        if after is None or after.matrix is None or after.covariance is None:
-            return 0.0
-        seen = observe(belief.frame, with_azimuth(after.matrix, after.covariance, belief.frame[2]), after.covariance)
-        return _size(seen.offset, belief.covariance[:2, :2] + seen.noise)
-
-    def _predict(self, belief: Belief, time: float) -> Belief:
-        dt = time - belief.time
-        f = transition(dt)
-        moved = f @ belief.covariance @ f.T
-        added = process(dt, self._tuning.direction_walk, self._tuning.rate_walk)
-        if self._tuning.fading is not None and self._spread is not None:
-            moved = moved * fading_factor(self._spread, added[:2, :2], self._noise, moved[:2, :2], self._tuning.fading)
-        return Belief(time, predicted_frame(belief, dt), belief.rate, moved + added)
-
-    def _carry_roll(self, rate: float, dt: float, *, told: bool) -> None:
-        if not np.isfinite(rate) or (abs(rate) > STEADY and not told):
-            self._roll_variance = UNKNOWN**2
-            return
-        self._roll += rate * dt
-        spread = (self._tuning.roll_share * abs(rate) + ROLL_WANDER) * dt
-        self._roll_variance = min(self._roll_variance + spread**2, UNKNOWN**2)
-
-    def _bridge(self, row: Row, predicted: Belief, rate: float) -> Step:
-        self._belief = predicted
-        matrix, covariance = carried(predicted.frame, predicted.covariance[:2, :2], self._roll, self._roll_variance)
-        quality = max(1.0 - (row.time - self._seen_at) / self._tuning.longest_bridge, 0.0)
-        return Step(
-            row, predicted, predicted, matrix, covariance, rate, self._roll, self._roll_variance, 1.0, 0.0, quality
-        )
-
     def _adapted(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> Belief:
         """Prediction with its direction doubted by Yang's factor where this row and a neighbour agree against it."""
         tuning = self._tuning
         if tuning.adaptive_two is None and tuning.adaptive_three is None:
             return predicted
-        found = self._gate(predicted, row, before, after)
+        # mean offset of this row and the neighbour it agrees with best, with its noise; None when with neither
+        own = self._measurement(predicted, row, row.time)
+        found, least = None, AGREE
+        for each in (before, after):
+            other = None if each is None else self._measurement(predicted, each, row.time)
+            if own is None or other is None:
+                continue
+            apart = _size(own[0] - other[0], own[1] + other[1])
+            if apart < least:
+                least, found = apart, (0.5 * (own[0] + other[0]), 0.25 * (own[1] + other[1]))
         if found is None:
             return predicted
         middle, noise = found
@@ -413,33 +354,36 @@ class Recursion:
         extra = min((1.0 / max(factor, 1e-12) - 1.0) * 0.5 * float(np.trace(predicted.covariance[:2, :2])), most)
         return replace(predicted, covariance=predicted.covariance + np.diag([extra, extra, 0.0, 0.0]))
 
-    def _gate(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> tuple[Array, Array] | None:
-        """Mean offset of this row and the neighbour it agrees with best, with its noise; None when with neither."""
-        own = self._measurement(predicted, row, row.time)
-        best, least = None, AGREE
-        for each in (before, after):
-            other = None if each is None else self._measurement(predicted, each, row.time)
-            if own is None or other is None:
-                continue
-            apart = _size(own[0] - other[0], own[1] + other[1])
-            if apart < least:
-                least, best = apart, (0.5 * (own[0] + other[0]), 0.25 * (own[1] + other[1]))
-        return best
-
     def _measurement(self, predicted: Belief, row: Row, time: float) -> tuple[Array, Array] | None:
         """Offset and noise of a row from the prediction for `time`; None when the row is no evidence."""
         if row.matrix is None or row.covariance is None or not row.known:
             return None
-        if not row.evidence and self._rejected < PATIENCE:
+        # after twelve rejected one after another flagged ones are evidence too: a wrong reference flags them all
+        if not row.evidence and self._rejected < 12:
             return None
-        seen = observe(predicted.frame, row.matrix, row.covariance)
-        return seen.offset - predicted.rate * (row.time - time), seen.noise * self._scale
+        offset, noise, _ = observe(predicted.frame, row.matrix, row.covariance)
+        return offset - predicted.rate * (row.time - time), noise * self._scale
 
     def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
-        step, seen, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
+        step, offset, noise, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
         doubt = self._tuning.doubt**2 if row.doubtful else 1.0
         self._rejected = self._rejected + 1 if step.weight < LOW_WEIGHT else 0
-        self._learn(seen.offset, doubt * seen.noise, predicted.covariance[:2, :2], size)
+        # scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking
+        noise = doubt * noise
+        tuning = self._tuning
+        if tuning.forgetting is not None and size < LARGEST:
+            # 30 windows' worth of trust in the rows' own covariance before any was seen
+            share = sage_husa_share(tuning.forgetting, self._counted + 30)
+            inverse = np.linalg.inv(noise)
+            innovation = np.sqrt(0.5 * offset @ inverse @ offset)
+            part = 0.5 * np.trace(inverse @ predicted.covariance[:2, :2])
+            self._scale = float(sage_husa([[self._scale]], [innovation], [[part]], share, tuning.least_noise)[0, 0])
+            self._counted += 1
+        square = np.outer(offset, offset)
+        old = self._spread
+        memory = 0.95
+        self._spread = square if old is None else (memory * old + square) / (1.0 + memory)
+        self._noise = noise * self._scale
         return self._done(step)
 
     def _done(self, step: Step) -> Step:
@@ -449,51 +393,34 @@ class Recursion:
             self._rate = step.rate
         return step
 
-    def _learn(self, offset: Array, noise: Array, spread: Array, size: float) -> None:
-        """Scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking."""
-        tuning = self._tuning
-        if tuning.forgetting is not None and size < LARGEST:
-            share = sage_husa_share(tuning.forgetting, self._counted + PRIOR_WINDOWS)
-            inverse = np.linalg.inv(noise)
-            innovation, part = np.sqrt(0.5 * offset @ inverse @ offset), 0.5 * np.trace(inverse @ spread)
-            self._scale = float(sage_husa([[self._scale]], [innovation], [[part]], share, tuning.least_noise)[0, 0])
-            self._counted += 1
-        square = np.outer(offset, offset)
-        old = self._spread
-        self._spread = square if old is None else (FADING_MEMORY * old + square) / (1.0 + FADING_MEMORY)
-        self._noise = noise * self._scale
-
 
 def measured(
-    tuning: Tuning, row: Row, matrix: Array, covariance: Array, predicted: Belief, scale: float
-) -> tuple[Step, Observation, float]:
-    """Row taken into a prediction with its robust weight; also how it was seen, and its normalised innovation."""
+    tuning: WindowFilterSettings, row: Row, matrix: Array, covariance: Array, predicted: Belief, scale: float
+) -> tuple[Step, Array, Array, float]:
+    """Row taken into a prediction with its robust weight; also its offset, that one's noise, and how large it is."""
     matrix = with_azimuth(matrix, covariance, predicted.frame[2])
     doubt = tuning.doubt**2 if row.doubtful else 1.0
-    seen = observe(predicted.frame, matrix, covariance)
-    size = _size(seen.offset, predicted.covariance[:2, :2] + seen.noise * (doubt * scale))
+    offset, noise, _ = observe(predicted.frame, matrix, covariance)
+    size = _size(offset, predicted.covariance[:2, :2] + noise * (doubt * scale))
     weight = 1.0
     if tuning.huber is not None:
         weight = float(huber_weight(size, tuning.huber))
     if tuning.igg3 is not None:
         weight = float(igg3_weight(size, *tuning.igg3))
-    factor = doubt * scale / max(weight, LEAST_WEIGHT)
-    belief = updated(predicted, seen.offset, seen.noise * factor)
+    # a rejected row keeps its roll with a thousandfold standard deviation
+    factor = doubt * scale / max(weight, 1e-6)
+    belief = updated(predicted, offset, noise * factor)
     out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
-    roll = observe(belief.frame, out, joint).roll
+    roll = observe(belief.frame, out, joint)[2]
     quality = min(row.quality, max(1.0 - size / LARGEST, 0.0))
     known = row._replace(matrix=matrix)
     step = Step(known, predicted, belief, out, joint, row.rate, roll, float(joint[2, 2]), factor, weight, quality)
-    return step, seen, size
+    return step, offset, noise, size
 
 
 def _size(offset: Array, spread: Array) -> float:
     """Normalised length of an offset: 1 on the average when the spread is right."""
     return float(np.sqrt(0.5 * offset @ np.linalg.solve(spread, offset)))
-
-
-LEAST_VARIANCE: Final = 1e-16
-"""Of a row about any axis, rad^2: rows that claim to be exact stay invertible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -548,17 +475,11 @@ class RobustStream:
     def __init__(self, settings: WindowFilterSettings | None = None) -> None:
         chosen = settings or WindowFilterSettings()
         self._recursion = Recursion(chosen)
-        self._settings = chosen
+        self.settings = chosen
         self._waiting: list[Row] = []
         self._before: Row | None = None
         self._last: float = -np.inf
         self._north: str | None = None
-
-    @property
-    def common(self) -> Common:
-        """Standard deviations of what all rows share."""
-        chosen = self._settings
-        return Common(chosen.common_tilt, chosen.common_turn, chosen.common_delay)
 
     def push(self, rows: Attitude) -> Attitude:
         """Rows that became complete.
@@ -581,14 +502,24 @@ class RobustStream:
         self._north = rows.north
         done: list[Step] = []
         for place in range(len(rows)):
-            row = _row(rows, place)
+            q = rows.quaternion[place]
+            known = not np.isnan(q[0])
+            row = Row(
+                float(rows.time[place]),
+                dcm_from_quaternion(q) if known else None,
+                # rad^2, so that rows that claim to be exact stay invertible
+                rows.covariance[place] + 1e-16 * np.eye(3) if known else None,
+                float(rows.rate[place]),
+                float(rows.quality[place]),
+                int(rows.flags[place]),
+            )
             if not row.time > self._last:
                 raise InputError(f"time[{place}] is {row.time:.9g} s, not after {self._last:.9g} s; sort the rows")
             self._last = row.time
             if row.matrix is not None:
                 done += self._release(row)
             self._waiting.append(row)
-            if row.time - self._waiting[0].time > self._settings.longest_bridge or all(
+            if row.time - self._waiting[0].time > self.settings.longest_bridge or all(
                 w.matrix is None for w in self._waiting
             ):
                 done += self._release(None)
@@ -607,7 +538,7 @@ class RobustStream:
         return done
 
     def _result(self, steps: list[Step]) -> Attitude:
-        return attitude_of(steps, self._north or "magnetic", "robust", self.common)
+        return attitude_of(steps, self._north or "magnetic", "robust", self.settings)
 
 
 def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) -> Attitude:
@@ -655,17 +586,4 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
     """
     stream = RobustStream(settings)
     steps = stream.steps(rows) + stream.last_steps()
-    return attitude_of(steps, rows.north, "robust", stream.common, rows.notes)
-
-
-def _row(rows: Attitude, place: int) -> Row:
-    q = rows.quaternion[place]
-    known = not np.isnan(q[0])
-    return Row(
-        float(rows.time[place]),
-        dcm_from_quaternion(q) if known else None,
-        rows.covariance[place] + LEAST_VARIANCE * np.eye(3) if known else None,
-        float(rows.rate[place]),
-        float(rows.quality[place]),
-        int(rows.flags[place]),
-    )
+    return attitude_of(steps, rows.north, "robust", stream.settings, rows.notes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from inclinometry.motion.result import BITS, Attitude, Samples
 from inclinometry.motion.window_filter import (
     Belief,
     RobustStream,
-    Step,
     WindowFilterSettings,
     attitude_of,
     measured,
@@ -26,11 +25,6 @@ from inclinometry.motion.window_filter import (
 from inclinometry.uncertainty import UNKNOWN
 
 # A filter that is only run where it is wanted: the windows before are kept, and it catches up with them first.
-
-KEPT_S: Final = 120.0
-"""s of a run that are kept to catch up with: the filter's bias and scale have settled after that."""
-MOST_KEPT: Final = 500_000
-"""Samples kept at most."""
 
 
 class Stream(Protocol):
@@ -78,7 +72,12 @@ class LazyStream:
         self._unwanted = 0 if wanted else self._unwanted + 1
         if self._stream is not None and _many(window, self._unwanted):
             self._stream = None  # what is kept now catches up as well
-        self._keep(window, good=good)
+        # the newest windows; the first of them is one to start from
+        self._kept.append((good, window))
+        while _many(window, len(self._kept)):
+            self._kept.popleft()
+        while self._kept and not self._kept[0][0]:
+            self._kept.popleft()
         if self._stream is not None:
             row = self._pushed(window)
             return row if wanted else None
@@ -100,18 +99,11 @@ class LazyStream:
             return None
         return found if len(found) == 1 else None
 
-    def _keep(self, window: Samples, *, good: bool) -> None:
-        """The newest windows; the first of them is one to start from."""
-        self._kept.append((good, window))
-        while _many(window, len(self._kept)):
-            self._kept.popleft()
-        while self._kept and not self._kept[0][0]:
-            self._kept.popleft()
-
 
 def _many(window: Samples, count: int) -> bool:
     """Whether so many windows are more than are kept."""
-    return count > 1 and (len(window) * count > MOST_KEPT or len(window) * count * window.interval > KEPT_S)
+    # the filter's bias and scale have settled after 120 s
+    return count > 1 and (len(window) * count > 500_000 or len(window) * count * window.interval > 120.0)
 
 
 def single(rows: Attitude | None) -> bool:
@@ -120,9 +112,6 @@ def single(rows: Attitude | None) -> bool:
 
 
 # Uncertainty of a mean from the samples themselves: correlation by batch means, rounding by its own law.
-
-HARMONICS: Final = 8
-"""Terms of the rounding error's series; the ninth adds 0.8 % of q^2 / 12 at most."""
 
 
 def batch_means(values: Array, batches: int) -> Array:
@@ -188,10 +177,11 @@ def rounding_variance(values: Array, resolution: float) -> Array:
     step = np.where(distinct > 1, np.ptp(values, axis=0) / np.maximum(distinct - 1, 1), 0.0)
     step = np.where(distinct > 1, step, step.max() if step.any() else resolution)
     noise = np.where(distinct > 2, np.maximum(values.var(axis=0) - step**2 / 12.0, 0.0), 0.0)
-    order = np.arange(1, HARMONICS + 1)[:, None]
+    terms = 8  # of the rounding error's series; the ninth adds 0.8 % of q^2 / 12 at most
+    order = np.arange(1, terms + 1)[:, None]
     ratio = noise / np.where(step > 0.0, step, 1.0) ** 2
     series = np.exp(-4.0 * np.pi**2 * order**2 * ratio) / order**2
-    total = series.sum(axis=0) * (np.pi**2 / 6.0) / (1.0 / np.arange(1, HARMONICS + 1) ** 2).sum()
+    total = series.sum(axis=0) * (np.pi**2 / 6.0) / (1.0 / np.arange(1, terms + 1) ** 2).sum()
     return np.asarray(step**2 / (2.0 * np.pi**2) * total)
 
 
@@ -243,30 +233,35 @@ def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None)
         step = steps[place]
         if step.belief is None:
             if later is not None and seen_at - step.row.time <= chosen.longest_bridge:
-                smoothed[place] = _before(chosen, step, later)
+                # a row the filter had not started at, from the belief after it and its own attitude where it has one
+                dt = later.time - step.row.time
+                f = transition(-dt)
+                added = process(dt, chosen.direction_walk, chosen.rate_walk)
+                frame = predicted_frame(later, -dt)
+                predicted = Belief(step.row.time, frame, later.rate, f @ (later.covariance + added) @ f.T)
+                row = step.row._replace(flags=step.row.flags & ~BITS["start"])
+                if row.matrix is not None and row.covariance is not None:
+                    smoothed[place] = measured(chosen, row, row.matrix, row.covariance, predicted, 1.0)[0]
+                else:
+                    unknown = carried(frame, predicted.covariance[:2, :2], 0.0, UNKNOWN**2)
+                    smoothed[place] = step._replace(
+                        row=row, belief=predicted, matrix=unknown[0], covariance=unknown[1], quality=0.0
+                    )
                 later = smoothed[place].belief
             else:
                 later = None
         else:
             following = steps[place + 1].predicted if place + 1 < len(steps) else None
             later = step.belief if later is None or following is None else _back(step.belief, following, later)
-            smoothed[place] = _replaced(step, later)
+            # the tool's attitude rebuilt on the smoothed direction
+            spread = later.covariance[:2, :2]
+            if step.row.matrix is not None and step.row.covariance is not None:
+                found = rolled(later.frame, spread, step.row.matrix, step.factor * step.row.covariance)
+            else:
+                found = carried(later.frame, spread, step.roll, step.roll_variance)
+            smoothed[place] = step._replace(matrix=found[0], covariance=found[1], belief=later)
         seen_at = step.row.time if step.row.matrix is not None else seen_at
-    return attitude_of(smoothed, rows.north, "smoother", stream.common, rows.notes)
-
-
-def _before(settings: WindowFilterSettings, step: Step, later: Belief) -> Step:
-    """A row the filter had not started at, from the belief after it and its own attitude where it has one."""
-    dt = later.time - step.row.time
-    f = transition(-dt)
-    added = process(dt, settings.direction_walk, settings.rate_walk)
-    frame = predicted_frame(later, -dt)
-    predicted = Belief(step.row.time, frame, later.rate, f @ (later.covariance + added) @ f.T)
-    row = step.row._replace(flags=step.row.flags & ~BITS["start"])
-    if row.matrix is not None and row.covariance is not None:
-        return measured(settings, row, row.matrix, row.covariance, predicted, 1.0)[0]
-    unknown = carried(frame, predicted.covariance[:2, :2], 0.0, UNKNOWN**2)
-    return step._replace(row=row, belief=predicted, matrix=unknown[0], covariance=unknown[1], quality=0.0)
+    return attitude_of(smoothed, rows.north, "smoother", chosen, rows.notes)
 
 
 def _back(belief: Belief, predicted: Belief, later: Belief) -> Belief:
@@ -277,14 +272,3 @@ def _back(belief: Belief, predicted: Belief, later: Belief) -> Belief:
     covariance = belief.covariance + gain @ (later.covariance - predicted.covariance) @ gain.T
     frame = turned(belief.frame, change[:2])
     return Belief(belief.time, frame, belief.rate + change[2:], 0.5 * (covariance + covariance.T))
-
-
-def _replaced(step: Step, belief: Belief) -> Step:
-    """The step with its tool attitude rebuilt on the smoothed direction."""
-    found: tuple[Array, Array]
-    spread = belief.covariance[:2, :2]
-    if step.row.matrix is not None and step.row.covariance is not None:
-        found = rolled(belief.frame, spread, step.row.matrix, step.factor * step.row.covariance)
-    else:
-        found = carried(belief.frame, spread, step.roll, step.roll_variance)
-    return step._replace(matrix=found[0], covariance=found[1], belief=belief)

@@ -27,14 +27,6 @@ from inclinometry.survey.stations import Stations
 SENSOR_TERMS: Final = re.compile(r"[AM][BS](I?)(XY?|Y|Z)(?![A-Z])", re.IGNORECASE)
 """Names of terms that a certificate replaces: biases and scales of the six sensors, I where corrected axially."""
 
-NEAR_VERTICAL: Final = np.radians(1.0)
-"""Below this (and above 180 deg less it) sources tell of the direction of the hole, not of inclination and azimuth."""
-
-APART: Final = np.radians(5.0)
-"""Angle by which stations may differ from the survey: more than corrections make, less than a wrong north does."""
-
-_SAME_DEPTH: Final = 0.005  # m: depths are written to the centimetre
-
 
 def error_model(
     tool: Tool,
@@ -83,7 +75,14 @@ def error_model(
     >>> np.sqrt(np.diagonal(found.covariance[-1])).round(3)  # levers 250 + 500 m; the first station is known
     array([0.   , 1.984, 0.75 ])
     """
-    strengths = dict(zip(VECTORS, _site_fields(survey.site), strict=True))
+    site = survey.site
+    known = {"gravity (or the latitude)": site.gravity, "b": site.b, "dip": site.dip, "declination": site.declination}
+    lacking = [name for name, value in known.items() if value is None]
+    if lacking:
+        raise InputError(
+            f"the site has no {lacking[0]}; what the tool saw is computed from it: give it, or raw channels"
+        )
+    strengths = dict(zip(VECTORS, (float(site.gravity or 0.0), float(site.b or 0.0)), strict=True))
     azimuth = convert_azimuth(survey.azimuth, "true", "magnetic", survey.site)
     angle = finite(toolface, "toolface", (len(survey),))
     directions_seen = fields(azimuth, survey.inclination, angle, survey.site.dip or 0.0)
@@ -97,16 +96,6 @@ def error_model(
         survey.md, channels, tool, temperature=heat, g=strengths["accelerometer"], b=strengths["magnetometer"]
     )
     return calibration_sources(stations, survey, propagation=propagation)
-
-
-def _site_fields(site: Site) -> tuple[float, float]:
-    known = {"gravity (or the latitude)": site.gravity, "b": site.b, "dip": site.dip, "declination": site.declination}
-    lacking = [name for name, value in known.items() if value is None]
-    if lacking:
-        raise InputError(
-            f"the site has no {lacking[0]}; what the tool saw is computed from it: give it, or raw channels"
-        )
-    return float(site.gravity or 0.0), float(site.b or 0.0)
 
 
 def calibration_sources(
@@ -153,8 +142,42 @@ def calibration_sources(
     """
     if propagation not in ("systematic", "well", "global"):
         raise InputError(f"propagation is {propagation!r}; what stations share is systematic, well or global")
-    rows = _rows(stations, survey)
-    by_angles, by_direction = _jacobians(stations, survey)
+    # rows of the survey that the stations are, without gaps
+    first = int(np.argmin(np.abs(survey.md - stations.md[0])))
+    there = survey.md[first : first + len(stations)]
+    shared = min(len(there), len(stations))
+    wrong = np.abs(there[:shared] - stations.md[:shared]) > 0.005  # depths are written to the centimetre
+    if wrong.any() or shared < len(stations):
+        k = int(np.argmax(wrong)) if wrong.any() else shared
+        has = f"{survey.md[first + k]:.10g} m" if k < shared else "no more"
+        raise InputError(
+            f"station {k + 1} of the tool stands at md {stations.md[k]:.10g} m where the survey has {has}; "
+            "both need the same depths"
+        )
+    rows = np.arange(first, first + shared)
+    tangent = directions(survey.inclination[rows], survey.azimuth[rows])
+    seen = angles(stations.g, stations.b)
+    apart = np.linalg.norm(tangent - directions(seen.inclination, seen.azimuth + _declination(survey.site)), axis=1)
+    # more than corrections make, less than a wrong north does
+    if apart.max() > np.radians(5.0):
+        k = int(apart.argmax())
+        raise InputError(
+            f"station {k + 1} at md {stations.md[k]:.10g} m: what the tool measured lies "
+            f"{np.degrees(apart[k]):.1f} deg from the survey's direction; another run, or an azimuth from another "
+            "north (declination and convergence)?"
+        )
+    # derivatives (n, 3, 6) by the fields
+    level = np.hypot(stations.g[:, 0], stations.g[:, 1]) / np.linalg.norm(stations.g, axis=1)
+    # near the vertical sources tell of the direction of the hole, not of inclination and azimuth
+    steep = level < np.sin(np.radians(1.0))
+    by_angles = np.zeros((len(stations), 3, 6))
+    by_angles[:, 1:] = angles_jacobian(stations.g, stations.b)[:, :2]
+    by_angles[steep] = 0.0
+    axis = axis_jacobian(stations.g, stations.b)
+    c, s = np.cos(_declination(survey.site)), np.sin(_declination(survey.site))
+    north, east = c * axis[:, 0] - s * axis[:, 1], s * axis[:, 0] + c * axis[:, 1]
+    by_direction = np.stack([north, east, axis[:, 2]], axis=1)
+    by_direction[~steep] = np.nan
     found = []
     for name, source in stations.sources.items():
         if source.covariance.any():
@@ -172,57 +195,10 @@ def calibration_sources(
     return tuple(found)
 
 
-def _rows(stations: Stations, survey: WellSurvey) -> Index:
-    """Rows of the survey that the stations are, without gaps."""
-    first = int(np.argmin(np.abs(survey.md - stations.md[0])))
-    there = survey.md[first : first + len(stations)]
-    shared = min(len(there), len(stations))
-    wrong = np.abs(there[:shared] - stations.md[:shared]) > _SAME_DEPTH
-    if wrong.any() or shared < len(stations):
-        k = int(np.argmax(wrong)) if wrong.any() else shared
-        has = f"{survey.md[first + k]:.10g} m" if k < shared else "no more"
-        raise InputError(
-            f"station {k + 1} of the tool stands at md {stations.md[k]:.10g} m where the survey has {has}; "
-            "both need the same depths"
-        )
-    rows = np.arange(first, first + shared)
-    tangent = directions(survey.inclination[rows], survey.azimuth[rows])
-    apart = np.linalg.norm(tangent - _tangents(stations, survey.site), axis=1)
-    if apart.max() > APART:
-        k = int(apart.argmax())
-        raise InputError(
-            f"station {k + 1} at md {stations.md[k]:.10g} m: what the tool measured lies "
-            f"{np.degrees(apart[k]):.1f} deg from the survey's direction; another run, or an azimuth from another "
-            "north (declination and convergence)?"
-        )
-    return rows
-
-
 def _declination(site: Site) -> float:
     if site.declination is None:
         raise InputError("the site has no declination; a magnetic tool's azimuths need it: give the declination")
     return site.declination
-
-
-def _tangents(stations: Stations, site: Site) -> Array:
-    """Unit vectors (n, 3) along the hole as the stations have them, north, east, down from true north."""
-    seen = angles(stations.g, stations.b)
-    return directions(seen.inclination, seen.azimuth + _declination(site))
-
-
-def _jacobians(stations: Stations, survey: WellSurvey) -> tuple[Array, Array]:
-    """Derivatives (n, 3, 6) by the fields: of depth, inclination, azimuth, and near the vertical of the direction."""
-    level = np.hypot(stations.g[:, 0], stations.g[:, 1]) / np.linalg.norm(stations.g, axis=1)
-    steep = level < np.sin(NEAR_VERTICAL)
-    by_angles = np.zeros((len(stations), 3, 6))
-    by_angles[:, 1:] = angles_jacobian(stations.g, stations.b)[:, :2]
-    by_angles[steep] = 0.0
-    axis = axis_jacobian(stations.g, stations.b)
-    c, s = np.cos(_declination(survey.site)), np.sin(_declination(survey.site))
-    north, east = c * axis[:, 0] - s * axis[:, 1], s * axis[:, 0] + c * axis[:, 1]
-    by_direction = np.stack([north, east, axis[:, 2]], axis=1)
-    by_direction[~steep] = np.nan
-    return by_angles, by_direction
 
 
 def _placed(
@@ -334,9 +310,6 @@ def is_sensor_term(name: str) -> bool:
     return SENSOR_TERMS.match(name) is not None
 
 
-_GYRO_UNITS: Final = ("deg/hr", "deg/sqr(hr)")
-
-
 def fits_certificate(code: ToolCode) -> None:
     """Refuse a tool code that cannot stand beside the certificate of a magnetic tool.
 
@@ -353,7 +326,7 @@ def fits_certificate(code: ToolCode) -> None:
     Traceback (most recent call last):
     inclinometry.errors.InputError: tool code gyro is of a gyro; ...
     """
-    if any(one.unit in _GYRO_UNITS for one in code.terms):
+    if any(one.unit in ("deg/hr", "deg/sqr(hr)") for one in code.terms):
         raise InputError(
             f"tool code {code.name} is of a gyro; the certificate of a magnetic tool says nothing of it: give one of "
             "the two"

@@ -15,6 +15,7 @@ from inclinometry.errors import InputError
 from inclinometry.position.tool_code import PROPAGATIONS, Evaluator, Levers, ToolCode, Weights, levers
 from inclinometry.position.well import WellSurvey
 from inclinometry.survey.reduce import Survey
+from inclinometry.uncertainty import UNKNOWN
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +86,18 @@ class MatrixSource:
         """
         if len(self.by_angles) != len(survey):
             raise InputError(f"source {self.name!r} has {len(self.by_angles)} stations, the survey {len(survey)}")
-        factor = _factor(self.covariance, self.name)
+        # f (p, r) with F F^T = covariance, for what of it is not zero
+        covariance = self.covariance
+        sigma = np.sqrt(np.clip(np.diagonal(covariance), 0.0, None))
+        scale = np.where(sigma > 0.0, sigma, 1.0)
+        # parameters of different units: judged as a correlation
+        correlation = covariance / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+        uneven = np.abs(correlation - correlation.T).max(initial=0.0) > 1e-9
+        if uneven or (len(values) and values[0] < -1e-9) or (np.diagonal(covariance) < 0.0).any():
+            raise InputError(f"the covariance of source {self.name!r} is not symmetric or has negative variances")
+        kept = values > 1e-14 * max(len(values), 1)
+        factor = np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
         angles = np.transpose(self.by_angles @ factor, (2, 1, 0))
         replaced = self._replaced(self.by_direction, len(survey))
         directions: list[Array | None] = [None] * len(angles)
@@ -96,27 +108,7 @@ class MatrixSource:
         return [Weights(one[0], one[1], one[2], direction) for one, direction in pairs]
 
 
-def _factor(covariance: Array, name: str) -> Array:
-    """F (p, r) with F F^T = covariance, for what of it is not zero."""
-    sigma = np.sqrt(np.clip(np.diagonal(covariance), 0.0, None))
-    scale = np.where(sigma > 0.0, sigma, 1.0)
-    # parameters of different units: judged as a correlation
-    correlation = covariance / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
-    uneven = np.abs(correlation - correlation.T).max(initial=0.0) > 1e-9
-    if uneven or (len(values) and values[0] < -1e-9) or (np.diagonal(covariance) < 0.0).any():
-        raise InputError(f"the covariance of source {name!r} is not symmetric or has negative variances")
-    kept = values > 1e-14 * max(len(values), 1)
-    return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
-
-
 # Gyro stations as sources of error of a position: each station's own noise, and what a run shares.
-
-OWN: Final = frozenset(("gyro", "accelerometer", "sensor noise", "shape", "quadrant"))
-"""Components of a gyro's survey that are each station's own; all others are shared by the run."""
-
-LARGEST: Final = np.pi / np.sqrt(3.0)
-"""Standard uncertainty of an angle of which nothing is known, rad."""
 
 
 def gyro_sources(survey: Survey, well: WellSurvey) -> tuple[MatrixSource, ...]:
@@ -169,24 +161,22 @@ def gyro_sources(survey: Survey, well: WellSurvey) -> tuple[MatrixSource, ...]:
             f"from {well.md[0]:g} to {well.md[-1]:g} m; both need the same depths"
         )
     steep = np.sin(well.inclination) < np.sin(np.radians(1.0))
-    found = [
-        _matrix_source(name, variances, steep)
-        for name, variances in survey.components.items()
-        if (variances[:, :2] != 0.0).any()  # NaN: not known
-    ]
+    found = []
+    for name, variances in survey.components.items():
+        if not (variances[:, :2] != 0.0).any():  # NaN: not known
+            continue
+        spread = np.sqrt(np.where(np.isfinite(variances), variances, np.inf))
+        by_angles, by_direction = np.zeros((len(well), 3, 2)), np.full((len(well), 3, 2), np.nan)
+        for column in (0, 1):
+            by_angles[:, column + 1, column] = np.minimum(spread[:, column], UNKNOWN)
+        by_direction[steep] = by_angles[steep, 1, 0, None, None] * np.eye(3)[:, :2]
+        # what is each station's own; all else is shared by the run
+        own = name in ("gyro", "accelerometer", "sensor noise", "shape", "quadrant")
+        kind = "random" if own else "systematic"
+        found.append(MatrixSource(name, by_angles, np.eye(2), kind, by_direction))
     if not found:
         raise InputError("no uncertainty is known of the gyro's stations; give the noise of its sensors")
     return tuple(found)
-
-
-def _matrix_source(name: str, variances: Array, steep: Array) -> MatrixSource:
-    size = len(variances)
-    spread = np.sqrt(np.where(np.isfinite(variances), variances, np.inf))
-    by_angles, by_direction = np.zeros((size, 3, 2)), np.full((size, 3, 2), np.nan)
-    for column in (0, 1):
-        by_angles[:, column + 1, column] = np.minimum(spread[:, column], LARGEST)
-    by_direction[steep] = by_angles[steep, 1, 0, None, None] * np.eye(3)[:, :2]
-    return MatrixSource(name, by_angles, np.eye(2), "random" if name in OWN else "systematic", by_direction)
 
 
 PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -320,7 +310,16 @@ def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertain
     InputError
         Runs that leave stations out or overlap, and as `propagate`.
     """
-    _covering(runs, len(survey))
+    expected = 0
+    for number, run in enumerate(runs, 1):
+        if run.first != expected or run.last < run.first or run.last >= len(survey):
+            raise InputError(
+                f"run {number} has stations {run.first + 1} to {run.last + 1}; it must begin at {expected + 1} and end "
+                f"by {len(survey)}"
+            )
+        expected = run.last + 1
+    if expected != len(survey):
+        raise InputError(f"the runs end at station {expected} of {len(survey)}; the last must end with the survey")
     pieces: dict[str, list[SourceUncertainty]] = {}
     for number, run in enumerate(runs, 1):
         mask = np.zeros(len(survey))
@@ -334,17 +333,20 @@ def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertain
     return PositionUncertainty(survey, MappingProxyType(sources), _total(survey, sources))
 
 
-def _covering(runs: Sequence[Run], size: int) -> None:
-    expected = 0
-    for number, run in enumerate(runs, 1):
-        if run.first != expected or run.last < run.first or run.last >= size:
-            raise InputError(
-                f"run {number} has stations {run.first + 1} to {run.last + 1}; it must begin at {expected + 1} and end "
-                f"by {size}"
-            )
-        expected = run.last + 1
-    if expected != size:
-        raise InputError(f"the runs end at station {expected} of {size}; the last must end with the survey")
+def _total(survey: WellSurvey, sources: Mapping[str, SourceUncertainty]) -> Array:
+    """Covariance (n, 3, 3) of everything together with the tie."""
+    upper, product = np.zeros((len(PAIRS), len(survey))), np.empty(len(survey))
+    for one in sources.values():
+        for vector in one.vectors:
+            for row, (i, j) in enumerate(PAIRS):
+                upper[row] += np.multiply(vector[:, i], vector[:, j], out=product)
+    total = np.empty((len(survey), 3, 3))
+    for row, (i, j) in enumerate(PAIRS):
+        total[:, i, j] = total[:, j, i] = upper[row]
+    for one in sources.values():
+        if one.before is not None:
+            total += one.before
+    return np.asarray(total + survey.tie)
 
 
 def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[SourceUncertainty]:
@@ -355,7 +357,15 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
     arms = levers(survey.md, survey.inclination, survey.azimuth, survey.surface, allowance)
     named: list[tuple[str, str, list[Weights]]] = []
     if code is not None:
-        _in_range(survey, run, code)
+        low, high = code.inclinations
+        here = survey.inclination[run.first : run.last + 1]
+        bad = (here < low) | (here > high)
+        if bad.any():
+            row = run.first + int(np.argmax(bad))
+            raise InputError(
+                f"station {row + 1} has inclination {np.degrees(survey.inclination[row]):.2f} deg; tool code "
+                f"{code.name} is made for {np.degrees(low):g} to {np.degrees(high):g} deg"
+            )
         evaluator = Evaluator(survey, code, run.first, run.last)
         named += [(one.name, one.propagation, evaluator.realisations(one)) for one in code.terms]
     named += [(one.name, one.propagation, one.weights(survey)) for one in run.sources]
@@ -369,18 +379,6 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
     parts = np.split(block, ends[:-1])
     rows = zip(named, parts, strict=True) if named else ()
     return [_source(name, kind, weights, arms, mask, turn, own) for (name, kind, weights), own in rows]
-
-
-def _in_range(survey: WellSurvey, run: Run, code: ToolCode) -> None:
-    low, high = code.inclinations
-    here = survey.inclination[run.first : run.last + 1]
-    bad = (here < low) | (here > high)
-    if bad.any():
-        row = run.first + int(np.argmax(bad))
-        raise InputError(
-            f"station {row + 1} has inclination {np.degrees(survey.inclination[row]):.2f} deg; tool code "
-            f"{code.name} is made for {np.degrees(low):g} to {np.degrees(high):g} deg"
-        )
 
 
 def _source(
@@ -400,29 +398,21 @@ def _source(
         _errors(one if mask is None else one.times(mask), arms, own[row], both)
         if turn is not None:
             for vectors in (own[row], both):
-                _turn(vectors, turn)
+                c, s = np.cos(turn), np.sin(turn)
+                vectors[:2] = c * vectors[0] + s * vectors[1], c * vectors[1] - s * vectors[0]
         if before is None:
             np.cumsum(both, axis=1, out=both)
             own[row, :, 1:] += both[:, :-1]
         else:
             for i, j in PAIRS:
                 before[i, j] += both[i] * both[j]
-    collected = None if before is None else _collected(before)
+    collected = None
+    if before is not None:
+        # of all stations before each, from the upper half of their products
+        collected = np.zeros((size, 3, 3))
+        for i, j in PAIRS:
+            collected[1:, i, j] = collected[1:, j, i] = np.cumsum(before[i, j, :-1])
     return SourceUncertainty(name, kind, np.moveaxis(own, 1, 2), collected)
-
-
-def _turn(vectors: Array, angle: float) -> None:
-    """Vectors (3, n) counted from a north that lies `angle` east of the one they were counted from, in place."""
-    c, s = np.cos(angle), np.sin(angle)
-    vectors[:2] = c * vectors[0] + s * vectors[1], c * vectors[1] - s * vectors[0]
-
-
-def _collected(products: Array) -> Array:
-    """Covariance (n, 3, 3) of all stations before each, from the upper half of theirs (3, 3, n)."""
-    total = np.zeros((products.shape[2], 3, 3))
-    for i, j in PAIRS:
-        total[1:, i, j] = total[1:, j, i] = np.cumsum(products[i, j, :-1])
-    return total
 
 
 def _errors(weights: Weights, arms: Levers, own: Array, both: Array) -> None:
@@ -455,22 +445,6 @@ def _joined(name: str, parts: Sequence[SourceUncertainty]) -> SourceUncertainty:
     if len(kinds) > 1 or len(sizes) > 1:
         raise InputError(f"source {name!r} differs between runs in propagation or parameters; rename one of them")
     return SourceUncertainty(name, parts[0].propagation, np.sum([part.vectors for part in parts], axis=0))
-
-
-def _total(survey: WellSurvey, sources: Mapping[str, SourceUncertainty]) -> Array:
-    """Covariance (n, 3, 3) of everything together with the tie."""
-    upper, product = np.zeros((len(PAIRS), len(survey))), np.empty(len(survey))
-    for one in sources.values():
-        for vector in one.vectors:
-            for row, (i, j) in enumerate(PAIRS):
-                upper[row] += np.multiply(vector[:, i], vector[:, j], out=product)
-    total = np.empty((len(survey), 3, 3))
-    for row, (i, j) in enumerate(PAIRS):
-        total[:, i, j] = total[:, j, i] = upper[row]
-    for one in sources.values():
-        if one.before is not None:
-            total += one.before
-    return np.asarray(total + survey.tie)
 
 
 def relative_covariance(first: PositionUncertainty, i: int, second: PositionUncertainty, j: int) -> Array:

@@ -50,9 +50,6 @@ _CONSTANTS: Final = {"pi": np.pi, "rad": np.pi / 180.0}
 FUNCTIONS: Final = (*_ONE, *_MANY)
 """Functions a formula may call; upper and lower case are the same."""
 
-LONGEST: Final = 2000
-"""Characters a formula may have; a longer one is not a weighting function."""
-
 
 @dataclass(frozen=True)
 class Formula:
@@ -98,10 +95,6 @@ class Formula:
             return self._value(variables, {} if memory is None else memory)
 
 
-LARGEST: Final = 1e100
-"""Of the numbers in a formula."""
-
-
 def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula:
     """Check a formula and make it ready for evaluation.
 
@@ -126,9 +119,10 @@ def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula
     Traceback (most recent call last):
     inclinometry.errors.InputError: formula 'Sinh(Inc)' calls 'Sinh'; allowed: sin, cos, ...
     """
+    longest = 2000  # characters; a longer one is not a weighting function
     source = str(text)
-    if len(source) > LONGEST:
-        raise InputError(f"a formula has {len(source)} characters; up to {LONGEST} are allowed")
+    if len(source) > longest:
+        raise InputError(f"a formula has {len(source)} characters; up to {longest} are allowed")
     try:
         tree = ast.parse(source.strip().replace("^", "**"), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -143,9 +137,10 @@ def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula
 
 
 def _check(node: ast.expr, source: str, names: set[str]) -> None:
+    largest = 1e100
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
-        if abs(node.value) > LARGEST:
-            raise InputError(f"formula {source!r} has a number beyond {LARGEST:g}; no weight is so large")
+        if abs(node.value) > largest:
+            raise InputError(f"formula {source!r} has a number beyond {largest:g}; no weight is so large")
         return
     if isinstance(node, ast.Name):
         if node.id.lower() not in _CONSTANTS:
@@ -154,22 +149,19 @@ def _check(node: ast.expr, source: str, names: set[str]) -> None:
     if isinstance(node, ast.BinOp | ast.UnaryOp) and type(node.op) in _OPERATORS:
         parts = [node.left, node.right] if isinstance(node, ast.BinOp) else [node.operand]
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        parts = _arguments(node, node.func.id, source)
+        function = node.func.id
+        name = function.lower()
+        if name not in FUNCTIONS:
+            raise InputError(f"formula {source!r} calls {function!r}; allowed: {', '.join(FUNCTIONS)}")
+        fits = len(node.args) == 1 if name in _ONE else len(node.args) >= 2
+        if not fits:
+            wanted = "one argument" if name in _ONE else "two arguments or more"
+            raise InputError(f"formula {source!r} calls {function} with {len(node.args)} arguments; it takes {wanted}")
+        parts = node.args
     else:
         raise InputError(f"formula {source!r} has {ast.unparse(node)!r}, which is not arithmetic on numbers")
     for part in parts:
         _check(part, source, names)
-
-
-def _arguments(node: ast.Call, function: str, source: str) -> list[ast.expr]:
-    name = function.lower()
-    if name not in FUNCTIONS:
-        raise InputError(f"formula {source!r} calls {function!r}; allowed: {', '.join(FUNCTIONS)}")
-    fits = len(node.args) == 1 if name in _ONE else len(node.args) >= 2
-    if not fits:
-        wanted = "one argument" if name in _ONE else "two arguments or more"
-        raise InputError(f"formula {source!r} calls {function} with {len(node.args)} arguments; it takes {wanted}")
-    return node.args
 
 
 def _built(node: ast.expr) -> Compute:
@@ -184,15 +176,14 @@ def _built(node: ast.expr) -> Compute:
             return lambda variables, memory: constant
         return lambda variables, memory: variables[name]
     if isinstance(node, ast.BinOp):
-        return _binary(_OPERATORS[type(node.op)], _built(node.left), _built(node.right))
+        operator = _OPERATORS[type(node.op)]
+        left = _built(node.left)
+        right = _built(node.right)
+        return lambda variables, memory: operator(left(variables, memory), right(variables, memory))
     if isinstance(node, ast.UnaryOp):
         operand, sign = _built(node.operand), _OPERATORS[type(node.op)]
         return lambda variables, memory: sign(operand(variables, memory))
     return _remembered(node)
-
-
-def _binary(operator: Callable[..., Any], left: Compute, right: Compute) -> Compute:
-    return lambda variables, memory: operator(left(variables, memory), right(variables, memory))
 
 
 def _remembered(node: ast.expr) -> Compute:
@@ -235,13 +226,6 @@ UNITS: Final[Mapping[str, float]] = MappingProxyType(
 )
 """Units a magnitude may have, and what one of them is in SI."""
 
-STATION_VARIABLES: Final = frozenset(
-    ("md", "tvd", "inc", "azt", "azm", "az", "mdprev", "incprev", "aztprev", "azmprev", "azprev", "k")
-)
-"""Variables that each station has: depths in m, angles in rad, ...prev of the station before, k -1 beyond 90 deg."""
-
-SITE_VARIABLES: Final = frozenset(("gfield", "bfield", "dip", "latitude", "earthrate"))
-"""Variables of the place: m/s^2, nT, rad, rad, rad/s."""
 
 PARAMETERS: Final = frozenset(("noisereductionfactor", "gxyrunningspeed", "gzrunningspeed", "xcltortuosity"))
 """Parameters a tool code may set for its formulas: -, m/s, m/s, rad/m."""
@@ -251,7 +235,16 @@ STATES: Final[Mapping[str, str]] = MappingProxyType(
 )
 """Variables for what a continuous gyro has accumulated up to the station before."""
 
-VARIABLES: Final = STATION_VARIABLES | SITE_VARIABLES | PARAMETERS | frozenset(STATES)
+VARIABLES: Final = frozenset(
+    (
+        # of each station: depths in m, angles in rad, ...prev of the station before, k -1 beyond 90 deg
+        *("md", "tvd", "inc", "azt", "azm", "az", "mdprev", "incprev", "aztprev", "azmprev", "azprev", "k"),
+        # of the place: m/s^2, nT, rad, rad, rad/s
+        *("gfield", "bfield", "dip", "latitude", "earthrate"),
+        *PARAMETERS,
+        *STATES,
+    )
+)
 """Everything a weighting formula may mention."""
 
 
@@ -503,19 +496,6 @@ def levers(md: Array, inclination: Array, azimuth: Array, surface: bool, surface
     )
 
 
-UNBOUNDED: Final = 1e12
-"""A weight as large as this comes of a division by zero, e.g. by the cosine of an inclination of 90 deg."""
-
-
-REMEDIES: Final = {
-    "azm": "declination",
-    "azmprev": "declination",
-    "gfield": "gravity or latitude",
-    "bfield": "field strength",
-}
-"""What to state of the site where a variable has no value; its own name for the others."""
-
-
 class Weights(NamedTuple):
     """Weights of one realisation of an error, times its standard deviation; None where they are 0 everywhere.
 
@@ -608,7 +588,8 @@ class Evaluator:
         if any(name.endswith("prev") for name in formula.names):
             used = used.copy()
             used[0] = False  # nothing lies before the first station
-        bad = used & ~(np.abs(value) < UNBOUNDED)
+        # as large a weight comes of a division by zero, e.g. by the cosine of an inclination of 90 deg
+        bad = used & ~(np.abs(value) < 1e12)
         if bad.any():
             row = int(np.argmax(bad))
             raise InputError(
@@ -621,7 +602,9 @@ class Evaluator:
     def _evaluate(self, term: Term, formula: Formula, known: Mapping[str, Any], memory: dict[str, Any] | None) -> Any:
         missing = sorted(formula.names - set(known))
         if missing:
-            wanted = ", ".join(sorted({REMEDIES.get(name, name) for name in missing}))
+            remedies = {"azm": "declination", "azmprev": "declination"}
+            remedies |= {"gfield": "gravity or latitude", "bfield": "field strength"}
+            wanted = ", ".join(sorted({remedies.get(name, name) for name in missing}))
             raise InputError(
                 f"tool code {self.code.name}, term {term.name}: formula {formula.text!r} needs {', '.join(missing)}; "
                 f"give the site's {wanted}, or choose another tool code"
@@ -648,9 +631,12 @@ class Evaluator:
         whole = Weights(None, None, azimuth, None, term.course)
         if not walk or not self._restarts or gate is None:
             return [whole]
-        return [
-            whole.times(_rows(self.size, part)) for part in stretches(self.here & (self.survey.inclination > gate))
-        ] or [whole]
+        found = []
+        for part in stretches(self.here & (self.survey.inclination > gate)):
+            mask = np.zeros(self.size)
+            mask[part] = 1.0
+            found.append(whole.times(mask))
+        return found or [whole]
 
     def _carried(self, term: Term, parts: list[slice], gate: float) -> Weights:
         """The weight a term had where the hole entered each stretch, kept throughout it (SPE 90408, appendix C)."""
@@ -678,7 +664,19 @@ class Evaluator:
             if part.start == self.first or not self._restarts:  # initialised where the run began
                 found[:, column] = self.survey.inclination[self.first], self.survey.azimuth[self.first]
             else:
-                found[:, column] = gate, _crossing(self.survey, part.start, gate)
+                # azimuth where the arc between a station below and the one after it above passes an inclination
+                both = slice(part.start - 1, part.start + 1)
+                inclination, azimuth = self.survey.inclination[both], self.survey.azimuth[both]
+                sine = np.sin(inclination)
+                ends = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(inclination)], axis=1)
+                low, high = 0.0, 1.0
+                # bisection: the inclination of an arc between two stations may have a minimum, but crosses upwards once
+                for _ in range(60):
+                    middle = 0.5 * (low + high)
+                    at = _on_arc(ends, middle)
+                    low, high = (middle, high) if np.arctan2(np.hypot(at[0], at[1]), at[2]) < gate else (low, middle)
+                at = _on_arc(ends, high)
+                found[:, column] = gate, float(np.arctan2(at[1], at[0]))
         return found[0], found[1]
 
 
@@ -692,27 +690,6 @@ def stretches(where: Mask) -> list[slice]:
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
     return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _rows(size: int, part: slice) -> Array:
-    mask = np.zeros(size)
-    mask[part] = 1.0
-    return mask
-
-
-def _crossing(survey: WellSurvey, row: int, gate: float) -> float:
-    """Azimuth where the arc between a station below and the one after it above passes an inclination."""
-    inclination, azimuth = survey.inclination[row - 1 : row + 1], survey.azimuth[row - 1 : row + 1]
-    sine = np.sin(inclination)
-    ends = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(inclination)], axis=1)
-    low, high = 0.0, 1.0
-    # bisection: the inclination of an arc between two stations may have a minimum, but crosses upwards once
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        at = _on_arc(ends, middle)
-        low, high = (middle, high) if np.arctan2(np.hypot(at[0], at[1]), at[2]) < gate else (low, middle)
-    at = _on_arc(ends, high)
-    return float(np.arctan2(at[1], at[0]))
 
 
 def _on_arc(ends: Array, share: float) -> Array:

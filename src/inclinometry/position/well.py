@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -163,10 +163,6 @@ def _covariance(value: ArrayLike, sizes: tuple[int, ...]) -> Array:
     return matrix
 
 
-NORTHS: Final = ("true", "grid")
-"""Norths that positions may be counted from."""
-
-
 @dataclass(frozen=True, eq=False)
 class WellSurvey:
     """n stations of a well; see `well_survey`.
@@ -208,8 +204,8 @@ class WellSurvey:
             if column.shape != md.shape:
                 raise InputError(f"{name} has shape {column.shape}, md has {md.shape}; one value a station is needed")
             object.__setattr__(self, name, frozen(column))
-        if self.north not in NORTHS:
-            raise InputError(f"north is {self.north!r}; allowed: {', '.join(NORTHS)}")
+        if self.north not in ("true", "grid"):
+            raise InputError(f"north is {self.north!r}; allowed: true, grid")
         object.__setattr__(self, "tie", frozen(finite(self.tie, "tie", (3, 3))))
 
     def __len__(self) -> int:

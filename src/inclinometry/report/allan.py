@@ -10,11 +10,10 @@ from inclinometry.allan import ChannelNoise, Coefficient, NoiseRecord
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.files.allan_json import COEFFICIENTS, PlottedCurve, coefficients_of, units_of
 from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
-from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, picture, render
+from inclinometry.report.page import CONVENTIONS, Section, Table, TableRow, picture, render
 from inclinometry.report.words import listed, significant, with_uncertainty
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -43,15 +42,8 @@ def allan_figure(channel: ChannelNoise) -> Figure:
     for place, (name, part) in enumerate(channel.model.parts(t).items()):
         title = units.coefficients[COEFFICIENTS.index(name)].title if name in COEFFICIENTS else name
         axes.plot(t, factor * part, color=SERIES[place + 1], linestyle=DASHES[place % 3 + 1], label=title)
-    _scales(axes, low, float((points * np.exp(COVERAGE_FACTOR * u / np.maximum(points, 1e-300))).max()))
-    axes.set_xlabel("averaging time, s")
-    axes.set_ylabel(f"Allan deviation, {units.deviation.unit}")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.2)
-    return figure
-
-
-def _scales(axes: Axes, low: float, high: float) -> None:
-    """Logarithmic axes with plain numbers."""
+    # logarithmic axes with plain numbers
+    high = float((points * np.exp(COVERAGE_FACTOR * u / np.maximum(points, 1e-300))).max())
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_xscale("log")
@@ -62,6 +54,10 @@ def _scales(axes: Axes, low: float, high: float) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("averaging time, s")
+    axes.set_ylabel(f"Allan deviation, {units.deviation.unit}")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.2)
+    return figure
 
 
 def allan_report(record: NoiseRecord) -> str:
@@ -88,6 +84,31 @@ def allan_report(record: NoiseRecord) -> str:
     (True, 1)
     """
     troubles = len(record.warnings)
+    tables = []
+    for kind in record.kinds:
+        units, body = units_of(record.of(kind)[0]), []
+        for c in record.of(kind):
+            found = (coefficient_text(*pair) for pair in coefficients_of(c))
+            body.append(TableRow([c.name, *found, f"{c.model.chi_square:.1f}", str(c.model.dof)]))
+        head = ["channel", *(f"{s.title}, {s.unit}" for s in units.coefficients), "misfit", "degrees of freedom"]
+        caption = f"{kind.capitalize()}: coefficient ± standard uncertainty, or upper limit (95 %)"
+        tables.append(Table(caption, head, body))
+    what = f"Allan deviation with its band (k = {COVERAGE_FACTOR:g}), the fitted curve and its components"
+    pictures = [picture(allan_figure(c), f"allan{n}", f"{c.name}: {what}") for n, c in enumerate(record.channels)]
+    facts = [
+        ("Samples", str(record.samples)),
+        ("Sampling interval", f"{record.dt:.6g} s"),
+        ("Length", f"{record.samples * record.dt:.6g} s"),
+    ]
+    parts = []
+    for triad in record.kinds:
+        shown, _ = coefficients_of(record.of(triad)[0])[0]
+        levels = [one.value * shown.factor for _, one in (coefficients_of(x)[0] for x in record.of(triad)) if one.seen]
+        if levels:
+            low, high = (significant(v) for v in (min(levels), max(levels)))
+            span = low if low == high else f"{low} to {high}"
+            parts.append(f"{triad} {span} {shown.unit} ({shown.title})")
+    length = f"{record.samples} samples over {significant(record.samples * record.dt, 3)} s"
     return render(
         "report.html",
         about="What was analysed",
@@ -97,17 +118,17 @@ def allan_report(record: NoiseRecord) -> str:
         conventions=CONVENTIONS,
         state="warn" if troubles else "good",
         badge=f"{troubles} warning{'s' * (troubles > 1)}" if troubles else "No warnings",
-        verdict=_sentence(record),
+        verdict=f"{length}: {listed(parts)}." if parts else f"{length}: no white noise is seen.",
         notes=[
             "Coefficients as in IEEE Std 952-1997: the Allan variance over a time t is N²/t + 0.441 B² + K² t/3. "
             "Where a record is too short to see one, its upper limit (95 %) stands instead."
         ],
         warnings=list(record.warnings),
         sections=[
-            Section("Noise of each channel", tables=[_table(record.of(kind)) for kind in record.kinds]),
-            Section("Allan deviation", pictures=[_picture(channel, at) for at, channel in enumerate(record.channels)]),
+            Section("Noise of each channel", tables=tables),
+            Section("Allan deviation", pictures=pictures),
         ],
-        facts=_facts(record),
+        facts=facts + [(f"Digest of {name}", digest) for name, digest in record.inputs.items()],
     )
 
 
@@ -116,44 +137,3 @@ def coefficient_text(shown: PlottedCurve, found: Coefficient) -> str:
     if not found.seen:
         return f"< {significant(shown.factor * found.limit)}"
     return with_uncertainty(shown.factor * found.value, shown.factor * found.u)
-
-
-def _sentence(record: NoiseRecord) -> str:
-    parts = []
-    for kind in record.kinds:
-        shown, _ = coefficients_of(record.of(kind)[0])[0]
-        values = [c.value * shown.factor for _, c in (coefficients_of(x)[0] for x in record.of(kind)) if c.seen]
-        if values:
-            low, high = (significant(v) for v in (min(values), max(values)))
-            span = low if low == high else f"{low} to {high}"
-            parts.append(f"{kind} {span} {shown.unit} ({shown.title})")
-    length = f"{record.samples} samples over {significant(record.samples * record.dt, 3)} s"
-    return f"{length}: {listed(parts)}." if parts else f"{length}: no white noise is seen."
-
-
-def _table(channels: list[ChannelNoise]) -> Table:
-    units = units_of(channels[0])
-    body = [TableRow([c.name, *(coefficient_text(*pair) for pair in coefficients_of(c)), *_fit(c)]) for c in channels]
-    head = ["channel", *(f"{s.title}, {s.unit}" for s in units.coefficients), "misfit", "degrees of freedom"]
-    caption = f"{channels[0].kind.capitalize()}: coefficient ± standard uncertainty, or upper limit (95 %)"
-    return Table(caption, head, body)
-
-
-def _fit(channel: ChannelNoise) -> list[str]:
-    return [f"{channel.model.chi_square:.1f}", str(channel.model.dof)]
-
-
-def _picture(channel: ChannelNoise, place: int) -> Picture:
-    caption = (
-        f"{channel.name}: Allan deviation with its band (k = {COVERAGE_FACTOR:g}), the fitted curve and its components"
-    )
-    return picture(allan_figure(channel), f"allan{place}", caption)
-
-
-def _facts(record: NoiseRecord) -> list[tuple[str, str]]:
-    facts = [
-        ("Samples", str(record.samples)),
-        ("Sampling interval", f"{record.dt:.6g} s"),
-        ("Length", f"{record.samples * record.dt:.6g} s"),
-    ]
-    return facts + [(f"Digest of {name}", digest) for name, digest in record.inputs.items()]

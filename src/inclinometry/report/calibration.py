@@ -25,12 +25,6 @@ if TYPE_CHECKING:
 
 MANY = 2000
 """Points above which markers are drawn as an image inside the SVG, to keep the page small."""
-TICKS_DEG = (0, 30, 60, 90, 120, 150, 180)
-FAR = 6.0
-"""Standardised residual beyond which the scale turns logarithmic, so that one outlier does not flatten the rest."""
-
-
-_CAUSES = {"calibration": "calibration alone", "sensor noise": "noise of a reading", GRAVITY: "strength of gravity"}
 
 
 @styled
@@ -53,20 +47,7 @@ def residual_figure(calibration: Calibration, kind: str) -> Figure:
             label=name,
             rasterized=values.size > MANY,
         )
-    _sigma_lines(axes)
-    reach = 1.12 * max(3.4, float(np.nanmax(np.abs(values), initial=0.0)))
-    if reach > FAR:
-        reach *= 1.4  # room for the marker where the scale is dense
-        _outlier_scale(axes, reach)
-    axes.set_ylim(-reach, reach)
-    axes.set_ylabel("residual / its σ")
-    station_axis(axes, list(calibration.residuals.station))
-    _legend_above(axes, sensors)
-    return figure
-
-
-def _sigma_lines(axes: Axes) -> None:
-    """Limits at two and three standard deviations, named at the right edge."""
+    # limits at two and three standard deviations, named at the right edge
     for level, colour, dash in ((2.0, INK, "--"), (3.0, BAD, "-")):
         for sign in (1.0, -1.0):
             axes.axhline(sign * level, color=colour, linestyle=dash, linewidth=1.0)
@@ -81,6 +62,21 @@ def _sigma_lines(axes: Axes) -> None:
             color=colour,
             annotation_clip=False,
         )
+    reach = 1.12 * max(3.4, float(np.nanmax(np.abs(values), initial=0.0)))
+    if reach > 6.0:  # logarithmic, so that one outlier does not flatten the rest
+        reach *= 1.4  # room for the marker where the scale is dense
+        # linear to 4 standard deviations, logarithmic beyond, with plain numbers
+        axes.set_yscale("symlog", linthresh=4.0)
+        decades = np.arange(1, int(np.floor(np.log10(reach))) + 1)
+        steps = np.concatenate([[2.0], [6.0] * (reach < 30.0), 10.0 ** decades[:: -(-len(decades) // 4) or 1]])
+        ticks = [*(-steps[::-1]), 0.0, *steps]
+        axes.set_yticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
+        axes.set_yticks([], minor=True)
+    axes.set_ylim(-reach, reach)
+    axes.set_ylabel("residual / its σ")
+    station_axis(axes, list(calibration.residuals.station))
+    _legend_above(axes, sensors)
+    return figure
 
 
 @styled
@@ -114,16 +110,17 @@ def expected_figure(found: ExpectedUncertainty, name: str) -> Figure:
     axes.plot(x, worst, color=INK, linewidth=2.0, label="worst attitude")
     axes.plot(x, np.degrees(found.rms()[:, column]), color=INK, linestyle="--", label="rms")
     lowest = []
+    causes = {"calibration": "calibration alone", "sensor noise": "noise of a reading", GRAVITY: "strength of gravity"}
     for n, component in enumerate(found.components):
         part = np.degrees(found.rms(component)[:, column])
         if (part > 0.0).any():
             lowest.append(float(part[part > 0.0].min()))
             axes.plot(
-                x, part, color=SERIES[n], linestyle=DASHES[(n + 2) % len(DASHES)], label=f"{_CAUSES[component]}, rms"
+                x, part, color=SERIES[n], linestyle=DASHES[(n + 2) % len(DASHES)], label=f"{causes[component]}, rms"
             )
     if lowest:
         log_scale(axes, min(lowest), float(worst.max()))
-    axes.set_xticks(TICKS_DEG)
+    axes.set_xticks(range(0, 181, 30))
     axes.set_xlim(0, 180)
     axes.set_xlabel("inclination, deg")
     axes.set_ylabel(f"u({name}), deg")
@@ -155,21 +152,11 @@ def expected_map(found: ExpectedUncertainty, name: str) -> Figure:
     places = next((p for p in range(9) if np.allclose(levels, np.round(levels, p), rtol=0.0, atol=1e-9)), 9)
     bar.set_ticks(levels[::step], labels=[f"{level:.{places}f}" for level in levels[::step]])
     axes.set_xticks(np.arange(0, 361, 60))
-    axes.set_yticks(TICKS_DEG)
+    axes.set_yticks(range(0, 181, 30))
     axes.set_ylim(180, 0)
     axes.set_xlabel("azimuth, deg")
     axes.set_ylabel("inclination, deg")
     return figure
-
-
-def _outlier_scale(axes: Axes, reach: float) -> None:
-    """Linear to 4 standard deviations, logarithmic beyond, with plain numbers."""
-    axes.set_yscale("symlog", linthresh=4.0)
-    decades = np.arange(1, int(np.floor(np.log10(reach))) + 1)
-    steps = np.concatenate([[2.0], [6.0] * (reach < 30.0), 10.0 ** decades[:: -(-len(decades) // 4) or 1]])
-    ticks = [*(-steps[::-1]), 0.0, *steps]
-    axes.set_yticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
-    axes.set_yticks([], minor=True)
 
 
 def log_scale(axes: Axes, low: float, high: float) -> None:
@@ -189,11 +176,6 @@ def _legend_above(axes: Axes, columns: int) -> None:
     axes.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(columns, 4), borderaxespad=0.2, handletextpad=0.5
     )
-
-
-VERDICT_AT = np.radians(30.0)
-"""Inclination the verdict speaks of, rad."""
-_GRID = np.radians(np.arange(3.0, 178.0, 3.0))
 
 
 def calibration_report(
@@ -236,15 +218,18 @@ def calibration_report(
     """
     tool, name = calibration.tool, calibration.tool.name
     stated = None if readings is None else readings.reference.get("dip")
-    found = expected_uncertainty(calibration, _GRID, dip, stated_dip=stated)
+    grid = np.radians(np.arange(3.0, 178.0, 3.0))
+    found = expected_uncertainty(calibration, grid, dip, stated_dip=stated)
     short = expected_uncertainty(calibration, dip=dip, stated_dip=stated)
-    at_once = expected_uncertainty(calibration, VERDICT_AT, dip, stated_dip=stated)
+    # the verdict speaks of 30 deg
+    at_once = expected_uncertainty(calibration, np.radians(30.0), dip, stated_dip=stated)
     place, where = found.dip, _place(found)
     tests = words.calibration_tests(calibration)
     failed = sum(test.passed is False for test in tests)
     troubles = len(calibration.warnings)
     rig_table = tables.rig_table(calibration, readings)
     second = None if readings is None else second_harmonics(readings)
+    captions = {kind: f"Standardised residuals of the {kind}" for kind in calibration.residuals.standardised}
     return render(
         "calibration.html",
         title=f"Calibration of {name or 'a tool'}",
@@ -269,7 +254,9 @@ def calibration_report(
         rig_table=rig_table and cut(rig_table),
         tests=tables.test_table(tests),
         residuals=words.residual_sentences(calibration),
-        residual_figures=_residual_figures(calibration),
+        residual_figures=[
+            picture(residual_figure(calibration, kind), f"res{kind}", text) for kind, text in captions.items()
+        ],
         residual_tables=[(k, cut(t)) for k, t in tables.residual_tables(calibration, readings).items()],
         rolls=second and cut(tables.roll_table(second, readings.units if readings else {})),
         roll_sentences=_rolls(second) if second else [],
@@ -326,8 +313,3 @@ def _rig_figures(calibration: Calibration) -> list[Picture]:
         picture(rig_figure(calibration, dial), f"rig{name}", f"Error of the {name} setting; {dashed}")
         for dial, name in enumerate(DIALS)
     ]
-
-
-def _residual_figures(calibration: Calibration) -> list[Picture]:
-    captions = {kind: f"Standardised residuals of the {kind}" for kind in calibration.residuals.standardised}
-    return [picture(residual_figure(calibration, kind), f"res{kind}", text) for kind, text in captions.items()]

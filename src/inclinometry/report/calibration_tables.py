@@ -99,7 +99,8 @@ def parameter_rows(tool: Tool, kind: str) -> list[Row]:
     ('gyro.tensor[0,0]', '1.000 ± 0.010', 'V')
     """
     triad = tool.triads[kind]
-    spread = _own_sd(tool, kind)
+    variance = np.diagonal(tool.covariance)[tool.slices[kind]]
+    spread = np.asarray(np.where(variance > 0.0, np.sqrt(np.abs(variance)), np.nan))
     units = []
     for power in range(triad.degree + 1):
         tail = "" if power == 0 else "/K" if power == 1 else f"/K^{power}"
@@ -148,12 +149,6 @@ def noise_rows(tool: Tool, kind: str) -> list[Row]:
     values = tool.noise[kind] * signal_to_field(triad)
     names = sensor_names(triad.count)
     return [Row(f"{n} noise", float(v), np.nan, field_unit(triad).name) for n, v in zip(names, values, strict=True)]
-
-
-def _own_sd(tool: Tool, kind: str) -> Array:
-    """Standard uncertainties of a triad's parameters; nan where the method gave none."""
-    variance = np.diagonal(tool.covariance)[tool.slices[kind]]
-    return np.asarray(np.where(variance > 0.0, np.sqrt(np.abs(variance)), np.nan))
 
 
 def _derived(tool: Tool, kind: str, view: Callable[[Triad], Array], labels: list[str], units: list[str]) -> list[Row]:
@@ -240,12 +235,9 @@ def rig_table(calibration: Calibration, readings: BenchReadings | None) -> Table
         rows.append(
             TableRow([name, *settings.get(name, []), *(with_uncertainty(float(e), float(s)) for e, s in pairs)])
         )
-    head = ["station", *(_SET if settings else []), *(f"error of {d}, deg" for d in DIALS)]
+    head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"error of {d}, deg" for d in DIALS)]
     note = "Each estimate is drawn toward zero by the standard deviation of a setting; their scatter understates it."
     return Table("Estimated error of each setting", head, rows, note)
-
-
-_SET = [f"{dial} set, deg" for dial in DIALS]
 
 
 def _settings(calibration: Calibration, readings: BenchReadings | None) -> dict[str, list[str]]:
@@ -277,7 +269,7 @@ def residual_tables(calibration: Calibration, readings: BenchReadings | None) ->
             rows.append(
                 TableRow([name, *settings.get(name, []), *cells, *scaled, f"{residuals.leverage[k]:.2f}"], state)
             )
-        head = ["station", *(_SET if settings else []), *(f"{n}, {unit}" for n in names)]
+        head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"{n}, {unit}" for n in names)]
         head += [*(f"{n} / σ" for n in names), "leverage"]
         note = "Reading minus model at the settings as dialled; coloured beyond two, bold beyond three deviations."
         found[kind] = Table(f"Residuals of the {kind}", head, rows, note)
@@ -347,30 +339,27 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
     head.append(f"noise, {unit.name}")
     at = f" at {triad.reference_temperature:g} °C" if triad.degree else ""
     square = orthogonality_rows(tool, kind)
+    # tensor and offset, a line a sensor and power of temperature
+    rows = parameter_rows(tool, kind)
+    triad = tool.triads[kind]
+    sensors, lines = sensor_names(triad.count), []
+    for start in range(0, len(rows), 4):
+        power, sensor = divmod(start // 4, triad.count)
+        label = sensors[sensor] + (f" · T{power}" if triad.degree else "")
+        units = [rows[start].unit] if triad.degree else []
+        lines.append(TableRow([label, *units, *(row.text for row in rows[start : start + 4])]))
+    columns = ["sensor", *(["unit"] if triad.degree else []), "N x", "N y", "N z", "U0"]
+    given = "" if triad.degree else f", {triad.unit}"
+    powers = f"; Tn: factor of (T - {triad.reference_temperature:g} °C)^n" if triad.degree else ""
+    caption = f"Tensor N and offset U0{given}, ± standard uncertainty{powers}"
     return {
         "kind": kind,
         "classical": Table(f"Scale, bias and misalignment{at}, ± standard uncertainty", head, body),
         "orthogonality": Table(
             "Angle between axes less 90°", ["axes", "deg"], [TableRow([row.label, row.text]) for row in square]
         ),
-        "parameters": _parameters(tool, kind, parameter_rows(tool, kind)),
+        "parameters": Table(caption, columns, lines, text_columns=2 if triad.degree else 1),
     }
-
-
-def _parameters(tool: Tool, kind: str, rows: list[Row]) -> Table:
-    """Tensor and offset, a line a sensor and power of temperature."""
-    triad = tool.triads[kind]
-    names, body = sensor_names(triad.count), []
-    for start in range(0, len(rows), 4):
-        power, sensor = divmod(start // 4, triad.count)
-        label = names[sensor] + (f" · T{power}" if triad.degree else "")
-        units = [rows[start].unit] if triad.degree else []
-        body.append(TableRow([label, *units, *(row.text for row in rows[start : start + 4])]))
-    head = ["sensor", *(["unit"] if triad.degree else []), "N x", "N y", "N z", "U0"]
-    unit = "" if triad.degree else f", {triad.unit}"
-    powers = f"; Tn: factor of (T - {triad.reference_temperature:g} °C)^n" if triad.degree else ""
-    caption = f"Tensor N and offset U0{unit}, ± standard uncertainty{powers}"
-    return Table(caption, head, body, text_columns=2 if triad.degree else 1)
 
 
 def correlation_table(calibration: Calibration) -> Table | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,20 +18,28 @@ from inclinometry.report.figure import DASHES, INK, MARKERS, SERIES, new_figure,
 from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # The report of two calibrations of one tool: coefficients side by side, curves of the angles.
 
-FAR: Final = 4.0
-"""Standard uncertainties of one of some twenty differences from which two calibrations contradict each other."""
-
 
 def two_report(found: TwoCalibrations) -> str:
     """Two calibrations of one tool as one self-contained HTML page."""
-    far = [row for row in found.coefficients if abs(row.sigmas) > FAR]
-    agree = f"no coefficient differs by more than {FAR:g} of its standard uncertainties"
-    differ = f"{len(far)} of {len(found.coefficients)} coefficients differ by more than {FAR:g} standard uncertainties"
+    much = 4.0  # standard uncertainties: from there one of some twenty differences contradicts
+    far = [row for row in found.coefficients if abs(row.sigmas) > much]
+    agree = f"no coefficient differs by more than {much:g} of its standard uncertainties"
+    differ = f"{len(far)} of {len(found.coefficients)} coefficients differ by more than {much:g} standard uncertainties"
+    tables = []
+    for kind in dict.fromkeys(row.kind for row in found.coefficients):
+        rows, body = [row for row in found.coefficients if row.kind == kind], []
+        for row in rows:
+            cells = [f"{row.sensor} {row.name}", *(rounded(v, u) for v, u in zip(row.values, row.u, strict=True))]
+            cells += [rounded(row.difference, row.u_difference)]
+            cells += [f"{row.sigmas:+.1f}" if np.isfinite(row.sigmas) else ""]
+            body.append(TableRow(cells, "warn" if abs(row.sigmas) > much else ""))
+        units = ", ".join(dict.fromkeys(f"{row.name} in {row.unit}" for row in rows if row.unit))
+        head = ["sensor", *found.names, "difference", "in its u"]
+        tables.append(Table(f"{kind.capitalize()}: {units}", head, body))
     return render(
         "comparison.html",
         title="Two calibrations compared",
@@ -43,7 +51,7 @@ def two_report(found: TwoCalibrations) -> str:
         verdict=f"{(differ if far else agree).capitalize()}.",
         notes=["The two are taken to be independent; each coefficient is at its calibration's reference temperature."],
         warnings=[f"{n}: {w}" for n, c in zip(found.names, found.calibrations, strict=True) for w in c.warnings],
-        tables=[_table(found, kind) for kind in dict.fromkeys(row.kind for row in found.coefficients)],
+        tables=tables,
         figures=[
             picture(
                 _figure(found, column),
@@ -59,24 +67,6 @@ def two_report(found: TwoCalibrations) -> str:
             for what, digest in c.inputs.items()
         ],
     )
-
-
-def _table(found: TwoCalibrations, kind: str) -> Table:
-    rows = [row for row in found.coefficients if row.kind == kind]
-    body = [
-        TableRow(
-            [
-                f"{row.sensor} {row.name}",
-                *(rounded(v, u) for v, u in zip(row.values, row.u, strict=True)),
-                rounded(row.difference, row.u_difference),
-                f"{row.sigmas:+.1f}" if np.isfinite(row.sigmas) else "",
-            ],
-            "warn" if abs(row.sigmas) > FAR else "",
-        )
-        for row in rows
-    ]
-    units = ", ".join(dict.fromkeys(f"{row.name} in {row.unit}" for row in rows if row.unit))
-    return Table(f"{kind.capitalize()}: {units}", ["sensor", *found.names, "difference", "in its u"], body)
 
 
 @styled
@@ -143,38 +133,32 @@ def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure
         raise InputError("no method to compare; give at least one")
     figure = new_figure(3.9, width=9.0)
     panels = figure.subplots(1, 2)
-    handles: list[object] = []
     for axes, name, column in zip(panels, ("inclination", "azimuth"), (2, 3), strict=True):
-        handles = _panel(axes, rows, column)
+        handles: list[object] = []
+        levels: list[Array] = []
+        for n, row in enumerate(rows):
+            x = np.degrees(finite(row.inclination, f"inclination of {row.name}", (None,)))
+            y = np.degrees(finite(row[column], f"error of {row.name}", (None,)))
+            if x.shape != y.shape:
+                raise InputError(f"{row.name}: {x.shape[0]} inclinations and {y.shape[0]} errors; give one for each")
+            levels.append(y[y > 0.0])
+            (line,) = axes.plot(
+                x,
+                y,
+                color=SERIES[n % len(SERIES)],
+                linestyle=DASHES[n % len(DASHES)],
+                marker=MARKERS[n % len(MARKERS)],
+                markevery=(n % 3, 3) if len(x) > 12 else None,
+                linewidth=2.4 if n == 0 else 1.6,
+                label=row.name,
+            )
+            handles.append(line)
+        positive = np.concatenate(levels)
+        if len(positive):
+            log_scale(axes, float(positive.min()), float(positive.max()))
         axes.set_title(f"standard deviation of {name}, deg")
         axes.set_xlabel("inclination, deg")
     figure.legend(handles=handles, loc="outside lower center", ncols=len(rows) if len(rows) <= 4 else 3)
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK)
     return figure
-
-
-def _panel(axes: Axes, rows: Sequence[MethodCurve], column: int) -> list[object]:
-    handles: list[object] = []
-    levels: list[Array] = []
-    for n, row in enumerate(rows):
-        x = np.degrees(finite(row.inclination, f"inclination of {row.name}", (None,)))
-        y = np.degrees(finite(row[column], f"error of {row.name}", (None,)))
-        if x.shape != y.shape:
-            raise InputError(f"{row.name}: {x.shape[0]} inclinations and {y.shape[0]} errors; give one for each")
-        levels.append(y[y > 0.0])
-        (line,) = axes.plot(
-            x,
-            y,
-            color=SERIES[n % len(SERIES)],
-            linestyle=DASHES[n % len(DASHES)],
-            marker=MARKERS[n % len(MARKERS)],
-            markevery=(n % 3, 3) if len(x) > 12 else None,
-            linewidth=2.4 if n == 0 else 1.6,
-            label=row.name,
-        )
-        handles.append(line)
-    positive = np.concatenate(levels)
-    if len(positive):
-        log_scale(axes, float(positive.min()), float(positive.max()))
-    return handles

@@ -73,13 +73,6 @@ def rms_of(error: Array) -> float:
     return float(np.degrees(np.sqrt(np.mean(good**2)))) if len(good) else float("nan")
 
 
-_LOOKS: Final[tuple[dict[str, Any], ...]] = (
-    {"color": SERIES[7], "linestyle": "none", "marker": ",", "alpha": 0.55, "rasterized": True},
-    {"color": SERIES[1], "linewidth": 1.1},
-    {"color": SERIES[0], "marker": "o", "markersize": 5.0, "linewidth": 0.8},
-)
-
-
 @styled
 def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figure:
     """Three ways of finding the attitude against the truth: speed, angles on clipped axes, errors on logarithmic ones.
@@ -97,6 +90,8 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
     Figure
         Root mean square errors stand in the legend.
     """
+    from matplotlib.lines import Line2D
+
     figure = new_figure(8.6, width=9.0)
     grid = figure.add_gridspec(4, 2, height_ratios=(0.12, 1.0, 2.6, 2.2))
     head, speed = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
@@ -104,95 +99,64 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
     speed.set_ylabel("true speed, rpm")
     speed.set_xlabel("time, s")
     errors = {name: errors_of(one, truth) for name, one in found.items()}
+    looks: tuple[dict[str, Any], ...] = (
+        {"color": SERIES[7], "linestyle": "none", "marker": ",", "alpha": 0.55, "rasterized": True},
+        {"color": SERIES[1], "linewidth": 1.1},
+        {"color": SERIES[0], "marker": "o", "markersize": 5.0, "linewidth": 0.8},
+    )
     for column, name in enumerate(("inclination", "azimuth")):
         upper = figure.add_subplot(grid[2, column])
         lower = figure.add_subplot(grid[3, column], sharex=upper)
-        _angle_panel(upper, truth, found, errors, column)
-        _error_panel(lower, found, errors, column)
+        low = []
+        true = np.degrees(np.unwrap((truth.inclination, truth.azimuth)[column]))
+        for layer, (look, (key, method)) in enumerate(zip(looks, found.items(), strict=False)):
+            error = np.degrees(errors[key][column])
+            path = np.interp(method.time, truth.time, true) + error
+            upper.plot(method.time, path, zorder=2.0 + layer, **look)
+            if method.u is not None:
+                upper.errorbar(
+                    method.time,
+                    path,
+                    COVERAGE_FACTOR * np.degrees(method.u[column]),
+                    linestyle="none",
+                    color=look["color"],
+                    capsize=2.0,
+                )
+            lower.plot(method.time, np.abs(error), **look)
+            seen = np.abs(error)[np.isfinite(error) & (error != 0.0)]
+            low.append(float(np.quantile(seen, 0.02)) if len(seen) else 1.0)
+        upper.plot(truth.time, true, color=INK, linewidth=1.6, linestyle="--", zorder=6.0)
+        # the axis holds what the second method makes of it, raw values beyond are cut
+        sizes = [np.abs(np.degrees(errors[key][column])) for key in list(found)[1:]]
+        reach = 1.3 * max(float(np.nanquantile(size, 0.98)) for size in sizes)
+        upper.set_ylim(float(true.min()) - reach, float(true.max()) + reach)
+        if column == 0:
+            upper.set_title("dots beyond the axes are cut")
+        log_scale(lower, max(min(low), 1e-4), 180.0)
         upper.set_ylabel(f"{name}, deg")
         lower.set_ylabel(f"|error| of {name}, deg")
         lower.set_xlabel("time, s")
-    _legend(head, errors)
-    return figure
-
-
-def _angle_panel(
-    axes: Axes, truth: Found, found: Mapping[str, Found], errors: Mapping[str, tuple[Array, Array]], column: int
-) -> None:
-    """One angle; the axis holds what the second method makes of it, raw values beyond are cut."""
-    true = np.degrees(np.unwrap((truth.inclination, truth.azimuth)[column]))
-    for place, (look, (name, one)) in enumerate(zip(_LOOKS, found.items(), strict=False)):
-        off = np.degrees(errors[name][column])
-        path = np.interp(one.time, truth.time, true) + off
-        axes.plot(one.time, path, zorder=2.0 + place, **look)
-        if one.u is not None:
-            axes.errorbar(
-                one.time,
-                path,
-                COVERAGE_FACTOR * np.degrees(one.u[column]),
-                linestyle="none",
-                color=look["color"],
-                capsize=2.0,
-            )
-    axes.plot(truth.time, true, color=INK, linewidth=1.6, linestyle="--", zorder=6.0)
-    size = [np.abs(np.degrees(errors[name][column])) for name in list(found)[1:]]
-    reach = 1.3 * max(float(np.nanquantile(one, 0.98)) for one in size)
-    axes.set_ylim(float(true.min()) - reach, float(true.max()) + reach)
-    if column == 0:
-        axes.set_title("dots beyond the axes are cut")
-
-
-def _error_panel(
-    axes: Axes, found: Mapping[str, Found], errors: Mapping[str, tuple[Array, Array]], column: int
-) -> None:
-    low = []
-    for look, (name, one) in zip(_LOOKS, found.items(), strict=False):
-        size = np.abs(np.degrees(errors[name][column]))
-        axes.plot(one.time, size, **look)
-        good = size[np.isfinite(size) & (size > 0.0)]
-        low.append(float(np.quantile(good, 0.02)) if len(good) else 1.0)
-    log_scale(axes, max(min(low), 1e-4), 180.0)
-
-
-def _legend(axes: Axes, errors: Mapping[str, tuple[Array, Array]]) -> None:
-    """Names with their root mean square errors, above everything."""
-    from matplotlib.lines import Line2D
-
     handles = [Line2D([], [], color=INK, linestyle="--")]
     labels = ["truth"]
-    for look, (name, (inclination, azimuth)) in zip(_LOOKS, errors.items(), strict=False):
+    for look, (name, (inclination, azimuth)) in zip(looks, errors.items(), strict=False):
         handles.append(Line2D([], [], **(look | {"marker": "o", "markersize": 2.5} if "alpha" in look else look)))
         inc, azi = (significant(rms_of(one)) for one in (inclination, azimuth))
         labels.append(f"{name}: rms error inclination {inc}°, azimuth {azi}°")
-    axes.axis("off")
-    axes.legend(handles, labels, loc="center left", ncols=1, borderaxespad=0.0)
+    head.axis("off")
+    head.legend(handles, labels, loc="center left", ncols=1, borderaxespad=0.0)
+    return figure
 
 
-MOST_BARS = 400
-"""Refused stretches drawn as vectors; more of them are drawn as an image."""
-
-
-class Clock(NamedTuple):
-    """The unit times are shown in: seconds of one unit, and its sign."""
-
-    seconds: float
-    unit: str
-
-    def shown(self, time: Array) -> Array:
-        """Times, s, in this unit."""
-        return np.asarray(time / self.seconds)
-
-
-def clock(time: Array) -> Clock:
-    """Seconds up to ten minutes, minutes up to three hours, hours beyond.
+def clock(time: Array) -> tuple[float, str]:
+    """The unit times are shown in, its seconds and its sign: s to ten minutes, min to three hours, h beyond.
 
     Examples
     --------
-    >>> clock(np.array([0.0, 60.0])).unit, clock(np.array([0.0, 1e5])).unit
-    ('s', 'h')
+    >>> clock(np.array([0.0, 60.0])), clock(np.array([0.0, 1e5]))
+    ((1.0, 's'), (3600.0, 'h'))
     """
     span = float(np.ptp(time)) if len(time) else 0.0
-    return Clock(1.0, "s") if span <= 600.0 else Clock(60.0, "min") if span <= 10_800.0 else Clock(3600.0, "h")
+    return (1.0, "s") if span <= 600.0 else (60.0, "min") if span <= 10_800.0 else (3600.0, "h")
 
 
 def stretches(time: Array, chosen: Mask) -> list[tuple[float, float]]:
@@ -214,13 +178,13 @@ def stretches(time: Array, chosen: Mask) -> list[tuple[float, float]]:
     return [(float(low[first]), float(high[last] - low[first])) for first, last in pairs]
 
 
-def _shade(axes: Axes, time: Array, refused: Mask, at: Clock) -> None:
+def _shade(axes: Axes, time: Array, refused: Mask, unit: float) -> None:
     """Refused stretches over the full height."""
-    bars = [(begin / at.seconds, length / at.seconds) for begin, length in stretches(time, refused)]
+    bars = [(begin / unit, length / unit) for begin, length in stretches(time, refused)]
     if bars:
         axes.broken_barh(
             bars, (0.0, 1.0), transform=axes.get_xaxis_transform(), color=BAD, alpha=0.16, linewidth=0.0, zorder=0.5,
-            label="refused", rasterized=len(bars) > MOST_BARS,
+            label="refused", rasterized=len(bars) > 400,
         )  # fmt: skip
 
 
@@ -234,17 +198,24 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
     """One angle over time with its band of expanded uncertainty, refused stretches shaded; below, U."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    rows, at = thinned(len(found)), clock(found.time)
-    time = at.shown(found.time[rows])
+    rows, (unit, sign) = thinned(len(found)), clock(found.time)
+    time = found.time[rows] / unit
     value, u = (np.degrees(getattr(found, column)[rows]) for column in (name, f"u_{name}"))
     path = value if name == "inclination" else unbroken(value)
-    if _leaps(path):
+    steps = np.abs(np.diff(path[np.isfinite(path)]))
+    # an angle that turns so far from row to row that a curve would say nothing
+    if len(steps) and float(np.median(steps)) > 30.0:
         compass_dots(upper, time, path)
     else:
         course(upper, time, path, COVERAGE_FACTOR * u)
-        _frame(upper, path, COVERAGE_FACTOR * u)
+        # limits that hold the curve and most of its band
+        spread = COVERAGE_FACTOR * u
+        good = np.isfinite(path) & np.isfinite(spread)
+        if good.any() and float(np.ptp(path[good])) <= 720.0:
+            room = min(1.2 * float(np.quantile(spread[good], 0.9)) + 0.01, 180.0)
+            upper.set_ylim(float(path[good].min()) - room, float(path[good].max()) + room)
     for axes in (upper, lower):
-        _shade(axes, found.time, found.refused, at)
+        _shade(axes, found.time, found.refused, unit)
     upper.set_ylabel(f"{name}, deg")
     _above(upper, 2)
     seen = u[np.isfinite(u) & (u > 0.0)]
@@ -253,22 +224,8 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
         # wide enough for two labels where U hardly changes
         log_scale(lower, 0.8 * COVERAGE_FACTOR * float(seen.min()), 1.25 * COVERAGE_FACTOR * float(seen.max()))
     lower.set_ylabel("U, deg")
-    lower.set_xlabel(f"time, {at.unit}")
+    lower.set_xlabel(f"time, {sign}")
     return figure
-
-
-def _leaps(path: Array) -> bool:
-    """Whether an angle, deg, turns so far from row to row that a curve would say nothing."""
-    steps = np.abs(np.diff(path[np.isfinite(path)]))
-    return bool(len(steps)) and float(np.median(steps)) > 30.0
-
-
-def _frame(axes: Axes, path: Array, spread: Array) -> None:
-    """Limits that hold the curve and most of its band."""
-    good = np.isfinite(path) & np.isfinite(spread)
-    if good.any() and float(np.ptp(path[good])) <= 720.0:
-        room = min(1.2 * float(np.quantile(spread[good], 0.9)) + 0.01, 180.0)
-        axes.set_ylim(float(path[good].min()) - room, float(path[good].max()) + room)
 
 
 @styled
@@ -276,9 +233,9 @@ def speed_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
     """Turns a minute over time with its fastest and slowest tenth of a second, and the stick-slip index."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    at = clock(found.time)
+    unit, sign = clock(found.time)
     rows = thinned(len(vibration))
-    time = at.shown(vibration.time[rows])
+    time = vibration.time[rows] / unit
     low, high = RPM * vibration.slowest[rows], RPM * vibration.fastest[rows]
     upper.fill_between(time, low, high, color=SERIES[0], alpha=0.25, linewidth=0.0, label="slowest to fastest")
     _line(upper, time, RPM * vibration.mean[rows], SERIES[0], "mean")
@@ -286,10 +243,10 @@ def speed_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
     lower.axhline(1.0, color=INK, linewidth=0.8, linestyle=":")
     lower.set_ylim(bottom=0.0)
     for axes in (upper, lower):
-        _shade(axes, found.time, found.refused, at)
+        _shade(axes, found.time, found.refused, unit)
     upper.set_ylabel("speed, rpm")
     lower.set_ylabel("stick-slip index")
-    lower.set_xlabel(f"time, {at.unit}")
+    lower.set_xlabel(f"time, {sign}")
     _above(upper, 3)
     return figure
 
@@ -299,17 +256,17 @@ def vibration_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
     """Vibration over time by direction, g rms, and the peaks below."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    rows, at = thinned(len(vibration)), clock(found.time)
-    time = at.shown(vibration.time[rows])
+    rows, (unit, sign) = thinned(len(vibration)), clock(found.time)
+    time = vibration.time[rows] / unit
     for place, name in enumerate(("lateral", "axial")):
         _line(upper, time, getattr(vibration, name)[rows] / STANDARD_GRAVITY, SERIES[place], name, place)
     _line(lower, time, vibration.peak[rows] / STANDARD_GRAVITY, SERIES[3])
     for axes in (upper, lower):
-        _shade(axes, found.time, found.refused, at)
+        _shade(axes, found.time, found.refused, unit)
         axes.set_ylim(bottom=0.0)
     upper.set_ylabel("vibration, g rms")
     lower.set_ylabel("peak, g")
-    lower.set_xlabel(f"time, {at.unit}")
+    lower.set_xlabel(f"time, {sign}")
     _above(upper, 3)
     return figure
 
@@ -327,19 +284,25 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
 
     figure = new_figure(3.4)
     axes = figure.add_subplot()
-    at = clock(found.time)
+    unit, sign = clock(found.time)
     amplitude = np.ma.masked_invalid(np.sqrt(found.density))
     known = amplitude.compressed()
     top = float(known.max()) if len(known) and known.max() > 0.0 else 1.0
     low = max(1e-4 * top, float(np.quantile(known, 0.02)) if len(known) else 0.0)
     low = low if low < top else 0.1 * top
-    edges = _edges(found.frequency)
+    # edges (f + 1,) of cells about their middles; the first cell begins at zero
+    middle = found.frequency
+    if len(middle) < 2:
+        edges = np.array([0.0, 2.0 * float(middle[0]) if len(middle) else 1.0])
+    else:
+        inner = 0.5 * (middle[1:] + middle[:-1])
+        edges = np.concatenate([[0.0 if middle[0] >= 0.0 else middle[0]], inner, [2.0 * middle[-1] - inner[-1]]])
     mesh = axes.pcolormesh(
-        at.shown(found.time), edges, np.ma.maximum(amplitude, low).T, norm=LogNorm(low, top), cmap="viridis",
+        found.time / unit, edges, np.ma.maximum(amplitude, low).T, norm=LogNorm(low, top), cmap="viridis",
         rasterized=True,
     )  # fmt: skip
     axes.grid(visible=False)
-    axes.set_xlabel(f"time, {at.unit}")
+    axes.set_xlabel(f"time, {sign}")
     axes.set_ylabel("frequency, Hz")
     places, plain = LogLocator(subs=(1.0, 2.0, 5.0)), FuncFormatter(lambda value, _: f"{value:g}")
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, ticks=places, format=plain)
@@ -348,26 +311,18 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
     return figure
 
 
-def _edges(middle: Array) -> Array:
-    """Edges (f + 1,) of cells about their middles; the first cell begins at zero."""
-    if len(middle) < 2:
-        return np.array([0.0, 2.0 * float(middle[0]) if len(middle) else 1.0])
-    inner = 0.5 * (middle[1:] + middle[:-1])
-    return np.concatenate([[0.0 if middle[0] >= 0.0 else middle[0]], inner, [2.0 * middle[-1] - inner[-1]]])
-
-
 @styled
 def envelope_figure(channels: Sequence[Envelope], label: str) -> Figure:
     """Channels of one triad over the whole run: mean, and lowest to highest value as a band."""
     figure = new_figure(3.0)
     axes = figure.add_subplot()
-    at = clock(channels[0].time)
+    unit, sign = clock(channels[0].time)
     for place, one in enumerate(channels):
         look: dict[str, Any] = {"color": SERIES[place], "alpha": 0.18, "linewidth": 0.0}
-        axes.fill_between(at.shown(one.time), one.low, one.high, **look)
-        _line(axes, at.shown(one.time), one.mean, SERIES[place], one.name, place)
+        axes.fill_between(one.time / unit, one.low, one.high, **look)
+        _line(axes, one.time / unit, one.mean, SERIES[place], one.name, place)
     axes.set_ylabel(f"{label}, {_printed(channels[0].unit)}")
-    axes.set_xlabel(f"time, {at.unit}")
+    axes.set_xlabel(f"time, {sign}")
     _above(axes, 3)
     return figure
 
@@ -430,13 +385,6 @@ CHANNEL_WORDS: Final = {"accel": "apparent gravity", "mag": "magnetic field", "g
 """What each triad of `CHANNELS` reads."""
 
 
-MOTION_CONVENTIONS = (
-    f"{CONVENTIONS} Speed: about the tool axis, positive clockwise looking down hole. Stick-slip index: (fastest - "
-    "slowest) / (2 mean) speed, averaged over 0.1 s; 1 where the string stops once a cycle. g: standard gravity."
-)
-_STILL_RPM = 1.0
-
-
 def dynamic_report(run: DynamicRun) -> str:
     """Attitude of a moving tool as one self-contained HTML page.
 
@@ -457,22 +405,48 @@ def dynamic_report(run: DynamicRun) -> str:
     """
     if not len(run.rows):
         raise InputError("the run has no window to report; give a longer run or shorter windows")
-    state, badge = _badge(run.rows)
+    rows = run.rows
+    refused, size = int(rows.refused.sum()), len(rows)
+    flagged = int((rows.flags != 0).sum())
+    if refused == size:
+        state, badge = "bad", "No window could be trusted"
+    elif refused:
+        state, badge = "warn", f"{refused} of {_windows(size)} refused"
+    elif flagged:
+        state, badge = "warn", f"{flagged} of {_windows(size)} flagged"
+    else:
+        state, badge = "good", "Nothing refused or flagged"
+    pictures, body = [], []
+    for name in ANGLES:
+        expanded = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}"))
+        good = np.flatnonzero(np.isfinite(expanded))
+        if not len(good):
+            continue
+        pictures.append(picture(attitude_figure(rows, name), name, _angle_caption(rows, name)))
+        at = int(good[np.argmax(expanded[good])])
+        cells = [significant(float(v)) for v in (expanded[good].min(), np.median(expanded[good]), expanded[at])]
+        body.append(TableRow([name, *cells, plain(rows.time[at], 2)]))
+    head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at time, s"]
+    tables = [Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)] if body else []
     sections = [
-        _angles(run),
+        Section("Inclination, azimuth, toolface", [f"Azimuth counts from {norths(rows)}."], tables, pictures),
         _motion(run),
         _refused(run.rows),
         _methods(run),
         _recorded(run),
         _table(run),
     ]
+    conventions = (
+        f"{CONVENTIONS} Speed: about the tool axis, positive clockwise looking down hole. Stick-slip index: (fastest - "
+        "slowest) / (2 mean) speed, averaged over 0.1 s; 1 where the string stops once a cycle. g: standard gravity."
+    )
     return render(
         "report.html",
         about="What was reduced",
         title=f"Attitude of {run.tool or 'a moving tool'}",
         kind="Dynamic attitude report",
         heading=f"Attitude of {run.tool} in motion" if run.tool else "Attitude in motion",
-        conventions=MOTION_CONVENTIONS,
+        conventions=conventions,
         state=state,
         badge=badge,
         verdict=_sentence(run),
@@ -500,24 +474,11 @@ def _windows(count: int) -> str:
     return f"{count} window{'s' * (count != 1)}"
 
 
-def _badge(rows: AttitudeRows) -> tuple[str, str]:
-    refused, size = int(rows.refused.sum()), len(rows)
-    flagged = int((rows.flags != 0).sum())
-    if refused == size:
-        return "bad", "No window could be trusted"
-    if refused:
-        return "warn", f"{refused} of {_windows(size)} refused"
-    return ("warn", f"{flagged} of {_windows(size)} flagged") if flagged else ("good", "Nothing refused or flagged")
-
-
-def _span(seconds: float) -> str:
-    at = clock(np.array([0.0, seconds]))
-    return f"{significant(seconds / at.seconds, 3)} {at.unit}"
-
-
 def _sentence(run: DynamicRun) -> str:
     rows = run.rows
-    span = f"{_windows(len(rows))} in {_span(run.counts.stop - run.counts.start)}"
+    seconds = run.counts.stop - run.counts.start
+    unit, sign = clock(np.array([0.0, seconds]))
+    span = f"{_windows(len(rows))} in {significant(seconds / unit, 3)} {sign}"
     refused = rows.refused
     if refused.all():
         return f"{span}: all refused; the reasons and what to do about them stand below."
@@ -546,22 +507,6 @@ def _covers(run: DynamicRun) -> str:
     )
 
 
-def _angles(run: DynamicRun) -> Section:
-    rows, pictures, body = run.rows, [], []
-    for name in ANGLES:
-        expanded = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}"))
-        good = np.flatnonzero(np.isfinite(expanded))
-        if not len(good):
-            continue
-        pictures.append(picture(attitude_figure(rows, name), name, _angle_caption(rows, name)))
-        at = int(good[np.argmax(expanded[good])])
-        cells = [significant(float(v)) for v in (expanded[good].min(), np.median(expanded[good]), expanded[at])]
-        body.append(TableRow([name, *cells, plain(rows.time[at], 2)]))
-    head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at time, s"]
-    tables = [Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)] if body else []
-    return Section("Inclination, azimuth, toolface", [f"Azimuth counts from {norths(rows)}."], tables, pictures)
-
-
 def _angle_caption(rows: AttitudeRows, name: str) -> str:
     reference = f" from {norths(rows)}" if name == "azimuth" else ""
     shaded = "; shaded: refused" if rows.refused.any() else ""
@@ -579,13 +524,9 @@ def _motion(run: DynamicRun) -> Section:
     if run.spectrogram is not None and np.isfinite(run.spectrogram.density).any():
         caption = f"Spectrogram: {run.spectrogram.what}"
         pictures.append(picture(spectrogram_figure(run.spectrogram), "spectrogram", caption))
-    return Section("How it turned and shook", _motion_sentences(vibration, run.rows.rate), [], pictures)
-
-
-def _motion_sentences(vibration: Vibration, rate: Array) -> list[str]:
     lines = []
     # the speeds of the table of windows, where there are any: a gyro's own mean has its scale error besides
-    mean = rate if np.isfinite(rate).any() and np.isfinite(vibration.mean).any() else vibration.mean
+    mean = run.rows.rate if np.isfinite(run.rows.rate).any() and np.isfinite(vibration.mean).any() else vibration.mean
     speed = np.abs(RPM * mean[np.isfinite(mean)])
     if len(speed):
         low, middle, high = (plain(float(v), 1) for v in (speed.min(), np.median(speed), speed.max()))
@@ -597,7 +538,10 @@ def _motion_sentences(vibration: Vibration, rate: Array) -> list[str]:
     index = vibration.stick_slip[np.isfinite(vibration.stick_slip)]
     if len(index):
         worst, usual = significant(float(index.max())), significant(float(np.median(index)))
-        stops = int(_stopped(vibration).sum())
+        # windows (v,) in which a turning string came to a stop or turned back
+        ends = np.stack([vibration.slowest, vibration.fastest])
+        least = np.where(ends[0] * ends[1] <= 0.0, 0.0, np.abs(ends).min(axis=0))
+        stops = int(np.asarray(np.isfinite(vibration.stick_slip) & (RPM * least < 1.0)).sum())
         whole = f"the string stopped in {_windows(stops)}" if stops else "the string never stopped"
         lines.append(f"Stick-slip index: {usual} at the median window, {worst} at the worst; {whole}.")
     for name in ("lateral", "axial", "peak"):
@@ -608,14 +552,7 @@ def _motion_sentences(vibration: Vibration, rate: Array) -> list[str]:
             label = "Largest acceleration" if name == "peak" else f"Vibration, {name}"
             unit = "g" if name == "peak" else "g rms"
             lines.append(f"{label}: {usual} {unit} at the median window, {most} {unit} at the worst.")
-    return lines
-
-
-def _stopped(vibration: Vibration) -> Mask:
-    """Windows (v,) in which a turning string came to a stop or turned back."""
-    ends = np.stack([vibration.slowest, vibration.fastest])
-    least = np.where(ends[0] * ends[1] <= 0.0, 0.0, np.abs(ends).min(axis=0))
-    return np.asarray(np.isfinite(vibration.stick_slip) & (RPM * least < _STILL_RPM))
+    return Section("How it turned and shook", lines, [], pictures)
 
 
 def _refused(rows: AttitudeRows) -> Section | None:

@@ -29,13 +29,10 @@ SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#5b5bd6", "#56
 BAD = "#c1272d"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES = ("-", "--", "-.", ":")
-WIDTH = 4.6
-"""Width of a figure, in: its text stays readable when the figure is shown 360 pixels wide."""
 
 _VARIABLES = {INK: "currentColor", BAD: f"var(--bad, {BAD})"} | {
     colour: f"var(--series-{n + 1}, {colour})" for n, colour in enumerate(SERIES)
 }
-_INKED = ("text.color", "axes.labelcolor", "axes.edgecolor", "axes.titlecolor", "xtick.color", "ytick.color")
 _RC: dict[str, Any] = {
     "font.size": 10.5,
     "axes.titlesize": 10.5,
@@ -59,7 +56,9 @@ _RC: dict[str, Any] = {
     "figure.facecolor": "none",
     "axes.facecolor": "none",
     "savefig.facecolor": "none",
-} | dict.fromkeys(_INKED, INK)
+} | dict.fromkeys(
+    ("text.color", "axes.labelcolor", "axes.edgecolor", "axes.titlecolor", "xtick.color", "ytick.color"), INK
+)
 _LOCK = threading.RLock()
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -90,8 +89,11 @@ def styled(draw: Callable[_P, _R]) -> Callable[_P, _R]:
     return inside
 
 
-def new_figure(height: float, *, width: float = WIDTH) -> Figure:
-    """An empty figure, in; the object-oriented interface needs no pyplot and leaves nothing open."""
+def new_figure(height: float, *, width: float = 4.6) -> Figure:
+    """An empty figure, in; the object-oriented interface needs no pyplot and leaves nothing open.
+
+    Its text stays readable when a figure of the default width is shown 360 pixels wide.
+    """
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height))

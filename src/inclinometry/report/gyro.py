@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite
-from inclinometry.constants import COVERAGE_FACTOR, DEG_PER_HOUR
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.gyro.result import FLAGS, North
@@ -18,6 +18,7 @@ from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.report.calibration import MANY
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, styled
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
+from inclinometry.report.survey import flag_table, summary_table
 from inclinometry.report.survey_figures import angle_figure
 from inclinometry.report.words import listed, plain, rounded, significant, with_uncertainty
 from inclinometry.rotations import wrap_signed
@@ -30,10 +31,6 @@ if TYPE_CHECKING:
 
 SINGULAR = 0.1
 """|K| below which noise of the rates reaches the scale factor of the closed form more than tenfold."""
-
-PER_CENT = 100.0
-TEMPERATURE = "temperature, °C"
-DEPTH = "measured depth, m"
 
 
 def method_label(method: str) -> str:
@@ -83,7 +80,7 @@ def scale_figure(track: ScaleTrack) -> Figure:
                 "elinewidth": 1.0,
                 "markersize": size if marker == "o" else 6.5,
             }
-            bars, value = COVERAGE_FACTOR * PER_CENT * track.scale_sd[rows], _per_cent(track.scale[rows])
+            bars, value = COVERAGE_FACTOR * 100.0 * track.scale_sd[rows], _per_cent(track.scale[rows])
             few = int(rows.sum()) <= MANY
             axes.errorbar(
                 scale_place(track)[rows],
@@ -95,19 +92,19 @@ def scale_figure(track: ScaleTrack) -> Figure:
                 rasterized=not few,
                 **look,
             )
-    axes.set_xlabel(TEMPERATURE if track.thermometer else "station")
+    axes.set_xlabel("temperature, °C" if track.thermometer else "station")
     _above(axes, 2)
     return figure
 
 
 def _per_cent(scale: Array) -> Array:
     """A scale factor as what it adds to the readings, %."""
-    return np.asarray(PER_CENT * (scale - 1.0))
+    return np.asarray(100.0 * (scale - 1.0))
 
 
 def _scale_panel(axes: Axes, track: ScaleTrack, label: str = "learnt", colour: str = SERIES[0]) -> None:
     heat, scale, sd = scale_course(track)
-    middle, spread = _per_cent(scale), COVERAGE_FACTOR * PER_CENT * sd
+    middle, spread = _per_cent(scale), COVERAGE_FACTOR * 100.0 * sd
     band: dict[str, Any] = {
         "color": colour,
         "alpha": 0.2,
@@ -155,7 +152,11 @@ def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Ar
     wide = np.minimum(band, 180.0)[order]
     axes.fill_between(place[order], -wide, wide, color=SERIES[2], alpha=0.25, linewidth=0.0, label=band_label)
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    reach = _reach(values, band)
+    # half the height of the axis, deg: most of the points, not the few a failing closed form throws far away
+    sizes = [np.abs(value[np.isfinite(value)]) for value in values.values()]
+    tall = [float(np.quantile(size, 0.9)) for size in sizes if len(size)]
+    reach = 2.0 * max([*tall, float(np.median(np.minimum(band, 90.0))) if len(band) else 0.0], default=0.0)
+    reach = float(np.clip(reach, 1e-6, 180.0))
     for n, (name, value) in enumerate(values.items()):
         colour = SERIES[(1, 0, 2, 3, 4, 5)[n % 6]]
         inside = np.where(np.abs(value) <= reach, value, np.nan)
@@ -165,27 +166,16 @@ def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Ar
             linewidth=1.0, marker=MARKERS[n % len(MARKERS)], markersize=3.8 if few else 2.0, label=name,
             rasterized=len(value) > MANY,
         )  # fmt: skip
-        _edge(axes, place, value, reach, colour)
+        for rows, at, marker in ((value > reach, reach, "^"), (value < -reach, -reach, "v")):
+            if rows.any():
+                axes.plot(
+                    place[rows], np.full(int(rows.sum()), 1.05 * at), linestyle="none", marker=marker, color=colour
+                )
+        lost = ~np.isfinite(value)
+        if lost.any():
+            low = np.full(int(lost.sum()), -1.05 * reach)
+            axes.plot(place[lost], low, linestyle="none", marker="x", color=BAD, markersize=6.5, markeredgewidth=1.8)
     axes.set_ylim(-1.12 * reach, 1.12 * reach)
-
-
-def _reach(values: Mapping[str, Array], band: Array) -> float:
-    """Half the height of the axis, deg: most of the points, not the few a failing closed form throws far away."""
-    sizes = [np.abs(value[np.isfinite(value)]) for value in values.values()]
-    tall = [float(np.quantile(size, 0.9)) for size in sizes if len(size)]
-    reach = 2.0 * max([*tall, float(np.median(np.minimum(band, 90.0))) if len(band) else 0.0], default=0.0)
-    return float(np.clip(reach, 1e-6, 180.0))
-
-
-def _edge(axes: Axes, place: Array, value: Array, reach: float, colour: str) -> None:
-    """Triangles point to what lies beyond the axis; a cross on the lower edge says that there is no value."""
-    for rows, at, marker in ((value > reach, reach, "^"), (value < -reach, -reach, "v")):
-        if rows.any():
-            axes.plot(place[rows], np.full(int(rows.sum()), 1.05 * at), linestyle="none", marker=marker, color=colour)
-    lost = ~np.isfinite(value)
-    if lost.any():
-        low = np.full(int(lost.sum()), -1.05 * reach)
-        axes.plot(place[lost], low, linestyle="none", marker="x", color=BAD, markersize=6.5, markeredgewidth=1.8)
 
 
 @styled
@@ -259,7 +249,12 @@ def hot_run_figure(
             raise InputError(f"{name} has {len(value)} stations, temperature {size}; give one value for each station")
     figure = new_figure(8.2, width=9.0)
     top, middle, low = figure.subplots(3, 1, sharex=True, height_ratios=(5, 4, 1.6))
-    named = {_with_rms(name, value): np.degrees(value) for name, value in errors.items()}
+    named = {}
+    for name, value in errors.items():
+        good = value[np.isfinite(value)]
+        rms = significant(float(np.degrees(np.sqrt(np.mean(good**2))))) if len(good) else "not known"
+        lost = f", no azimuth at {size - len(good)} of {size}" if len(good) < size else ""
+        named[f"{name}: rms {rms}°{lost}"] = np.degrees(value)
     who, spread = list(u.items())[-1]
     _differences(top, temperature, named, COVERAGE_FACTOR * np.degrees(spread), f"95 % band that “{who}” states")
     top.set_ylabel("azimuth error, deg")
@@ -277,13 +272,6 @@ def hot_run_figure(
     low.set_yticks([0, 45, 90])
     low.set_xlabel("temperature in the tool, °C")
     return figure
-
-
-def _with_rms(name: str, error: Array) -> str:
-    good = error[np.isfinite(error)]
-    rms = significant(float(np.degrees(np.sqrt(np.mean(good**2))))) if len(good) else "not known"
-    lost = len(error) - len(good)
-    return f"{name}: rms {rms}°{f', no azimuth at {lost} of {len(error)}' if lost else ''}"
 
 
 # The report of a scale factor followed over temperature.
@@ -328,6 +316,30 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         raise InputError(f"md has {len(depth)} depths, the track {len(track)} stations; give one depth a station")
     left = int((~track.learnt).sum())
     learnt = learnt_sentences(track)
+    belief = track.belief
+    sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
+    names = [
+        f"scale factor at {belief.reference_temperature:g} °C",
+        f"slope, per {SPAN:g} °C",
+        f"bend, per ({SPAN:g} °C)²",
+    ]
+    body = [
+        TableRow([name, with_uncertainty(float(value), float(u))])
+        for name, value, u in zip(names, belief.coefficients, sd, strict=False)
+    ]
+    if belief.walk > 0.0:
+        value, variance, _ = belief.stands
+        body.append(TableRow(["wandered off by the end of the run", with_uncertainty(value, float(np.sqrt(variance)))]))
+        body.append(TableRow(["sd of the wandering over 1 °C", significant(belief.walk)]))
+    if belief.jitter > 0.0:
+        body.append(TableRow(["sd of what is each station’s own", significant(belief.jitter)]))
+    span = belief.temperature_range or (float(track.temperature.min()), float(track.temperature.max()))
+    sentences = [
+        f"The next run can start from these coefficients with their covariance. They were learnt from {span[0]:.0f} to "
+        f"{span[1]:.0f} °C; beyond that they are extrapolated."
+    ]
+    if belief.walk > 0.0:
+        sentences.append("The scale wanders, so the offer holds at the temperature at which the run ended.")
     return render(
         "report.html",
         about="What was reduced",
@@ -346,8 +358,10 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         warnings=[*learnt[1:], *notes],
         sections=[
             Section("Scale factor over temperature", [], [], [scale_picture(track)]),
-            Section("What was learnt", [], [_coefficients(track)]),
-            Section("What this run offers to the next one", _offer(track), [_forecast(track)]),
+            Section(
+                "What was learnt", [], [Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)]
+            ),
+            Section("What this run offers to the next one", sentences, [_forecast(track)]),
             Section("Stations", [], [cut(_scale_stations(track, depth))]),
         ],
         facts=[("Tool", tool or "not named"), ("Stations", str(len(track)))],
@@ -364,47 +378,14 @@ def scale_picture(track: ScaleTrack) -> Picture:
 def learnt_sentences(track: ScaleTrack) -> list[str]:
     """How far the scale factor moved and how well it is known, and what the track itself notes."""
     low, high = float(track.temperature.min()), float(track.temperature.max())
-    spread = COVERAGE_FACTOR * PER_CENT * float(np.median(track.scale_sd))
-    change = PER_CENT * float(np.ptp(track.scale))
+    spread = COVERAGE_FACTOR * 100.0 * float(np.median(track.scale_sd))
+    change = 100.0 * float(np.ptp(track.scale))
     over = f"From {low:.0f} to {high:.0f} °C" if track.thermometer else "Over the run"
     return [
         f"{over} the scale factor changed by {significant(change)} %; it is known within "
         f"±{significant(spread)} % at half of the stations (k = {COVERAGE_FACTOR:g}).",
         *(f"{note[0].upper()}{note[1:]}." for note in track.notes),
     ]
-
-
-def _coefficients(track: ScaleTrack) -> Table:
-    belief = track.belief
-    sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
-    names = [
-        f"scale factor at {belief.reference_temperature:g} °C",
-        f"slope, per {SPAN:g} °C",
-        f"bend, per ({SPAN:g} °C)²",
-    ]
-    body = [
-        TableRow([name, with_uncertainty(float(value), float(u))])
-        for name, value, u in zip(names, belief.coefficients, sd, strict=False)
-    ]
-    if belief.walk > 0.0:
-        value, variance, _ = belief.stands
-        body.append(TableRow(["wandered off by the end of the run", with_uncertainty(value, float(np.sqrt(variance)))]))
-        body.append(TableRow(["sd of the wandering over 1 °C", significant(belief.walk)]))
-    if belief.jitter > 0.0:
-        body.append(TableRow(["sd of what is each station’s own", significant(belief.jitter)]))
-    return Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)
-
-
-def _offer(track: ScaleTrack) -> list[str]:
-    belief = track.belief
-    span = belief.temperature_range or (float(track.temperature.min()), float(track.temperature.max()))
-    sentences = [
-        f"The next run can start from these coefficients with their covariance. They were learnt from {span[0]:.0f} to "
-        f"{span[1]:.0f} °C; beyond that they are extrapolated."
-    ]
-    if belief.walk > 0.0:
-        sentences.append("The scale wanders, so the offer holds at the temperature at which the run ended.")
-    return sentences
 
 
 def _forecast(track: ScaleTrack) -> Table:
@@ -440,29 +421,6 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
         "learnt from",
     ]
     return Table(f"Scale factor of each station, U (k = {COVERAGE_FACTOR:g})", head, body)
-
-
-_ANGLES = ("inclination", "azimuth")
-_UNITS = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
-_NOT_INCLUDED = (
-    "misalignment of the tool in the hole",
-    "misalignment of gyros against accelerometers",
-    "sag",
-    "movement of the tool while it measured",
-    "bias that drifts unevenly over the index positions",
-    "the gyros’ response to acceleration",
-)
-_STATES = {"pass": "", "not judged": "warn", "fail": "bad"}
-
-
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """Stations from the top down, all in the order of the survey; temperature (n,), degC."""
-
-    survey: Survey
-    north: North
-    temperature: Array | None
-    others: Mapping[str, North]
 
 
 def gyro_report(
@@ -517,17 +475,36 @@ def gyro_report(
     >>> "Azimuth counts from true north" in gyro_report(gyro_survey([100.0], north), north, md=[100.0])
     True
     """
-    run = _run(survey, north, md, temperature, track, others or {})
+    north, heat, others = _in_order(survey, north, md, temperature, track, others or {})
     flagged = sum(bool(row) for row in survey.flags)
     state, badge = _badge(flagged, len(survey), checks, bool(survey.warnings))
     sections = [
-        _angles(run),
-        _scale(run, track),
-        _methods(run),
+        _angles(survey),
+        _scale(survey, north, others, track),
+        _methods(survey, north, others, heat) if others else None,
         Section("Checks", tables=[_check_table(checks)]) if checks else None,
-        Section("Flags", tables=[_flags(survey)]) if flagged else None,
-        Section("Stations", tables=[cut(_stations(run))]),
+        Section("Flags", tables=[flag_table(survey, FLAGS)]) if flagged else None,
+        Section("Stations", tables=[cut(_stations(survey, north, heat))]),
     ]
+    size = len(survey)
+    span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
+    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in ANGLES[:2]}
+    parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
+    failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
+    condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
+    included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
+    left = [] if "latitude" in included else ["error of the latitude"]
+    left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
+    named = listed([f"“{name}”" for name in included]) or "nothing"
+    not_included = (
+        "misalignment of the tool in the hole",
+        "misalignment of gyros against accelerometers",
+        "sag",
+        "movement of the tool while it measured",
+        "bias that drifts unevenly over the index positions",
+        "the gyros’ response to acceleration",
+    )
+    missing = listed([*not_included, *left])
     return render(
         "report.html",
         about="What was reduced",
@@ -537,22 +514,26 @@ def gyro_report(
         conventions=GYRO_CONVENTIONS,
         state=state,
         badge=badge,
-        verdict=_sentence(survey, checks),
-        notes=[_covers(survey)],
+        verdict=f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).{condition}",
+        notes=[
+            f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
+            f"Not included: {missing}."
+        ],
         warnings=list(survey.warnings),
         sections=[section for section in sections if section is not None],
-        facts=_facts(run, track, site),
+        facts=_facts(survey, north, heat, track, site),
     )
 
 
-def _run(
+def _in_order(
     survey: Survey,
     north: North,
     md: ArrayLike,
     temperature: ArrayLike | None,
     track: ScaleTrack | None,
     others: Mapping[str, North],
-) -> _Run:
+) -> tuple[North, Array | None, dict[str, North]]:
+    """Stations from the top down, as in the survey; temperature (n,), degC."""
     depth = finite(md, "md", (None,))
     heat = None if temperature is None else finite(temperature, "temperature", (None,))
     if heat is None and track is not None and track.thermometer:
@@ -567,7 +548,7 @@ def _run(
     if not np.array_equal(depth[order], survey.md):
         raise InputError("md holds other depths than the survey; give the depths from which the survey was made")
     turned = {name: _taken(other, order) for name, other in others.items()}
-    return _Run(survey, _taken(north, order), None if heat is None else heat[order], turned)
+    return _taken(north, order), None if heat is None else heat[order], turned
 
 
 def _taken(north: North, order: Index) -> North:
@@ -593,50 +574,19 @@ def _badge(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> tu
     return "good", "No flags, all checks passed" if checks else "No flags"
 
 
-def _sentence(survey: Survey, checks: Sequence[Check]) -> str:
-    size = len(survey)
-    span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in _ANGLES}
-    parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
-    failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
-    condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
-    return f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).{condition}"
-
-
-def _covers(survey: Survey) -> str:
-    included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
-    left = [] if "latitude" in included else ["error of the latitude"]
-    left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
-    named = listed([f"“{name}”" for name in included]) or "nothing"
-    missing = listed([*_NOT_INCLUDED, *left])
-    return (
-        f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
-        f"Not included: {missing}."
-    )
-
-
-def _angles(run: _Run) -> Section:
-    survey = run.survey
+def _angles(survey: Survey) -> Section:
     pictures = [
         picture(angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by cause")
-        for name in _ANGLES
+        for name in ANGLES[:2]
         if np.isfinite(getattr(survey, name)).any()
     ]
-    body = []
-    for name in _ANGLES:
-        expanded = COVERAGE_FACTOR * np.degrees(survey.u(name))
-        at = int(np.argmax(expanded))
-        cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[at])]
-        body.append(TableRow([name, *cells, plain(survey.md[at], 2)]))
-    head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
-    table = Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)
     reference = f"Azimuth counts from {survey.azimuth_reference} north."
-    return Section("Inclination and azimuth", [reference], [table], pictures)
+    return Section("Inclination and azimuth", [reference], [summary_table(survey, ANGLES[:2])], pictures)
 
 
-def _scale(run: _Run, track: ScaleTrack | None) -> Section:
+def _scale(survey: Survey, north: North, others: Mapping[str, North], track: ScaleTrack | None) -> Section:
     """What is known of the scale factor, and where the run could see it."""
-    k = run.north.k
+    k = north.k
     sentences = [] if track is None else learnt_sentences(track)
     pictures = [] if track is None else [scale_picture(track)]
     blind = int((np.abs(k) < SINGULAR).sum())
@@ -645,33 +595,34 @@ def _scale(run: _Run, track: ScaleTrack | None) -> Section:
         "nothing of the scale factor, and its prior decides."
     )
     lost = np.zeros(len(k), dtype=bool)
-    for other in run.others.values():
+    for other in others.values():
         lost |= ~np.isfinite(other.scale)
     caption = "K over depth; the scale factor cannot be seen where it is zero"
-    pictures.append(picture(condition_figure(k, run.survey.md, DEPTH, lost), "condition", caption))
+    pictures.append(picture(condition_figure(k, survey.md, "measured depth, m", lost), "condition", caption))
     return Section("Scale factor", sentences, [], pictures)
 
 
-def _methods(run: _Run) -> Section | None:
+def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Array | None) -> Section:
     """Azimuth by other methods less the one reported."""
-    if not run.others:
-        return None
     body = []
-    for name, other in run.others.items():
-        size = np.abs(np.degrees(wrap_signed(other.azimuth - run.north.azimuth)))
+    for name, other in others.items():
+        size = np.abs(np.degrees(wrap_signed(other.azimuth - north.azimuth)))
         good = size[np.isfinite(size)]
         rms, most = (float(np.sqrt(np.mean(good**2))), float(good.max())) if len(good) else (np.nan, np.nan)
         lost = len(size) - len(good)
-        cells = [method_label(name), _reasons(other), significant(rms), significant(most), str(lost)]
+        missed = [set(row) for row, azimuth in zip(other.flags, other.azimuth, strict=True) if not np.isfinite(azimuth)]
+        counts = {flag: sum(flag in row for row in missed) for flag in FLAGS}
+        why = listed([f"{flag} ({count})" for flag, count in counts.items() if count])
+        cells = [method_label(name), why, significant(rms), significant(most), str(lost)]
         body.append(TableRow(cells, "warn" if lost else ""))
     head = ["method", "why it fails", "rms difference, deg", "largest, deg", "no azimuth at"]
-    table = Table(f"Azimuth less that of the method reported ({run.north.method})", head, body, text_columns=2)
-    places = [("bydepth", "depth", run.survey.md, DEPTH)]
-    if run.temperature is not None and np.ptp(run.temperature) > 0.0:
-        places.append(("byheat", "temperature", run.temperature, TEMPERATURE))
+    table = Table(f"Azimuth less that of the method reported ({north.method})", head, body, text_columns=2)
+    places = [("bydepth", "depth", survey.md, "measured depth, m")]
+    if heat is not None and np.ptp(heat) > 0.0:
+        places.append(("byheat", "temperature", heat, "temperature, °C"))
     pictures = [
         picture(
-            difference_figure(run.north, run.others, place, label),
+            difference_figure(north, others, place, label),
             name,
             f"Azimuth by other methods over {over}; triangles: off the axis, red crosses: no azimuth",
         )
@@ -680,19 +631,12 @@ def _methods(run: _Run) -> Section | None:
     return Section("Methods compared", [], [table], pictures)
 
 
-def _reasons(north: North) -> str:
-    """Flags of the stations without azimuth, with how often."""
-    lost = [set(row) for row, azimuth in zip(north.flags, north.azimuth, strict=True) if not np.isfinite(azimuth)]
-    counts = {name: sum(name in row for row in lost) for name in FLAGS}
-    return listed([f"{name} ({count})" for name, count in counts.items() if count])
-
-
 def _check_table(checks: Sequence[Check]) -> Table:
     head = ["check", "verdict", "reason", "next", "value", "limit"]
     body = [
         TableRow(
             [c.name, c.verdict, c.reason, c.action, _measure(c.value, c.unit), _measure(c.limit, c.unit)],
-            _STATES.get(c.verdict, ""),
+            {"pass": "", "not judged": "warn", "fail": "bad"}.get(c.verdict, ""),
         )
         for c in checks
     ]
@@ -702,22 +646,13 @@ def _check_table(checks: Sequence[Check]) -> Table:
 def _measure(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "none"
-    name, per = _UNITS.get(unit, ("", 1.0))
+    units = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
+    name, per = units.get(unit, ("", 1.0))
     return f"{plain(value, 0)} stations" if unit == "stations" else f"{significant(value * per)}{name}"
 
 
-def _flags(survey: Survey) -> Table:
-    """Every flag that occurs: what it means, how often, where first."""
-    body = []
-    for name in sorted({name for row in survey.flags for name in row}):
-        rows = [n for n, row in enumerate(survey.flags) if name in row]
-        body.append(TableRow([name, FLAGS.get(name, ""), str(len(rows)), plain(survey.md[rows[0]], 2)], "warn"))
-    return Table("Flags that occur", ["flag", "meaning", "stations", "first at md, m"], body, text_columns=2)
-
-
-def _stations(run: _Run) -> Table:
-    survey, north = run.survey, run.north
-    angles = [(np.degrees(getattr(survey, n)), np.degrees(survey.u(n))) for n in (*_ANGLES, "toolface")]
+def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
+    angles = [(np.degrees(getattr(survey, n)), np.degrees(survey.u(n))) for n in ANGLES]
     rows = []
     for n in range(len(survey)):
         cells = [f"{survey.md[n]:.2f}"]
@@ -726,12 +661,12 @@ def _stations(run: _Run) -> Table:
         u_scale = float(north.u_scale[n])
         cells += [rounded(float(north.scale[n]), u_scale), significant(u_scale)]
         cells += [north.root[n], rounded(float(north.k[n]), 0.02)]
-        cells += [] if run.temperature is None else [f"{run.temperature[n]:.1f}"]
+        cells += [] if heat is None else [f"{heat[n]:.1f}"]
         rows.append(TableRow([*cells, ", ".join(survey.flags[n])], "warn" if survey.flags[n] else ""))
     head = ["md, m"]
-    for name in (*_ANGLES, "toolface"):
+    for name in ANGLES:
         head += [name, "U"]
-    head += ["scale", "u", "root", "K", *([] if run.temperature is None else ["T, °C"]), "flags"]
+    head += ["scale", "u", "root", "K", *([] if heat is None else ["T, °C"]), "flags"]
     caption = (
         f"Stations; angles and U (k = {COVERAGE_FACTOR:g}) in deg, azimuth from {survey.azimuth_reference} north, "
         "scale with its standard uncertainty u"
@@ -739,20 +674,22 @@ def _stations(run: _Run) -> Table:
     return Table(caption, head, rows)
 
 
-def _facts(run: _Run, track: ScaleTrack | None, site: Site | None) -> list[tuple[str, str]]:
+def _facts(
+    survey: Survey, north: North, heat: Array | None, track: ScaleTrack | None, site: Site | None
+) -> list[tuple[str, str]]:
     facts = [
-        ("Tool", run.survey.tool or "not named"),
-        ("Stations", str(len(run.survey))),
-        ("Method", run.north.method),
-        ("North reference", run.survey.azimuth_reference),
+        ("Tool", survey.tool or "not named"),
+        ("Stations", str(len(survey))),
+        ("Method", north.method),
+        ("North reference", survey.azimuth_reference),
     ]
     if site is not None and site.latitude is not None:
         facts.append(("Latitude", f"{np.degrees(site.latitude):+.4f}°"))
-    if site is not None and site.convergence is not None and run.survey.azimuth_reference == "grid":
+    if site is not None and site.convergence is not None and survey.azimuth_reference == "grid":
         facts.append(("Convergence", f"{np.degrees(site.convergence):+.3f}°"))
-    if run.temperature is not None:
-        facts.append(("Temperature", f"{run.temperature.min():.1f} to {run.temperature.max():.1f} °C"))
+    if heat is not None:
+        facts.append(("Temperature", f"{heat.min():.1f} to {heat.max():.1f} °C"))
     if track is not None:
         facts.append(("Scale learnt from", f"{int(track.learnt.sum())} of {len(track)} stations"))
-    facts += [("Note", sentence) for sentence in run.survey.notes]
-    return facts + [(f"Digest of {name}", digest) for name, digest in run.survey.inputs.items()]
+    facts += [("Note", sentence) for sentence in survey.notes]
+    return facts + [(f"Digest of {name}", digest) for name, digest in survey.inputs.items()]

@@ -25,8 +25,6 @@ from inclinometry.uncertainty import UNKNOWN
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_FAR = 4.0  # prior standard deviations drawn; an estimate farther out is drawn at the edge with its number
-
 
 def drawn(found: MultiStation) -> list[str]:
     """Parameters worth drawing: those with a prior variance."""
@@ -36,6 +34,7 @@ def drawn(found: MultiStation) -> list[str]:
 @styled
 def estimate_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
     """Each estimate with U, in standard deviations of its prior; the shaded band is what was known before."""
+    far = 4.0  # prior standard deviations drawn; an estimate farther out is drawn at the edge with its number
     names = drawn(found)
     figure = new_figure(0.9 + 0.24 * len(names))
     axes = figure.add_subplot()
@@ -53,13 +52,20 @@ def estimate_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
         at, spread = p.value / p.prior, COVERAGE_FACTOR * p.u / p.prior
         sure = p.significance > COVERAGE_FACTOR
         look: dict[str, Any] = {"color": SERIES[1] if sure else SERIES[0], "marker": "s" if sure else "o"}
-        axes.errorbar([np.clip(at, -_FAR, _FAR)], [row], xerr=[spread], linestyle="none", capsize=2.5, **look)
-        if abs(at) > _FAR:
-            axes.annotate(f"{at:+.1f}", (np.sign(at) * _FAR, row), (0.0, 4.0), textcoords="offset points", ha="center")
+        axes.errorbar([np.clip(at, -far, far)], [row], xerr=[spread], linestyle="none", capsize=2.5, **look)
+        if abs(at) > far:
+            axes.annotate(f"{at:+.1f}", (np.sign(at) * far, row), (0.0, 4.0), textcoords="offset points", ha="center")
     axes.set_yticks(range(len(names)), [labels[name] for name in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
     reach = min(
-        _FAR + 0.6, max(2.6, *(abs(p.value) / p.prior + COVERAGE_FACTOR * p.u / p.prior for p in _of(found, names)))
+        far + 0.6,
+        max(
+            2.6,
+            *(
+                abs(p.value) / p.prior + COVERAGE_FACTOR * p.u / p.prior
+                for p in map(found.parameters.__getitem__, names)
+            ),
+        ),
     )
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("estimate ± U, in standard deviations of its prior")
@@ -67,14 +73,11 @@ def estimate_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
     return figure
 
 
-def _of(found: MultiStation, names: list[str]) -> list[Any]:
-    return [found.parameters[name] for name in names]
-
-
 @styled
 def correlation_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
     """Correlation of the parameters after the analysis; blue together, orange against each other."""
     from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.patches import Rectangle
 
     names = drawn(found)
     places = [list(found.parameters).index(name) for name in names]
@@ -90,19 +93,13 @@ def correlation_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
                 continue
             size = 0.96 * float(np.sqrt(abs(value)))
             colour = tints(1.0 if value > 0.0 else 0.0)
-            axes.add_patch(_square(j, i, size, colour))
+            axes.add_patch(Rectangle((j - size / 2.0, i - size / 2.0), size, size, facecolor=colour, linewidth=0.0))
     axes.set_xlim(-0.5, edge)
     axes.set_ylim(edge, -0.5)
     axes.set_aspect("equal")
     axes.set_xticks(range(len(names)), [labels[name] for name in names], rotation=90, fontsize=8.5)
     axes.set_yticks(range(len(names)), [labels[name] for name in names], fontsize=8.5)
     return figure
-
-
-def _square(x: float, y: float, size: float, colour: Any) -> Any:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((x - size / 2.0, y - size / 2.0), size, size, facecolor=colour, linewidth=0.0)
 
 
 @styled
@@ -152,15 +149,6 @@ def azimuth_figure(found: MultiStation, before: Stations, u_before: Array, u_aft
 VAGUE: Final = float(np.radians(30.0))
 """Standard uncertainty from which an azimuth is none: the station is vertical."""
 
-LEARNED: Final = 0.2
-"""Share of its prior variance below which a parameter counts as not told by the run."""
-
-_TERM: Final = re.compile(r"([AM])([BS])([XYZ])")
-_CROSS: Final = re.compile(r"M([XYZ])([XYZ])")
-_REFERENCE: Final = re.compile(r"reference (g|b|dip)")
-_TOOL: Final = re.compile(r"\w+\.(tensor|offset)\[(\d+)(?:,([012]))?\](?:\.T(\d+))?")
-_TOGETHER: Final = 0.95  # correlation from which two parameters are one to the run
-
 
 def described(name: str) -> str:
     """A parameter in words.
@@ -174,7 +162,8 @@ def described(name: str) -> str:
     """
     if name == "MBZ":
         return "axial magnetometer bias (interference included)"
-    term, cross, reference = (p.fullmatch(name) for p in (_TERM, _CROSS, _REFERENCE))
+    patterns = (r"([AM])([BS])([XYZ])", r"M([XYZ])([XYZ])", r"reference (g|b|dip)")
+    term, cross, reference = (re.fullmatch(pattern, name) for pattern in patterns)
     if term:
         kind = {"A": "accelerometer", "M": "magnetometer"}[term[1]]
         return f"{kind} {term[3].lower()} {'bias' if term[2] == 'B' else 'scale'}"
@@ -182,12 +171,7 @@ def described(name: str) -> str:
         return f"magnetometer {cross[1].lower()} reads of {cross[2].lower()}"
     if reference:
         return f"{reference[1]} of the reference"
-    return _calibrated(name)
-
-
-def _calibrated(name: str) -> str:
-    """A parameter of a calibration in words."""
-    found = _TOOL.fullmatch(name)
+    found = re.fullmatch(r"\w+\.(tensor|offset)\[(\d+)(?:,([012]))?\](?:\.T(\d+))?", name)
     if found is None:
         return "axial magnetic interference of the assembly" if name == "axial interference" else "of the calibration"
     heat = f", per (degC)^{found[4]}" if found[4] else ""
@@ -222,27 +206,26 @@ def labels(found: MultiStation) -> dict[str, str]:
     return names
 
 
-def _counted(names: list[str], size: int, most: int = 6) -> str:
-    return listed(names) if len(names) <= most else f"{len(names)} of {size} parameters (the table says which)"
-
-
 def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> list[str]:
     """What the stations do not determine, a sentence each."""
+    learned = 0.2  # share of its prior variance below which a parameter counts as not told by the run
     known = {name: p for name, p in found.parameters.items() if p.prior > 0.0}
     lines = []
-    untold = [name for name, p in known.items() if p.learned < LEARNED]
+    untold = [name for name, p in known.items() if p.learned < learned]
     if untold:
-        names = "all parameters" if len(untold) == len(known) else _counted(untold, len(known))
+        few = listed(untold) if len(untold) <= 6 else f"{len(untold)} of {len(known)} parameters (the table says which)"
+        names = "all parameters" if len(untold) == len(known) else few
         lines.append(
-            f"The run removed less than {100.0 * LEARNED:.0f} % of the prior variance of {names}: their values and "
+            f"The run removed less than {100.0 * learned:.0f} % of the prior variance of {names}: their values and "
             "uncertainties are those of the priors, not of the run."
         )
     keys, matrix = list(found.parameters), found.correlation
+    # beyond a correlation of 0.95 two parameters are one to the run
     pairs = [
         f"{keys[j]} and {keys[i]}"
         for i in range(len(keys))
         for j in range(i)
-        if abs(matrix[i, j]) > _TOGETHER and keys[i] in known and keys[j] in known
+        if abs(matrix[i, j]) > 0.95 and keys[i] in known and keys[j] in known
     ]
     if pairs:
         lines.append(f"The run sees but one combination of {listed(pairs[:6])}.")
@@ -264,10 +247,6 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
         )
     lines.append("The declination does not show in gravity, field strength or dip: no analysis of these can check it.")
     return lines
-
-
-_STRONG = 0.7  # correlation from which a pair is listed
-_PAIRS = 12
 
 
 def msa_report(
@@ -303,6 +282,10 @@ def msa_report(
     u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
     names = labels(found)
     said = [*warnings, *found.warnings]
+    shift = np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
+    signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
+    reference, md = quality.reference, found.corrected.md
+    dip = with_uncertainty(float(np.degrees(reference.dip)), float(np.degrees(reference.dip_sigma)))
     return render(
         "report.html",
         about="What was analysed",
@@ -319,16 +302,30 @@ def msa_report(
             Section(
                 "Fields against the reference, before and after",
                 tables=[_fields(quality, after, found)],
-                pictures=quality_pictures(after, quality, quality.reference.values + _reference_shift(found)),
+                pictures=quality_pictures(after, quality, quality.reference.values + shift),
             ),
             Section("What it does to the azimuth", pictures=_azimuths(found, before, u_before, u_after)),
             Section(
-                "What was found", tables=[_parameters(found), _pairs(found, names)], pictures=_estimates(found, names)
+                "What was found",
+                tables=[_parameters(found), _pairs(found, names)],
+                pictures=[
+                    picture(estimate_figure(found, names), "estimates", "Estimates; squares: more than 2 u from zero"),
+                    picture(correlation_figure(found, names), "correlation", signs),
+                ],
             ),
             Section("What the geometry cannot tell", blind_spots(found, after, u_after)),
             Section("Stations", tables=[cut(_stations(found, before, quality, after))]),
         ],
-        facts=_facts(found, quality, tool, inputs or {}),
+        facts=[
+            ("Tool", tool or "not named"),
+            ("Stations", f"{len(md)}, {md[0]:g} to {md[-1]:g} m"),
+            ("Priors", found.priors),
+            ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
+            ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
+            ("Reference b", f"{with_uncertainty(reference.b, reference.b_sigma)} nT"),
+            ("Reference dip", f"{dip}°"),
+            *((f"Digest of {name}", digest) for name, digest in (inputs or {}).items()),
+        ],
     )
 
 
@@ -341,14 +338,6 @@ def _badge(verdict: str, said: Sequence[str], stations: int) -> str:
     return f"{stations} stations, every test passed" if verdict == "pass" else "The tests of the field are not decided"
 
 
-def _estimates(found: MultiStation, names: dict[str, str]) -> list[Picture]:
-    signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
-    return [
-        picture(estimate_figure(found, names), "estimates", "Estimates; squares: more than 2 u from zero"),
-        picture(correlation_figure(found, names), "correlation", signs),
-    ]
-
-
 def azimuth_u(stations: Stations) -> Array:
     """Standard uncertainty (n,) of azimuth from all that is uncertain about the stations, rad; at most `UNKNOWN`."""
     rows = angles_jacobian(stations.g, stations.b)[:, 1]
@@ -356,16 +345,22 @@ def azimuth_u(stations: Stations) -> Array:
     return np.asarray(np.sqrt(np.where(np.isfinite(variance), np.minimum(variance, UNKNOWN**2), UNKNOWN**2)))
 
 
-def _reference_shift(found: MultiStation) -> Array:
-    return np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
-
-
 def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     """One sentence: what was wrong, what that did to azimuth, how sure it is now."""
-    moves = _azimuth_moves(found)
+    # median change of azimuth, rad, that each sensor's estimate makes
+    stations = found.corrected
+    by_field = stations.sources[SOURCE].by_field
+    shifts = np.einsum("na,nap->np", angles_jacobian(stations.g, stations.b)[:, 1], by_field)
+    sizes = np.median(np.abs(np.where(np.isfinite(shifts), shifts, 0.0)), axis=0)
+    names = list(found.parameters)[: len(sizes)]
+    moves = {name: float(size) * abs(found.parameters[name].value) for name, size in zip(names, sizes, strict=True)}
     stand_out = (name for name in moves if found.parameters[name].significance > COVERAGE_FACTOR)
     sure = sorted(stand_out, key=lambda name: -moves[name])[:3]
-    parts = [f"{described(name)} {_value(found, name)}" for name in sure]
+    parts = []
+    for name in sure:
+        p = found.parameters[name]
+        unit, factor = unit_of(p.unit)
+        parts.append(f"{described(name)} {with_uncertainty(factor * p.value, factor * p.u)} {unit}".rstrip())
     what = "; ".join(parts) if parts else "no sensor error stands out"
     able = u_after < VAGUE
     if not able.any():
@@ -379,22 +374,6 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
         f"{what[0].upper()}{what[1:]}. Azimuth changes by {half}° at half of {which}, at most by {most}°, and is then "
         f"known to ±{significant(left)}° at half of them (expanded, k = {COVERAGE_FACTOR:g})."
     )
-
-
-def _azimuth_moves(found: MultiStation) -> dict[str, float]:
-    """Median change of azimuth, rad, that each sensor's estimate makes."""
-    stations = found.corrected
-    by_field = stations.sources[SOURCE].by_field
-    shifts = np.einsum("na,nap->np", angles_jacobian(stations.g, stations.b)[:, 1], by_field)
-    sizes = np.median(np.abs(np.where(np.isfinite(shifts), shifts, 0.0)), axis=0)
-    names = list(found.parameters)[: len(sizes)]
-    return {name: float(size) * abs(found.parameters[name].value) for name, size in zip(names, sizes, strict=True)}
-
-
-def _value(found: MultiStation, name: str) -> str:
-    p = found.parameters[name]
-    unit, factor = unit_of(p.unit)
-    return f"{with_uncertainty(factor * p.value, factor * p.u)} {unit}".rstrip()
 
 
 def _fields(before: FieldQuality, after: FieldQuality, found: MultiStation) -> Table:
@@ -457,10 +436,10 @@ def _pairs(found: MultiStation, names: Mapping[str, str]) -> Table | None:
         (abs(matrix[i, j]), i, j)
         for i in range(len(keys))
         for j in range(i)
-        if abs(matrix[i, j]) >= _STRONG and keys[i] in names and keys[j] in names
+        if abs(matrix[i, j]) >= 0.7 and keys[i] in names and keys[j] in names
     ]
     rows = []
-    for size, i, j in sorted(strong, key=lambda pair: (-pair[0], pair[1:]))[:_PAIRS]:
+    for size, i, j in sorted(strong, key=lambda pair: (-pair[0], pair[1:]))[:12]:
         only = "their sum" if matrix[i, j] < 0.0 else "their difference"
         rows.append(TableRow([f"{keys[j]} and {keys[i]}", only, f"{matrix[i, j]:+.2f}"], "warn" if size > 0.95 else ""))
     head = ["pair", "well known is rather", "correlation"]
@@ -482,18 +461,3 @@ def _stations(found: MultiStation, before: Stations, was: FieldQuality, now: Fie
         head += [f"{quantity.name} − reference, {quantity.shown.replace('m/s^2', 'm/s²')}", "after"]
     caption = "Stations; magnetic azimuth and influence in deg; surprise: squared error against the others, expected 3"
     return Table(caption, [*head, "influence", "surprise"], rows)
-
-
-def _facts(found: MultiStation, quality: FieldQuality, tool: str, inputs: Mapping[str, str]) -> list[tuple[str, str]]:
-    reference, md = quality.reference, found.corrected.md
-    dip = with_uncertainty(float(np.degrees(reference.dip)), float(np.degrees(reference.dip_sigma)))
-    return [
-        ("Tool", tool or "not named"),
-        ("Stations", f"{len(md)}, {md[0]:g} to {md[-1]:g} m"),
-        ("Priors", found.priors),
-        ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
-        ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
-        ("Reference b", f"{with_uncertainty(reference.b, reference.b_sigma)} nT"),
-        ("Reference dip", f"{dip}°"),
-        *((f"Digest of {name}", digest) for name, digest in inputs.items()),
-    ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from html import unescape
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from inclinometry.report.figure import inline_svg
 
@@ -26,8 +26,11 @@ def render(template: str, **content: Any) -> str:
 
     Numbers are formatted before they get here; text is escaped here, once, by the template engine.
     """
-    text = _environment().get_template(template).render(version=_version(), clean=clean, **content)
-    return clean(text)
+    try:
+        release = version("inclinometry")
+    except PackageNotFoundError:
+        release = "source"
+    return clean(_environment().get_template(template).render(version=release, clean=clean, **content))
 
 
 def clean(text: str) -> str:
@@ -48,13 +51,6 @@ def _environment() -> Environment:
 
     loader = PackageLoader("inclinometry.report", "templates")
     return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-
-
-def _version() -> str:
-    try:
-        return version("inclinometry")
-    except PackageNotFoundError:
-        return "source"
 
 
 CONVENTIONS = (
@@ -121,12 +117,6 @@ def cut(table: Table) -> Table:
     return Table(table.caption, table.head, table.body[:MOST_ROWS], note, table.text_columns)
 
 
-_VERDICT: Final = re.compile(
-    r'<section class="verdict (\w*)"[^>]*>\s*<p class="badge">(.*?)</p>\s*<p class="sentence">(.*?)</p>', re.DOTALL
-)
-_FIGURE: Final = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
-
-
 class Entry(NamedTuple):
     """A report of the index: what it says in its verdict box, and one figure of it, a file beside it or its SVG."""
 
@@ -148,7 +138,8 @@ def entry_of(title: str, href: str, report: str, picture: str = "") -> Entry:
     >>> entry_of("Bench", "bench/report.html", page)[2:5]
     ('good', 'PASS', 'a < b')
     """
-    verdict, figure = _VERDICT.search(report), _FIGURE.search(report)
+    box = r'<section class="verdict (\w*)"[^>]*>\s*<p class="badge">(.*?)</p>\s*<p class="sentence">(.*?)</p>'
+    verdict, figure = re.search(box, report, re.DOTALL), re.search(r"<svg\b.*?</svg>", report, re.DOTALL)
     state, badge, sentence = ["", "", ""] if verdict is None else [unescape(text.strip()) for text in verdict.groups()]
     svg = "" if picture or figure is None else figure.group()
     return Entry(title, href, state, badge, sentence, picture, svg)

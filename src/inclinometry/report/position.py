@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, Index
-from inclinometry.earth.site import Site, convert_azimuth
+from inclinometry.earth.site import convert_azimuth
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
@@ -26,10 +26,6 @@ if TYPE_CHECKING:
 
 PROBABILITY: Final = 0.95
 """That an ellipse or ellipsoid of the report holds the true position."""
-VIEW: Final = (np.radians(110.0), np.radians(25.0))
-"""From where the view in space looks at first: azimuth clockwise of the well's, and how far from above."""
-PLAN: Final = np.eye(3)[:2][::-1]
-"""East to the right, north up."""
 _TURN: Final = np.linspace(0.0, 2.0 * np.pi, 73)
 
 
@@ -42,7 +38,7 @@ def section_azimuth(path: Path) -> float:
 
 def first_view(path: Path) -> tuple[float, float]:
     """Azimuth that the view in space looks from, and how far from above, rad."""
-    return float(wrap_positive(section_azimuth(path) + VIEW[0])), float(VIEW[1])
+    return float(wrap_positive(section_azimuth(path) + np.radians(110.0))), float(np.radians(25.0))
 
 
 def section_axes(direction: float) -> Array:
@@ -124,7 +120,8 @@ def plan_figure(path: Path, covariance: Array | None, north: str, magnify: float
     """The well from above, with horizontal ellipses."""
     figure = new_figure(4.4)
     axes = figure.add_subplot()
-    _drawn(axes, path, covariance, PLAN, magnify * ellipsoid_factor(PROBABILITY, 2))
+    east_north = np.eye(3)[:2][::-1]
+    _drawn(axes, path, covariance, east_north, magnify * ellipsoid_factor(PROBABILITY, 2))
     _scaled(axes)
     axes.set_xlabel("east, m")
     axes.set_ylabel(f"north ({north}), m")
@@ -153,7 +150,8 @@ def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure
     corners = _points(path)
     low, high = corners.min(axis=0), corners.max(axis=0)
     # the floor of the box, and the well's shadow on it
-    floor = np.array([[x, y, high[2]] for x, y in _corners(low, high)]) @ plane.T
+    ends = ((low, low), (high, low), (high, high), (low, high), (low, low))
+    floor = np.array([[x[0], y[1], high[2]] for x, y in ends]) @ plane.T
     axes.plot(floor[:, 0], floor[:, 1], color=INK, alpha=0.35, linewidth=0.8)
     shadow = np.column_stack([corners[:, :2], np.full(len(corners), high[2])])[thinned(len(path))] @ plane.T
     axes.plot(shadow[:, 0], shadow[:, 1], color=INK, alpha=0.35, linewidth=1.0, linestyle=":")
@@ -164,10 +162,6 @@ def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
     return figure
-
-
-def _corners(low: Array, high: Array) -> list[tuple[float, float]]:
-    return [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]), (low[0], low[1])]
 
 
 @styled
@@ -277,19 +271,6 @@ def _arrow(axes: Axes, azimuth: float, length: float, colour: str, width: float)
 
 # Tables and sentences of a well's position.
 
-_SHARED = {
-    "random": "nothing: each station its own",
-    "systematic": "the stations of the run",
-    "well": "the runs of the well",
-    "global": "all wells",
-}
-
-_CERTIFIED = {
-    "calibration": "What the certificate of {} leaves unknown of its sensors, with all correlations",
-    "sensor noise": "Noise of one reading of {}",
-    "declination": "The site's declination",
-}
-
 
 class Contribution(NamedTuple):
     """A source at one station: sigma (3,) north, east, down, m; m along the ellipse's major axis; share of variance."""
@@ -360,14 +341,25 @@ def source_table(
     if uncertainty is None:
         return None
     terms = () if code is None else code.terms
-    words = {} if calibration is None else {name: text.format(calibration) for name, text in _CERTIFIED.items()}
+    certified = {
+        "calibration": "What the certificate of {} leaves unknown of its sensors, with all correlations",
+        "sensor noise": "Noise of one reading of {}",
+        "declination": "The site's declination",
+    }
+    words = {} if calibration is None else {name: text.format(calibration) for name, text in certified.items()}
     words |= {one.name: f"{one.description} ({one.magnitude:g} {one.unit})" for one in terms}
+    shared = {
+        "random": "nothing: each station its own",
+        "systematic": "the stations of the run",
+        "well": "the runs of the well",
+        "global": "all wells",
+    }
     rows = [
         TableRow(
             [
                 part.name,
                 words.get(part.name, ""),
-                f"{part.propagation}: {_SHARED[part.propagation]}",
+                f"{part.propagation}: {shared[part.propagation]}",
                 significant(part.major, 3),
                 f"{100.0 * part.share:.1f}",
                 *(significant(float(s), 3) for s in part.sigma),
@@ -391,8 +383,13 @@ def chain_table(survey: WellSurvey, reference: str) -> Table:
         if correction is None and name != "true":
             rows.append(TableRow([name, "not known", "", _role(name, reference, survey.north)]))
             continue
-        value = float(np.degrees(convert_azimuth(true, "true", name, site)))
-        rows.append(TableRow([name, f"{value:.3f}", _step(name, site), _role(name, reference, survey.north)]))
+        value, step = float(np.degrees(convert_azimuth(true, "true", name, site))), ""
+        if correction is not None:
+            quantity = {"magnetic": "declination", "grid": "convergence"}[name]
+            sigma = getattr(site, f"{quantity}_sigma")
+            spread = f" ± {np.degrees(sigma):.2f}" if sigma else ""
+            step = f"{quantity} {np.degrees(correction):+.3f}{spread}° added ({site.origin(quantity)})"
+        rows.append(TableRow([name, f"{value:.3f}", step, _role(name, reference, survey.north)]))
     caption = f"Azimuth of the station at {survey.md[row]:.2f} m from each north"
     note = (
         "true = magnetic + declination (positive where magnetic north is east of true north); grid = true − "
@@ -400,15 +397,6 @@ def chain_table(survey: WellSurvey, reference: str) -> Table:
         "compare the drawing with a map."
     )
     return Table(caption, ["north", "azimuth, deg", "from it to true north", "use"], rows, note)
-
-
-def _step(name: str, site: Site) -> str:
-    quantity = {"magnetic": "declination", "grid": "convergence"}.get(name)
-    if quantity is None:
-        return ""
-    value, sigma = getattr(site, quantity), getattr(site, f"{quantity}_sigma")
-    spread = f" ± {np.degrees(sigma):.2f}" if sigma else ""
-    return f"{quantity} {np.degrees(value):+.3f}{spread}° added ({site.origin(quantity)})"
 
 
 def _role(name: str, reference: str, north: str) -> str:
@@ -432,15 +420,10 @@ def missing(uncertainty: PositionUncertainty | None, code: ToolCode | None, cali
             f"Anything that is not {beside}a term of {code.name}: a tool, a hole or a correction that model was not "
             "made for."
         )
-    if not _tied(uncertainty):
+    if not uncertainty.survey.tie.any():
         lines.append("Uncertainty of the first station's position: it was taken as exact.")
     lines.append("Errors so large that the well's shape itself changes: the propagation is linear.")
     return lines
-
-
-def _tied(uncertainty: PositionUncertainty) -> bool:
-    """Whether the position of the first station has an uncertainty of its own."""
-    return bool(uncertainty.survey.tie.any())
 
 
 def station_table(path: Path, uncertainty: PositionUncertainty | None) -> Table:
@@ -478,30 +461,25 @@ def fact_pairs(
         facts.append(("What it is", code.description or "not stated"))
     if calibration is not None:
         facts.append(("Error model of the sensors", f"the calibration of {calibration}"))
-    return facts + _place(survey.site) + [(f"Digest of {name}", digest) for name, digest in inputs.items()]
-
-
-def _place(site: Site) -> list[tuple[str, str]]:
-    """Values of the site that the error model used, with where they come from."""
+    # values of the site that the error model used, with where they come from
+    site = survey.site
     shown = {
         "gravity": ("g", "{:.5f} m/s²", 1.0),
         "b": ("b", "{:.0f} nT", 1.0),
         "dip": ("dip", "{:.3f}°", np.degrees(1.0)),
         "latitude": ("latitude", "{:.4f}°", np.degrees(1.0)),
     }
-    found = []
-    for name, (label, form, unit) in shown.items():
-        value = getattr(site, name)
+    places = []
+    for quantity, (label, form, unit) in shown.items():
+        value = getattr(site, quantity)
         if value is not None:
-            origin = ("given" if site.g is not None else "normal gravity") if name == "gravity" else site.origin(name)
-            found.append((f"Site: {label}", f"{form.format(value * unit)} ({origin})"))
-    return found
-
-
-MOST_SOURCES = 14
-"""Bars in the drawing of sources; the table holds all."""
-MOST_ELLIPSOIDS = 20
-"""Stations with an ellipsoid in the picture that turns."""
+            origin = (
+                ("given" if site.g is not None else "normal gravity")
+                if quantity == "gravity"
+                else site.origin(quantity)
+            )
+            places.append((f"Site: {label}", f"{form.format(value * unit)} ({origin})"))
+    return facts + places + [(f"Digest of {name}", digest) for name, digest in inputs.items()]
 
 
 def position_report(
@@ -549,6 +527,20 @@ def position_report(
     True
     """
     magnify = magnification(path, None if uncertainty is None else uncertainty.covariance)
+    covariance = None if uncertainty is None else uncertainty.covariance
+    direction = section_azimuth(path)
+    what = "" if covariance is None else f"; 95 % ellipses{_drawn_at(magnify)}"
+    severity = dogleg_severity_deg(path)
+    found = []
+    if uncertainty is not None:
+        sigmas = hole_sigmas(uncertainty.covariance, path.inclination, path.azimuth)
+        major = horizontal_ellipse(uncertainty.covariance).major
+        found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
+    known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
+    norths = [(name, angle) for name, angle in known.items() if angle is not None]
+    row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
+    times = spread_of_norths([angle for _, angle in norths])
+    caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
     return render(
         "position.html",
         title="Position of the well",
@@ -556,30 +548,31 @@ def position_report(
         heading="Position of the well",
         conventions=CONVENTIONS,
         state="" if uncertainty is None else "warn" if warnings else "good",
-        badge=_badge(path, uncertainty, warnings),
+        badge=(
+            "Read the warnings"
+            if warnings
+            else f"{len(path)} stations" + ("" if uncertainty is not None else ", uncertainty not known")
+        ),
         verdict=_verdict(path, survey, uncertainty),
         notes=list(notes),
         warnings=list(warnings),
         bottom=bottom_table(path, survey, uncertainty),
-        plans=_plans(path, survey, uncertainty, magnify),
+        plans=[
+            picture(plan_figure(path, covariance, survey.north, magnify), "plan", f"Plan{what}"),
+            picture(section_figure(path, covariance, direction, magnify), "section", f"Vertical section{what}"),
+        ],
         still=_still(path, uncertainty, magnify),
         data=_data(path, uncertainty, magnify, survey.north),
         magnify=f"{magnify:g}",
         sources=_sources_picture(uncertainty),
         source_table=source_table(uncertainty, tool_code, calibration),
-        courses=_courses(path, uncertainty),
+        courses=[*found, picture(severity_figure(path.md, severity), "severity", "Dogleg severity of each interval")],
         chain=chain_table(survey, azimuth_reference),
-        compass=_compass(survey),
+        compass=[picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)],
         missing=missing(uncertainty, tool_code, calibration),
         stations=cut(station_table(path, uncertainty)),
         facts=fact_pairs(path, survey, azimuth_reference, tool_code, calibration, inputs or {}),
     )
-
-
-def _badge(path: Path, uncertainty: PositionUncertainty | None, warnings: Sequence[str]) -> str:
-    if warnings:
-        return "Read the warnings"
-    return f"{len(path)} stations" + ("" if uncertainty is not None else ", uncertainty not known")
 
 
 def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | None) -> str:
@@ -605,16 +598,6 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
     )
 
 
-def _plans(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | None, magnify: float) -> list[Picture]:
-    covariance = None if uncertainty is None else uncertainty.covariance
-    direction = section_azimuth(path)
-    what = "" if covariance is None else f"; 95 % ellipses{_drawn_at(magnify)}"
-    return [
-        picture(plan_figure(path, covariance, survey.north, magnify), "plan", f"Plan{what}"),
-        picture(section_figure(path, covariance, direction, magnify), "section", f"Vertical section{what}"),
-    ]
-
-
 def _drawn_at(magnify: float) -> str:
     return "" if magnify == 1.0 else f", drawn {magnify:g} times as large"
 
@@ -633,7 +616,7 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
     rows = thinned(len(path))
     bodies: list[list[float]] = []
     if uncertainty is not None:
-        for row in ellipse_rows(uncertainty.covariance, MOST_ELLIPSOIDS):
+        for row in ellipse_rows(uncertainty.covariance, 20):
             c = uncertainty.covariance[row]
             upper = [float(f"{c[i, j]:.6g}") for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
             bodies.append([*columns[row].round(2).tolist(), *upper])
@@ -650,26 +633,7 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
 def _sources_picture(uncertainty: PositionUncertainty | None) -> list[Picture]:
     if uncertainty is None:
         return []
-    parts = contributions(uncertainty)[:MOST_SOURCES]
+    parts = contributions(uncertainty)[:14]
     figure = source_figure([p.name for p in parts], [p.major for p in parts], [p.propagation for p in parts])
     more = len(uncertainty.sources) - len(parts)
     return [picture(figure, "sources", f"The {len(parts)} largest sources" if more else "All sources")]
-
-
-def _courses(path: Path, uncertainty: PositionUncertainty | None) -> list[Picture]:
-    severity = dogleg_severity_deg(path)
-    found = []
-    if uncertainty is not None:
-        sigmas = hole_sigmas(uncertainty.covariance, path.inclination, path.azimuth)
-        major = horizontal_ellipse(uncertainty.covariance).major
-        found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
-    return [*found, picture(severity_figure(path.md, severity), "severity", "Dogleg severity of each interval")]
-
-
-def _compass(survey: WellSurvey) -> list[Picture]:
-    known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
-    norths = [(name, angle) for name, angle in known.items() if angle is not None]
-    row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
-    times = spread_of_norths([angle for _, angle in norths])
-    caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
-    return [picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]

@@ -18,11 +18,6 @@ from inclinometry.survey.quality import QUANTITIES, FieldQuality, Quantity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NAMES = ("gravity", "b", "dip")
-_AXES = ("total gravity, m/s²", "total field, nT", "dip, deg")
-_UNITS = {"rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/h", 180.0 / np.pi * 3600.0), "m/s^2": ("m/s²", 1.0)}
-_FEW = 80  # points up to which each is marked
-
 
 def quality_pictures(
     quality: FieldQuality, before: FieldQuality | None = None, corrected: Array | None = None
@@ -39,7 +34,7 @@ def quality_pictures(
     """
     moved = [None] * 3 if corrected is None else [float(value) for value in corrected]
     found = []
-    for column, name in enumerate(_NAMES):
+    for column, name in enumerate(("gravity", "b", "dip")):
         what = QUANTITIES[column].name
         caption = f"{what[0].upper()}{what[1:]} against the reference; shaded: what is allowed"
         figure = fields_figure(quality, column, before, moved[column])
@@ -68,15 +63,18 @@ def fields_figure(
     axes.axhline(reference, color=SERIES[2], linestyle="--", label="reference")
     if corrected is not None:
         axes.axhline(factor * corrected, color=INK, linestyle=":", linewidth=1.2, label="reference, corrected")
-    mark = len(md) <= _FEW
+    mark = len(md) <= 80
     if before is not None:
         look: dict[str, Any] = {"color": SERIES[1], "linestyle": "-." if mark else ":", "marker": "s" if mark else None}
         axes.plot(md, factor * before.found[rows, column], label="before", markersize=3.0, alpha=0.8, **look)
     label = "measured" if before is None else "corrected"
     axes.plot(md, factor * quality.found[rows, column], color=SERIES[0], marker="o" if mark else None, label=label)
-    _crosses(axes, quality, factor * quality.found[:, column], _beyond(quality, column))
+    check = quality.checks[column]
+    failed = np.zeros(len(quality.md), dtype=bool)
+    failed[list(check.stations if check.verdict == "fail" else ())] = True
+    _crosses(axes, quality, factor * quality.found[:, column], failed)
     axes.ticklabel_format(axis="y", useOffset=False)
-    axes.set_ylabel(_AXES[column])
+    axes.set_ylabel(("total gravity, m/s²", "total field, nT", "dip, deg")[column])
     axes.set_xlabel("measured depth, m")
     wide = 2 if before is not None and corrected is not None else 3
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.0)
@@ -89,7 +87,7 @@ def distance_figure(quality: FieldQuality, before: FieldQuality | None = None) -
     figure = new_figure(3.0)
     axes = figure.add_subplot()
     rows = thinned(len(quality.md))
-    md, mark = quality.md[rows], len(rows) <= _FEW
+    md, mark = quality.md[rows], len(rows) <= 80
     if before is not None:
         look: dict[str, Any] = {"color": SERIES[1], "linestyle": "-." if mark else ":", "marker": "s" if mark else None}
         axes.plot(md, before.distance[rows], label="before", markersize=3.0, alpha=0.8, **look)
@@ -104,13 +102,6 @@ def distance_figure(quality: FieldQuality, before: FieldQuality | None = None) -
     return figure
 
 
-def _beyond(quality: FieldQuality, column: int) -> Mask:
-    check = quality.checks[column]
-    failed = np.zeros(len(quality.md), dtype=bool)
-    failed[list(check.stations if check.verdict == "fail" else ())] = True
-    return failed
-
-
 def _crosses(axes: Any, quality: FieldQuality, values: Array, failed: Mask) -> None:
     if failed.any():
         look: dict[str, Any] = {"linestyle": "none", "marker": "X", "color": BAD, "markersize": 6.5, "label": "beyond"}
@@ -121,18 +112,16 @@ def check_table(checks: Sequence[Check]) -> Table:
     """Every check with its figures, reason and next action."""
     states = {"pass": "", "not judged": "warn", "fail": "bad"}
     body = []
+    units = {"rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/h", 180.0 / np.pi * 3600.0), "m/s^2": ("m/s²", 1.0)}
     for check in checks:
-        unit, factor = _UNITS.get(check.unit, (check.unit, 1.0))
-        value, limit = (_shown(x * factor) for x in (check.value, check.limit))
+        unit, factor = units.get(check.unit, (check.unit, 1.0))
+        sizes = (check.value * factor, check.limit * factor)
+        value, limit = (significant(size, 3) if np.isfinite(size) else "-" for size in sizes)
         action = check.action if check.verdict != "pass" else ""
         cells = [check.name, check.verdict, check.reason, action, value, limit, unit]
         body.append(TableRow(cells, states[check.verdict]))
     head = ["check", "verdict", "what was found", "what to do", "value", "limit", "unit"]
     return Table("Checks of the run", head, body, text_columns=4)
-
-
-def _shown(value: float) -> str:
-    return significant(value, 3) if np.isfinite(value) else "-"
 
 
 def _cells(quality: FieldQuality, row: int, column: int, quantity: Quantity) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -65,6 +65,15 @@ def survey_report(
     flagged = sum(bool(row) for row in survey.flags)
     failed = 0 if quality is None else sum(check.verdict == "fail" for check in quality.checks)
     troubles = bool(flagged or survey.warnings or failed)
+    angles = [
+        picture(draw.angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by component")
+        for name in _known(survey)
+    ]
+    names = listed([f"“{name}”" for name in survey.components])
+    seen = set(survey.components)
+    missing = ["misalignment of the tool in the hole"]
+    missing += [] if SAG in seen else ["sag"]
+    missing += [] if seen & {AXIAL, ANALYSIS, SENSORS} else ["magnetic interference"]
     return render(
         "report.html",
         about="What was reduced",
@@ -81,18 +90,26 @@ def survey_report(
         if troubles
         else "No flags",
         verdict=_sentence(survey),
-        notes=[_covers(survey), *notes],
+        notes=[
+            f"Components included: {names}. Not included: {', '.join(missing)}."
+            f" Azimuth counts from {survey.azimuth_reference} north.",
+            *notes,
+        ],
         warnings=list(survey.warnings),
         sections=[
             Section("What was done to the stations", steps=list(survey.history)),
-            Section("Angles and their uncertainty", tables=[_summary(survey)], pictures=_angle_figures(survey)),
+            Section(
+                "Angles and their uncertainty",
+                tables=[summary_table(survey, _known(survey)) if len(survey) else None],
+                pictures=angles,
+            ),
             Section(
                 "Fields that should not change",
                 tables=[None if quality is None else check_table(quality.checks)],
                 pictures=_magnitude_figures(survey, site) if quality is None else quality_pictures(quality, before),
             ),
             Section("From which north", tables=[chain_of_norths(survey, site)], pictures=compass(survey, site)),
-            Section("Flags", tables=[_flags(survey)]),
+            Section("Flags", tables=[flag_table(survey, FLAGS) if flagged else None]),
             Section("Stations", tables=[cut(_table(survey))]),
         ],
         facts=_facts(survey, site),
@@ -115,38 +132,16 @@ def _sentence(survey: Survey) -> str:
     return f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
 
 
-def _covers(survey: Survey) -> str:
-    names = listed([f"“{name}”" for name in survey.components])
-    seen = set(survey.components)
-    missing = ["misalignment of the tool in the hole"]
-    missing += [] if SAG in seen else ["sag"]
-    missing += [] if seen & {AXIAL, ANALYSIS, SENSORS} else ["magnetic interference"]
-    return (
-        f"Components included: {names}. Not included: {', '.join(missing)}."
-        f" Azimuth counts from {survey.azimuth_reference} north."
-    )
-
-
-def _summary(survey: Survey) -> Table | None:
-    if not len(survey):
-        return None
+def summary_table(survey: Survey, names: Sequence[str]) -> Table:
+    """Least, median and largest expanded uncertainty of angles."""
     body = []
-    for name in _known(survey):
+    for name in names:
         expanded = COVERAGE_FACTOR * np.degrees(survey.u(name))
         worst = int(np.argmax(expanded))
         cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[worst])]
         body.append(TableRow([name, *cells, plain(survey.md[worst], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
     return Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)
-
-
-def _angle_figures(survey: Survey) -> list[Picture]:
-    if not len(survey):
-        return []
-    return [
-        picture(draw.angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by component")
-        for name in _known(survey)
-    ]
 
 
 def _magnitude_figures(survey: Survey, site: Site | None) -> list[Picture]:
@@ -179,15 +174,15 @@ def _reference(site: Site | None, name: str) -> tuple[float, float | None] | Non
     return value, sigma
 
 
-def _flags(survey: Survey) -> Table | None:
+def flag_table(survey: Survey, meanings: Mapping[str, str]) -> Table:
     """Every flag that occurs: how often, where first, what it means."""
     seen = sorted({name for row in survey.flags for name in row})
     body = []
     for name in seen:
         rows = [k for k, row in enumerate(survey.flags) if name in row]
-        body.append(TableRow([name, FLAGS.get(name, ""), str(len(rows)), plain(survey.md[rows[0]], 2)], "warn"))
+        body.append(TableRow([name, meanings.get(name, ""), str(len(rows)), plain(survey.md[rows[0]], 2)], "warn"))
     head = ["flag", "meaning", "stations", "first at md, m"]
-    return Table("Flags that occur", head, body, text_columns=2) if body else None
+    return Table("Flags that occur", head, body, text_columns=2)
 
 
 def _table(survey: Survey) -> Table:

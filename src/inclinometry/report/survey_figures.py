@@ -16,12 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_POINTS = 1500
-"""Points a curve is drawn from; a longer survey is thinned evenly, its extremes are in the table and the file."""
-NEGLIGIBLE = 1e-3
-"""Share of the largest uncertainty below which a component is not drawn."""
-COLUMN = {"inclination": 0, "azimuth": 1, "toolface": 2}
-
 
 def thinned(size: int) -> Array:
     """Rows of a survey that are drawn, the first and the last among them.
@@ -31,7 +25,8 @@ def thinned(size: int) -> Array:
     >>> thinned(3), len(thinned(100_000))
     (array([0, 1, 2]), 1500)
     """
-    return np.unique(np.linspace(0, max(size - 1, 0), min(size, MOST_POINTS)).astype(int))
+    # the extremes of a longer survey are in the table and the file
+    return np.unique(np.linspace(0, max(size - 1, 0), min(size, 1500)).astype(int))
 
 
 @styled
@@ -44,7 +39,31 @@ def angle_figure(survey: Survey, name: str) -> Figure:
     u = np.degrees(survey.u(name)[rows])
     course(upper, md, value if name == "inclination" else unbroken(value), COVERAGE_FACTOR * u)
     upper.set_ylabel(f"{name}, deg")
-    _uncertainty(lower, survey, name, rows, u)
+    md = survey.md[rows]
+    if not (u > 0.0).any():
+        lower.text(0.5, 0.5, "no uncertainty known", transform=lower.transAxes, ha="center", va="center")
+    else:
+        lower.plot(md, COVERAGE_FACTOR * u, color=INK, label="U, all")
+        low, least = float(u[u > 0.0].min()), 1e-3 * float(u.max())  # a smaller component is not drawn
+        column = {"inclination": 0, "azimuth": 1, "toolface": 2}
+        for n, (component, parts) in enumerate(survey.components.items()):
+            variance = parts[rows, column[name]]
+            part = np.degrees(np.sqrt(np.where(np.isfinite(variance) & (variance > 0.0), variance, np.nan)))
+            part[part < least] = np.nan
+            if np.isfinite(part).any():
+                low = min(low, float(np.nanmin(part)))
+                lower.plot(
+                    md,
+                    COVERAGE_FACTOR * part,
+                    color=SERIES[(n + 1) % len(SERIES)],
+                    linestyle=DASHES[(n + 1) % len(DASHES)],
+                    label=component,
+                )
+        log_scale(lower, COVERAGE_FACTOR * low, COVERAGE_FACTOR * float(u.max()))
+        lower.set_ylabel("U, deg")
+        # two long names side by side are as much as the width bears
+        wide = 3 if len(survey.components) < 4 else 2
+        lower.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.2)
     lower.set_xlabel("measured depth, m")
     return figure
 
@@ -63,7 +82,11 @@ def course(axes: Axes, md: Array, path: Array, spread: Array) -> None:
     if len(good):
         room = max(1.0, 0.06 * span)
         axes.set_ylim(float(good.min()) - room, float(good.max()) + room)
-    _turn_ticks(axes)
+    # ticks labelled 0 to 360 although the curve runs on over north
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 4.5, 6, 9, 10]))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value, 6) % 360.0:g}"))
 
 
 def compass_dots(axes: Axes, place: Array, angle: Array) -> None:
@@ -73,47 +96,12 @@ def compass_dots(axes: Axes, place: Array, angle: Array) -> None:
     axes.set_yticks(range(0, 361, 90))
 
 
-def _uncertainty(axes: Axes, survey: Survey, name: str, rows: Array, u: Array) -> None:
-    md = survey.md[rows]
-    if not (u > 0.0).any():
-        axes.text(0.5, 0.5, "no uncertainty known", transform=axes.transAxes, ha="center", va="center")
-        return
-    axes.plot(md, COVERAGE_FACTOR * u, color=INK, label="U, all")
-    low, least = float(u[u > 0.0].min()), NEGLIGIBLE * float(u.max())
-    for n, (component, parts) in enumerate(survey.components.items()):
-        variance = parts[rows, COLUMN[name]]
-        part = np.degrees(np.sqrt(np.where(np.isfinite(variance) & (variance > 0.0), variance, np.nan)))
-        part[part < least] = np.nan
-        if np.isfinite(part).any():
-            low = min(low, float(np.nanmin(part)))
-            axes.plot(
-                md,
-                COVERAGE_FACTOR * part,
-                color=SERIES[(n + 1) % len(SERIES)],
-                linestyle=DASHES[(n + 1) % len(DASHES)],
-                label=component,
-            )
-    log_scale(axes, COVERAGE_FACTOR * low, COVERAGE_FACTOR * float(u.max()))
-    axes.set_ylabel("U, deg")
-    # two long names side by side are as much as the width bears
-    wide = 3 if len(survey.components) < 4 else 2
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.2)
-
-
 def unbroken(value: Array) -> Array:
     """Angles in degrees continued over north; nan where there is none."""
     path = np.full(len(value), np.nan)
     good = np.isfinite(value)
     path[good] = np.unwrap(value[good], period=360.0)
     return path
-
-
-def _turn_ticks(axes: Axes) -> None:
-    """Ticks labelled 0 to 360 although the curve runs on over north."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
-
-    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 4.5, 6, 9, 10]))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value, 6) % 360.0:g}"))
 
 
 @styled

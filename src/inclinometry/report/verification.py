@@ -9,20 +9,13 @@ import numpy as np
 from inclinometry.calibration.acceptance import DERIVED, Verification
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.report.figure import BAD, INK, SERIES, new_figure, station_axis, styled
-from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
+from inclinometry.report.page import CONVENTIONS, Section, Table, TableRow, cut, picture, render
 from inclinometry.report.words import plain, rounded, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LOOKS = {
-    "pass": ("o", SERIES[0]),
-    "inconclusive": ("s", SERIES[1]),
-    "fail": ("X", BAD),
-    "not judged": ("D", SERIES[7]),
-}
-"""Marker and colour of each decision."""
 DIAL_COLUMN = (1, 0, 2)
 """Where the dials hold inclination, azimuth, toolface."""
 
@@ -35,7 +28,13 @@ def station_figure(verification: Verification, column: int) -> Figure:
     place = np.arange(len(verification.station))
     limit = np.degrees(np.where(np.isfinite(verification.limits[:, column]), verification.limits[:, column], np.nan))
     spread = verification.coverage_factor * np.degrees(verification.u[:, column])
-    _limits(axes, place, limit, np.maximum(limit - spread, 0.0), guarded=_guarded(verification))
+    inner = np.maximum(limit - spread, 0.0)
+    guarded = any("inconclusive" in row for row in verification.decision)
+    edges = np.append(place - 0.5, place[-1] + 0.5) if len(place) else place
+    for sign in (1.0, -1.0):
+        axes.stairs(sign * limit, edges, baseline=None, color=BAD, linewidth=1.3)
+        if guarded:
+            axes.stairs(sign * limit, edges, baseline=sign * inner, fill=True, color=BAD, alpha=0.16, linewidth=0.0)
     handles = _errors(axes, place, verification, column)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_ylim(*_reach(verification, column))
@@ -65,19 +64,6 @@ def settings(verification: Verification, column: int) -> int:
     return len(np.unique(np.degrees(verification.dials[judged, DIAL_COLUMN[column]]).round(3)))
 
 
-def _guarded(verification: Verification) -> bool:
-    return any("inconclusive" in row for row in verification.decision)
-
-
-def _limits(axes: Axes, place: np.ndarray, limit: np.ndarray, inner: np.ndarray, *, guarded: bool) -> None:
-    """Limits as steps over the stations; the guard band between them and the acceptance limit."""
-    edges = np.append(place - 0.5, place[-1] + 0.5) if len(place) else place
-    for sign in (1.0, -1.0):
-        axes.stairs(sign * limit, edges, baseline=None, color=BAD, linewidth=1.3)
-        if guarded:
-            axes.stairs(sign * limit, edges, baseline=sign * inner, fill=True, color=BAD, alpha=0.16, linewidth=0.0)
-
-
 def _errors(axes: Axes, x: np.ndarray, verification: Verification, column: int) -> list[object]:
     """Points with expanded uncertainties, one look a decision; returns the handles of the legend."""
     from matplotlib.lines import Line2D
@@ -86,7 +72,13 @@ def _errors(axes: Axes, x: np.ndarray, verification: Verification, column: int) 
     errors = np.degrees(verification.errors[:, column])
     spread = COVERAGE_FACTOR * np.degrees(verification.u[:, column])
     handles: list[object] = []
-    for name, (marker, colour) in LOOKS.items():
+    looks = {
+        "pass": ("o", SERIES[0]),
+        "inconclusive": ("s", SERIES[1]),
+        "fail": ("X", BAD),
+        "not judged": ("D", SERIES[7]),
+    }
+    for name, (marker, colour) in looks.items():
         rows = decisions == name
         if rows.any():
             # the bars of a vertical tool's azimuth would cross the whole drawing
@@ -109,13 +101,6 @@ def _reach(verification: Verification, column: int) -> tuple[float, float]:
     )
     top = 1.1 * float(max(limit.max(initial=0.0), (np.abs(error) + COVERAGE_FACTOR * u).max(initial=1e-6)))
     return -top, top
-
-
-UNDEFINED_DEG = 30.0
-"""Standard uncertainty from which an angle is not worth printing: the tool hangs vertically, deg."""
-FEWEST_SETTINGS = 4
-"""Settings of an angle below which errors over it are no curve; the stations show them."""
-_STATES = {"fail": "bad", "inconclusive": "warn"}
 
 
 def verification_report(verification: Verification) -> str:
@@ -141,8 +126,29 @@ def verification_report(verification: Verification) -> str:
     (True, False)
     """
     passed = verification.verdict == "pass"
-    drawn = [c for c in range(3) if np.isfinite(verification.errors[:, c]).any()]
+    band = "; shaded: guard band" if any("inconclusive" in row for row in verification.decision) else ""
+    errors, curves = [], []
+    for column, angle in enumerate(verification.names):
+        if not np.isfinite(verification.errors[:, column]).any():
+            continue
+        slug = angle.replace(" ", "")
+        caption = f"Error of {angle} at each station, bars U (k = {COVERAGE_FACTOR:g}); red: limits{band}"
+        errors.append(picture(station_figure(verification, column), f"station{slug}", caption))
+        # errors over fewer than four settings of an angle are no curve; the stations show them
+        if settings(verification, column) >= 4:
+            caption = f"Error curve: error of {angle} over its setting"
+            curves.append(picture(curve_figure(verification, column), f"curve{slug}", caption))
     name = verification.tool or "Tool without a name"
+    count, tool = len(verification.station), verification.tool or "the tool"
+    kept = "keeps" if verification.verdict == "pass" else "does not keep"
+    where = f"{count} independent position{'s' * (count != 1)}"
+    facts = [
+        ("Tool", verification.tool or "not named"),
+        ("Positions", str(len(verification.station))),
+        ("Limits", verification.limits_name),
+        ("Source of the limits", verification.limits_source or "not stated"),
+        ("Coverage factor", f"k = {verification.coverage_factor:.3g}"),
+    ]
     return render(
         "report.html",
         about="What was judged",
@@ -153,7 +159,7 @@ def verification_report(verification: Verification) -> str:
         # green only when nothing below speaks against relying on it
         state="bad" if not passed else "warn" if verification.warnings else "good",
         badge=verification.verdict.upper() + (", with reservations" if passed and verification.warnings else ""),
-        verdict=_sentence(verification),
+        verdict=f"{tool[:1].upper()}{tool[1:]} {kept} the limits “{verification.limits_name}” at {where}.",
         notes=[f"{said[:1].upper()}{said[1:]}." for said in (*verification.reasons, *verification.notes)],
         warnings=list(verification.warnings),
         sections=[
@@ -161,23 +167,16 @@ def verification_report(verification: Verification) -> str:
                 "Errors against limits",
                 [_rule(verification)],
                 tables=[_summary(verification)],
-                pictures=[_station(verification, c) for c in drawn],
+                pictures=errors,
             ),
             Section(
                 "Error curves",
-                pictures=[_curve(verification, c) for c in drawn if settings(verification, c) >= FEWEST_SETTINGS],
+                pictures=curves,
             ),
             Section("Every position", tables=[cut(_table(verification))]),
         ],
-        facts=_facts(verification),
+        facts=facts + [(f"Digest of {name}", digest) for name, digest in verification.inputs.items()],
     )
-
-
-def _sentence(verification: Verification) -> str:
-    count, tool = len(verification.station), verification.tool or "the tool"
-    kept = "keeps" if verification.verdict == "pass" else "does not keep"
-    where = f"{count} independent position{'s' * (count != 1)}"
-    return f"{tool[:1].upper()}{tool[1:]} {kept} the limits “{verification.limits_name}” at {where}."
 
 
 def _summary(verification: Verification) -> Table:
@@ -239,22 +238,6 @@ def _rule(verification: Verification) -> str:
     )
 
 
-def _station(verification: Verification, column: int) -> Picture:
-    name = verification.names[column]
-    band = "; shaded: guard band" if any("inconclusive" in row for row in verification.decision) else ""
-    caption = f"Error of {name} at each station, bars U (k = {COVERAGE_FACTOR:g}); red: limits{band}"
-    return picture(station_figure(verification, column), f"station{_slug(name)}", caption)
-
-
-def _slug(name: str) -> str:
-    return name.replace(" ", "")
-
-
-def _curve(verification: Verification, column: int) -> Picture:
-    caption = f"Error curve: error of {verification.names[column]} over its setting"
-    return picture(curve_figure(verification, column), f"curve{_slug(verification.names[column])}", caption)
-
-
 def _table(verification: Verification) -> Table:
     """A line a station: settings, error and expanded uncertainty of each angle, decisions."""
     dials = np.degrees(verification.dials)
@@ -265,26 +248,15 @@ def _table(verification: Verification) -> Table:
         for column in range(3):
             error, u = float(errors[k, column]), float(spread[k, column])
             limit = float(np.degrees(verification.limits[k, column]))
-            defined = u < UNDEFINED_DEG
+            defined = u < 30.0  # beyond, the tool hangs vertically
             cells += (
                 [_signed(error, u), significant(verification.coverage_factor * u)] if defined else ["undefined", ""]
             )
             cells += [f"{limit:.3g}" if np.isfinite(limit) else "", verification.decision[k][column]]
-        worst = [_STATES.get(d, "") for d in verification.decision[k]]
+        worst = [{"fail": "bad", "inconclusive": "warn"}.get(d, "") for d in verification.decision[k]]
         state = "bad" if "bad" in worst else "warn" if "warn" in worst else ""
         rows.append(TableRow([station, *cells], state))
     head = ["station", "azimuth set", "inclination set", "toolface set"]
     for name in verification.names:
         head += [f"error of {name}", "U", "limit ±", "decision"]
     return Table(f"All positions, deg; U with k = {verification.coverage_factor:.3g}", head, rows)
-
-
-def _facts(verification: Verification) -> list[tuple[str, str]]:
-    facts = [
-        ("Tool", verification.tool or "not named"),
-        ("Positions", str(len(verification.station))),
-        ("Limits", verification.limits_name),
-        ("Source of the limits", verification.limits_source or "not stated"),
-        ("Coverage factor", f"k = {verification.coverage_factor:.3g}"),
-    ]
-    return facts + [(f"Digest of {name}", digest) for name, digest in verification.inputs.items()]

@@ -100,15 +100,6 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
     return f"{text} ± {significant(uncertainty)}"
 
 
-METHODS = {
-    "joint": "joint maximum likelihood of all triads, rig errors shared between them",
-    "twelve": "closed form for the twelve positions",
-    "orthogonal": "closed form for the 24 orthogonal positions",
-    "rotations": "closed form for two full rotations about the tool axis",
-    "field": "constant field strength in any attitude, no rig",
-    "classical": "classical small-angle differences",
-    "datasheet": "nameplate values of the sensors, nothing measured",
-}
 DECISIVE = 0.9
 """Leverage from which a station decides alone: an error there would go unseen."""
 
@@ -147,11 +138,7 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
         )
     count = len(calibration.warnings)
     condition = f"; settle the warning{'s' * (count > 1)} below before relying on it" if count else ""
-    return f"One reading of {tool} gives {parts} ({_coverage()}) {where}{condition}."
-
-
-def _coverage() -> str:
-    return f"expanded, k = {COVERAGE_FACTOR:g}, about 95 %"
+    return f"One reading of {tool} gives {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %) {where}{condition}."
 
 
 def covers(calibration: Calibration) -> str:
@@ -169,12 +156,23 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
     """What was measured, as pairs of label and text."""
     tool, stations = calibration.tool, len(calibration.residuals.station)
     triads = [f"{t.count} {kind}s ({t.unit})" for kind, t in tool.triads.items()]
+    methods = {
+        "joint": "joint maximum likelihood of all triads, rig errors shared between them",
+        "twelve": "closed form for the twelve positions",
+        "orthogonal": "closed form for the 24 orthogonal positions",
+        "rotations": "closed form for two full rotations about the tool axis",
+        "field": "constant field strength in any attitude, no rig",
+        "classical": "classical small-angle differences",
+        "datasheet": "nameplate values of the sensors, nothing measured",
+    }
+    span = calibration.tool.temperature_range
+    left = 0 if readings is None else len(readings) - stations
     facts = [
         ("Tool", tool.name or "not named"),
         ("Sensors", listed(triads)),
-        ("Method", f"{calibration.method}: {METHODS.get(calibration.method, 'see the record')}"),
-        ("Stations", f"{stations}{_left_out(stations, readings)}"),
-        ("Temperature", _temperature(calibration)),
+        ("Method", f"{calibration.method}: {methods.get(calibration.method, 'see the record')}"),
+        ("Stations", f"{stations} ({left} more were left out of the fit)" if left > 0 else f"{stations}"),
+        ("Temperature", "not recorded" if span is None else f"{span[0]:.1f} to {span[1]:.1f} °C"),
     ]
     for kind, triad in tool.triads.items():
         if triad.degree:
@@ -183,25 +181,12 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
     if readings is not None and readings.count is not None:
         facts.append(("Readings averaged", f"{int(readings.count.min())} to {int(readings.count.max())} a station"))
     if readings is not None:
-        facts += [(f"Stated at the stand: {name}", text) for name, text in _stated(readings.reference)]
+        shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: f"{v:.0f} nT"}
+        shown |= dict.fromkeys(("dip", "latitude", "north"), lambda v: f"{np.degrees(v):.2f}°")
+        stated = [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in readings.reference.items()]
+        facts += [(f"Stated at the stand: {name}", text) for name, text in stated]
     facts += [("Note", sentence) for sentence in calibration.notes]
     return facts + [(f"Digest of {name}", digest) for name, digest in calibration.inputs.items()]
-
-
-def _left_out(used: int, readings: BenchReadings | None) -> str:
-    missing = 0 if readings is None else len(readings) - used
-    return f" ({missing} more were left out of the fit)" if missing > 0 else ""
-
-
-def _temperature(calibration: Calibration) -> str:
-    span = calibration.tool.temperature_range
-    return "not recorded" if span is None else f"{span[0]:.1f} to {span[1]:.1f} °C"
-
-
-def _stated(reference: Mapping[str, float]) -> list[tuple[str, str]]:
-    shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: f"{v:.0f} nT"}
-    shown |= dict.fromkeys(("dip", "latitude", "north"), lambda v: f"{np.degrees(v):.2f}°")
-    return [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in reference.items()]
 
 
 def rig_sentences(calibration: Calibration) -> list[str]:

@@ -37,8 +37,6 @@ QUARTER_MIDDLE: Final = 6.077100506303966e-11
 QUARTER_LOW: Final = 2.0222662487959506e-21
 QUARTERS: Final = 2.0 / math.pi
 
-BLOCK: Final = 256  # intervals; seven rows of work stay in the first-level cache
-
 
 @inlined
 def sine_cosine(x: float) -> tuple[float, float]:
@@ -117,13 +115,14 @@ def minimum_curvature(
     severity: Array,
 ) -> None:
     """Positions (n,) of stations, dogleg (n - 1,) and its severity; NaN follows a dogleg of half a turn."""
-    t, step = np.empty((3, BLOCK + 1)), np.empty((3, BLOCK))
+    block = 256  # intervals; seven rows of work stay in the first-level cache
+    t, step = np.empty((3, block + 1)), np.empty((3, block))
     n, e, v = 0.0, 0.0, 0.0
     dn, de, dv = 0.0, 0.0, 0.0
     n0, e0, v0 = start[0], start[1], start[2]
     north[0], east[0], tvd[0] = n0, e0, v0
-    for first in range(0, dogleg.size, BLOCK):
-        stop = min(first + BLOCK, dogleg.size)
+    for first in range(0, dogleg.size, block):
+        stop = min(first + block, dogleg.size)
         _directions(inclination[first : stop + 1], azimuth[first : stop + 1], t)
         _displacements(md[first : stop + 1], t, step, dogleg[first:stop], severity[first:stop])
         for i in range(stop - first):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -18,32 +18,15 @@ from inclinometry.survey.stations import Source, Stations
 SOURCE: Final = "axial correction"
 """Name of the source of error left by the correction; its two parameters are the reference b (nT) and dip (rad)."""
 
-LEFT: Final = "axial interference"
-"""Name of the source of error at stations that could not be corrected; its parameter is the interference, nT."""
 
 SINGULAR: Final = float(np.cos(np.radians(70.0)) ** 2)
-"""1 - sin^2 I sin^2 A below which the correction must not be used: when level, azimuth within 20 deg of east-west."""
+"""1 - sin^2 I sin^2 A below which the correction must not be used: when level, azimuth within 20 deg of east-west.
 
-WEAK: Final = float(np.cos(np.radians(60.0)) ** 2)
-"""The same below which it is better avoided, by spacing the assembly well: when level, within 30 deg of east-west.
-
-Both sectors: Innova, Appendix C, short collar correction; written in I and A they hold at every inclination.
+Innova, Appendix C, short collar correction; written in I and A it holds at every inclination.
 """
 
+
 _STEEP: Final = 1e-12  # sine of inclination below which the axial field does not depend on azimuth
-_STEPS: Final = 80  # halvings: more than the digits of a double
-
-
-class _Geometry(NamedTuple):
-    """Parts of gravity's direction and of the transverse field, all (n,)."""
-
-    down: Array  # (n, 3) direction of gravity
-    hx: Array  # downward direction across the tool, a unit vector
-    hy: Array
-    sine: Array  # of inclination
-    cosine: Array
-    high: Array  # transverse field along the downward direction across the tool, nT
-    across: Array  # field along the horizontal across the tool, nT
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +36,7 @@ class AxialCorrection:
     stations : Stations, corrected.
     interference : (n,) measured minus computed axial field, nT; also at stations that were left alone.
     observability : (n,) 1 - sin^2 I (H/Bh) sin^2 A: an error of the axial field is divided by this.
-    singular, weak : (n,) left alone below `SINGULAR`; corrected but poorly below `WEAK`.
+    singular, weak : (n,) left alone below `SINGULAR`; corrected but poorly below 0.25.
     azimuth_by_b, azimuth_by_dip : (n,) rad per nT and rad per rad of the reference; NaN at vertical stations.
     misfit : (n, 2) horizontal and vertical field after the correction minus the reference, nT.
     """
@@ -124,27 +107,38 @@ def axial_correction(
         raise InputError("these stations have been through an axial correction; give the stations before it")
     within(interference_sigma, "interference_sigma", 0.0, 1e5, "nT")
     horizontal, vertical = reference.b * np.cos(reference.dip), reference.b * np.sin(reference.dip)
-    at = _geometry(stations.g, stations.b)
-    bz = _axial_field(at, horizontal, vertical, stations.b[:, 2])
-    slope, by_field, by_reference = _derivatives(stations, at, bz, horizontal, vertical)
+    geometry = _geometry(stations.g, stations.b)
+    direction, _, sine, high, across = geometry
+    bz = _axial_field(geometry, horizontal, vertical, stations.b[:, 2])
+    observability, by_field, by_reference = _derivatives(stations, geometry, bz, horizontal, vertical)
     corrected = np.column_stack([stations.b[:, :2], bz])
-    observability = slope
     singular = observability < SINGULAR
     interference = stations.b[:, 2] - bz
     b = np.where(singular[:, None], stations.b, corrected)
-    steps = _Steps(by_field, by_reference, singular)
-    noise, sources = _propagated(stations, reference, steps, interference_sigma)
+    moves = np.tile(np.eye(6), (len(stations), 1, 1))
+    moves[:, 5] = np.where(singular[:, None], moves[:, 5], by_field)
+    by_b_dip = np.zeros((len(stations), 6, 2))
+    by_b_dip[:, 5] = np.where(singular[:, None], 0.0, by_reference)
+    random = by_b_dip @ np.diag(reference.randoms[1:] ** 2) @ np.swapaxes(by_b_dip, 1, 2)
+    noise = moves @ stations.noise @ np.swapaxes(moves, 1, 2) + random
+    sources = {name: Source(moves @ s.by_field, s.covariance) for name, s in stations.sources.items()}
+    sources[SOURCE] = Source(by_b_dip, np.diag(reference.sigmas[1:] ** 2))
+    if singular.any():
+        left = np.zeros((len(stations), 6, 1))
+        left[singular, 5] = 1.0
+        sources["axial interference"] = Source(left, np.array([[interference_sigma**2]]))
     check = _check(interference, observability, singular)
     done = stations.corrected(stations.g, b, _line(reference, interference, singular), sources, noise)
-    by_bz = _azimuth_by_bz(stations.g, corrected)
+    by_bz = np.asarray(angles_jacobian(stations.g, corrected)[:, 1, 5])
     down = np.sum(corrected * stations.g, axis=1) / np.linalg.norm(stations.g, axis=1)
-    level = np.hypot(at.sine * bz - at.cosine * at.high, at.across)
+    level = np.hypot(sine * bz - direction[:, 2] * high, across)
     return AxialCorrection(
         stations=done,
         interference=interference,
         observability=observability,
         singular=singular,
-        weak=(observability < WEAK) & ~singular,
+        # the same source: within 30 deg of east-west it is better avoided, by spacing the assembly well
+        weak=(observability < np.cos(np.radians(60.0)) ** 2) & ~singular,
         azimuth_by_b=by_bz * by_reference[:, 0],
         azimuth_by_dip=by_bz * by_reference[:, 1],
         misfit=np.column_stack([level - horizontal, down - vertical]),
@@ -152,7 +146,11 @@ def axial_correction(
     )
 
 
-def _geometry(g: Array, b: Array) -> _Geometry:
+def _geometry(g: Array, b: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Direction of gravity (n, 3), the downward direction across the tool (2, n), sine of inclination, field, nT.
+
+    The field along the downward direction across the tool, and along the horizontal across it.
+    """
     down = g / np.linalg.norm(g, axis=1, keepdims=True)
     sine = np.hypot(down[:, 0], down[:, 1])
     # in a vertical tool the transverse field itself serves: the axial field changes when gravity tilts along it
@@ -160,14 +158,17 @@ def _geometry(g: Array, b: Array) -> _Geometry:
     size = np.hypot(across[:, 0], across[:, 1])
     across = across / np.where(size > 0.0, size, 1.0)[:, None]
     x, y = across[:, 0], across[:, 1]
-    return _Geometry(down, x, y, sine, down[:, 2], x * b[:, 0] + y * b[:, 1], x * b[:, 1] - y * b[:, 0])
+    return down, np.stack([x, y]), sine, x * b[:, 0] + y * b[:, 1], x * b[:, 1] - y * b[:, 0]
 
 
-def _axial_field(at: _Geometry, horizontal: float, vertical: float, measured: Array) -> Array:
+def _axial_field(
+    geometry: tuple[Array, Array, Array, Array, Array], horizontal: float, vertical: float, measured: Array
+) -> Array:
     """The stationary minimum nearest to the measured axial field."""
-    s, c, e = at.sine, at.cosine, np.abs(at.across)
+    down, _, s, high, across = geometry
+    c, e = down[:, 2], np.abs(across)
     # in u = s Bz - c q the condition is u - u0 - s^2 H u / hypot(u, e) = 0, convex on the right, concave on the left
-    start = s * c * vertical - c * at.high
+    start = s * c * vertical - c * high
     pull = s**2 * horizontal
     knee = np.sqrt(np.maximum(np.cbrt(pull * e**2) ** 2 - e**2, 0.0))
 
@@ -190,7 +191,7 @@ def _axial_field(at: _Geometry, horizontal: float, vertical: float, measured: Ar
 
 def _bisected(gap: Callable[[Array], Array], low: Array, high: Array) -> Array:
     low, high = low.copy(), high.copy()
-    for _ in range(_STEPS):
+    for _ in range(80):  # more halvings than the digits of a double
         middle = 0.5 * (low + high)
         above = gap(middle) > 0.0
         low, high = np.where(above, low, middle), np.where(above, middle, high)
@@ -198,26 +199,30 @@ def _bisected(gap: Callable[[Array], Array], low: Array, high: Array) -> Array:
 
 
 def _derivatives(
-    stations: Stations, at: _Geometry, bz: Array, horizontal: float, vertical: float
+    stations: Stations,
+    geometry: tuple[Array, Array, Array, Array, Array],
+    bz: Array,
+    horizontal: float,
+    vertical: float,
 ) -> tuple[Array, Array, Array]:
     """Slope (n,) of the condition, derivatives of the axial field by the six channels (n, 6) and by b, dip (n, 2)."""
     g, b = stations.g, stations.b
-    strength, down = np.linalg.norm(g, axis=1), at.down
-    s, c, hx, hy = at.sine, at.cosine, at.hx, at.hy
+    strength, (down, (hx, hy), s, high, e) = np.linalg.norm(g, axis=1), geometry
+    c = down[:, 2]
     safe = np.where(s > _STEEP, s, 1.0)
-    u, e = s * bz - c * at.high, at.across
+    u = s * bz - c * high
     size = np.hypot(u, e)
     size = np.where(size > 0.0, size, 1.0)
     turn, bend = u / size, horizontal * s / size**3
     slope = 1.0 - s * bend * e**2
     # by the direction of gravity: s, c, q and e move; by the transverse field: q and e
     by_down = np.zeros((len(g), 3))
-    q_by = (b[:, 0] - hx * at.high) / safe, (b[:, 1] - hy * at.high) / safe
+    q_by = (b[:, 0] - hx * high) / safe, (b[:, 1] - hy * high) / safe
     e_by = (b[:, 1] - hx * e) / safe, (-b[:, 0] - hy * e) / safe
     for k, h in enumerate((hx, hy)):
         du = h * bz - c * q_by[k]
         by_down[:, k] = horizontal * turn * h + bend * (e**2 * du - u * e * e_by[k])
-    by_down[:, 2] = vertical - bend * e**2 * at.high
+    by_down[:, 2] = vertical - bend * e**2 * high
     radial = by_down - down * np.sum(by_down * down, axis=1, keepdims=True)
     by_b = [bend * (-(e**2) * c * h - u * e * other) for h, other in ((hx, -hy), (hy, hx))]
     by_field = np.column_stack([radial / strength[:, None], *by_b, np.zeros(len(g))]) / slope[:, None]
@@ -225,40 +230,6 @@ def _derivatives(
     by_b_reference = s * turn * np.cos(dip) + c * np.sin(dip)
     by_dip = size_b * (c * np.cos(dip) - s * turn * np.sin(dip))
     return slope, by_field, np.column_stack([by_b_reference, by_dip]) / slope[:, None]
-
-
-class _Steps(NamedTuple):
-    by_field: Array
-    by_reference: Array
-    singular: Mask
-
-
-def _propagated(
-    stations: Stations, reference: FieldReference, steps: _Steps, interference_sigma: float
-) -> tuple[Array, Mapping[str, Source]]:
-    """Noise and sources after the correction."""
-    size, keep = len(stations), steps.singular
-    moves = np.tile(np.eye(6), (size, 1, 1))
-    moves[:, 5] = np.where(keep[:, None], moves[:, 5], steps.by_field)
-    by_reference = np.zeros((size, 6, 2))
-    by_reference[:, 5] = np.where(keep[:, None], 0.0, steps.by_reference)
-    random = by_reference @ np.diag(reference.randoms[1:] ** 2) @ np.swapaxes(by_reference, 1, 2)
-    noise = moves @ stations.noise @ np.swapaxes(moves, 1, 2) + random
-    sources = {name: Source(moves @ s.by_field, s.covariance) for name, s in stations.sources.items()}
-    sources[SOURCE] = Source(by_reference, np.diag(reference.sigmas[1:] ** 2))
-    if keep.any():
-        left = np.zeros((size, 6, 1))
-        left[keep, 5] = 1.0
-        sources[LEFT] = Source(left, np.array([[interference_sigma**2]]))
-    return noise, sources
-
-
-def _azimuth_by_bz(g: Array, b: Array) -> Array:
-    return np.asarray(angles_jacobian(g, b)[:, 1, 5])
-
-
-def _rows(singular: Mask) -> Sequence[int]:
-    return tuple(int(row) for row in np.flatnonzero(singular))
 
 
 def _check(interference: Array, observability: Array, singular: Mask) -> Check:
@@ -271,7 +242,16 @@ def _check(interference: Array, observability: Array, singular: Mask) -> Check:
         f"down to {observability[worst]:.3f}, needed {SINGULAR:.3f}) and keep the measured axial field"
     )
     action = "use a multi-station analysis with stations of another direction, more non-magnetic collars, or a gyro"
-    return Check(name, "not judged", float(observability[worst]), SINGULAR, _rows(singular), reason, action, "-")
+    return Check(
+        name,
+        "not judged",
+        float(observability[worst]),
+        SINGULAR,
+        tuple(int(row) for row in np.flatnonzero(singular)),
+        reason,
+        action,
+        "-",
+    )
 
 
 def _line(reference: FieldReference, interference: Array, singular: Mask) -> str:
@@ -283,5 +263,5 @@ def _line(reference: FieldReference, interference: Array, singular: Mask) -> str
     if len(done):
         text += f", interference {done.min():+.0f} to {done.max():+.0f} nT"
     if singular.any():
-        text += f"; singular and left as measured: stations {', '.join(str(r + 1) for r in _rows(singular))}"
+        text += f"; singular and left as measured: stations {', '.join(str(r + 1) for r in np.flatnonzero(singular))}"
     return text

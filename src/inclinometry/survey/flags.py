@@ -14,9 +14,6 @@ from inclinometry.earth.site import Site
 from inclinometry.orientation import Angles, dip_angle, dip_jacobian
 from inclinometry.sensors import Tool
 
-VERDICTS: Final = ("pass", "not judged", "fail")
-"""From good to bad; "not judged" where the stations cannot support the check."""
-
 ROUNDING: Final = 1e-11
 """What a value may exceed its limit by, rad: the rounding of a file's degrees, so that a limit itself is accepted."""
 
@@ -26,7 +23,7 @@ class Check:
     """One check of a survey.
 
     name : what was checked.
-    verdict : one of `VERDICTS`.
+    verdict : "pass", "fail" or, where the stations cannot support the check, "not judged".
     value : what was found; the worst where stations are judged one by one; NaN where nothing could be judged.
     limit : what is allowed, in the same unit.
     stations : rows (from 0) beyond the limit, or the rows that were judged where the run is judged as a whole.
@@ -90,7 +87,18 @@ def magnitudes(seen: Mapping[str, Array], tool: Tool, heat: Array | None, size: 
     """Strengths relative to the stand, dip and latitude, with uncertainty from calibration and noise."""
     strength, spread, blocks = {}, {}, {}
     for kind, field in seen.items():
-        covariance = _field_covariance(tool, kind, field, heat)
+        # covariance (n, 3, 3) of a field vector from its triad's parameters and one reading's noise
+        triad = tool.triads[kind]
+        powers, inverse = triad.basis(heat), triad.inverse_at(field, heat)
+        regressor = np.concatenate([field, np.ones((len(field), 1))], axis=1)
+        design = (np.broadcast_to(powers, (len(field), triad.degree + 1))[:, :, None] * regressor[:, None, :]).reshape(
+            len(field), -1
+        )
+        terms, count = triad.degree + 1, triad.count
+        own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(terms, count, 4, terms, count, 4)
+        ordered = own.transpose(1, 0, 2, 4, 3, 5).reshape(count, terms * 4, count, terms * 4)
+        signal = np.einsum("np,apbq,nq->nab", design, ordered, design, optimize=True) + np.diag(tool.noise[kind] ** 2)
+        covariance = np.asarray(inverse @ signal @ np.swapaxes(inverse, -1, -2))
         strength[kind] = np.linalg.norm(field, axis=1)
         unit = field / strength[kind][:, None]
         # a length that is known has no variance, but for rounding
@@ -113,21 +121,6 @@ def _dip(seen: Mapping[str, Array], blocks: Mapping[str, Array], second: str, si
         for p, k in enumerate(("accelerometer", second))
     )
     return dip_angle(g, b), np.sqrt(variance)
-
-
-def _field_covariance(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
-    """Covariance (n, 3, 3) of a field vector from its triad's parameters and one reading's noise."""
-    triad = tool.triads[kind]
-    powers, inverse = triad.basis(heat), triad.inverse_at(field, heat)
-    regressor = np.concatenate([field, np.ones((len(field), 1))], axis=1)
-    design = (np.broadcast_to(powers, (len(field), triad.degree + 1))[:, :, None] * regressor[:, None, :]).reshape(
-        len(field), -1
-    )
-    size, count = triad.degree + 1, triad.count
-    own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(size, count, 4, size, count, 4)
-    ordered = own.transpose(1, 0, 2, 4, 3, 5).reshape(count, size * 4, count, size * 4)
-    signal = np.einsum("np,apbq,nq->nab", design, ordered, design, optimize=True) + np.diag(tool.noise[kind] ** 2)
-    return np.asarray(inverse @ signal @ np.swapaxes(inverse, -1, -2))
 
 
 def reversed_field(dip: Array, site: Site | None) -> list[str]:
@@ -207,8 +200,6 @@ class Reference(NamedTuple):
 # Standard uncertainties taken where a reference is stated without one: gravity from a map; a global magnetic model with
 # crustal anomalies (ISCWSA MWD error model: 130 nT, 0.2 deg at one standard deviation)
 _SIGMA_G, _SIGMA_B, _SIGMA_DIP = 0.002, 130.0, np.radians(0.2)
-# a plumb line leaves the normal of the ellipsoid by some ten, in mountains by up to sixty seconds of arc
-_SIGMA_LATITUDE = np.radians(20.0 / 3600.0)
 
 
 def reference_of(tool: Tool, site: Site | None, calibration_dip: float | None) -> Reference:
@@ -232,7 +223,8 @@ def reference_in(units: Mapping[str, float], site: Site | None, calibration_dip:
         if value is not None and kind in units:
             stated = getattr(site, f"{name}_sigma")
             strength[kind] = (value / units[kind], (sigma if stated is None else stated) / units[kind])
-    latitude = None if site is None or site.latitude is None else (site.latitude, _SIGMA_LATITUDE)
+    # a plumb line leaves the normal of the ellipsoid by some ten, in mountains by up to sixty seconds of arc
+    latitude = None if site is None or site.latitude is None else (site.latitude, np.radians(20.0 / 3600.0))
     if site is not None and site.dip is not None:
         dip = (site.dip, _SIGMA_DIP if site.dip_sigma is None else site.dip_sigma)
         return Reference(strength, dip, latitude)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from inclinometry.arrays import Array, within
+from inclinometry.arrays import within
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
@@ -70,7 +70,18 @@ def survey_from_stations(
     if calibration_dip is not None:
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     found = angles(stations.g, stations.b)
-    azimuth, parts, north, warnings = turned_to_north(found.azimuth, _components(stations), site, "magnetic")
+    taken = {NOISE, "declination", "convergence"} & set(stations.sources)
+    if taken:
+        raise InputError(f"a source of the stations is called {min(taken)!r}, which the survey adds itself; rename it")
+    parts = {name: np.empty((len(stations), 4)) for name in (*stations.sources, NOISE)}
+    for start in range(0, len(stations), BLOCK):
+        here = slice(start, start + BLOCK)
+        jacobian = angles_jacobian(stations.g[here], stations.b[here])
+        for name, source in stations.sources.items():
+            moved = jacobian @ source.by_field[here]
+            parts[name][here] = np.sum((moved @ source.covariance) * moved, axis=2)
+        parts[NOISE][here] = np.sum((jacobian @ stations.noise[here]) * jacobian, axis=2)
+    azimuth, parts, north, warnings = turned_to_north(found.azimuth, parts, site, "magnetic")
     size = _magnitudes(stations)
     inclination_sd = np.sqrt(np.asarray(sum(part[:, 0] for part in parts.values())))
     reference = reference_in({"accelerometer": 1.0, "magnetometer": 1.0}, site, calibration_dip)
@@ -99,22 +110,6 @@ def survey_from_stations(
         unknown,
         stations.history,
     )
-
-
-def _components(stations: Stations) -> dict[str, Array]:
-    """Variances (n, 4) of the angles by cause."""
-    taken = {NOISE, "declination", "convergence"} & set(stations.sources)
-    if taken:
-        raise InputError(f"a source of the stations is called {min(taken)!r}, which the survey adds itself; rename it")
-    parts = {name: np.empty((len(stations), 4)) for name in (*stations.sources, NOISE)}
-    for start in range(0, len(stations), BLOCK):
-        here = slice(start, start + BLOCK)
-        jacobian = angles_jacobian(stations.g[here], stations.b[here])
-        for name, source in stations.sources.items():
-            moved = jacobian @ source.by_field[here]
-            parts[name][here] = np.sum((moved @ source.covariance) * moved, axis=2)
-        parts[NOISE][here] = np.sum((jacobian @ stations.noise[here]) * jacobian, axis=2)
-    return parts
 
 
 def _magnitudes(stations: Stations) -> Magnitudes:

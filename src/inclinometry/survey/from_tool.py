@@ -15,13 +15,8 @@ from inclinometry.sensors import Tool, by_parameter
 from inclinometry.survey.reduce import tool_fields
 from inclinometry.survey.stations import Source, Stations
 
-SOURCE: Final = "calibration"
-"""Name of the source that the tool's certificate is."""
-
 NOTHING_STATED: Final = "the certificate states no uncertainty: its covariance is zero"
 """Line of history of stations whose tool has no covariance."""
-
-_UNITS: Final = ("m/s^2", "nT")
 
 
 def stations_from_tool(
@@ -80,7 +75,21 @@ def stations_from_tool(
             what = "inclination" if kind == "accelerometer" else "azimuth"
             raise InputError(f"no {kind} in the {lack}, so there is no {what}; six-axis stations need both triads")
     seen, _ = tool_fields({kind: channels[kind] for kind in VECTORS}, tool, heat, len(depth), "magnetometer")
-    strengths, history = _strengths(tool, (g, b))
+    known, history = [], []
+    for kind, unit, name, stated in zip(VECTORS, ("m/s^2", "nT"), ("g", "b"), (g, b), strict=True):
+        own = tool.triads[kind].field_strength
+        if own is None and stated is None:
+            raise InputError(
+                f"the calibration does not know the field strength of its {kind}; give {name}, that of the "
+                f"calibration stand in {unit}"
+            )
+        if own is None:
+            own = float(within(float(stated or 0.0), name, *((9.5, 10.1) if name == "g" else (5e3, 2e5)), unit))
+            history.append(
+                f"field strength at the calibration of the {kind} taken as {own:g} {unit}: totals hang on it"
+            )
+        known.append(own)
+    strengths = (known[0], known[1])
     noise, source = field_errors(tool, seen, strengths, heat)
     history.insert(0, f"raw channels reduced with the calibration of tool {tool.name}")
     if "gyro" in channels:
@@ -93,7 +102,7 @@ def stations_from_tool(
         strengths[1] * seen["magnetometer"],
         heat,
         noise,
-        {} if source is None else {SOURCE: source},
+        {} if source is None else {"calibration": source},
         tuple(history),
     )
 
@@ -124,25 +133,6 @@ def field_errors(
         start += count
     covariance = tool.covariance[np.ix_(chosen, chosen)]
     return noise, Source(by_field, covariance) if covariance.any() else None
-
-
-def _strengths(tool: Tool, stated: tuple[float | None, float | None]) -> tuple[tuple[float, float], list[str]]:
-    """Field strengths at the calibration, and in words where they are not the calibration's own."""
-    found, history = [], []
-    for kind, unit, name, other in zip(VECTORS, _UNITS, ("g", "b"), stated, strict=True):
-        own = tool.triads[kind].field_strength
-        if own is None and other is None:
-            raise InputError(
-                f"the calibration does not know the field strength of its {kind}; give {name}, that of the "
-                f"calibration stand in {unit}"
-            )
-        if own is None:
-            own = float(within(float(other or 0.0), name, *((9.5, 10.1) if name == "g" else (5e3, 2e5)), unit))
-            history.append(
-                f"field strength at the calibration of the {kind} taken as {own:g} {unit}: totals hang on it"
-            )
-        found.append(own)
-    return (found[0], found[1]), history
 
 
 def stations_plain(

@@ -17,14 +17,6 @@ from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.survey.flags import ROUNDING, Check, summary, worst
 from inclinometry.survey.reduce import Survey
 
-SAME_DEPTH = 1e-3
-"""Depths closer than this, m, are one depth: nothing is interpolated."""
-
-_SWING = np.pi / 2  # between two stations whose azimuths differ by more the shorter arc is a guess
-
-_COINCIDENCE = 3  # fewer stations may be alike by the rounding of their figures
-_SAME_ANGLE = 1e-9  # rad; what conversion and writing change
-
 
 class Stations(Protocol):
     """What is compared: a `survey.reduce.Survey` has it too."""
@@ -151,45 +143,60 @@ def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> C
         raise InputError(f"the runs count azimuth from different norths ({norths}); bring both to one")
     _checked(in_run, "in-run")
     _checked(out_run, "out-run")
-    at = _interpolated(in_run.md, out_run, limits.interval)
-    rows = np.flatnonzero(at.covered)
-    inclination = at.inclination[rows] - in_run.inclination[rows]
-    azimuth = np.asarray(wrap_signed(at.azimuth[rows] - in_run.azimuth[rows]))
-    _not_one_run(inclination, azimuth)
+    inclination, azimuth, covered, between = _interpolated(in_run.md, out_run, limits.interval)
+    rows = np.flatnonzero(covered)
+    inclination = inclination[rows] - in_run.inclination[rows]
+    azimuth = np.asarray(wrap_signed(azimuth[rows] - in_run.azimuth[rows]))
+    # no two runs repeat every station to the last figure
+    known = np.isfinite(azimuth)
+    difference, what = (azimuth[known], "azimuth") if known.any() else (inclination, "inclination")
+    # fewer than three may be alike by the rounding of their figures; conversion and writing change 1e-9 rad
+    if len(difference) >= 3 and (np.abs(difference) <= 1e-9).all():
+        raise InputError(
+            f"in-run and out-run have the same {what} at all {len(difference)} stations compared; "
+            "the same run twice proves nothing: give the two runs"
+        )
     tilt = np.minimum(in_run.inclination[rows], np.pi - in_run.inclination[rows])
     steep = tilt < limits.steep - ROUNDING
-    checks, bad = _judged(rows, inclination, azimuth, steep, limits)
-    enough = len(rows) >= limits.stations
-    verdicts = tuple(("fail" if b else "pass") if enough else "not judged" for b in bad)
-    statistics = {"inclination": _statistics(inclination), "azimuth": _statistics(azimuth)}
-    between = at.between[rows]
-    notes = _notes(in_run, rows, between, np.isfinite(azimuth), statistics)
-    md = np.asarray(in_run.md)[rows]
-    return Comparison(md, rows, inclination, azimuth, between, verdicts, statistics, checks, limits, notes)
-
-
-def _judged(
-    rows: Index, inclination: Array, azimuth: Array, steep: Mask, limits: RepeatLimits
-) -> tuple[list[Check], Mask]:
-    """The checks, and which stations are beyond a limit."""
     bad_inclination = np.abs(inclination) > limits.inclination + ROUNDING
     bad_azimuth = np.abs(azimuth) > np.where(steep, limits.azimuth_steep, limits.azimuth) + ROUNDING
-    known, edge, enough = np.isfinite(azimuth), f"{np.degrees(limits.steep):g} deg", len(rows) >= limits.stations
+    edge, enough = f"{np.degrees(limits.steep):g} deg", len(rows) >= limits.stations
     every, above, below = np.ones(len(rows), dtype=bool), known & ~steep, known & steep
     parts: tuple[tuple[str, Array, Mask, Mask, float], ...] = (
         ("inclination", inclination, bad_inclination, every, limits.inclination),
         (f"azimuth, inclination from {edge} up", azimuth, bad_azimuth, above, limits.azimuth),
         (f"azimuth, inclination below {edge}", azimuth, bad_azimuth, below, limits.azimuth_steep),
     )
-    checks = [_check(*part, rows, enough) for part in parts]
-    return [_count_check(len(rows), limits), *checks], bad_inclination | bad_azimuth
-
-
-class _At(NamedTuple):
-    inclination: Array
-    azimuth: Array
-    covered: Mask
-    between: Mask
+    count = Check(
+        "common stations",
+        "pass" if enough else "fail",
+        len(rows),
+        limits.stations,
+        (),
+        f"{len(rows)} stations can be compared, {limits.stations} are needed",
+        ""
+        if enough
+        else "survey the out-run over the depths of the in-run, at stations close enough to interpolate between",
+        "stations",
+    )
+    checks = [count, *(_check(*part, rows, enough) for part in parts)]
+    bad = bad_inclination | bad_azimuth
+    verdicts = tuple(("fail" if b else "pass") if enough else "not judged" for b in bad)
+    statistics = {"inclination": _statistics(inclination), "azimuth": _statistics(azimuth)}
+    between = between[rows]
+    notes = []
+    if between.any():
+        notes.append(f"the out-run was interpolated at {int(between.sum())} of {len(rows)} depths of the in-run")
+    if left := len(in_run.md) - len(rows):
+        notes.append(f"{left} stations of the in-run left out: outside the out-run, or in a gap of it")
+    if lost := int((~known).sum()):
+        notes.append(f"azimuth not compared at {lost} stations: unknown in a run, or swinging by over 90 deg around it")
+    for name, found in statistics.items():
+        if found.systematic:
+            mean, sd = np.degrees(found.mean), np.degrees(found.sd)
+            notes.append(f"{name} differs systematically: mean {mean:+.3f} deg, standard deviation {sd:.3f}")
+    md = np.asarray(in_run.md)[rows]
+    return Comparison(md, rows, inclination, azimuth, between, verdicts, statistics, checks, limits, tuple(notes))
 
 
 def _checked(run: Stations, name: str) -> None:
@@ -206,36 +213,30 @@ def _checked(run: Stations, name: str) -> None:
             raise InputError(f"{what} of the {name} has shape {np.shape(values)} or is infinite; md has {md.shape}")
 
 
-def _not_one_run(inclination: Array, azimuth: Array) -> None:
-    """InputError where the runs do not differ at all: no two runs repeat every station to the last figure."""
-    known = np.isfinite(azimuth)
-    difference, what = (azimuth[known], "azimuth") if known.any() else (inclination, "inclination")
-    if len(difference) >= _COINCIDENCE and (np.abs(difference) <= _SAME_ANGLE).all():
-        raise InputError(
-            f"in-run and out-run have the same {what} at all {len(difference)} stations compared; "
-            "the same run twice proves nothing: give the two runs"
-        )
+def _interpolated(md: Array, run: Stations, interval: float) -> tuple[Array, Array, Mask, Mask]:
+    """Inclination and azimuth of the out-run at other depths, whether they are covered, and whether interpolated.
 
-
-def _interpolated(md: Array, run: Stations, interval: float) -> _At:
-    """The out-run at other depths; not covered outside its range and over gaps longer than `interval`."""
+    Not covered outside its range and over gaps longer than `interval`.
+    """
+    same_depth = 1e-3  # depths closer than this, m, are one depth: nothing is interpolated
     if not len(run.md):
         nothing, none = np.full(len(md), np.nan), np.zeros(len(md), dtype=bool)
-        return _At(nothing, nothing, none, none)
+        return nothing, nothing, none, none
     last = len(run.md) - 1
     after = np.clip(np.searchsorted(run.md, md), min(1, last), last)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(run.md[before] - md) <= np.abs(run.md[after] - md), before, after)
-    same = np.abs(run.md[nearest] - md) <= SAME_DEPTH
+    same = np.abs(run.md[nearest] - md) <= same_depth
     inside = (md > run.md[0]) & (md < run.md[-1])
-    covered = same | (inside & (run.md[after] - run.md[before] <= interval + SAME_DEPTH))
+    covered = same | (inside & (run.md[after] - run.md[before] <= interval + same_depth))
     span = np.where(after > before, run.md[after] - run.md[before], 1.0)
     share = (md - run.md[before]) / span
     turn = wrap_signed(run.azimuth[after] - run.azimuth[before])
-    turn = np.where(np.abs(turn) > _SWING, np.nan, turn)
+    # between two stations whose azimuths differ by more the shorter arc is a guess
+    turn = np.where(np.abs(turn) > np.pi / 2, np.nan, turn)
     inclination = run.inclination[before] + share * (run.inclination[after] - run.inclination[before])
     azimuth = wrap_positive(run.azimuth[before] + share * turn)
-    return _At(
+    return (
         np.where(same, run.inclination[nearest], inclination),
         np.where(same, run.azimuth[nearest], azimuth),
         covered,
@@ -253,15 +254,6 @@ def _statistics(difference: Array) -> Statistics:
     sd = float(known.std(ddof=1)) if count > 1 else float("nan")
     systematic = bool(count > 1 and abs(mean) > 3.0 * sd / np.sqrt(count) + ROUNDING)
     return Statistics(count, mean, sd, rms, float(np.abs(known).max()), systematic)
-
-
-def _count_check(count: int, limits: RepeatLimits) -> Check:
-    """Whether there are stations enough."""
-    name, reason = "common stations", f"{count} stations can be compared, {limits.stations} are needed"
-    if count >= limits.stations:
-        return Check(name, "pass", count, limits.stations, (), reason, unit="stations")
-    action = "survey the out-run over the depths of the in-run, at stations close enough to interpolate between"
-    return Check(name, "fail", count, limits.stations, (), reason, action, "stations")
 
 
 def _check(name: str, difference: Array, bad: Mask, judged: Mask, limit: float, rows: Index, enough: bool) -> Check:
@@ -286,24 +278,6 @@ def _check(name: str, difference: Array, bad: Mask, judged: Mask, limit: float, 
         else "check depth correlation, centralisation, drift and temperature of the gyro between the runs; survey again"
     )
     return Check(name, "fail", float(sizes[row]), limit, tuple(int(r) for r in rows[failed]), reason, action)
-
-
-def _notes(
-    in_run: Stations, rows: Index, between: Mask, known: Mask, statistics: dict[str, Statistics]
-) -> tuple[str, ...]:
-    """What a reader of the verdict must know."""
-    notes = []
-    if between.any():
-        notes.append(f"the out-run was interpolated at {int(between.sum())} of {len(rows)} depths of the in-run")
-    if left := len(in_run.md) - len(rows):
-        notes.append(f"{left} stations of the in-run left out: outside the out-run, or in a gap of it")
-    if lost := int((~known).sum()):
-        notes.append(f"azimuth not compared at {lost} stations: unknown in a run, or swinging by over 90 deg around it")
-    for name, found in statistics.items():
-        if found.systematic:
-            mean, sd = np.degrees(found.mean), np.degrees(found.sd)
-            notes.append(f"{name} differs systematically: mean {mean:+.3f} deg, standard deviation {sd:.3f}")
-    return tuple(notes)
 
 
 def gyro_survey(

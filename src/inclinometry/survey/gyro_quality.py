@@ -17,42 +17,21 @@ from inclinometry.uncertainty import chi_square_limit, coverage_factor
 
 # Misfit of rates and gravity over latitude, azimuth and scale eliminated at each station; no checks in here.
 
-_AZIMUTHS = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
-_SIDES = np.radians([-1.7, 0.0, 1.7])
-_SHRINKING = np.radians([1.7, 0.85, 0.42, 0.2, 0.1, 0.05, 0.02, 0.005, 0.0005])
-_GRID = np.radians(np.arange(-90.0, 90.1, 2.0))
-_MOST = 500  # stations that the coarse search over latitude looks at
 _SAME = 9.0  # misfits closer than three standard deviations squared: either latitude may be the true one
-
-
-class Projections(NamedTuple):
-    """Products of the reading and of three unit vectors under the weight of the reading, each (n,).
-
-    y: reading over the Earth rate; d: down; p, q: two horizontal directions. Where the azimuth counts from does not
-    matter because it is eliminated: nothing here has a pole.
-    """
-
-    yy: Array
-    yp: Array
-    yq: Array
-    yd: Array
-    pp: Array
-    pq: Array
-    qq: Array
-    pd: Array
-    qd: Array
-    dd: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
     """Weighted squared residuals of a run as a function of latitude.
 
+    products : yy, yp, yq, yd, pp, pq, qq, pd, qd, dd, each (n,), under the weight of the reading: y, the reading over
+        the Earth rate; d, down; p, q, two horizontal directions. Where the azimuth counts from does not matter because
+        it is eliminated: nothing here has a pole.
     prior : 1/variance (n,) of the relative scale of each station; infinite where it is known.
     freedom : degrees of freedom at the best latitude.
     """
 
-    products: Projections
+    products: tuple[Array, ...]
     prior: Array
     freedom: int
 
@@ -66,8 +45,9 @@ class Misfit:
         poor = np.flatnonzero(lowest > _SAME)
         if not roughly and poor.size:
             some = self._rows(poor)
-            starts = np.concatenate([some._valleys(latitude) + side for side in _SIDES])
-            cost, there = some._descend(starts, _SHRINKING, latitude)
+            starts = np.concatenate([some._valleys(latitude) + side for side in np.radians([-1.7, 0.0, 1.7])])
+            shrinking = np.radians([1.7, 0.85, 0.42, 0.2, 0.1, 0.05, 0.02, 0.005, 0.0005])
+            cost, there = some._descend(starts, shrinking, latitude)
             better = cost < lowest[poor]
             lowest[poor[better]], azimuth[poor[better]] = cost[better], there[better]
         return lowest, azimuth
@@ -92,19 +72,20 @@ class Misfit:
         return np.take_along_axis(lowest, row, axis=0)[0], np.take_along_axis(azimuth, row, axis=0)[0]
 
     def _rows(self, rows: Index) -> Misfit:
-        return Misfit(Projections(*(x[rows] for x in self.products)), self.prior[rows], self.freedom)
+        return Misfit(tuple(x[rows] for x in self.products), self.prior[rows], self.freedom)
 
     def _valleys(self, latitude: float) -> Array:
         """Azimuths (3, n) of the grid where the misfit is least among its neighbours, the lowest three.
 
         With little noise the grid's lowest point need not lie in the valley whose bottom is lowest.
         """
+        azimuths = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
         found = np.empty((3, len(self.prior)))
         for rows in np.array_split(np.arange(len(self.prior)), 1 + len(self.prior) // 2000):
-            cost = self._rows(rows).cost(latitude, _AZIMUTHS[:, None])[0]
+            cost = self._rows(rows).cost(latitude, azimuths[:, None])[0]
             valley = (cost <= np.roll(cost, 1, axis=0)) & (cost <= np.roll(cost, -1, axis=0))
             order = np.argsort(np.where(valley, cost, np.inf), axis=0)[:3]
-            found[:, rows] = _AZIMUTHS[order]
+            found[:, rows] = azimuths[order]
         return found
 
     def total(self, latitude: float, *, roughly: bool = False) -> float:
@@ -113,26 +94,28 @@ class Misfit:
 
     def cost(self, latitude: float, azimuth: Array) -> tuple[Array, Array]:
         """Misfit (..., n) and the relative scale (..., n) that is best with it, at azimuths (..., n)."""
-        a, c, s = self.products, np.cos(latitude), np.sin(latitude)
+        yy, yp, yq, yd, pp, pq, qq, pd, qd, dd = self.products
+        c, s = np.cos(latitude), np.sin(latitude)
         u, v = c * np.cos(azimuth), c * np.sin(azimuth)
-        ym = u * a.yp + v * a.yq - s * a.yd
-        mm = u * u * a.pp + v * v * a.qq + s * s * a.dd + 2.0 * (u * v * a.pq - s * (u * a.pd + v * a.qd))
+        ym = u * yp + v * yq - s * yd
+        mm = u * u * pp + v * v * qq + s * s * dd + 2.0 * (u * v * pq - s * (u * pd + v * qd))
         known = np.isinf(self.prior)
         prior = np.where(known, 1.0, self.prior)
         k = np.where(known, 1.0, (ym + prior) / (mm + prior))
-        return a.yy - 2.0 * k * ym + k * k * mm + np.where(known, 0.0, prior) * (k - 1.0) ** 2, k
+        return yy - 2.0 * k * ym + k * k * mm + np.where(known, 0.0, prior) * (k - 1.0) ** 2, k
 
     def best(self, stated: float) -> tuple[float, float]:
         """Latitude of least misfit and that misfit; of several that fit as well the one nearest to `stated`."""
+        grid = np.radians(np.arange(-90.0, 90.1, 2.0))
         from scipy.optimize import minimize_scalar
 
-        coarse = self.some(_MOST)
-        scan = np.array([coarse.total(float(x), roughly=True) for x in _GRID])
+        coarse = self.some(500)
+        scan = np.array([coarse.total(float(x), roughly=True) for x in grid])
         padded = np.concatenate([[np.inf], scan, [np.inf]])
         valleys = np.flatnonzero((scan <= padded[:-2]) & (scan <= padded[2:]))
         found = []
         for place in valleys[np.argsort(scan[valleys])][:4]:
-            low, high = _GRID[max(place - 1, 0)], _GRID[min(place + 1, len(_GRID) - 1)]
+            low, high = grid[max(place - 1, 0)], grid[min(place + 1, len(grid) - 1)]
             fit = minimize_scalar(self.total, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
             found.append((float(fit.x), float(fit.fun)))
         least = min(cost for _, cost in found)
@@ -182,8 +165,8 @@ class Misfit:
 
     def _dot(self, one: Array, other: Array) -> Array:
         """Product (n,) under the weights of two vectors given by their parts (3, n) along p, q, d."""
-        a = self.products
-        rows = ((a.pp, a.pq, a.pd), (a.pq, a.qq, a.qd), (a.pd, a.qd, a.dd))
+        pp, pq, qq, pd, qd, dd = self.products[4:]
+        rows = ((pp, pq, pd), (pq, qq, qd), (pd, qd, dd))
         return np.asarray(sum(one[i] * rows[i][j] * other[j] for i in range(3) for j in range(3)))
 
 
@@ -206,7 +189,7 @@ def misfit(rate: Array, down: Array, weight: Array, seen: Mask, prior: Array) ->
     pairs = ((y, y), (y, p), (y, q), (y, down), (p, p), (p, q), (q, q), (p, down), (q, down), (down, down))
     # one azimuth a station is unknown, and one latitude; the scale's prior counts as an observation
     freedom = int((1 + seen.astype(int)).sum()) - 1
-    return Misfit(Projections(*(dot(a, b) for a, b in pairs)), prior, freedom)
+    return Misfit(tuple(dot(a, b) for a, b in pairs), prior, freedom)
 
 
 def weights(covariance: Array, seen: Mask) -> Array:
@@ -222,13 +205,6 @@ def weights(covariance: Array, seen: Mask) -> Array:
 FALSE_ALARM: Final = 0.0027
 """Probability that a faultless run fails a check; three standard deviations for a single station."""
 
-SIGN: Final = 25.0
-"""By how much the misfit must favour the opposite latitude to be called the wrong sign (five sigma squared)."""
-
-_ROUNDING = 1e-7  # of the Earth rate: the misfit is a difference of squares, which keeps half of the digits
-_TELLING = 9.0  # and by how much the stated one, to say that the stations tell the sign at all
-_VAGUE = np.radians(10.0)  # a latitude known no better than this checks nothing
-_BLIND = 1.0 / 3.0  # of the horizontal rate: with a larger uncertainty no reasonable reading could fail
 
 MISREAD: Final = (
     ("rad/s given as deg/h", np.degrees(3600.0)),
@@ -240,8 +216,6 @@ MISREAD: Final = (
 )
 """Mistakes of unit and the factor by which the rates must be multiplied to undo each."""
 
-PLAUSIBLE: Final = (0.02, 1.3)
-"""Median cross-axis rate of a run over the Earth rate, after the bias was averaged out."""
 
 SAME_SIGN: Final = (
     "the latitude given with the wrong sign",
@@ -293,7 +267,7 @@ def rate_unit_suspect(rates_rad_s: ArrayLike) -> str | None:
         raise InputError(f"rates have shape {rates.shape}; expected (n, 2) or (n, 3) with at least one station")
     cross = finite(rates[:, :2], "rates", (2,))
     size = float(np.median(np.hypot(cross[:, 0], cross[:, 1]))) / EARTH_RATE
-    low, high = PLAUSIBLE
+    low, high = 0.02, 1.3  # of a run over the Earth rate, after the bias was averaged out
     if low <= size <= high:
         return None
     found = f"the median cross-axis rate is {size:.2g} of the Earth rate (plausible {low:g} to {high:g})"
@@ -395,7 +369,11 @@ def _readings(
     g: float | None,
 ) -> _Readings:
     """Everything checked and in units of gravity and of the Earth rate."""
-    raw, field = (_cross_finite(v, n) for v, n in ((rate, "rate"), (gravity, "gravity")))
+    raw, field = np.asarray(rate, dtype=np.float64), np.asarray(gravity, dtype=np.float64)
+    for array, name in ((raw, "rate"), (field, "gravity")):
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise InputError(f"{name} has shape {array.shape}; expected (n, 3), z NaN where no channel sees it")
+        finite(np.where(np.isnan(array) & (np.arange(3) == 2), 0.0, array), name)
     size = len(raw)
     if not size or len(field) != size:
         raise InputError(f"{len(field)} stations of gravity and {size} of rate; give both for at least one station")
@@ -404,19 +382,28 @@ def _readings(
         raise InputError("a scale is not positive, or its standard uncertainty is negative; true rate = scale x rate")
     seen = np.isfinite(raw[:, 2])
     assumed = np.isnan(field[:, 2])
-    down, tilt = _down(field, _covariance(gravity_covariance, "gravity_covariance", ~assumed), g)
+    # z of gravity from `g`, down, where it is not measured
+    covariance = _covariance(gravity_covariance, "gravity_covariance", ~assumed)
+    if assumed.any() and (g is None or not g > 0.0):
+        raise InputError("gravity along the tool is not measured and g is not given; give g of the site")
+    level = np.hypot(field[:, 0], field[:, 1])
+    z = np.where(assumed, np.sqrt(np.maximum((g or 0.0) ** 2 - level**2, 0.0)), field[:, 2])
+    full = np.stack([field[:, 0], field[:, 1], z], axis=1)
+    length = np.linalg.norm(full, axis=1)
+    if (length == 0.0).any():
+        raise InputError(f"gravity is zero at station {int(np.argmax(length == 0.0)) + 1}; remove that reading")
+    down = full / length[:, None]
+    jacobian = np.eye(3) - down[:, :, None] * down[:, None, :]
+    # z = sqrt(g^2 - x^2 - y^2); at inclination 90 its slope is infinite and it is held back at a tenth of a degree
+    slope = -down[:, :2] / np.maximum(down[:, 2], 2e-3)[:, None]
+    jacobian[assumed] = np.eye(3)
+    jacobian[assumed, 2, :2] = slope[assumed]
+    jacobian /= length[:, None, None]
+    tilt = np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
     noise = _covariance(rate_covariance, "rate_covariance", seen)
     ratio = factor / EARTH_RATE
     noise = ratio[:, None, None] ** 2 * noise
     return _Readings(down, tilt, ratio[:, None] * raw, noise, seen, assumed, spread / factor)
-
-
-def _cross_finite(value: ArrayLike, name: str) -> Array:
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"{name} has shape {array.shape}; expected (n, 3), z NaN where no channel sees it")
-    finite(np.where(np.isnan(array) & (np.arange(3) == 2), 0.0, array), name)
-    return array
 
 
 def _covariance(value: ArrayLike, name: str, seen: Mask) -> Array:
@@ -429,34 +416,14 @@ def _covariance(value: ArrayLike, name: str, seen: Mask) -> Array:
     return array
 
 
-def _down(gravity: Array, covariance: Array, g: float | None) -> tuple[Array, Array]:
-    """Direction of gravity (n, 3) and its covariance (n, 3, 3); z from `g`, down, where it is not measured."""
-    missing = np.isnan(gravity[:, 2])
-    if missing.any() and (g is None or not g > 0.0):
-        raise InputError("gravity along the tool is not measured and g is not given; give g of the site")
-    level = np.hypot(gravity[:, 0], gravity[:, 1])
-    z = np.where(missing, np.sqrt(np.maximum((g or 0.0) ** 2 - level**2, 0.0)), gravity[:, 2])
-    full = np.stack([gravity[:, 0], gravity[:, 1], z], axis=1)
-    length = np.linalg.norm(full, axis=1)
-    if (length == 0.0).any():
-        raise InputError(f"gravity is zero at station {int(np.argmax(length == 0.0)) + 1}; remove that reading")
-    down = full / length[:, None]
-    jacobian = np.eye(3) - down[:, :, None] * down[:, None, :]
-    # z = sqrt(g^2 - x^2 - y^2); at inclination 90 its slope is infinite and it is held back at a tenth of a degree
-    slope = -down[:, :2] / np.maximum(down[:, 2], 2e-3)[:, None]
-    jacobian[missing] = np.eye(3)
-    jacobian[missing, 2, :2] = slope[missing]
-    jacobian /= length[:, None, None]
-    return down, np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
-
-
 def _run(read: _Readings) -> Misfit:
     """The misfit over latitude, the uncertainty of gravity taken into the weights."""
     sharp = np.where(read.scale_sd > 0.0, read.scale_sd, 1.0)
     prior = np.where(read.scale_sd > 0.0, 1.0 / sharp**2, np.inf)
     # an error of gravity turns what the Earth rate should be by its own angle, taken as alike in all directions
     tilt = 0.5 * np.trace(read.down_covariance, axis1=1, axis2=2)
-    spread = read.covariance + (tilt[:, None, None] + _ROUNDING**2) * np.eye(3)
+    # 1e-7 of the Earth rate: the misfit is a difference of squares, which keeps half of the digits
+    spread = read.covariance + (tilt[:, None, None] + 1e-7**2) * np.eye(3)
     return misfit(read.rate, read.down, weights(spread, read.seen), read.seen, prior)
 
 
@@ -468,11 +435,20 @@ def _horizontal_check(read: _Readings, run: Misfit, stated: float) -> Check:
     """
     found, sd = _horizontal(read, stated)
     wanted = np.cos(stated)
-    judged = sd <= _BLIND * wanted
+    judged = sd <= 1.0 / 3.0 * wanted  # with a larger uncertainty no reasonable reading could fail
     name = "horizontal Earth rate"
     if not judged.any():
         reason = "the horizontal rate of no station is known well enough (near a pole, or near horizontal with no gyro"
-        return Check(name, "not judged", np.nan, np.nan, (), f"{reason} along the tool)", _ELSEWHERE, "rad/s")
+        return Check(
+            name,
+            "not judged",
+            np.nan,
+            np.nan,
+            (),
+            f"{reason} along the tool)",
+            "check at stations of lower inclination, or with a gyro along the tool",
+            "rad/s",
+        )
     factor = float(coverage_factor(1.0 - FALSE_ALARM / judged.sum()))
     share = np.where(judged, np.abs(found - wanted) / (factor * sd), -1.0)
     unlikely = run.at(stated)[0] > chi_square_limit(1.0 - FALSE_ALARM / judged.sum(), 1.0 + read.seen)
@@ -484,15 +460,12 @@ def _horizontal_check(read: _Readings, run: Misfit, stated: float) -> Check:
     )
     if not judged.all():
         reason += f"; {int((~judged).sum())} stations not judged, their horizontal rate is hardly seen"
-    action = "" if not len(bad) else _LONE if len(bad) <= 0.2 * judged.sum() else _MANY
+    lone = "leave the stations out or repeat them at rest: the tool moved, or one index position was disturbed"
+    many = "check the scale factor, its temperature, the unit of the rates and the latitude; then repeat the run"
+    action = "" if not len(bad) else lone if len(bad) <= 0.2 * judged.sum() else many
     value, limit = EARTH_RATE * abs(found[row] - wanted), EARTH_RATE * factor * sd[row]
     verdict = "fail" if len(bad) else "pass"
     return Check(name, verdict, float(value), float(limit), tuple(bad.tolist()), reason, action, "rad/s")
-
-
-_ELSEWHERE = "check at stations of lower inclination, or with a gyro along the tool"
-_LONE = "leave the stations out or repeat them at rest: the tool moved, or one index position was disturbed"
-_MANY = "check the scale factor, its temperature, the unit of the rates and the latitude; then repeat the run"
 
 
 def _horizontal(read: _Readings, stated: float) -> tuple[Array, Array]:
@@ -525,7 +498,8 @@ def _horizontal(read: _Readings, stated: float) -> tuple[Array, Array]:
 def _latitude_check(run: Misfit, stated: float, best: float, sd: float, sign: Check) -> Check:
     """The latitude that fits the run best against the stated one."""
     name, rows = "latitude", tuple(range(len(run.prior)))
-    if run.freedom <= 0 or not sd <= _VAGUE:
+    # a latitude known no better than this checks nothing
+    if run.freedom <= 0 or not sd <= np.radians(10.0):
         reason = "the stations hardly determine a latitude (too few, or all near vertical with no gyro along the tool)"
         return Check(name, "not judged", best - stated, np.nan, rows, reason, "use stations of other inclinations")
     limit = float(coverage_factor(1.0 - FALSE_ALARM)) * sd
@@ -539,6 +513,8 @@ def _latitude_check(run: Misfit, stated: float, best: float, sd: float, sign: Ch
 
 def _sign_check(read: _Readings, run: Misfit, stated: float, birge: float) -> Check:
     """Whether the opposite latitude explains the run far better."""
+    # by how much the misfit must favour the opposite latitude (five sigma squared)
+    wrong = 25.0
     here = run.total(stated)
     gain = (here - run.total(-stated)) / birge
     mistakes: tuple[str, ...] = SAME_SIGN
@@ -549,17 +525,35 @@ def _sign_check(read: _Readings, run: Misfit, stated: float, birge: float) -> Ch
         turned = read._replace(down=np.where(mixed[:, None], read.down * [-1.0, -1.0, 1.0], read.down))
         there = _run(turned).total(stated)
         other = (here - there) / max(1.0, there / max(run.freedom, 1))
-        if other > max(gain, SIGN):
+        if other > max(gain, wrong):
             gain, mistakes = other, SAME_SIGN[1:2]
     value, rows = float(np.sign(gain) * np.sqrt(abs(gain))), tuple(range(len(run.prior)))
-    limit, name, said = float(np.sqrt(SIGN)), "latitude sign", np.degrees(stated)
-    if gain > SIGN:
-        return Check(name, "fail", value, limit, rows, _mistakes(mistakes, said, value), _SIGNS, "sigma")
-    if gain < -_TELLING:
+    limit, name, said = float(np.sqrt(wrong)), "latitude sign", np.degrees(stated)
+    if gain > wrong:
+        return Check(
+            name,
+            "fail",
+            value,
+            limit,
+            rows,
+            _mistakes(mistakes, said, value),
+            "check the latitude, then the accelerometers' sign (upright, z reads + as gravity), then the gyros'",
+            "sigma",
+        )
+    if gain < -9.0:  # three sigma squared, to say that the stations tell the sign at all
         reason = f"the rates fit latitude {said:+.3f} deg better than {-said:+.3f} (by {-value:.0f} sigma)"
         return Check(name, "pass", value, limit, rows, reason, unit="sigma")
     reason = f"latitudes {said:+.3f} and {-said:+.3f} deg fit the rates alike (equator, or vertical with no gyro along"
-    return Check(name, "not judged", value, limit, rows, f"{reason} the tool)", _TILTED, "sigma")
+    return Check(
+        name,
+        "not judged",
+        value,
+        limit,
+        rows,
+        f"{reason} the tool)",
+        "use stations away from the vertical, or a gyro along the tool",
+        "sigma",
+    )
 
 
 def _mistakes(mistakes: Sequence[str], stated_deg: float, sigmas: float) -> str:
@@ -570,7 +564,3 @@ def _mistakes(mistakes: Sequence[str], stated_deg: float, sigmas: float) -> str:
     which = "any one of these mistakes" + (" or all three" if len(mistakes) == 3 else "")
     better = f"the rates fit latitude {-stated_deg:+.3f} deg far better than {stated_deg:+.3f} (by {sigmas:.0f} sigma)"
     return f"{better}: {which}, which the readings cannot tell apart: {listed}"
-
-
-_SIGNS = "check the latitude, then the accelerometers' sign (upright, z reads + as gravity), then the gyros'"
-_TILTED = "use stations away from the vertical, or a gyro along the tool"

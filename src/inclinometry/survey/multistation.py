@@ -24,13 +24,6 @@ from inclinometry.survey.stations import Source, Stations
 from inclinometry.uncertainty import chi_square_limit, correlation, standard_deviations
 
 
-class Linear(NamedTuple):
-    """Whitened residuals (3n,) and their derivatives (3n, q) by the standardised parameters."""
-
-    residual: Array
-    jacobian: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Model:
     """The problem in z, of unit prior covariance: parameters x = root z, the last three those of the reference.
@@ -63,14 +56,14 @@ class Model:
         moved = (moved + self.offset) * self.weights[:, :, None]
         return np.asarray(-inverse @ moved.transpose(0, 2, 1))
 
-    def linear(self, z: Array) -> Linear:
-        """Whitened residuals and Jacobian at z."""
+    def linear(self, z: Array) -> tuple[Array, Array]:
+        """Whitened residuals (3n,) at z and their derivatives (3n, q) by the standardised parameters."""
         x = self.root @ z
         fields, inverse = self.fields(x)
         residual = invariants(fields) - self.reference - x[-3:]
         jacobian = invariants_jacobian(fields) @ self.by_parameter(fields, inverse) @ self.root[:-3] - self.root[-3:]
         whitened = np.einsum("nab,nb->na", self.whitener, residual)
-        return Linear(whitened.ravel(), (self.whitener @ jacobian).reshape(-1, len(z)))
+        return whitened.ravel(), (self.whitener @ jacobian).reshape(-1, len(z))
 
     def normal(self, z: Array) -> Normal:
         """Normal equations of the maximum a posteriori estimate."""
@@ -116,42 +109,28 @@ def left_out(model: Model, fit: Fit[Array], azimuth: Array) -> tuple[Array, Arra
     return np.abs(moved).max(axis=1), np.einsum("na,na->n", residual, predicted[:, :, 0])
 
 
-FEWEST: Final = 4
-"""Stations of three invariants each; fewer leave nothing to judge the fit by."""
-
 STEEP: Final = float(np.radians(5.0))
 """Inclination below which toolface and azimuth give way to the magnetic toolface."""
-
-WIDE_GAP: Final = float(np.radians(100.0))
-"""Gap between toolfaces from which the transverse biases rest on their priors (public multi-station practice)."""
-
-LOST: Final = float(np.radians(3.0))
-"""Standard deviation of azimuth from the axial bias alone beyond which a run is refused.
-
-It is what 600 nT, a strong interference, do to a hole level east or west where the horizontal field is weak (12 uT).
-"""
-
-_GROSS: Final = ((0.9, 1.1), (0.7, 1.4))  # |g|, |b| over their references: other units or no such place
-_GROSS_DIP: Final = float(np.radians(15.0))
 
 
 def _refuse(measured: Array, reference: Array, gap: float, allowed_gap: float) -> None:
     """Refuse a run of too few stations or toolfaces, or of invariants (n, 3) that no sensor error explains."""
-    if len(measured) < FEWEST:
+    fewest = 4  # stations of three invariants each; fewer leave nothing to judge the fit by
+    if len(measured) < fewest:
         raise IdentifiabilityError(
-            f"{len(measured)} stations; a multi-station analysis needs at least {FEWEST}, at different toolfaces: "
+            f"{len(measured)} stations; a multi-station analysis needs at least {fewest}, at different toolfaces: "
             "add stations of the same run"
         )
     middle = np.median(measured, axis=0)
-    for k, (name, unit) in enumerate((("|g|", "m/s^2"), ("|b|", "nT"))):
-        low, high = _GROSS[k]
+    # over the reference: beyond this other units or no such place
+    for k, (name, unit, low, high) in enumerate((("|g|", "m/s^2", 0.9, 1.1), ("|b|", "nT", 0.7, 1.4))):
         if not low < middle[k] / reference[k] < high:
             raise InputError(
                 f"the stations' median {name} is {middle[k]:.6g} {unit}, the reference {reference[k]:.6g}: "
                 "no sensor error is that large; check the unit and the reference"
             )
     off = np.abs(measured[:, 2] - reference[2])
-    if np.median(off) > _GROSS_DIP:
+    if np.median(off) > np.radians(15.0):
         raise InputError(
             f"dips differ from the reference by up to {np.degrees(off.max()):.1f} deg: axes swapped or a sign reversed "
             "between accelerometers and magnetometers, not sensor errors; check the convention of the file"
@@ -182,16 +161,15 @@ def heading_jacobian(fields: Array) -> Array:
 
 def refuse_axial(spread: float, prior_nt: float, left_nt: float) -> None:
     """Refuse a run that leaves the axial bias, and with it the azimuth, open; `spread` is its part of azimuth, rad."""
-    if spread > LOST:
+    # standard deviation of azimuth from the axial bias alone beyond which a run is refused. It is what 600 nT, a strong
+    # interference, do to a hole level east or west where the horizontal field is weak (12 uT)
+    lost = float(np.radians(3.0))
+    if spread > lost:
         raise IdentifiabilityError(
             f"near-horizontal east-west all along: the axial magnetometer bias, known to {prior_nt:.0f} nT before, is "
             f"known to {left_nt:.0f} nT after and leaves azimuth uncertain by {np.degrees(spread):.1f} deg (allowed "
-            f"{np.degrees(LOST):.0f}); add stations of another direction or state a tighter axial_sigma"
+            f"{np.degrees(lost):.0f}); add stations of another direction or state a tighter axial_sigma"
         )
-
-
-RARE: Final = 0.999
-"""Probability within which the fit, each station and each parameter are to stay; a run beyond it is warned of."""
 
 
 class Parameter(NamedTuple):
@@ -265,19 +243,20 @@ def warnings_of(
     parameters: Mapping[str, Parameter], gap: float, priors: Priors, cost: float, surprise: Array
 ) -> list[str]:
     """What speaks against the result, and what the run could not tell."""
+    rare = 0.999  # probability within which the fit and each station are to stay
     found = []
-    if gap > WIDE_GAP:
+    if gap > np.radians(100.0):  # public multi-station practice
         found.append(f"toolfaces leave a gap of {np.degrees(gap):.0f} deg: transverse biases rest on their priors")
     if priors.axial and parameters[priors.axial].prior > 0.0 and parameters[priors.axial].learned < 0.5:
         found.append(f"the run tells little of {priors.axial}: it and the azimuths rest on its prior")
-    limit = float(chi_square_limit(RARE, 3 * len(surprise)))
+    limit = float(chi_square_limit(rare, 3 * len(surprise)))
     if cost > limit:
         found.append(
             f"the fit's chi-square is {cost:.0f}, limit {limit:.0f}: noise or priors are larger than stated, or the "
             "stations are not of one run; the uncertainties are too small"
         )
     worst = int(np.argmax(surprise))
-    if surprise[worst] > float(chi_square_limit(1.0 - (1.0 - RARE) / len(surprise), 3)):
+    if surprise[worst] > float(chi_square_limit(1.0 - (1.0 - rare) / len(surprise), 3)):
         found.append(f"station {worst + 1} does not fit the others (chi-square {surprise[worst]:.0f} of 3): check it")
     for name, p in parameters.items():
         if abs(p.value) > 3.3 * p.prior > 0.0:
@@ -290,9 +269,6 @@ SOURCE: Final = "multi-station analysis"
 
 REPLACED: Final = ("calibration", "sensors")
 """Sources that the analysis' own replaces: they are what its priors state."""
-
-_SETTLED: Final = 1e-6  # of a standard deviation
-_REFERENCE: Final = ("reference g", "reference b", "reference dip")
 
 
 def multistation(
@@ -362,13 +338,6 @@ def multistation(
     _refuse(measured, reference.values, gap, chosen.largest_gap)
     before = measured - reference.values
     noise = stations.noise if stations.noise.any() else np.broadcast_to(chosen.noise, (len(stations), 6, 6))
-    model = _model(stations, readings, reference, chosen, noise)
-    fit = levenberg_marquardt(model.normal, np.zeros(model.root.shape[1]), lambda z, step: z + step, tolerance=_SETTLED)
-    return _result(stations, before, gap, chosen, noise, model, fit)
-
-
-def _model(stations: Stations, readings: Array, reference: FieldReference, priors: Priors, noise: Array) -> Model:
-    """The problem in standardised parameters."""
     rows = invariants_jacobian(readings)
     spread = rows @ noise @ np.swapaxes(rows, 1, 2)
     if stations.noise.any():  # the published noise of a station takes the field's own disturbance in
@@ -378,19 +347,22 @@ def _model(stations: Stations, readings: Array, reference: FieldReference, prior
         row = int(np.argmax((scale <= 0.0).any(axis=1)))
         raise InputError(f"station {row + 1} has noise in some channels and none in others; state it for all six")
     factor = np.linalg.cholesky(spread / (scale[:, :, None] * scale[:, None, :]))
-    size = len(priors.names)
+    size = len(chosen.names)
     prior = np.zeros((size + 3, size + 3))
-    prior[:size, :size] = priors.covariance
+    prior[:size, :size] = chosen.covariance
     prior[size:, size:] = np.diag(reference.sigmas**2)
-    return Model(
+    model = Model(
         readings,
-        priors.weights(stations.temperature, len(stations)),
-        priors.gain,
-        priors.offset,
+        chosen.weights(stations.temperature, len(stations)),
+        chosen.gain,
+        chosen.offset,
         reference.values,
         root_of(prior),
         np.linalg.inv(factor) / scale[:, None, :],
     )
+    # settled to a millionth of a standard deviation
+    fit = levenberg_marquardt(model.normal, np.zeros(model.root.shape[1]), lambda z, step: z + step, tolerance=1e-6)
+    return _result(stations, before, gap, chosen, noise, model, fit)
 
 
 def _result(
@@ -399,7 +371,7 @@ def _result(
     """The fit in the user's parameters, the corrected stations and what is to be said about them."""
     x, covariance = model.root @ fit.estimate, model.root @ fit.covariance @ model.root.T
     u, prior = standard_deviations(covariance), np.linalg.norm(model.root, axis=1)
-    names, units = (*priors.names, *_REFERENCE), (*priors.units, "m/s^2", "nT", "rad")
+    names, units = (*priors.names, "reference g", "reference b", "reference dip"), (*priors.units, "m/s^2", "nT", "rad")
     rows = zip(x, u, prior, units, strict=True)
     parameters = {
         n: Parameter(float(v), float(s), float(p), unit) for n, (v, s, p, unit) in zip(names, rows, strict=True)

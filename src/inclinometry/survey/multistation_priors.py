@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +18,6 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, Triad
 from inclinometry.uncertainty import covariance_matrix
-
-_AXIAL: Final = "axial interference"
-_WIDE: Final = float(np.radians(270.0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,7 +42,7 @@ class Priors:
     noise: Array
     source: str
     axial: str = ""
-    largest_gap: float = _WIDE
+    largest_gap: float = float(np.radians(270.0))
     power: Array = field(default_factory=lambda: np.zeros(0))
     reference_temperature: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -175,6 +172,7 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
     >>> len(priors.names), priors.names[3], priors.names[-1]
     (25, 'accelerometer.offset[0]', 'axial interference')
     """
+    interference = "axial interference"
     content = published()
     axial = content["axial_interference_nT"] if axial_sigma is None else axial_sigma
     within(axial, "axial_sigma", 0.0, 1e5, "nT")
@@ -186,6 +184,12 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
             )
     parts = [_triad_terms(tool.triads[kind], 3 * place) for place, kind in enumerate(VECTORS)]
     chosen = np.concatenate([np.arange(tool.slices[kind].start, tool.slices[kind].stop) for kind in VECTORS])
+    noise = _published_noise()  # for a triad whose own is not stated
+    for place, kind in enumerate(VECTORS):
+        triad, here = tool.triads[kind], slice(3 * place, 3 * place + 3)
+        if tool.noise[kind].any():
+            spread = float(triad.field_strength or 1.0) * np.linalg.pinv(triad.tensor[0]) * tool.noise[kind]
+            noise[here, here] = spread @ spread.T
     size = len(chosen)
     covariance = np.zeros((size + 1, size + 1))
     covariance[:size, :size] = tool.covariance[np.ix_(chosen, chosen)]
@@ -195,14 +199,14 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
         for part, kind in zip(parts, VECTORS, strict=True)
     ]
     return Priors(
-        names=(*(tool.parameter_names[i] for i in chosen), _AXIAL),
+        names=(*(tool.parameter_names[i] for i in chosen), interference),
         units=(*(tool.triads[tool.parameter_names[i].split(".")[0]].unit for i in chosen), "nT"),
         gain=np.concatenate([*(part[0] for part in parts), np.zeros((1, 6, 6))]),
         offset=np.concatenate([*(part[1] for part in parts), np.eye(6)[5:]]),
         covariance=covariance,
-        noise=_tool_noise(tool),
+        noise=noise,
         source=f"calibration of tool {tool.name}",
-        axial=_AXIAL,
+        axial=interference,
         power=np.concatenate([*(part[2] for part in parts), [0.0]]),
         reference_temperature=np.concatenate([*heat, [0.0]]),
     )
@@ -220,17 +224,6 @@ def _triad_terms(triad: Triad, block: int) -> tuple[Array, Array, Array]:
         offset[4 * sensor + 3, here] = inverse[:, sensor] * float(triad.field_strength or 1.0)
     times = triad.degree + 1
     return np.tile(gain, (times, 1, 1)), np.tile(offset, (times, 1)), np.repeat(np.arange(times), per_power)
-
-
-def _tool_noise(tool: Tool) -> Array:
-    """Covariance (6, 6) of one reading in m/s^2 and nT; the published one for a triad whose noise is not stated."""
-    total = _published_noise()
-    for place, kind in enumerate(VECTORS):
-        triad, here = tool.triads[kind], slice(3 * place, 3 * place + 3)
-        if tool.noise[kind].any():
-            spread = float(triad.field_strength or 1.0) * np.linalg.pinv(triad.tensor[0]) * tool.noise[kind]
-            total[here, here] = spread @ spread.T
-    return total
 
 
 def _published_noise() -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import factorial
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,37 +20,24 @@ from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
 # what
 # it is multiplied with, beta dbeta, is linear in the changes of the two directions.
 
-SERIES: Final = 0.5
-"""Angle, rad, below which a difference is taken from its series."""
 # (cos x - sin(x)/x) / x^2 by powers of x^2; the first term left out is 3e-18
 TERMS: Final = tuple((-1.0) ** k * 2 * k / factorial(2 * k + 1) for k in range(1, 8))
 
 
-class Even(NamedTuple):
-    """An even function of the dogleg: value, and derivative divided by the dogleg."""
-
-    value: Array
-    slope: Array
+# an even function of the dogleg: value, and derivative divided by the dogleg
+Even: TypeAlias = tuple[Array, Array]
 
 
-class Weights(NamedTuple):
-    """Direction t = t_p p + t_q q and displacement r = s (r_p p + r_q q), with p = t1 + t2 and q = t2 - t1."""
-
-    t_p: Even
-    t_q: Even
-    r_p: Even
-    r_q: Even
-
-
-def weights(f: Array, dogleg: Array, *, slopes: bool = True) -> Weights:
+def weights(f: Array, dogleg: Array, *, slopes: bool = True) -> tuple[Even, Even, Even, Even]:
     """Weights at the fractions f (m,) of intervals with doglegs (m,), rad; f beyond 1 continues the circle.
 
-    Without `slopes` the slopes are zeros: two thirds of the work saved where only points are wanted.
+    t_p, t_q, r_p, r_q of the direction t = t_p p + t_q q and the displacement r = s (r_p p + r_q q), with p = t1 + t2
+    and q = t2 - t1. Without `slopes` the slopes are zeros: two thirds of the work saved where only points are wanted.
     """
     phi, half, rest = f - 0.5, np.full_like(f, 0.5), 0.5 * (1.0 - f)
     cos_half, sinc_half = cosine(half, dogleg, slopes), sinc(half, dogleg, slopes)
     walked = sinc(0.5 * f, dogleg, slopes)
-    return Weights(
+    return (
         _scaled(0.5, _quotient(cosine(phi, dogleg, slopes), cos_half)),
         _scaled(phi, _quotient(sinc(phi, dogleg, slopes), sinc_half)),
         _scaled(0.5 * f, _quotient(_product(walked, cosine(rest, dogleg, slopes)), cos_half)),
@@ -61,18 +48,18 @@ def weights(f: Array, dogleg: Array, *, slopes: bool = True) -> Weights:
 def cosine(c: Array, dogleg: Array, slopes: bool = True) -> Even:
     """cos(c beta)."""
     x = c * dogleg
-    return Even(np.cos(x), -c * c * _sinc(x) if slopes else np.zeros_like(x))
+    return np.cos(x), -c * c * _sinc(x) if slopes else np.zeros_like(x)
 
 
 def sinc(c: Array, dogleg: Array, slopes: bool = True) -> Even:
     """sin(c beta) / (c beta)."""
     x = c * dogleg
-    return Even(_sinc(x), c * c * bend(x) if slopes else np.zeros_like(x))
+    return _sinc(x), c * c * bend(x) if slopes else np.zeros_like(x)
 
 
 def bend(x: Array) -> Array:
     """Derivative of sin(x)/x divided by x: (cos x - sin(x)/x) / x^2, -1/3 at 0."""
-    small = np.abs(x) < SERIES
+    small = np.abs(x) < 0.5  # there the difference is taken from its series
     safe = np.where(small, 1.0, x)
     return np.where(small, np.polynomial.polynomial.polyval(x * x, TERMS), (np.cos(safe) - _sinc(safe)) / safe**2)
 
@@ -82,16 +69,16 @@ def _sinc(x: Array) -> Array:
 
 
 def _scaled(factor: float | Array, u: Even) -> Even:
-    return Even(factor * u.value, factor * u.slope)
+    return factor * u[0], factor * u[1]
 
 
 def _product(u: Even, v: Even) -> Even:
-    return Even(u.value * v.value, u.value * v.slope + u.slope * v.value)
+    return u[0] * v[0], u[0] * v[1] + u[1] * v[0]
 
 
 def _quotient(u: Even, v: Even) -> Even:
-    ratio = u.value / v.value
-    return Even(ratio, (u.slope - ratio * v.slope) / v.value)
+    ratio = u[0] / v[0]
+    return ratio, (u[1] - ratio * v[1]) / v[0]
 
 
 REVERSAL: Final = 2e-6
@@ -495,11 +482,11 @@ def _on_arc(path: Path, depth: Array, k: Index, f: Array) -> Points:
         t1, t2 = every[k], every[k + 1]
     else:
         t1, t2 = (directions(path.inclination[i], path.azimuth[i]) for i in (k, k + 1))
-    w = weights(f, path.dogleg[k], slopes=False)
+    (t_p, _), (t_q, _), (r_p, _), (r_q, _) = weights(f, path.dogleg[k], slopes=False)
     # by components: rows of three are slow to work on
     p, q = (t1 + t2).T, (t2 - t1).T
-    n, e, v = w.t_p.value * p + w.t_q.value * q
-    away = (path.md[k + 1] - path.md[k]) * (w.r_p.value * p + w.r_q.value * q)
+    n, e, v = t_p * p + t_q * q
+    away = (path.md[k + 1] - path.md[k]) * (r_p * p + r_q * q)
     level = np.hypot(n, e)
     azimuth = np.where(level > LEVEL, wrap_positive(np.arctan2(e, n)), path.azimuth[k])
     north, east, tvd = (getattr(path, name)[k] + part for name, part in zip(Points._fields[3:], away, strict=True))
@@ -725,10 +712,15 @@ def _arc_jacobian(path: Path, depth: Array, inclination: Array, azimuth: Array) 
     k, f = interval(path, depth)
     beta, length = path.dogleg[k], path.md[k + 1] - path.md[k]
     above, below = (_frame(path.inclination[i], path.azimuth[i]) for i in (k, k + 1))
-    p, q, w = above[0] + below[0], below[0] - above[0], weights(f, beta)
-    turn_above, turn_below = _turns(p, q, beta)
-    by_beta = [_combined(even_p.slope, p, even_q.slope, q) for even_p, even_q in ((w.r_p, w.r_q), (w.t_p, w.t_q))]
-    t, away = _combined(w.t_p.value, p, w.t_q.value, q), _combined(w.r_p.value, p, w.r_q.value, q)
+    p, q = above[0] + below[0], below[0] - above[0]
+    (t_p, dt_p), (t_q, dt_q), (r_p, dr_p), (r_q, dr_q) = weights(f, beta)
+    # dogleg times the unit vectors (m, 3) in which the arc turns at its upper and lower end
+    half = np.full_like(beta, 0.5)
+    to_p = 0.5 * beta * np.tan(0.5 * beta)
+    to_q = cosine(half, beta)[0] / sinc(half, beta)[0]
+    turn_above, turn_below = _combined(to_p, p, to_q, q), _combined(-to_p, p, to_q, q)
+    place_by_beta, t_by_beta = _combined(dr_p, p, dr_q, q), _combined(dt_p, p, dt_q, q)
+    t, away = _combined(t_p, p, t_q, q), _combined(r_p, p, r_q, q)
     by_place, by_direction = np.zeros((len(f), 3, 9)), np.zeros((len(f), 3, 9))
     by_place[:, :, :3] = np.eye(3)
     for column, change, sign, turn in (
@@ -736,22 +728,21 @@ def _arc_jacobian(path: Path, depth: Array, inclination: Array, azimuth: Array) 
         *((7 + i, below[1 + i], 1.0, turn_below) for i in (0, 1)),
     ):
         beta_change = np.sum(turn * change, axis=1, keepdims=True)
-        moved = (w.r_p.value + sign * w.r_q.value)[:, None] * change + by_beta[0] * beta_change
+        moved = (r_p + sign * r_q)[:, None] * change + place_by_beta * beta_change
         by_place[:, :, column] = length[:, None] * moved
-        by_direction[:, :, column] = (w.t_p.value + sign * w.t_q.value)[:, None] * change + by_beta[1] * beta_change
-    along = _along(f, beta, p, q) / length[:, None]
+        by_direction[:, :, column] = (t_p + sign * t_q)[:, None] * change + t_by_beta * beta_change
+    # derivative (m, 3) of the direction by the fraction f of the interval
+    phi, half = f - 0.5, np.full_like(f, 0.5)
+    to_p = -0.5 * beta**2 * phi * sinc(phi, beta)[0] / cosine(half, beta)[0]
+    along = _combined(to_p, p, cosine(phi, beta)[0] / sinc(half, beta)[0], q) / length[:, None]
     by_place[:, :, 3], by_place[:, :, 6] = -away - (1.0 - f)[:, None] * t, away - f[:, None] * t
     by_direction[:, :, 3], by_direction[:, :, 6] = -(1.0 - f)[:, None] * along, -f[:, None] * along
-    return np.concatenate([by_place, _angles(by_direction, inclination, azimuth, t)], axis=1)
-
-
-def _angles(by_direction: Array, inclination: Array, azimuth: Array, t: Array) -> Array:
-    """Rows of inclination and azimuth (m, 2, 9) from those of the direction (m, 3, 9)."""
     _, u, ah = _frame(inclination, azimuth)
     square = t[:, 0] ** 2 + t[:, 1] ** 2
     vertical = square <= LEVEL**2
     by_azimuth = np.where(vertical[:, None], np.nan, ah / np.where(vertical, 1.0, square)[:, None])
-    return np.stack([np.einsum("mi,mij->mj", rows, by_direction) for rows in (u, by_azimuth)], axis=1)
+    angles = [np.einsum("mi,mij->mj", rows, by_direction) for rows in (u, by_azimuth)]
+    return np.concatenate([by_place, np.stack(angles, axis=1)], axis=1)
 
 
 def _frame(inclination: Array, azimuth: Array) -> tuple[Array, Array, Array]:
@@ -759,21 +750,6 @@ def _frame(inclination: Array, azimuth: Array) -> tuple[Array, Array, Array]:
     t = directions(inclination, azimuth)
     ah = np.stack([-t[..., 1], t[..., 0], np.zeros_like(t[..., 0])], axis=-1)
     return t, directions(inclination + 0.5 * np.pi, azimuth), ah
-
-
-def _turns(p: Array, q: Array, beta: Array) -> tuple[Array, Array]:
-    """Dogleg times the unit vectors (m, 3) in which the arc turns at its upper and lower end."""
-    half = np.full_like(beta, 0.5)
-    to_p = 0.5 * beta * np.tan(0.5 * beta)
-    to_q = cosine(half, beta).value / sinc(half, beta).value
-    return _combined(to_p, p, to_q, q), _combined(-to_p, p, to_q, q)
-
-
-def _along(f: Array, beta: Array, p: Array, q: Array) -> Array:
-    """Derivative (m, 3) of the direction by the fraction f of the interval."""
-    phi, half = f - 0.5, np.full_like(f, 0.5)
-    to_p = -0.5 * beta**2 * phi * sinc(phi, beta).value / cosine(half, beta).value
-    return _combined(to_p, p, cosine(phi, beta).value / sinc(half, beta).value, q)
 
 
 def _combined(to_p: Array, p: Array, to_q: Array, q: Array) -> Array:

@@ -38,8 +38,6 @@ QUANTITIES: Final = (
 )
 """The three columns of `FieldQuality`."""
 
-DISTANCE: Final = "distance"
-INTERFERENCE: Final = "axial interference seen"
 
 DECLINATION: Final = (
     "gravity, magnetic field and dip do not depend on declination and convergence: a wrong sign of these passes every "
@@ -47,15 +45,6 @@ DECLINATION: Final = (
 )
 """What these checks cannot tell."""
 
-MIRROR: Final = (
-    "nor do they see a mistake of axes common to both triads, as y reversed in both or x and y swapped in both: it "
-    "turns azimuth and toolface into their mirror images; compare one station with a heading and a toolface known "
-    "otherwise"
-)
-"""What they cannot tell of axes and signs."""
-
-EVENT: Final = 0.2
-"""Share of stations beyond a limit from which it is the tool and not an event."""
 
 _ACTIONS: Final = {
     (
@@ -147,22 +136,23 @@ def _quantity_check(column: int, difference: Array, limit: Array, judged: Mask, 
     value, allowed = float(abs(difference[row, column])), float(limit[row, column])
     if not len(failed):
         return Check(quantity.name, "pass", value, allowed, (), reason, unit=quantity.unit)
-    pattern = tuple(bool(beyond[failed, c].mean() > 0.5) for c in range(3))
-    action = _run_action(len(failed) / int(able.sum()), (pattern[0], pattern[1], pattern[2]))
+    action = _run_action(failed, able, beyond)
     return Check(quantity.name, "fail", value, allowed, tuple(map(int, failed)), reason, action, quantity.unit)
 
 
-def _run_action(share: float, pattern: tuple[bool, bool, bool]) -> str:
-    if share <= EVENT:
+def _run_action(failed: Index, able: Mask, single: Mask) -> str:
+    if len(failed) / int(able.sum()) <= 0.2:  # an event; with more of the stations it is the tool
         return "repeat these stations at rest, away from casing and offset wells"
-    return _ACTIONS[pattern]
+    first, second, third = (bool(single[failed, c].mean() > 0.5) for c in range(3))
+    return _ACTIONS[first, second, third]
 
 
 def _distance_check(distance: Array, allowed: Array, beyond: Mask, single: Mask) -> Check:
+    name = "distance"
     able = np.isfinite(distance)
     if not able.any():
         reason = "no uncertainty is known of the stations or of the site"
-        return Check(DISTANCE, "not judged", np.nan, np.nan, (), reason, unit="sigma")
+        return Check(name, "not judged", np.nan, np.nan, (), reason, unit="sigma")
     row = int(np.argmax(np.where(able, distance, -1.0)))
     failed = np.flatnonzero(beyond)
     reason = (
@@ -170,34 +160,39 @@ def _distance_check(distance: Array, allowed: Array, beyond: Mask, single: Mask)
         f"allowed {allowed[row]:.2f}"
     )
     if not len(failed):
-        return Check(DISTANCE, "pass", float(distance[row]), float(allowed[row]), (), reason, unit="sigma")
-    pattern = tuple(bool(single[failed, c].mean() > 0.5) for c in range(3))
-    action = _run_action(len(failed) / int(able.sum()), (pattern[0], pattern[1], pattern[2]))
+        return Check(name, "pass", float(distance[row]), float(allowed[row]), (), reason, unit="sigma")
+    action = _run_action(failed, able, single)
     rows = tuple(map(int, failed))
-    return Check(DISTANCE, "fail", float(distance[row]), float(allowed[row]), rows, reason, action, "sigma")
+    return Check(name, "fail", float(distance[row]), float(allowed[row]), rows, reason, action, "sigma")
 
 
 def _seen_check(hidden: Array, blind: float) -> Check:
+    name = "axial interference seen"
     known = np.isfinite(hidden) | np.isinf(hidden)
     if not known.any():
         reason = "no station has an azimuth"
-        return Check(INTERFERENCE, "not judged", np.nan, blind, (), reason)
+        return Check(name, "not judged", np.nan, blind, (), reason)
     row = int(np.argmax(np.where(known, hidden, -1.0)))
     rows = np.flatnonzero(known & (hidden > blind))
     worst = f"{np.degrees(hidden[row]):.1f} deg" if np.isfinite(hidden[row]) else "any size"
     reason = f"an axial interference that turns azimuth by {worst} would pass at station {row + 1}"
     if not len(rows):
-        return Check(INTERFERENCE, "pass", float(hidden[row]), blind, (), reason)
+        return Check(name, "pass", float(hidden[row]), blind, (), reason)
     reason = f"{reason}; more than {np.degrees(blind):g} deg at {len(rows)} of {int(known.sum())} stations"
     action = (
         "near horizontal east-west |b| and dip do not see the axial field: space the assembly, or survey with a gyro"
     )
-    return Check(INTERFERENCE, "not judged", float(hidden[row]), blind, tuple(map(int, rows)), reason, action)
+    return Check(name, "not judged", float(hidden[row]), blind, tuple(map(int, rows)), reason, action)
 
 
 def notes_of(axial: bool, multistation: bool, fixed: bool) -> Sequence[str]:
     """What a reader of the verdicts must know."""
-    notes = [DECLINATION, MIRROR]
+    notes = [
+        DECLINATION,
+        "nor do they see a mistake of axes common to both triads, as y reversed in both or x and y swapped in both: it "
+        "turns azimuth and toolface into their mirror images; compare one station with a heading and a toolface known "
+        "otherwise",
+    ]
     if axial:
         notes.append("the axial correction has used up one of the two magnetic tests: they are no longer independent")
     if multistation:
@@ -207,28 +202,12 @@ def notes_of(axial: bool, multistation: bool, fixed: bool) -> Sequence[str]:
     return tuple(notes)
 
 
-SPREAD: Final = float(np.pi)
-"""Largest gap between toolfaces with which rotation shots still go round."""
-
-FAINT: Final = 0.1
-"""Share of a quantity's response to the whole triad that the transverse sensors must have to be judged by it."""
-
-_SHOTS: Final = 3
-_ANGLES: Final = (
+_ALL: Final = (
     Quantity("inclination", "rad", "deg", 180.0 / np.pi, 3),
     Quantity("azimuth", "rad", "deg", 180.0 / np.pi, 3),
+    *QUANTITIES,
 )
-_ALL: Final = (*_ANGLES, *QUANTITIES)
 _WRAPPED: Final = 1  # the column of azimuth
-
-
-class _Rows(NamedTuple):
-    """Inclination, azimuth, |g|, |b|, dip (n, 5) and their derivatives (n, 5, 6) by the channels."""
-
-    values: Array
-    jacobian: Array
-    steep: Mask
-    faint: Mask  # (n, 5)
 
 
 def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
@@ -263,28 +242,29 @@ def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
     >>> [check.verdict for check in rotation_shots(shots)]
     ['pass', 'pass', 'pass', 'pass', 'pass']
     """
+    least = 3
     k = float(within(k, "k", 1.0, 6.0))
-    rows = _rows(shots)
-    difference = rows.values - rows.values.mean(axis=0)
-    turned = wrap_signed(rows.values[:, _WRAPPED] - rows.values[0, _WRAPPED])
+    values, jacobian, steep, faint = _rows(shots)
+    difference = values - values.mean(axis=0)
+    turned = wrap_signed(values[:, _WRAPPED] - values[0, _WRAPPED])
     difference[:, _WRAPPED] = turned - turned.mean()
     size = len(shots)
-    own = np.einsum("nqa,nab,nqb->nq", rows.jacobian, shots.noise, rows.jacobian)
+    own = np.einsum("nqa,nab,nqb->nq", jacobian, shots.noise, jacobian)
     variance = own * (1.0 - 2.0 / size) + own.sum(axis=0) / size**2
     for source in shots.sources.values():
-        moved = rows.jacobian @ source.by_field
+        moved = jacobian @ source.by_field
         moved = moved - moved.mean(axis=0)
         variance += np.einsum("nqp,pr,nqr->nq", moved, source.covariance, moved)
     gap = toolface_gap(np.concatenate([shots.g, shots.b], axis=1))
     problem = ""
-    if size < _SHOTS:
-        problem = f"{size} shots, at least {_SHOTS} are needed"
-    elif gap > SPREAD:
+    if size < least:
+        problem = f"{size} shots, at least {least} are needed"
+    elif gap > np.pi:
         problem = f"the toolfaces lie within {360.0 - np.degrees(gap):.0f} deg: turn the tool all round"
     why = [
         problem
-        or ("the hole is too steep for an azimuth" if rows.steep.any() and column == _WRAPPED else "")
-        or ("the transverse sensors hardly show in it here" if rows.faint[:, column].all() else "")
+        or ("the hole is too steep for an azimuth" if steep.any() and column == _WRAPPED else "")
+        or ("the transverse sensors hardly show in it here" if faint[:, column].all() else "")
         for column in range(5)
     ]
     action = "errors turn with the tool: calibrate the transverse sensors, or run a multi-station analysis"
@@ -329,18 +309,24 @@ def repeated_stations(
     ['pass', 'pass', 'pass', 'pass', 'pass']
     """
     k = float(within(k, "k", 1.0, 6.0))
-    here, there = _pairs(first.md, second.md, float(within(apart_m, "apart_m", 0.0, 100.0, "m")))
+    apart = float(within(apart_m, "apart_m", 0.0, 100.0, "m"))
+    after = np.clip(np.searchsorted(second.md, first.md), 0, len(second) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(second.md[before] - first.md) <= np.abs(second.md[after] - first.md), before, after)
+    here = np.flatnonzero(np.abs(second.md[nearest] - first.md) <= apart + 1e-9)
+    there = nearest[here]
     if not len(here):
         reason = f"no station of the second run lies within {apart_m:g} m of one of the first"
         return [Check(f"repeat: {q.name}", "not judged", np.nan, np.nan, (), reason, unit=q.unit) for q in _ALL]
-    one, two = _rows(first), _rows(second)
-    difference = two.values[there] - one.values[here]
+    one, by_one, steep_one, _ = _rows(first)
+    two, by_two, _, _ = _rows(second)
+    difference = two[there] - one[here]
     difference[:, _WRAPPED] = wrap_signed(difference[:, _WRAPPED])
     variance = sum(
-        np.einsum("nqa,nab,nqb->nq", part.jacobian[rows], run.noise[rows], part.jacobian[rows])
-        for part, run, rows in ((one, first, here), (two, second, there))
-    ) + _shared(one.jacobian[here], two.jacobian[there], first, second, (here, there), same_tool)
-    steep = one.steep[here]
+        np.einsum("nqa,nab,nqb->nq", part[rows], run.noise[rows], part[rows])
+        for part, run, rows in ((by_one, first, here), (by_two, second, there))
+    ) + _shared(by_one[here], by_two[there], first, second, (here, there), same_tool)
+    steep = steep_one[here]
     difference[steep, _WRAPPED] = np.nan
     action = "repeat once more at rest; if the runs still differ, check depth, calibration and interference of both"
     why = ["" if c != _WRAPPED or not steep.all() else "the hole is too steep for an azimuth" for c in range(5)]
@@ -406,7 +392,8 @@ def dual_depth(
     return Check(name, "fail", value, allowed, tuple(map(int, failed)), reason, action, "m")
 
 
-def _rows(stations: Stations) -> _Rows:
+def _rows(stations: Stations) -> tuple[Array, Array, Mask, Mask]:
+    """Inclination, azimuth, |g|, |b|, dip (n, 5), their derivatives (n, 5, 6), too steep (n,), hardly seen (n, 5)."""
     readings = np.concatenate([stations.g, stations.b], axis=1)
     found = angles(stations.g, stations.b)
     values = np.column_stack([found.inclination, found.azimuth, invariants(readings)])
@@ -416,17 +403,9 @@ def _rows(stations: Stations) -> _Rows:
     jacobian[steep, _WRAPPED] = 0.0
     faint = np.zeros((len(readings), 5), dtype=bool)
     for column, first in ((2, 0), (3, 3)):
-        faint[:, column] = np.hypot(jacobian[:, column, first], jacobian[:, column, first + 1]) < FAINT
-    return _Rows(values, jacobian, steep, faint)
-
-
-def _pairs(first: Array, second: Array, apart: float) -> tuple[Index, Index]:
-    """Rows of both runs that belong together."""
-    after = np.clip(np.searchsorted(second, first), 0, len(second) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(second[before] - first) <= np.abs(second[after] - first), before, after)
-    here = np.flatnonzero(np.abs(second[nearest] - first) <= apart + 1e-9)
-    return here, nearest[here]
+        # less than a tenth of the quantity's response to the whole triad
+        faint[:, column] = np.hypot(jacobian[:, column, first], jacobian[:, column, first + 1]) < 0.1
+    return values, jacobian, steep, faint
 
 
 def _shared(
@@ -471,9 +450,6 @@ def _check(what: str, column: int, difference: Array, limit: Array, rows: Index,
 
 SOURCE: Final = "sensors"
 """Name of the source."""
-
-_KINDS: Final = {"AB": (0, "bias"), "AS": (0, "scale"), "MB": (3, "bias"), "MS": (3, "scale")}
-_AXIAL: Final = "AMIL"
 
 
 def with_sensors(stations: Stations, sigmas: Mapping[str, float]) -> Stations:
@@ -527,15 +503,16 @@ def sensor_sigmas(sigmas: Mapping[str, float]) -> tuple[Array, Array]:
     >>> sensor_sigmas({"ABXY-TI1S": 0.004, "ABXY-TI2S": 0.004, "MSZ": 0.0016})[0]
     array([0.004, 0.004, 0.   , 0.   , 0.   , 0.   ])
     """
+    sensors = {"AB": (0, "bias"), "AS": (0, "scale"), "MB": (3, "bias"), "MS": (3, "scale")}
     found: dict[tuple[str, int], float] = {}
     axial = 0.0
     for name, sigma in sigmas.items():
         stem = name.replace("_", "-").split("-")[0].upper()
-        if stem == _AXIAL:
+        if stem == "AMIL":
             axial = float(within(sigma, name, 0.0, 1e5, "nT"))
-        if stem[:2] not in _KINDS or stem[2:] not in ("X", "Y", "Z", "XY"):
+        if stem[:2] not in sensors or stem[2:] not in ("X", "Y", "Z", "XY"):
             continue
-        first, kind = _KINDS[stem[:2]]
+        first, kind = sensors[stem[:2]]
         for letter in stem[2:]:
             place = (kind, first + "XYZ".index(letter))
             if found.setdefault(place, float(within(sigma, name, 0.0, 1e5))) != sigma:
@@ -555,7 +532,6 @@ BLIND: Final = float(np.radians(2.0))
 """Error of azimuth from axial interference that passes |b| and dip unnoticed, from which the test is called blind."""
 
 _FLAT: Final = 1e-10  # share of the largest variance below which a combination of the three is known exactly
-_ROUNDING: Final = 1.0 + 1e-9  # a value on its limit passes
 
 
 @dataclass(frozen=True)
@@ -666,17 +642,25 @@ def judge_fields(
     >>> judge_fields(run, site).verdicts
     ('fail', 'fail')
     """
+    rounding = 1.0 + 1e-9  # a value on its limit passes
     k = float(within(k, "k", 1.0, 6.0))
     readings = np.concatenate([stations.g, stations.b], axis=1)
     found, rows = invariants(readings), invariants_jacobian(readings)
     difference = found - reference.values
     covariance = residual_covariance(stations, rows, reference)
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
-    limit, judged = _limits(found, k * sigma, reference, limits)
+    limit = k * sigma
+    if limits is not None:
+        for column, fixed in enumerate((limits.g, limits.b, limits.dip)):
+            if fixed is not None:
+                limit[:, column] = fixed
+    judged = limit > 0.0
+    # a field that may be vertical has a dip that can only come out too small
+    judged[:, 2] &= abs(reference.dip) + limit[:, 2] < np.pi / 2
     distance, freedom = _distances(difference, covariance, judged & (sigma > 0.0))
     allowed = distance_limit(k, freedom)
     hidden = _undetected(readings, rows, covariance, k)
-    beyond = np.column_stack([judged & (np.abs(difference) > limit * _ROUNDING), distance > allowed * _ROUNDING])
+    beyond = np.column_stack([judged & (np.abs(difference) > limit * rounding), distance > allowed * rounding])
     verdicts = tuple(
         "fail" if b.any() else "pass" if j.any() else "not judged" for b, j in zip(beyond, judged, strict=True)
     )
@@ -731,21 +715,6 @@ def distance_limit(k: float, freedom: Index) -> Array:
     probability = math.erf(k / math.sqrt(2.0))
     table = np.array([np.nan, *(ellipsoid_factor(probability, size) for size in (1, 2, 3))])
     return np.asarray(table[freedom])
-
-
-def _limits(
-    found: Array, tolerance: Array, reference: FieldReference, limits: FieldLimits | None
-) -> tuple[Array, Mask]:
-    """Limits (n, 3) and whether they can be judged by."""
-    limit = tolerance.copy()
-    if limits is not None:
-        for column, fixed in enumerate((limits.g, limits.b, limits.dip)):
-            if fixed is not None:
-                limit[:, column] = fixed
-    judged = limit > 0.0
-    # a field that may be vertical has a dip that can only come out too small
-    judged[:, 2] &= abs(reference.dip) + limit[:, 2] < np.pi / 2
-    return limit, judged
 
 
 def _distances(difference: Array, covariance: Array, judged: Mask) -> tuple[Array, Index]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from inclinometry.arrays import within
@@ -11,12 +9,6 @@ from inclinometry.conventions import AXES, Axes, Mapping, find_mapping
 from inclinometry.survey.flags import Check
 from inclinometry.survey.quality import DECLINATION
 from inclinometry.survey.stations import Stations
-
-FEWEST: Final = 4
-"""Attitudes that tell the mappings apart."""
-
-TOLERANCE: Final = float(np.radians(1.0))
-"""Root mean square of dip minus reference up to which axes count as right: several times what sensors do."""
 
 
 def wiring_check(stations: Stations, dip: float) -> Check:
@@ -52,32 +44,35 @@ def wiring_check(stations: Stations, dip: float) -> Check:
     >>> wiring_check(Stations(np.arange(4.0), g, b[:, [1, 0, 2]]), 1.2).reason
     'dips are off by 53.7 deg (root mean square); they fit with magnetometer x and y swapped'
     """
+    # root mean square of dip minus reference up to which axes count as right: several times what sensors do
+    tolerance = float(np.radians(1.0))
+    fewest = 4  # attitudes that tell the mappings apart
     dip = float(within(dip, "dip", -np.pi / 2, np.pi / 2, "rad"))
     name = "axes and signs"
-    if len(stations) < FEWEST:
-        reason = f"{len(stations)} stations; {FEWEST} in different attitudes are needed to tell axes and signs apart"
-        return Check(name, "not judged", np.nan, TOLERANCE, (), reason, DECLINATION)
+    if len(stations) < fewest:
+        reason = f"{len(stations)} stations; {fewest} in different attitudes are needed to tell axes and signs apart"
+        return Check(name, "not judged", np.nan, tolerance, (), reason, DECLINATION)
     ranking = find_mapping(stations.g, stations.b, dip=dip)
     off = {one.axes: float(np.hypot(one.dip - dip, one.scatter)) for one in ranking.mappings}
-    fits = sorted((one for one in ranking.mappings if off[one.axes] <= TOLERANCE), key=_changes)
+    fits = sorted((one for one in ranking.mappings if off[one.axes] <= tolerance), key=_changes)
     found = off[AXES]
     every = tuple(range(len(stations)))
-    if found <= TOLERANCE:
+    if found <= tolerance:
         others = [describe(one.axes) for one in fits if one.axes != AXES]
         reason = f"dips fit the site's within {np.degrees(found):.2f} deg (root mean square)"
         if others:
             reason += f"; so they would with magnetometer {' or '.join(others[:3])}: the attitudes are too much alike"
-            return Check(name, "not judged", found, TOLERANCE, (), reason, "add stations at other toolfaces")
-        return Check(name, "pass", found, TOLERANCE, (), reason)
+            return Check(name, "not judged", found, tolerance, (), reason, "add stations at other toolfaces")
+        return Check(name, "pass", found, tolerance, (), reason)
     reason = f"dips are off by {np.degrees(found):.1f} deg (root mean square)"
     if not fits:
         action = "not a mistake of axes or signs: check the site's dip, the calibration and magnetic interference"
         return Check(
-            name, "fail", found, TOLERANCE, every, f"{reason}; no exchange of axes or signs explains it", action
+            name, "fail", found, tolerance, every, f"{reason}; no exchange of axes or signs explains it", action
         )
     reason += f"; they fit with magnetometer {' or '.join(describe(one.axes) for one in fits[:3])}"
     action = "check the convention of the file (axes and signs per triad) and convert it again"
-    return Check(name, "fail", found, TOLERANCE, every, reason, action)
+    return Check(name, "fail", found, tolerance, every, reason, action)
 
 
 def describe(axes: Axes) -> str:

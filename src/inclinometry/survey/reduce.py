@@ -159,9 +159,14 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     if SOURCE in stations.sources:
         raise InputError("these stations have been through a multi-station analysis; give the stations before it")
     size, x = len(correction.offset), np.array([p.value for p in correction.parameters.values()])
+    weights = np.ones((len(stations), len(correction.power)))
+    if correction.power.any():
+        if stations.temperature is None:
+            raise InputError("the correction depends on temperature; give the stations' temperature_degC")
+        weights = (stations.temperature[:, None] - correction.reference_temperature) ** correction.power
     model = Model(
         np.concatenate([stations.g, stations.b], axis=1),
-        _weights(stations, correction),
+        weights,
         correction.gain,
         correction.offset,
         correction.reference.values,
@@ -181,22 +186,9 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     return stations.corrected(fields[:, :3], fields[:, 3:], line, sources, noise)
 
 
-def _weights(stations: Stations, correction: SensorCorrection) -> Array:
-    if not correction.power.any():
-        return np.ones((len(stations), len(correction.power)))
-    if stations.temperature is None:
-        raise InputError("the correction depends on temperature; give the stations' temperature_degC")
-    return np.asarray((stations.temperature[:, None] - correction.reference_temperature) ** correction.power)
-
-
-DEAD = 1e-6
-"""Share of the field at the stand below which a triad counts as dead."""
-
 HOLES = {"down": 1.0, "up": -1.0}
 """Component of gravity along the tool axis by the way the hole goes."""
 
-LEAST_ALONG = 0.5
-"""Least share of the tool axis in the component two accelerometers cannot see for the hole to tell its sign."""
 
 BLOCK = 20_000
 """Stations whose sensitivities are held in memory at once."""
@@ -447,6 +439,12 @@ def tool_fields(
             raise InputError(f"the readings have a {kind}, the calibration has none: calibrate it or drop its columns")
     fields: dict[str, Array] = {}
     left_out = []
+    remedy = {
+        "gyro": "; `inclinometry gyro north` needs but two; "
+        "without its columns inclination and toolface are reduced alone",
+        "magnetometer": "; without its columns inclination and toolface are reduced alone",
+        "accelerometer": "; the angle of one accelerometer to gravity is no inclination (`verify` judges that angle)",
+    }
     for kind, triad in tool.triads.items():
         if kind not in channels:
             continue
@@ -460,12 +458,12 @@ def tool_fields(
             if kind == "gyro" and second != "gyro":
                 left_out.append(f"the gyro sees {_seen(triad)} and was not used; the azimuth is the magnetometer's")
                 continue
-            raise InputError(f"the {kind} sees {_seen(triad)}; three seen components are needed{_REMEDY.get(kind, '')}")
+            raise InputError(f"the {kind} sees {_seen(triad)}; three seen components are needed{remedy.get(kind, '')}")
         if triad.g_sensitivity is not None:
             g = fields["accelerometer"]
             signals = triad.without_gravity(signals, g / np.linalg.norm(g, axis=1, keepdims=True))
         fields[kind] = triad.field(signals, heat)
-        dead = np.linalg.norm(fields[kind], axis=1) < DEAD
+        dead = np.linalg.norm(fields[kind], axis=1) < 1e-6  # of the field at the stand
         if dead.any():
             row = int(np.argmax(dead))
             raise InputError(f"station {row + 1}: the {kind} sees no field at all; remove the row if it is a drop-out")
@@ -476,17 +474,10 @@ def _seen(triad: Triad) -> str:
     return "only a plane" if triad.rank == 2 else "one component"
 
 
-_REMEDY = {
-    "gyro": "; `inclinometry gyro north` needs but two; without its columns inclination and toolface are reduced alone",
-    "magnetometer": "; without its columns inclination and toolface are reduced alone",
-    "accelerometer": "; the angle of one accelerometer to gravity is no inclination (`verify` judges that angle)",
-}
-
-
 def _gravity_of_two(triad: Triad, signals: Array, heat: Array | None, gravity: tuple[str, float]) -> Array:
     """Gravity (n, 3) that two accelerometers see in part, by the way the hole goes and its strength."""
     hole, length = gravity
-    if abs(np.linalg.svd(triad.tensor[0])[2][2][2]) < LEAST_ALONG:
+    if abs(np.linalg.svd(triad.tensor[0])[2][2][2]) < 0.5:
         raise InputError(
             "the two accelerometers lie along the tool axis: which way the hole goes does not tell the sign of the "
             "component they cannot see, and no inclination follows; a third accelerometer is needed"

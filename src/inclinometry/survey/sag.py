@@ -20,9 +20,6 @@ from inclinometry.survey.reduce import Survey
 from inclinometry.survey.stations import Source, Stations
 
 _TOUCH: Final = 1e-9  # m
-_PULL: Final = 1e-9  # of the largest load of a node: rounding
-_ROUNDS: Final = 2  # changes of contact for each degree of freedom before the slower way
-_PATIENCE: Final = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +70,29 @@ def deflected_shape(beam: Beam, share: float, curvature: float, touching: Sequen
     ConvergenceError
         The contacts do not settle.
     """
-    band, force = _assembled(beam, share, curvature)
+    # lower band (4, 2n) of the stiffness matrix and the load (2n,)
+    span = np.diff(beam.x)
+    size = 2 * len(beam.x)
+    band, force = np.zeros((4, size)), np.zeros(size)
+    one = np.ones_like(span)
+    block = np.array(
+        [
+            [12 * one, 6 * span, -12 * one, 6 * span],
+            [6 * span, 4 * span**2, -6 * span, 2 * span**2],
+            [-12 * one, -6 * span, 12 * one, -6 * span],
+            [6 * span, 2 * span**2, -6 * span, 4 * span**2],
+        ]
+    ) * (beam.stiffness / span**3)
+    first = 2 * np.arange(len(span))
+    for column in range(4):
+        for row in range(column, 4):
+            np.add.at(band[row - column], first + column, block[row, column])
+    weight = beam.load * share
+    # a curved hole is a straight beam's initial bend: E I (v'' - curvature)^2 / 2
+    moment = beam.stiffness * curvature
+    parts = (weight * span / 2, weight * span**2 / 12 - moment, weight * span / 2, -weight * span**2 / 12 + moment)
+    for place, part in enumerate(parts):
+        np.add.at(force, first + place, part)
     bounded = np.zeros(2 * len(beam.x), dtype=bool)
     bounded[::2] = np.isfinite(beam.gap)
     wall = np.zeros(len(bounded))
@@ -104,13 +123,14 @@ class _Problem(NamedTuple):
         """The contact that would have to pull hardest, None where all push."""
         pull = np.where(self.bounded, -side * (self.force - _times(self.band, values)), 0.0)
         worst = int(np.argmax(pull))
-        return worst if pull[worst] > _PULL * np.abs(self.force).max(initial=1e-12) else None
+        # beyond the rounding of the largest load of a node
+        return worst if pull[worst] > 1e-9 * np.abs(self.force).max(initial=1e-12) else None
 
 
 def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
     """Close the contact passed furthest, else open the one that pulls hardest; None where that goes in circles."""
     side = start.copy()
-    for _ in range(_ROUNDS * len(side)):
+    for _ in range(2 * len(side)):  # then the slower way
         values = _solved(problem.band, problem.force, problem.held | (side != 0), side * problem.wall)
         past = np.where(problem.bounded, np.abs(values) - problem.wall, 0.0)
         worst = int(np.argmax(past))
@@ -127,7 +147,7 @@ def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
 def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
     """The same by steps that stay between the walls and never gain energy: slower, but it ends."""
     side, values = start.copy(), start * problem.wall
-    for _ in range(_PATIENCE * len(side)):
+    for _ in range(50 * len(side)):
         fixed = problem.held | (side != 0)
         aim = _solved(problem.band, problem.force, fixed, values)
         step = aim - values
@@ -148,33 +168,6 @@ def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
     raise ConvergenceError(
         "the contacts of the assembly with the wall do not settle; check diameters and positions of the stabilisers"
     )
-
-
-def _assembled(beam: Beam, share: float, curvature: float) -> tuple[Array, Array]:
-    """Lower band (4, 2n) of the stiffness matrix and the load (2n,)."""
-    span = np.diff(beam.x)
-    size = 2 * len(beam.x)
-    band, force = np.zeros((4, size)), np.zeros(size)
-    one = np.ones_like(span)
-    block = np.array(
-        [
-            [12 * one, 6 * span, -12 * one, 6 * span],
-            [6 * span, 4 * span**2, -6 * span, 2 * span**2],
-            [-12 * one, -6 * span, 12 * one, -6 * span],
-            [6 * span, 2 * span**2, -6 * span, 4 * span**2],
-        ]
-    ) * (beam.stiffness / span**3)
-    first = 2 * np.arange(len(span))
-    for column in range(4):
-        for row in range(column, 4):
-            np.add.at(band[row - column], first + column, block[row, column])
-    weight = beam.load * share
-    # a curved hole is a straight beam's initial bend: E I (v'' - curvature)^2 / 2
-    moment = beam.stiffness * curvature
-    parts = (weight * span / 2, weight * span**2 / 12 - moment, weight * span / 2, -weight * span**2 / 12 + moment)
-    for place, part in enumerate(parts):
-        np.add.at(force, first + place, part)
-    return band, force
 
 
 def _times(band: Array, values: Array) -> Array:
@@ -210,10 +203,6 @@ MATERIALS: Final[Mapping[str, Material]] = MappingProxyType(
     {"steel": Material(2.06e11, 7850.0), "nonmagnetic": Material(1.93e11, 7850.0)}
 )
 """Alloy steel, and austenitic steel of non-magnetic collars (28e6 psi); densities of steel in both."""
-
-_BIT: Final = 0.8  # of the hole's diameter; an under-reamer above opens a hole by less
-_BEYOND: Final = 25.0  # m above the last stabiliser; there any string has found the low side
-_MESH: Final = 0.4  # m; the elements are exact at nodes, the mesh only says where the body may touch the wall
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,6 +266,7 @@ class Bha:
     beam: Beam = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        bit = 0.8  # of the hole's diameter; an under-reamer above opens a hole by less
         if not self.elements:
             raise InputError("the assembly has no elements; give at least the bit and a collar")
         length = sum(one.length for one in self.elements)
@@ -293,12 +283,33 @@ class Bha:
             raise InputError(
                 f"the hole is {self.hole:g} m wide, the assembly {widest:g} m; a hole is at least as wide as its bit"
             )
-        if self.elements[0].outer < _BIT * self.hole:
+        if self.elements[0].outer < bit * self.hole:
             raise InputError(
                 f"the first element is {self.elements[0].outer:g} m wide in a hole of {self.hole:g} m; it must be the "
-                f"bit, at least {_BIT:g} of the hole"
+                f"bit, at least {bit:g} of the hole"
             )
-        object.__setattr__(self, "beam", _mesh(self))
+        # nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be
+        ends = np.cumsum([0.0, *(one.length for one in self.elements)])
+        # 25 m above the last stabiliser any string has found the low side
+        ends[-1] = max(ends[-1], 25.0 + max((blade.position for blade in self.stabilisers), default=0.0))
+        # to the centimetre: much shorter pieces would be too stiff beside the others for the digits of a double
+        marks = np.unique(np.round([*ends, self.sensor, *(blade.position for blade in self.stabilisers)], 2))
+        # the elements are exact at nodes, the mesh of 0.4 m only says where the body may touch the wall
+        pieces = [np.linspace(a, b, int(np.ceil((b - a) / 0.4)) + 1)[:-1] for a, b in pairwise(marks)]
+        x = np.concatenate([*pieces, marks[-1:]])
+        which = np.clip(np.searchsorted(ends, 0.5 * (x[1:] + x[:-1])) - 1, 0, len(self.elements) - 1)
+        outer = np.array([one.outer for one in self.elements])[which]
+        body = np.maximum(np.append(outer, 0.0), np.append(0.0, outer))
+        hole = self.hole + self.over_gauge
+        gap = (hole - body) / 2.0
+        # the bit guides by its lower end; its length would otherwise hold the slope
+        gap[(x > 0.0) & (x <= ends[1] + 1e-9)] = np.inf
+        for blade in self.stabilisers:
+            at = int(np.argmin(np.abs(x - blade.position)))
+            gap[at] = min(gap[at], (hole - blade.outer) / 2.0)
+        stiffness = np.array([one.stiffness for one in self.elements])[which]
+        weight = np.array([one.weight * (1.0 - self.mud_density / one.density) for one in self.elements])[which]
+        object.__setattr__(self, "beam", Beam(x, stiffness, weight * STANDARD_GRAVITY, gap))
 
     @property
     def length(self) -> float:
@@ -306,33 +317,8 @@ class Bha:
         return float(sum(one.length for one in self.elements))
 
 
-def _mesh(bha: Bha) -> Beam:
-    """Nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be."""
-    ends = np.cumsum([0.0, *(one.length for one in bha.elements)])
-    ends[-1] = max(ends[-1], _BEYOND + max((blade.position for blade in bha.stabilisers), default=0.0))
-    # to the centimetre: much shorter pieces would be too stiff beside the others for the digits of a double
-    marks = np.unique(np.round([*ends, bha.sensor, *(blade.position for blade in bha.stabilisers)], 2))
-    pieces = [np.linspace(a, b, int(np.ceil((b - a) / _MESH)) + 1)[:-1] for a, b in pairwise(marks)]
-    x = np.concatenate([*pieces, marks[-1:]])
-    which = np.clip(np.searchsorted(ends, 0.5 * (x[1:] + x[:-1])) - 1, 0, len(bha.elements) - 1)
-    outer = np.array([one.outer for one in bha.elements])[which]
-    body = np.maximum(np.append(outer, 0.0), np.append(0.0, outer))
-    hole = bha.hole + bha.over_gauge
-    gap = (hole - body) / 2.0
-    # the bit guides by its lower end; its length would otherwise hold the slope
-    gap[(x > 0.0) & (x <= ends[1] + 1e-9)] = np.inf
-    for blade in bha.stabilisers:
-        at = int(np.argmin(np.abs(x - blade.position)))
-        gap[at] = min(gap[at], (hole - blade.outer) / 2.0)
-    stiffness = np.array([one.stiffness for one in bha.elements])[which]
-    weight = np.array([one.weight * (1.0 - bha.mud_density / one.density) for one in bha.elements])[which]
-    return Beam(x, stiffness, weight * STANDARD_GRAVITY, gap)
-
-
 SOURCE: Final = "sag correction"
 """Name of the source of error the correction leaves; its parameter is the error over its standard deviation."""
-
-_HALF_SPAN: Final = 15.0  # m to both sides over which the curvature of the hole is taken
 
 
 class Sag(NamedTuple):
@@ -454,10 +440,11 @@ def run_sag(md: ArrayLike, inclination: ArrayLike, bha: Bha) -> Sag:
     InputError
         As `deflection`, or shapes that differ.
     """
+    half_span = 15.0  # m to both sides over which the curvature of the hole is taken
     depth, tilt = finite(md, "md", (None,)), within(inclination, "inclination", 0.0, np.pi, "rad")
     if depth.shape != tilt.shape or not depth.size:
         raise InputError(f"md is {depth.shape} and inclination {tilt.shape}; give n of each")
-    above, below = np.maximum(depth - _HALF_SPAN, depth[0]), np.minimum(depth + _HALF_SPAN, depth[-1])
+    above, below = np.maximum(depth - half_span, depth[0]), np.minimum(depth + half_span, depth[-1])
     turn = np.interp(below, depth, tilt) - np.interp(above, depth, tilt)
     span = below - above
     return sag_angles(bha, tilt, np.divide(turn, span, out=np.zeros_like(turn), where=span > 0.0))

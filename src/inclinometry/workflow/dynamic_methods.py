@@ -15,7 +15,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
-from inclinometry.motion.axes import FAR_DIP, expected_dip
+from inclinometry.motion.axes import expected_dip
 from inclinometry.motion.choose import AttitudeChooser, ChooserSettings
 from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
@@ -23,7 +23,7 @@ from inclinometry.motion.inertial.smoother import smoothed_attitude
 from inclinometry.motion.inertial.state import InertialSettings
 from inclinometry.motion.magnetic.phase import MagneticSettings
 from inclinometry.motion.magnetic.window import MagneticStream
-from inclinometry.motion.reference import RunDip
+from inclinometry.motion.reference import FAR_DIP, RunDip
 from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
 from inclinometry.motion.static import NorthSeekingStream, StaticSettings, StaticStream
 from inclinometry.motion.timing import rejoined

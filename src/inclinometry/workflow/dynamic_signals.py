@@ -18,10 +18,10 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.log_csv import TO_SI
 from inclinometry.files.run_file import RunBlock, RunFile
-from inclinometry.motion.axes import FAR_DIP, expected_dip
+from inclinometry.motion.axes import expected_dip
 from inclinometry.motion.choose import TURNING
 from inclinometry.motion.health import HealthCheck, WindowHealth, named
-from inclinometry.motion.reference import RunDip, azimuth_uncertainty, widened
+from inclinometry.motion.reference import FAR_DIP, RunDip, azimuth_uncertainty, widened
 from inclinometry.motion.result import BITS, Attitude, Envelope, Finding, Samples, Spectrogram, joined
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.sensors import Triad

@@ -38,12 +38,6 @@ S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED, SLOW = 30, 31, 32
     P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, PAR,
 ) = range(34)  # fmt: skip
 
-AVERAGED: Final = 0.01  # square of a mean direction that counts as none
-QUICK: Final = 5.0  # 1/s, changes of a hand's or a string's rotation
-RIDGE: Final = 0.02  # share of the rotation that counts as none: a direction that never turned gets no hard iron
-SOLVE_EVERY: Final = 10  # blocks between two solutions for hard iron
-LEAST_COUNT: Final = 100.0  # blocks in motion before hard iron is believed
-
 
 @inlined
 def turn(q0: float, q1: float, q2: float, q3: float, x: float, y: float, z: float) -> tuple[float, float, float, float]:
@@ -88,7 +82,8 @@ def drop_averaged(block: Array, inverse: float) -> None:
     """
     for c in range(3):
         x, y, z = block[B_MATRIX + c] * inverse, block[B_MATRIX + 3 + c] * inverse, block[B_MATRIX + 6 + c] * inverse
-        if x * x + y * y + z * z < AVERAGED:
+        # square of a mean direction that counts as none
+        if x * x + y * y + z * z < 0.01:
             block[B_MATRIX + c], block[B_MATRIX + 3 + c], block[B_MATRIX + 6 + c] = 0.0, 0.0, 0.0
 
 
@@ -117,7 +112,8 @@ def add_noise(p: Array, r: Array, nav: Array, block: Array, slow: Array, par: Ar
     w1 = block[B_RATE + 1] * inverse - slow[S_TREND + 1]
     w2 = block[B_RATE + 2] * inverse - slow[S_TREND + 2]
     # a bridged sample errs by what rate and acceleration change meanwhile, which takes them a fifth of a second
-    held = block[B_HELD] * min(1.0, QUICK * block[B_HELD])
+    # 5 /s: changes of a hand's or a string's rotation
+    held = block[B_HELD] * min(1.0, 5.0 * block[B_HELD])
     # errors of scale and axes turn with the tool: what does not average out over the block is the mean matrix's share;
     # those of a steady rate are in the bias
     rate2 = w0 * w0 + w1 * w1 + w2 * w2
@@ -286,7 +282,8 @@ def find_iron(block: Array, nav: Array, p: Array, slow: Array, par: Array, count
         slow[S_FIELD + k] += a * (block[B_FIELD + k] * inverse - slow[S_FIELD + k])
     slow[S_FIELD2] += a * (block[B_FIELD2] * inverse - slow[S_FIELD2])
     slow[S_SOLVE] += 1.0
-    if slow[S_SOLVE] >= SOLVE_EVERY and slow[S_COUNT] >= LEAST_COUNT:
+    # every 10 blocks, and after 100 in motion: before that hard iron is not believed
+    if slow[S_SOLVE] >= 10 and slow[S_COUNT] >= 100.0:
         slow[S_SOLVE] = 0.0
         _solve_iron(nav, p, slow, par)
 
@@ -295,9 +292,10 @@ def find_iron(block: Array, nav: Array, p: Array, slow: Array, par: Array, count
 def _solve_iron(nav: Array, p: Array, slow: Array, par: Array) -> None:
     m = slow[S_MATRIX : S_MATRIX + 9]
     y0, y1, y2 = slow[S_LEVEL], slow[S_LEVEL + 1], slow[S_LEVEL + 2]
-    c00 = 1.0 + RIDGE - m[0] * m[0] - m[3] * m[3] - m[6] * m[6]
-    c11 = 1.0 + RIDGE - m[1] * m[1] - m[4] * m[4] - m[7] * m[7]
-    c22 = 1.0 + RIDGE - m[2] * m[2] - m[5] * m[5] - m[8] * m[8]
+    ridge = 0.02  # share of the rotation that counts as none: a direction that never turned gets no hard iron
+    c00 = 1.0 + ridge - m[0] * m[0] - m[3] * m[3] - m[6] * m[6]
+    c11 = 1.0 + ridge - m[1] * m[1] - m[4] * m[4] - m[7] * m[7]
+    c22 = 1.0 + ridge - m[2] * m[2] - m[5] * m[5] - m[8] * m[8]
     c01 = -(m[0] * m[1] + m[3] * m[4] + m[6] * m[7])
     c02 = -(m[0] * m[2] + m[3] * m[5] + m[6] * m[8])
     c12 = -(m[1] * m[2] + m[4] * m[5] + m[7] * m[8])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import Final
 
 import numpy as np
@@ -34,28 +35,19 @@ C_SEEN, C_BLOCK, C_RUNNING, C_BLOCKS, COUNT = 0, 1, 2, 3, 4
 V_COSINE, V_SINE, V_COVARIANCE, V_QUALITY, V_FLAGS, SHOWN = 0, 1, 2, 8, 9, 10
 # places in a block's record for the smoother: covariance before and after the observations, their correction, matrix,
 # estimate after them, field as it was seen and whether the tool moved
-H_BEFORE: Final = 0
-H_AFTER: Final = k.STATES * k.STATES
-H_CORRECTION: Final = 2 * H_AFTER
-H_MATRIX: Final = H_CORRECTION + k.STATES
-H_ESTIMATE: Final = H_MATRIX + 9
-H_SEEN: Final = H_ESTIMATE + k.NAV
-RECORD: Final = H_SEEN + 4
+H_BEFORE, H_AFTER, H_CORRECTION, H_MATRIX, H_ESTIMATE, H_SEEN, RECORD = accumulate(
+    (0, k.STATES * k.STATES, k.STATES * k.STATES, k.STATES, 9, k.NAV, 4)
+)
 
 # places in `state`, all that lasts from sample to sample
-AT_NAV: Final = 0
-AT_BLOCK: Final = AT_NAV + k.NAV
-AT_SLOW: Final = AT_BLOCK + k.BLOCK
-AT_FIRST: Final = AT_SLOW + k.SLOW
-AT_SHOWN: Final = AT_FIRST + FIRST
-AT_COVARIANCE: Final = AT_SHOWN + SHOWN
-STATE: Final = AT_COVARIANCE + k.STATES * k.STATES
+AT_NAV, AT_BLOCK, AT_SLOW, AT_FIRST, AT_SHOWN, AT_COVARIANCE, STATE = accumulate(
+    (0, k.NAV, k.BLOCK, k.SLOW, FIRST, SHOWN, k.STATES * k.STATES)
+)
 
 START, DISTURBED, DRIFT = BITS["start"], BITS["disturbed"], BITS["drift"]
 CLIPPED, VERTICAL, UNOBSERVABLE = BITS["clipped"], BITS["vertical"], BITS["unobservable"]
 PLUMB: Final = math.sin(math.radians(0.5))  # inclinations below are flagged vertical
 WORST: Final = math.radians(10.0)  # standard uncertainty at which the quality is 0
-UNKNOWN2: Final = UNKNOWN * UNKNOWN
 
 
 @inlined
@@ -108,11 +100,11 @@ def _show(nav: Array, p: Array, slow: Array, par: Array, shown: Array, flags: in
     heading = gx * gx * p[f, f] + 2.0 * gx * gy * p[f, f + 1] + gy * gy * p[f + 1, f + 1]
     if par[k.USE_MAG] == 0.0:
         flags |= UNOBSERVABLE
-        heading += UNKNOWN2
+        heading += UNKNOWN * UNKNOWN
     else:
         # however long the tool stays, it has seen the field at so many places only
         heading = max(heading, par[k.UNEVEN] / (across * (1.0 + slow[k.S_MOVED] / par[k.PLACE])))
-    shown[V_COVARIANCE + 5] = min(heading, 2.0 * UNKNOWN2)
+    shown[V_COVARIANCE + 5] = min(heading, 2.0 * (UNKNOWN * UNKNOWN))
     if slow[k.S_JUDGED] > 1.0:
         flags |= DISTURBED
     if slow[k.S_REJECTED] > par[k.ACCEPT]:
@@ -284,14 +276,10 @@ def _start(
     return bool(first[F_COUNT] >= par[k.START])
 
 
-_COUNT = types.Array(types.int64, 1, "C")
-_STEPS = (types.int64, types.int64)
-
-
 @compiled(
     types.int64(
-        MATRIX, MATRIX, MATRIX, MASK, VECTOR, *_STEPS,
-        VECTOR_OUT, _COUNT, MATRIX_OUT, CUBE_OUT, VECTOR_OUT, VECTOR_OUT, FLAGS_OUT, MATRIX_OUT
+        MATRIX, MATRIX, MATRIX, MASK, VECTOR, types.int64, types.int64, VECTOR_OUT,
+        types.Array(types.int64, 1, "C"), MATRIX_OUT, CUBE_OUT, VECTOR_OUT, VECTOR_OUT, FLAGS_OUT, MATRIX_OUT
     )
 )  # fmt: skip
 def advance(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Final
+from typing import Annotated
 
 import numpy as np
 
@@ -57,16 +57,6 @@ class ComplementarySettings(Settings):
             raise InputError(f"iron_ratio is {self.iron_ratio:g}; it must be 0 or more")
 
 
-REST_SPEED: Final = 0.02  # m/s that a tool at rest may move
-REST_BIAS: Final = np.radians(0.02)  # rad/s sqrt(s): what a second at rest tells of the bias
-REST_BOUND: Final = np.radians(2.0)  # rad/s: a tool that turns evenly faster than this is not at rest
-START_SPEED: Final = 0.5  # m/s, standard deviation when the filter starts
-START_SLOPE: Final = 0.1  # rad, standard deviation of the level frame when the filter starts
-FRESH: Final = 60.0  # s at rest after which the field tells nothing new
-TREND: Final = 10.0  # s over which a rate counts as steady
-BRIDGE: Final = 10.0  # m/s^2 that a bridged sample's acceleration may be wrong by
-
-
 class ComplementaryStream:
     """The filter fed block by block, for a rig that runs it live; see `complementary_attitude`.
 
@@ -107,7 +97,20 @@ class ComplementaryStream:
         InputError
             Samples at another interval, without gyro or accelerometer, or without the magnetometer announced.
         """
-        gyro, accel, mag = self._channels(samples)
+        if abs(samples.interval - self.interval) > 1e-9 * self.interval:
+            raise InputError(
+                f"samples come every {samples.interval:.9g} s, the stream was opened for {self.interval:.9g} s; "
+                "open another stream for them"
+            )
+        if samples.gyro is None or samples.accel is None:
+            missing = "gyro" if samples.gyro is None else "accel"
+            raise InputError(f"the samples have no {missing}; this method needs gyro and accelerometer")
+        if not self.magnetometer:
+            gyro, accel, mag = samples.gyro, samples.accel, np.empty((0, 3))
+        else:
+            if samples.mag is None:
+                raise InputError("the samples have no mag; open the stream with magnetometer=False or give the field")
+            gyro, accel, mag = samples.gyro, samples.accel, samples.mag
         size = len(samples)
         good = np.ones(size, dtype=np.bool_) if samples.clipped is None else ~samples.clipped
         every = self.settings.every
@@ -158,21 +161,6 @@ class ComplementaryStream:
         if not iron.any():
             return ()
         return (f"hard iron of {', '.join(f'{value:.0f}' for value in iron)} nT (x, y, z) was found and removed",)
-
-    def _channels(self, samples: Samples) -> tuple[Array, Array, Array]:
-        if abs(samples.interval - self.interval) > 1e-9 * self.interval:
-            raise InputError(
-                f"samples come every {samples.interval:.9g} s, the stream was opened for {self.interval:.9g} s; "
-                "open another stream for them"
-            )
-        if samples.gyro is None or samples.accel is None:
-            missing = "gyro" if samples.gyro is None else "accel"
-            raise InputError(f"the samples have no {missing}; this method needs gyro and accelerometer")
-        if not self.magnetometer:
-            return samples.gyro, samples.accel, np.empty((0, 3))
-        if samples.mag is None:
-            raise InputError("the samples have no mag; open the stream with magnetometer=False or give the field")
-        return samples.gyro, samples.accel, samples.mag
 
 
 def complementary_attitude(samples: Samples, settings: ComplementarySettings | None = None) -> Attitude:
@@ -227,11 +215,11 @@ def parameters(interval: float, settings: ComplementarySettings, magnetometer: b
         k.TAU: t,
         k.G: s.gravity,
         k.R_SWAY: s.sway_m**2 * s.sway_s / t,
-        k.R_SPEED: REST_SPEED**2,
-        k.R_BIAS: REST_BIAS**2 / t,
+        k.R_SPEED: 0.02**2,  # m/s that a tool at rest may move
+        k.R_BIAS: np.radians(0.02) ** 2 / t,  # rad/s sqrt(s): what a second at rest tells of the bias
         k.R_FIELD: s.unevenness**2 * s.unevenness_s / t,
         k.UNEVEN: s.unevenness**2,
-        k.FRESH: FRESH,
+        k.FRESH: 60.0,  # s at rest after which the field tells nothing new
         k.Q_NOISE: s.rate_noise**2 * t,
         k.Q_RATE: s.rate_error**2 * t,
         k.Q_BIAS: s.bias_walk**2 * t,
@@ -239,7 +227,7 @@ def parameters(interval: float, settings: ComplementarySettings, magnetometer: b
         k.GATE: s.gate**2,
         k.REST_RATE: s.rest_rate**2,
         k.REST_GRAVITY: s.rest_gravity**2,
-        k.REST_BOUND: REST_BOUND,
+        k.REST_BOUND: np.radians(2.0),  # rad/s: a tool that turns evenly faster than this is not at rest
         k.REST_TIME: s.rest_s,
         k.A_REST: -np.expm1(-t / 0.5),
         k.A_MISFIT: -np.expm1(-t / 1.0),
@@ -249,12 +237,12 @@ def parameters(interval: float, settings: ComplementarySettings, magnetometer: b
         k.USE_MAG: float(magnetometer),
         k.START: max(1.0, round(s.start_s / interval)),
         k.P_BIAS: s.bias_sigma**2,
-        k.P_SPEED: START_SPEED**2,
-        k.P_SLOPE: START_SLOPE**2,
-        k.BRIDGE: BRIDGE,
+        k.P_SPEED: 0.5**2,  # m/s, standard deviation when the filter starts
+        k.P_SLOPE: 0.1**2,  # rad, the same of the level frame
+        k.BRIDGE: 10.0,  # m/s^2 that a bridged sample's acceleration may be wrong by
         k.PLACE: s.unevenness_s,
         k.SCALE: s.rate_error**2,
-        k.A_TREND: -np.expm1(-t / TREND),
+        k.A_TREND: -np.expm1(-t / 10.0),  # s over which a rate counts as steady
         k.LEAST_SLOPE: (s.accel_error / s.gravity) ** 2,
     }
     for place, value in values.items():

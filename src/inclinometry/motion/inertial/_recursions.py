@@ -9,6 +9,7 @@ Within a window the strapdown attitude is left alone; the errors are estimated b
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import Final
 
 import numpy as np
@@ -16,19 +17,14 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
 from inclinometry.compiled import MATRIX, MATRIX_OUT, VECTOR, VECTOR_OUT, compiled, inlined, math, types
+from inclinometry.motion.inertial.state import STATES
 
-STATES: Final = 16
-NOMINAL: Final = 20  # quaternion 0-3, then bias, scale, accelerometer bias, hard iron, dip; rest unused
 TAPERS: Final = 10  # of a window; a row of 12 sums each, see `_keep`
-DRIFT: Final = 12 * TAPERS
-COUNTS: Final = DRIFT + 18
-SUMS: Final = COUNTS + 8
-STEP: Final = 13  # of the tape: exact rotation of a step, half the interval, rates times it
-UPDATE: Final = 34  # of the tape: direction h, gain k, innovation over its variance, one over the variance
-USE_MAG: Final = 1
-USE_HELD: Final = 2  # the gyro's sample was unusable: the last one was held
+# places in `out`
+DRIFT, COUNTS, SUMS = accumulate((12 * TAPERS, 18, 8))
 
-_MARKS = types.Array(types.uint8, 1, "C", readonly=True)
+# rows of the tape: of a step (13) its exact rotation, half the interval, rates times it; of a measurement (34)
+# direction h, gain k, innovation over its variance, one over the variance
 
 
 @inlined
@@ -217,7 +213,7 @@ def _note(row: Array, h: Array, k: Array, ratio: float, inverse: float) -> None:
         MATRIX,
         MATRIX,
         MATRIX,
-        _MARKS,
+        types.Array(types.uint8, 1, "C", readonly=True),
         MATRIX,
         VECTOR,
         VECTOR_OUT,
@@ -246,11 +242,12 @@ def forward(
 ) -> None:
     """One window. nominal, p, x, last (the gyro's sample before) are carried on.
 
-    c: interval, three Earth-rate steps (rad), field strength, mag variance, gate, held variance, the 16 variances a
-    step adds, 1, or 0 for a tool that is held: its bias and scale turn nothing, and the axis of `_field`. `out`
-    receives what `_taper` sums, the drift from the window's mean to its end, then (COUNTS) field samples used, refused,
-    sum of their squared normalised innovations, sums of the corrected rates, sum and number of second differences of
-    the field's residuals as variances. steps, updates: the tape, of no rows when it is not wanted.
+    marks: bits, 1 use the field, 2 the gyro's sample was unusable: the last one was held. c: interval, three Earth-rate
+    steps (rad), field strength, mag variance, gate, held variance, the 16 variances a step adds, 1, or 0 for a tool
+    that is held: its bias and scale turn nothing, and the axis of `_field`. `out` receives what `_taper` sums, the
+    drift from the window's mean to its end, then (COUNTS) field samples used, refused, sum of their squared normalised
+    innovations, sums of the corrected rates, sum and number of second differences of the field's residuals as
+    variances. steps, updates: the tape, of no rows when it is not wanted.
     """
     dt, strength, variance, gate, held, coupled = c[0], c[4], c[5], c[6], c[7], c[24]
     noise, axis = c[8 : 8 + STATES], c[25:28]
@@ -258,12 +255,12 @@ def forward(
     dcm, rotation, t = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, STATES))
     h, u, k = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
     kept = np.empty((gyro.shape[0], 12))
-    step, drift, a, y = np.empty(STEP), np.zeros(18), np.empty(3), np.empty(3)
+    step, drift, a, y = np.empty(13), np.zeros(18), np.empty(3), np.empty(3)
     _turn(c[1], c[2], c[3], earth)
     _matrix(q, dcm)
     taped, run, past = steps.shape[0] > 0, 0, np.zeros(4)
     for i in range(gyro.shape[0]):
-        lost = (marks[i] & USE_HELD) != 0
+        lost = (marks[i] & 2) != 0
         _rates(gyro[i], lost, nominal, 0.5 * dt * coupled, last, y, step)
         for j in range(3):
             a[j] = accel[i, j] - nominal[10 + j]
@@ -282,8 +279,8 @@ def forward(
         for j in range(18):
             out[DRIFT + j] += tapers[i, 0] * drift[j]
         ratio, inverse = 0.0, 0.0
-        run = run if marks[i] & USE_MAG else 0
-        if marks[i] & USE_MAG:
+        run = run if marks[i] & 1 else 0
+        if marks[i] & 1:
             z = _field(dcm, mag[i], nominal, strength, i % 2 == 0, axis, h)
             run += 1
             _roughness(z, run > 4, i % 2, past, out)
@@ -291,7 +288,7 @@ def forward(
             out[COUNTS + (1 if inverse < 0.0 else 0)] += 1.0
             out[COUNTS + 2] += 0.0 if inverse <= 0.0 else ratio * ratio / inverse
         if taped:
-            for j in range(STEP):
+            for j in range(13):
                 steps[i, j] = step[j]
             _note(updates[i], h, k, ratio, inverse)
     _taper(kept, tapers, out)

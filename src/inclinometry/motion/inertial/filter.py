@@ -24,22 +24,16 @@ from inclinometry.motion.inertial.window import (
     reduce_window,
     sought,
 )
-from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined, refusals
-from inclinometry.motion.window_filter import LARGEST_BREAK, WindowBuffer
+from inclinometry.motion.result import BITS, LARGEST_BREAK, METHODS, Attitude, Samples, joined, refusals
+from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.rotations import dcm_from_quaternion
 
 # A state of the filter as a row of the common result: flags and quality.
 
 SETTLED: Final = 2
 """Windows after a start of which the rows are flagged."""
-UPRIGHT: Final = float(np.radians(1.0))
-"""Inclination, rad, below which azimuth and toolface are said to be hardly defined."""
 LOST: Final = 0.26
 """Standard uncertainty of azimuth, rad, from which nothing is said to determine it: no longer small."""
-TURNING: Final = 0.1
-"""rad/s, rate about the tool axis above which a tool counts as turning."""
-FASTEST: Final = 1.5
-"""Turn between two samples, rad, from which the integration is no longer trusted."""
 
 
 def row(
@@ -59,12 +53,17 @@ def row(
         quaternion, dip, float(np.sqrt(np.mean(np.asarray(window.gyro)[:, 2] ** 2))), model
     )
     names = _names(quaternion, covariance, seen, age, window, model)
+    # least of what uncertainty, field and gravity leave of their limits
+    spread = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    shares = [spread / model.settings.u_limit, 1.0 if seen.gravity < 0.0 else seen.gravity / model.settings.gate]
+    if np.isfinite(seen.misfit):
+        shares.append(max(seen.misfit / MISFIT - 1.0, seen.refused / MOST_REFUSED))
     return Attitude(
         time=np.array([time]),
         quaternion=quaternion[None] * (1.0 if quaternion[0] >= 0.0 else -1.0),
         covariance=covariance[None],
         rate=np.array([seen.rate]),
-        quality=np.array([_quality(covariance, seen, model.settings)]),
+        quality=np.array([float(np.clip(1.0 - max(shares), 0.0, 1.0))]),
         flags=np.array([sum(BITS[name] for name in names)], dtype=np.uint32),
         method=np.array([METHODS.index(method)], dtype=np.uint8),
         north="magnetic" if model.magnetic else "true",
@@ -95,7 +94,8 @@ def common(quaternion: Array, dip: float, speed: float, model: Model) -> Array:
     goes east over the horizontal field; a gyro late by t carries the toolface on as far.
     """
     settings, matrix = model.settings, dcm_from_quaternion(quaternion)
-    turning = speed / np.hypot(speed, TURNING)
+    # 0.1 rad/s about the tool axis: above it a tool counts as turning
+    turning = speed / np.hypot(speed, 0.1)
     found = np.diag([1.0, 1.0, 0.0]) * (settings.coupling_sigma * turning) ** 2
     late = speed * settings.delay_sigma_s
     found[2, 2] += late**2
@@ -118,28 +118,18 @@ def _names(
         "disturbed": seen.disturbed,
         "misfit": not seen.clipped and seen.gravity < 0.0,
         "drift": (seen.disturbed or not model.magnetic) and not seen.still,
-        "vertical": float(np.hypot(down[0], down[1])) < np.sin(UPRIGHT),
+        # azimuth and toolface hardly defined
+        "vertical": float(np.hypot(down[0], down[1])) < np.sin(float(np.radians(1.0))),
         "unobservable": float(down @ covariance @ down) > LOST**2,
-        "aliased": fastest > FASTEST,
+        "aliased": fastest > 1.5,  # rad between two samples: the integration is no longer trusted
     }
     return [name for name, holds in conditions.items() if holds]
-
-
-def _quality(covariance: Array, seen: Observation, settings: InertialSettings) -> float:
-    """Least of what uncertainty, field and gravity leave of their limits."""
-    spread = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    shares = [spread / settings.u_limit, 1.0 if seen.gravity < 0.0 else seen.gravity / settings.gate]
-    if np.isfinite(seen.misfit):
-        shares.append(max(seen.misfit / MISFIT - 1.0, seen.refused / MOST_REFUSED))
-    return float(np.clip(1.0 - max(shares), 0.0, 1.0))
 
 
 # Windows one after the other: start, gaps, standstills; shared by the streams, the smoother and the survey.
 
 ROUGH: Final = 1.0
 """m/s^2, scatter of a window's mean gravity beyond which shaking is no longer a small error: nothing is said."""
-BELIEVED: Final = 3
-"""Windows in a row whose gravity contradicts the filter, from which the filter is not believed."""
 
 
 class Node(NamedTuple):
@@ -178,14 +168,24 @@ class Engine:
         missing = [name for name in needed if not window.has(name)]
         if missing:
             raise InputError(f"the samples have no {' and no '.join(missing)}; this filter needs {', '.join(needed)}")
-        self._place(window)
+        # count on, or begin the grid again at the first stamp of a window that does not continue it
+        expected = self._first + window.interval * self._count
+        slack = LARGEST_BREAK * window.interval + 4.0 * np.spacing(abs(window.time[0]))
+        if not abs(window.time[0] - expected) <= slack:
+            self._first, self._count, self._lost, self._seeking = float(window.time[0]), 0, True, False
         self._count += len(window)
         time = self._first + window.interval * (self._count - 1)
         state, anew, model = self._before(window)
         if state is None:
             return Node(None, None, None, True, 0, time, model)
         if not anew and is_moving(state, window):
-            state, after, seen = _finer(state, window, model)
+            # linearised again by the window, without a field that is disturbed
+            before = state
+            state = linearised(before, window, model, model.magnetic)
+            after, seen = reduce_window(state, window, model)
+            if seen.disturbed:
+                state = linearised(before, window, model, False)
+                after, seen = reduce_window(state, window, model)
         else:
             after, seen = reduce_window(state, window, model)
         if self._lost and not self._stated and (seen.disturbed or seen.gravity < 0.0):
@@ -194,8 +194,8 @@ class Engine:
         self._misfits = self._misfits + 1 if seen.gravity < 0.0 else 0
         self._state, self._lost = after, False
         rough = seen.shaking > ROUGH
-        if rough or self._misfits >= BELIEVED or (self._misfits and self._age < SETTLED):
-            # a filter that gravity contradicts again and again is wrong, however sure it is: begin anew
+        if rough or self._misfits >= 3 or (self._misfits and self._age < SETTLED):
+            # a filter that gravity contradicts three times in a row is wrong, however sure it is: begin anew
             self._state, self._lost = None, True
             return Node(None, None, seen, True, 0, time, model)
         return Node(state, after, seen, anew, self._age, time, model)
@@ -214,13 +214,6 @@ class Engine:
     def _stated(self) -> bool:
         """Whether the start that was given is still to be used."""
         return self._state is None and self._start is not None
-
-    def _place(self, window: Samples) -> None:
-        """Count on, or begin the grid again at the first stamp of a window that does not continue it."""
-        expected = self._first + window.interval * self._count
-        slack = LARGEST_BREAK * window.interval + 4.0 * np.spacing(abs(window.time[0]))
-        if not abs(window.time[0] - expected) <= slack:
-            self._first, self._count, self._lost, self._seeking = float(window.time[0]), 0, True, False
 
     def _before(self, window: Samples) -> tuple[State | None, bool, Model]:
         """State before the window (None: nothing to start from), whether its attitude is a new one, and the model."""
@@ -242,16 +235,6 @@ class Engine:
         if anew or self._stated:
             return linearised(state, window, model, model.magnetic), True, model
         return state, False, model
-
-
-def _finer(state: State, window: Samples, model: Model) -> tuple[State, State, Observation]:
-    """The state linearised again by the window, without a field that is disturbed, and `reduce_window` of it."""
-    finer = linearised(state, window, model, model.magnetic)
-    after, seen = reduce_window(finer, window, model)
-    if seen.disturbed:
-        finer = linearised(state, window, model, False)
-        after, seen = reduce_window(finer, window, model)
-    return finer, after, seen
 
 
 class _Stream:

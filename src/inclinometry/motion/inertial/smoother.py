@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -27,9 +26,6 @@ from inclinometry.motion.inertial.window import reduce_window
 from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.rotations import dcm_from_quaternion, rotation_log
-
-CLOSURE: Final = 4.0
-"""Misclosure at the end station, in standard deviations (root mean square of three), that is flagged."""
 
 
 def smoothed_attitude(
@@ -143,7 +139,8 @@ def _smoothed(samples: Samples, model: Model, start: Attitude | None, end: Attit
     if end is None:
         return found
     note = f"misclosure at the end station {misclosure:.2f} standard deviations (root mean square of three axes)"
-    bit = BITS["misfit"] if misclosure > CLOSURE else 0
+    # standard deviations, root mean square of three
+    bit = BITS["misfit"] if misclosure > 4.0 else 0
     return replace(found, flags=(found.flags | bit).astype(np.uint32), notes=(*found.notes, note))
 
 

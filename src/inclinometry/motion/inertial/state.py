@@ -16,9 +16,6 @@ from inclinometry.errors import InputError
 from inclinometry.rotations import quaternion_exp, quaternion_multiply, rotation_exp
 from inclinometry.settings import Range, Settings
 
-DIP_SIGMA: Final = float(np.radians(1.0))
-"""Standard uncertainty of a dip that no site states and that is taken from the first window, rad."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class InertialSettings(Settings):
@@ -92,13 +89,6 @@ class InertialSettings(Settings):
 
 # Settings and site together: gravity and Earth rate in the axes the filter works in.
 
-TEN_TURNS: Final = 20.0 * np.pi
-"""rad/s, the rotation rate that the settings' ripple is stated for."""
-
-
-UNSTATED: Final = 0.2
-"""rad, a declination that no site states."""
-
 
 @dataclass(frozen=True, eq=False)
 class Model:
@@ -138,27 +128,27 @@ class Model:
             unknown = EARTH_RATE
         else:
             level = float(horizontal_rate(self.site.latitude))
-            askew = UNSTATED if self.magnetic and self.site.declination is None else 0.0
+            # rad, a declination that no site states
+            askew = 0.2 if self.magnetic and self.site.declination is None else 0.0
             unknown = level * (1.0 if self.blind else askew)
         return float(np.hypot(self.settings.gyro_noise, unknown * np.sqrt(self.settings.window)))
 
     def gain(self, rate: Array) -> float:
         """Standard uncertainty of the accelerometers' gain across the tool, at rates (n, 3) of a window, rad/s."""
-        fast = float(np.mean(rate[:, 2] ** 2)) / TEN_TURNS**2
+        # the settings' ripple is stated for ten turns a second
+        fast = float(np.mean(rate[:, 2] ** 2)) / (20.0 * np.pi) ** 2
         return float(np.hypot(self.settings.gain_sigma, self.settings.ripple_sigma * fast))
 
 
 # Measurements at the end of a window, and the tape on which a window is noted for the backward pass.
 
-ENDS: Final = 6
-"""Rows of the tape for the measurements at the end of a window: gravity, standstill."""
 NO_GATE: Final = 1e30
 
 
 class Tape(NamedTuple):
     """What the backward pass needs of a window; no rows when it is not wanted.
 
-    steps : (n, 13); updates : (n + ENDS, 34); error : (16,) taken out at the end.
+    steps : (n, 13); updates : (n + 6, 34); error : (16,) taken out at the end.
     """
 
     steps: Array
@@ -168,7 +158,8 @@ class Tape(NamedTuple):
 
 def blank_tape(size: int) -> Tape:
     """A tape for a window of `size` samples."""
-    return Tape(np.zeros((size, 13)), np.zeros((size + ENDS, 34)), np.zeros(16))
+    # and for the measurements at its end: gravity, standstill
+    return Tape(np.zeros((size, 13)), np.zeros((size + 6, 34)), np.zeros(16))
 
 
 NO_TAPE: Final = Tape(np.zeros((0, 13)), np.zeros((0, 34)), np.zeros(16))
@@ -182,9 +173,9 @@ class Ends:
         self._taped = len(tape.updates) > 0
 
     def measure(self, h: Array, z: float, variance: float, gate: float) -> float:
-        from inclinometry.motion.inertial._recursions import UPDATE, measure
+        from inclinometry.motion.inertial._recursions import measure
 
-        row = self._tape.updates[self._next] if self._taped else np.empty(UPDATE)
+        row = self._tape.updates[self._next] if self._taped else np.empty(34)
         self._next += 1
         return float(measure(h, z, variance, gate, self._p, self._x, row))
 

@@ -7,12 +7,10 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, frozen
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.motion.inertial.state import (
-    DIP_SIGMA,
     NO_GATE,
     NO_TAPE,
     NOMINAL,
@@ -25,6 +23,7 @@ from inclinometry.motion.inertial.state import (
     blank_tape,
     corrected,
 )
+from inclinometry.motion.reference import DIP_SIGMA
 from inclinometry.motion.result import Attitude, Samples
 from inclinometry.rotations import (
     cross_matrix,
@@ -43,15 +42,6 @@ MEMORY: Final = 10
 """Windows over which the noise that shaking leaves in gravity is averaged."""
 FREE: Final = 10 / 3.0
 """Degrees of freedom of that noise in one window and direction: 4 tapers in 3 directions less the lever arm."""
-LEAST_SHARE: Final = 0.15
-"""Of the noise beside zero frequency that is always taken to reach zero."""
-ROUGHER: Final = 6.0
-"""Times the mean of the windows before that the noise of one window must be, mean of three directions, for a new level.
-
-Its 10 degrees of freedom do so by chance once in a million windows.
-"""
-TURNS: Final = (2, 3)
-"""Turns a window of the tapers that see noise beside zero frequency; below 2 they would see gravity."""
 
 
 @lru_cache(maxsize=32)
@@ -65,7 +55,8 @@ def tapers(size: int, interval: float) -> Array:
     scale = (2.0 * np.pi / (size * interval)) ** 2
     found = [(1.0 - np.cos(phase)) / size]
     bends = [np.cos(phase) / size * scale]
-    for turns in TURNS:
+    # turns a window that see noise beside zero frequency; below 2 they would see gravity
+    for turns in (2, 3):
         for wave in (np.cos, np.sin):
             parts = [(turns, 1.0), (turns - 1, -0.5), (turns + 1, -0.5)]
             found.append(sum((weight * wave(n * phase) for n, weight in parts), np.zeros(size)) / size)
@@ -84,7 +75,8 @@ def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) ->
     residual = tapered - sensitivity @ before.lever
     own = 2.0 * np.mean(residual**2, axis=0)
     # a tool that stood still and now shakes: what it was like before tells nothing
-    anew = not before.windows or bool(np.mean(own / np.maximum(before.scatter, floor)) > ROUGHER)
+    # its 10 degrees of freedom do so by chance once in a million windows
+    anew = not before.windows or bool(np.mean(own / np.maximum(before.scatter, floor)) > 6.0)
     count = 1 if anew else before.level + 1
     scatter, bands = own if anew else before.scatter, before.bands
     lever, information = before.lever, before.information
@@ -112,7 +104,8 @@ def at_zero(shaking: Shaking) -> Array:
     low, high = shaking.bands
     middle = np.maximum(0.5 * (low + high), 1e-300)
     seen = min(shaking.level, MEMORY)
-    share = np.clip(1.0 - 1.3 * seen / (seen + 1.0) * (high - low) / middle, LEAST_SHARE, 1.0)
+    least_share = 0.15  # of the noise beside zero frequency that is always taken to reach zero
+    share = np.clip(1.0 - 1.3 * seen / (seen + 1.0) * (high - low) / middle, least_share, 1.0)
     return np.asarray(share[[0, 0, 1]])
 
 
@@ -179,10 +172,6 @@ MOST_REFUSED: Final = 0.05
 """Share of field samples beyond the gate from which a window's field counts as disturbed."""
 MISFIT: Final = 1.5
 """Mean squared normalised innovation of the field, 1 where nothing disturbs it, from which it does too."""
-SLOW: Final = 30
-"""Windows over which the direction of the tool is averaged for `_field`."""
-HELD: Final = 0.2
-"""rad/s, how far the rate may have moved while an unusable sample of the gyro was bridged."""
 
 
 class Observation(NamedTuple):
@@ -243,7 +232,7 @@ def filter_window(
         fed,
         np.asarray(window.accel),
         np.asarray(window.mag) if with_field else np.zeros((0, 3)),
-        _marks(bad, with_field, still),
+        np.where(bad, 0 if still else 2, 1 if with_field else 0).astype(np.uint8),  # 1 use the field, 2 hold the gyro
         tapers(len(window), window.interval),
         _constants(state, window.interval, model, still),
         nominal,
@@ -275,7 +264,8 @@ def filter_window(
         tape.error[:] = x
     done = corrected(done, x)
     axis = dcm_from_quaternion(done.quaternion)[2]
-    return replace(done, axis=axis if not state.axis.any() else state.axis + (axis - state.axis) / SLOW), seen
+    slow = 30  # windows over which the direction of the tool is averaged for `_field`
+    return replace(done, axis=axis if not state.axis.any() else state.axis + (axis - state.axis) / slow), seen
 
 
 def _seen(
@@ -328,12 +318,6 @@ def is_still(state: State, window: Samples, model: Model, bad: Mask) -> bool:
     return bool(scatter <= settings.still_accel and moved <= 6.0 * 2.0 * scatter / np.sqrt(len(window)) + 1e-9)
 
 
-def _marks(bad: Mask, magnetic: bool, still: bool) -> NDArray[np.uint8]:
-    """Bits of the kernel: 1 use the field, 2 hold the gyro."""
-    marks = np.where(bad, 0 if still else 2, 1 if magnetic else 0)
-    return marks.astype(np.uint8)
-
-
 def _constants(state: State, interval: float, model: Model, still: bool) -> Array:
     settings = model.settings
     head = [
@@ -342,7 +326,7 @@ def _constants(state: State, interval: float, model: Model, still: bool) -> Arra
         state.strength,
         max(settings.mag_noise**2, state.field_variance),
         settings.gate,
-        (HELD * interval) ** 2,
+        (0.2 * interval) ** 2,  # rad/s, how far the rate may have moved while an unusable sample was bridged
         *settings.step_variances(interval, settings.creep if still else model.gyro_noise),
         0.0 if still else 1.0,
         *(state.axis if state.axis.any() else dcm_from_quaternion(state.quaternion)[2]),
@@ -361,29 +345,11 @@ def _standstill(nominal: Array, rate: Array, seconds: float, model: Model, ends:
         ends.measure(row, float(value), variance, NO_GATE)
 
 
-TILT: Final = 0.3
-"""rad, prior uncertainty of a tilt that the first window is only linearised at, not yet measured with."""
-PASSES: Final = 3
-"""Times the first window is linearised again at what its backward pass found: scale x turns bends the first one."""
-BENT: Final = 0.2
-"""rad that the scale's uncertainty may turn the end of the part of the first window that is looked at first."""
-SHORTEST: Final = 64
-"""Samples of that part, at least."""
-GROWTH: Final = 4
-"""Factor by which that part then grows."""
-STRAIGHT: Final = 0.02
-"""rad that bias and scale, as far as they are not known, may turn a window before it is linearised again: the square
-of it, halved, is what a linear filter neglects."""
-OPEN: Final = 1e6
-"""Gate while a start is sought, squared normalised innovation."""
-STATED_DIP: Final = float(np.radians(0.2))
-"""Standard uncertainty of a dip that is given without one, rad."""
-
-
 def blank(window: Samples, model: Model) -> State:
     """Nothing known but what the settings and the site say."""
     site = model.site
-    dip_sigma = DIP_SIGMA if site.dip is None else (STATED_DIP if site.dip_sigma is None else site.dip_sigma)
+    # a dip that no site states is taken from the first window
+    dip_sigma = np.radians(1.0) if site.dip is None else (DIP_SIGMA if site.dip_sigma is None else site.dip_sigma)
     nominal = np.zeros(NOMINAL)
     nominal[0] = 1.0
     nominal[16] = 0.0 if site.dip is None else site.dip
@@ -428,7 +394,9 @@ def sought(state: State, window: Samples, model: Model) -> State:
         attitude = np.eye(3)
     else:
         matrix = _level(gravity) if model.blind else _north(state, window, gravity, model)
-        attitude = matrix @ np.diag([TILT**2, TILT**2, UNKNOWN**2]) @ matrix.T
+        # rad, prior uncertainty of a tilt that the first window is only linearised at, not yet measured with
+        tilt = 0.3
+        attitude = matrix @ np.diag([tilt**2, tilt**2, UNKNOWN**2]) @ matrix.T
     return placed(state, quaternion_from_dcm(matrix), attitude, np.asarray(window.gyro)[0])
 
 
@@ -469,8 +437,10 @@ def given(state: State, window: Samples, start: Attitude, model: Model) -> State
 def beginning(window: Samples, model: Model) -> Samples:
     """So much of a window that an unknown scale has not yet turned its end far from its beginning."""
     turned = np.cumsum(np.linalg.norm(np.asarray(window.gyro), axis=1)) * window.interval
-    size = int(np.searchsorted(turned * max(model.settings.gyro_scale_sigma, 1e-9), BENT))
-    return window.part(0, min(max(size, SHORTEST), len(window)))
+    # 0.2 rad that the scale's uncertainty may turn its end, but 64 samples at least
+    size = int(np.searchsorted(turned * max(model.settings.gyro_scale_sigma, 1e-9), 0.2))
+
+    return window.part(0, min(max(size, 64), len(window)))
 
 
 def is_moving(state: State, window: Samples) -> bool:
@@ -484,19 +454,23 @@ def is_moving(state: State, window: Samples) -> bool:
         np.arange(1.0, len(gyro) + 1.0)[:, None] * window.interval,
     )
     by_bias, both, by_scale = (np.diag(p[i : i + 3, j : j + 3]) for i, j in ((3, 3), (3, 6), (6, 6)))
-    return bool(np.max(elapsed**2 * by_bias + 2.0 * elapsed * angle * both + angle**2 * by_scale) > STRAIGHT**2)
+    # rad that bias and scale, as far as they are not known, may turn a window before it is linearised again: the
+    # square of it, halved, is what a linear filter neglects
+    straight = 0.02
+    return bool(np.max(elapsed**2 * by_bias + 2.0 * elapsed * angle * both + angle**2 * by_scale) > straight**2)
 
 
 def linearised(state: State, window: Samples, model: Model, with_field: bool) -> State:
     """The same beliefs, linearised at what the window makes of its beginning: first a part of it, then the whole."""
     from inclinometry.motion.inertial._recursions import backward
 
-    # nothing is surprising yet: what is refused now would be refused for ever
-    model = replace(model, settings=replace(model.settings, gate=OPEN, weight=None))
+    # nothing is surprising yet: what is refused now would be refused for ever, but for a millionfold variance
+    model = replace(model, settings=replace(model.settings, gate=1e6, weight=None))
     size = len(beginning(window, model))
     while True:
         part = window.part(0, size)
-        for _ in range(PASSES):
+        # three times: scale x turns bends the first one
+        for _ in range(3):
             tape = blank_tape(size)
             seen = filter_window(state, part, model, with_field, tape)[1]
             lam, info = np.zeros(STATES), np.zeros((STATES, STATES))
@@ -506,7 +480,7 @@ def linearised(state: State, window: Samples, model: Model, with_field: bool) ->
                 state = replace(state, field_variance=seen.noise)
         if size == len(window):
             return state
-        size = min(GROWTH * size, len(window))
+        size = min(4 * size, len(window))
 
 
 def _north(state: State, window: Samples, gravity: Array, model: Model) -> Array:

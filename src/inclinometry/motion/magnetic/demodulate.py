@@ -10,11 +10,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.motion.magnetic.phase import SECTORS, Complex, MagneticSettings, Track, remembered, smooth, untried
-from inclinometry.motion.result import MOST_JITTER, Samples
-
-BREAK: Final = 2.0 * MOST_JITTER - 1e-3
-"""Intervals by which a block may begin late and still continue the one before: both stamps may jitter."""
-_COLUMNS: Final = tuple(field.name for field in fields(Samples) if field.name not in ("time", "interval"))
+from inclinometry.motion.result import LARGEST_BREAK, Samples
 
 
 class Held:
@@ -82,7 +78,8 @@ class Held:
         if len(self._blocks) == 1 and self._blocks[0].time is not self._stamps[0]:
             return
         interval = self._blocks[0].interval
-        columns = {name: _column(name, self._blocks) for name in _COLUMNS}
+        names = [field.name for field in fields(Samples) if field.name not in ("time", "interval")]
+        columns = {name: _column(name, self._blocks) for name in names}
         even = np.asarray(interval * np.arange(len(self)), dtype=np.float64)
         self._blocks, self._stamps = [Samples(even, interval, **columns)], [np.concatenate(self._stamps)]
 
@@ -108,23 +105,17 @@ def _follows(last: Samples, block: Samples) -> bool:
     if not len(block):
         return True
     off = float(block.time[0] - last.time[-1]) / block.interval - 1.0
-    if off < -BREAK:
+    if off < -LARGEST_BREAK:
         raise InputError(
             f"a block begins at {block.time[0]:.9g} s, before the last one's end at {last.time[-1]:.9g} s; sort the run"
         )
-    return off <= BREAK
+    return off <= LARGEST_BREAK
 
 
 # What a run has taught of the tool so far: magnetic offset, accelerometer offset, lever arm.
 
-OFFSET_WALK: Final = 1.0
-"""nT / sqrt(s): magnetic offset, with temperature and stress."""
-ACCEL_WALK: Final = 1e-4
-"""m/s^2 / sqrt(s)."""
 DELAY_SIGMA: Final = 0.05
 """s: of the magnetometer's delay before anything is known."""
-LEVER_WALK: Final = 1e-5
-"""m / sqrt(s)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +156,13 @@ class ToolConstants:
 
     def aged(self, seconds: float) -> ToolConstants:
         """After some time in which they may have wandered."""
-        walk = np.diag([ACCEL_WALK**2, LEVER_WALK**2]) * seconds
+        accel_walk = 1e-4  # m/s^2 / sqrt(s)
+        lever_walk = 1e-5  # m / sqrt(s)
+        walk = np.diag([accel_walk**2, lever_walk**2]) * seconds
+        offset_walk = 1.0  # nT / sqrt(s), with temperature and stress
         return ToolConstants(
             self.offset,
-            self.offset_covariance + OFFSET_WALK**2 * seconds * np.eye(2),
+            self.offset_covariance + offset_walk**2 * seconds * np.eye(2),
             self.seen,
             self.motion,
             self.motion_covariance + walk,

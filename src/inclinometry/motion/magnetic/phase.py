@@ -14,12 +14,6 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.settings import Range, Settings
 
-NODE_RATE_HZ: Final = 100.0
-"""Samples are gathered in nodes of at least this rate: 600 rpm turns 0.6 rad between two."""
-
-LEAST_NODES: Final = 40
-"""Of a window, for the band of the fit to lie well inside what the nodes can show."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class MagneticSettings(Settings):
@@ -51,7 +45,8 @@ class MagneticSettings(Settings):
 
     def node(self, interval: float) -> int:
         """Samples of a node."""
-        return max(1, int(np.floor(1.0 / (NODE_RATE_HZ * interval) + 1e-9)))
+        # at least 100 nodes a second: 600 rpm turns 0.6 rad between two
+        return max(1, int(np.floor(1.0 / (100.0 * interval) + 1e-9)))
 
     def nodes(self, interval: float) -> int:
         """Nodes of a window.
@@ -62,10 +57,11 @@ class MagneticSettings(Settings):
             Samples so sparse that a window holds too few nodes.
         """
         count = round(self.window_s / (self.node(interval) * interval))
-        if count < LEAST_NODES:
+        least_nodes = 40  # for the band of the fit to lie well inside what the nodes can show
+        if count < least_nodes:
             raise InputError(
                 f"a window of {self.window_s:g} s holds {count} samples of {interval:g} s; at least "
-                f"{LEAST_NODES} are needed: lengthen it"
+                f"{least_nodes} are needed: lengthen it"
             )
         return count
 
@@ -76,25 +72,10 @@ class MagneticSettings(Settings):
 
 # Least squares inside a narrow band about zero frequency, with a noise whose slope in that band is found too.
 
-LEAST_VARIANCE: Final = 1e-10
-"""(m/s^2)^2 or nT^2, where a channel is exactly zero; priors must not vanish beside it in rounding."""
-ROUNDING: Final = 1e-7
-"""Of a series, what its demodulation leaves of exactness."""
 COUNT: Final = 8
 """Slepian sequences a window is seen through."""
-HALF_BAND: Final = 6.0
-"""Half width of their band, cycles per window; the last of eight leaves 5e-4 of its energy outside."""
-SATURATION: Final = 3.0
-"""Bands, up to where a spectrum rises: what the sequences leave outside their band counts with what is there."""
 SLOPES: Final = ((2, (1.0, 1e1, 1e2, 1e3)), (4, (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)))
 """Exponent of frequency, and powers that rise with it, averaged over the band, per white power; steeper look alike."""
-DOUBT: Final = 0.7
-"""Nats by which each step of slope is less likely by the prior: white data else look steep once in a while, and
-their mean is then believed too much (normalised square 2.6 instead of 1.4 in a first window; later ones 1.0)."""
-MEMORY: Final = 0.9
-"""Of the evidence about spectra, what counts in the next window."""
-LEAST_TRUST: Final = -12.0
-"""Nats: no spectrum is ruled out for ever, the next stand may shake otherwise."""
 
 Complex = NDArray[np.complex128]
 
@@ -142,9 +123,11 @@ def basis(size: int) -> Basis:
     """
     from scipy.signal.windows import dpss
 
-    tapers = np.ascontiguousarray(dpss(size, HALF_BAND, COUNT))
+    half_band = 6.0  # cycles per window; the last of eight sequences leaves 5e-4 of its energy outside
+    tapers = np.ascontiguousarray(dpss(size, half_band, COUNT))
     spectra = np.fft.rfft(tapers, 16 * size)
-    frequency = np.minimum(np.arange(spectra.shape[1]) / (16.0 * HALF_BAND), SATURATION)
+    # up to three bands a spectrum rises: what the sequences leave outside their band counts with what is there
+    frequency = np.minimum(np.arange(spectra.shape[1]) / (16.0 * half_band), 3.0)
     models = [np.eye(COUNT)]
     for power, slopes in SLOPES:
         coloured = ((spectra * frequency**power) @ spectra.conj().T).real
@@ -158,12 +141,16 @@ def basis(size: int) -> Basis:
 def untried() -> Array:
     """Log weights (r,) of the spectra before the first window."""
     steps = [0, *(step + 1 for _, slopes in SLOPES for step in range(len(slopes)))]
-    return -DOUBT * np.array(steps, dtype=np.float64)
+    # nats by which each step of slope is less likely by the prior: white data else look steep once in a while, and
+    # their mean is then believed too much (normalised square 2.6 instead of 1.4 in a first window; later ones 1.0)
+    return -0.7 * np.array(steps, dtype=np.float64)
 
 
 def remembered(trust: Array) -> Array:
     """Log weights for the next window from those after a window, (..., r)."""
-    return np.asarray(np.maximum(MEMORY * trust + (1.0 - MEMORY) * untried(), LEAST_TRUST))
+    memory = 0.9  # of the evidence about spectra, what counts in the next window
+    least_trust = -12.0  # nats: no spectrum is ruled out for ever, the next stand may shake otherwise
+    return np.asarray(np.maximum(memory * trust + (1.0 - memory) * untried(), least_trust))
 
 
 def fit(
@@ -192,8 +179,9 @@ def fit(
     """
     parts = 2.0 if np.iscomplexobj(series) else 1.0
     y, x = of.tapers @ series, of.tapers @ regressors
-    # series and sums are good to this share; an exact record must not make the noise vanish
-    floor = max(ROUNDING**2 * float(np.vdot(y, y).real) / COUNT, LEAST_VARIANCE)
+    # series and sums are good to 1e-7; an exact record must not make the noise vanish. Where a channel is exactly zero,
+    # (m/s^2)^2 or nT^2 beside which priors do not vanish in rounding
+    floor = max(1e-7**2 * float(np.vdot(y, y).real) / COUNT, 1e-10)
     y, x = of.whiteners @ y, of.whiteners @ x
     gram, projected = x.conj().swapaxes(1, 2) @ x, np.einsum("rkp,rk->rp", x.conj(), y)
     total = np.einsum("rk,rk->r", y.conj(), y).real
@@ -235,12 +223,6 @@ def fit(
 
 SECTORS: Final = 36
 """Of the turn, in which the field of a run is remembered until an arc suffices."""
-LEAST_ROUNDNESS: Final = 1e-4
-"""Of the radius: what a calibrated magnetometer's scale errors and couplings leave of a circle, a least sigma."""
-
-
-LEAST_SCATTER: Final = 1e-3
-"""nT, where there is no field at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,11 +296,14 @@ def fit_circle(points: Complex, start: complex, prior: Array) -> Circle:
     origin = np.array([start.real, start.imag, 0.0])
     state = np.array([start.real, start.imag, float(np.mean(np.abs(points - start)))])
     variance, covariance = np.inf, prior
+    # of the radius: what a calibrated magnetometer's scale errors and couplings leave of a circle, a least sigma
+    least_roundness = 1e-4
+    least_scatter = 1e-3  # nT, where there is no field at all
     for _ in range(20):
         away = points - complex(state[0], state[1])
         distance = np.maximum(np.abs(away), 1e-9)
         error = distance - state[2]
-        variance = max(raised(error), (LEAST_ROUNDNESS * state[2]) ** 2, LEAST_SCATTER**2)
+        variance = max(raised(error), (least_roundness * state[2]) ** 2, least_scatter**2)
         rows = np.stack([away.real / distance, away.imag / distance, np.ones_like(distance)], axis=1)
         normal = rows.T @ rows / variance + information
         shift = np.linalg.solve(normal, rows.T @ error / variance - information @ (state - origin))
@@ -337,11 +322,6 @@ def raised(error: Array) -> float:
         return 0.0
     r = min(max(float(np.mean(error[1:] * error[:-1])) / variance, 0.0), 0.98)
     return variance * (1.0 + r) / (1.0 - r)
-
-
-HALVES: Final = (2, 3, 4, 6, 9, 13, 19, 28, 42, 63, 95, 142, 213, 320, 480)
-"""Half lengths of the smoother that are tried, in nodes; a parabola through three points (1) would meet them all, and
-there is nothing left to predict."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -405,7 +385,10 @@ def smooth(phase: Array) -> Track:
     """
     best: tuple[float, int, Array] | None = None
     values: dict[int, Array] = {0: phase}
-    for half in HALVES:
+    # half lengths that are tried, in nodes; a parabola through three points (1) would meet them all, and there is
+    # nothing left to predict
+    halves = (2, 3, 4, 6, 9, 13, 19, 28, 42, 63, 95, 142, 213, 320, 480)
+    for half in halves:
         if half <= max(2, phase.size // 6):
             value = values[half] = filtered(phase, half)
             inner = slice(half, phase.size - half)

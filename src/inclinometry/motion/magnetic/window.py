@@ -9,7 +9,6 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.motion.magnetic.demodulate import (
     DELAY_SIGMA,
@@ -52,8 +51,6 @@ FLOOR_S: Final = 2e-5
 """Least standard deviation stated: what differences of filters leave."""
 SIGNIFICANT: Final = 5.0
 """Standard deviations from which a delay is called one."""
-UNSEEN_DEG: Final = 0.01
-"""Turn of the field by a delay that cannot be seen, from which it is said."""
 
 
 @dataclass(frozen=True)
@@ -258,25 +255,13 @@ def clock_notes(known: ToolConstants, settings: MagneticSettings, fastest: float
         against = "the magnetometer" if found.stepped else "magnetometer and accelerometer"
         said.append(f"the gyro is late by {lag:.2f} ms against {against}: its angle is brought to their time")
     shift = float(np.degrees(fastest * found.sigma))
-    if not found.seen and shift > UNSEEN_DEG:
+    # deg, turn of the field by a delay that cannot be seen, from which it is said
+    if not found.seen and shift > 0.01:
         said.append(
             "the speed of rotation changes too little to show a delay between magnetometer and accelerometer: the "
             f"standard deviation of {1e3 * found.sigma:.2g} ms that is allowed turns the field by up to {shift:.2g} deg"
         )
     return said
-
-
-LEAST_FIELD_NT: Final = 500.0
-"""Transverse field below which there is no phase to turn back by."""
-
-MIRROR_ARC: Final = 4.0
-"""rad, turned before the two triads' sense of rotation is compared."""
-MOST_SPREAD: Final = 10
-"""Samples over which a filter is thought to spread one that was clipped."""
-KNOWN_OFFSET: Final = 2e-3
-"""Of the transverse field: an offset less known spoils the phase so that a delay cannot be told."""
-MIRROR_GRAVITY: Final = 0.5
-"""m/s^2, of transverse gravity that stands still the wrong way round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +321,8 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
         if abs(circle.centre - offset) < 1e-4 * circle.radius:
             break
         offset = circle.centre
-    if float(np.linalg.eigvalsh(circle.covariance)[-1]) < (KNOWN_OFFSET * circle.radius) ** 2:
+    # of the transverse field: an offset less known spoils the phase so that a delay cannot be told
+    if float(np.linalg.eigvalsh(circle.covariance)[-1]) < (2e-3 * circle.radius) ** 2:
         if with_gyro:
             known = replace(known, gyro_lag=summed(known.gyro_lag, gyro_evidence(found, step * samples.interval)))
             lag = clocks(known, settings).gyro_lag
@@ -474,7 +460,8 @@ def clipped_share(clipped: Mask) -> float:
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[0], clipped.view(np.int8), [0]])))
     runs = edges[1::2] - edges[::2]
-    return float(clipped.mean() / min(int(runs.min()), MOST_SPREAD)) if runs.size else 0.0
+    # samples over which a filter is thought to spread one that was clipped
+    return float(clipped.mean() / min(int(runs.min()), 10)) if runs.size else 0.0
 
 
 def _by_clipping(share: float, gravity: Array) -> Array:
@@ -489,7 +476,8 @@ def _mirrored(d: Demodulated, covered: float) -> bool:
     """Whether gravity stands still when turned the other way round: an axis of one triad points the wrong way."""
     taper = np.hanning(d.rate.size + 2)[1:-1] / (d.rate.size / 2.0)
     right, wrong = abs(complex(taper @ d.gravity)), abs(complex(taper @ (d.gravity * d.phasor**2)))
-    return covered > MIRROR_ARC and wrong > 3.0 * right and wrong > MIRROR_GRAVITY
+    # 4 rad turned, and 0.5 m/s^2 of transverse gravity that stands still the wrong way round
+    return covered > 4.0 and wrong > 3.0 * right and wrong > 0.5
 
 
 def _middle(values: Array) -> float:
@@ -521,23 +509,10 @@ def attitude_of(window: WindowFit) -> tuple[Array, Array]:
 
 # What a window can be trusted for: flags, quality, refusal.
 
-DISTURBED: Final = 0.02
-"""Of the radius: scatter of the transverse field about its circle, less its noise; departure of the strength."""
-NO_FIELD: Final = 0.2
-"""Scatter above which there is no field to turn back by."""
-DISTURBED_DIP: Final = float(np.radians(1.0))
-WORTHLESS: Final = 6.0
-"""Times `SHAKEN`, from which a window is refused: linear covariance and the small mean of shaking no longer hold."""
 SHAKEN: Final = float(np.radians(0.5))
 """Uncertainty of inclination that is called too much vibration."""
-OFFSET: Final = float(np.radians(0.5))
-"""Turn of the transverse field by an unknown offset that is worth a flag."""
-GRAVITY_SLACK: Final = 0.1
-"""m/s^2, allowed between the gravity found and the expected one, beside five of its standard deviations."""
 LEVEL: Final = 0.02
 """Sine of inclination, or cosine of the angle of b to the horizon, below which azimuth is hardly or not defined."""
-MEAN: Final = 1.2
-"""Sums taken by the regressors up to which the fit was a plain mean."""
 
 
 @dataclass(frozen=True)
@@ -565,16 +540,33 @@ def stuck(samples: Samples) -> bool:
 
 def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verdict:
     """Flags and quality of a window, and its attitude unless it is refused."""
-    method = "mean" if window.taken < MEAN else "magnetic"
-    refused = _refusals(window, settings, is_stuck)
+    # sums taken by the regressors up to which the fit was a plain mean
+    method = "mean" if window.taken < 1.2 else "magnetic"
+    # names of what forbids an attitude
+    transverse = float(np.hypot(window.field[0], window.field[1]))
+    strength = float(np.linalg.norm(window.field))
+    down = window.gravity / max(float(np.linalg.norm(window.gravity)), 1e-9)
+    across = float(np.linalg.norm(np.cross(down, window.field))) / max(strength, 1e-9)
+    # nT of the transverse field below which there is no phase to turn back by
+    unphased = transverse < max(500.0, 3.0 * window.offset_sigma)
+    found = {
+        "clipped": window.clipped > settings.clipped_share,
+        "stuck": is_stuck,
+        "aliased": window.turn > MOST_TURN,
+        "no-field": unphased or window.circle.scatter > 0.2 * window.circle.radius,  # no field to turn back by
+        "axes": window.mirrored,
+        "unobservable": unphased or across < LEVEL,
+    }
+    refused = tuple(name for name, yes in found.items() if yes)
     if refused:
         return _refused(refused, method)
-    off = departure(window.gravity, window.field, window.covariance, settings.site)
-    if off.far:
-        return _refused(("disturbed", "axes"), method, off.text)
-    doubtful = replace(window, covariance=inflated(window.covariance, off.extra))
+    extra, far = departure(window.gravity, window.field, window.covariance, settings.site)
+    if far:
+        return _refused(("disturbed", "axes"), method, far)
+    doubtful = replace(window, covariance=inflated(window.covariance, extra))
     matrix, covariance = attitude_of(doubtful)
-    if _tilt(covariance, matrix) > WORTHLESS * SHAKEN:
+    # from six times that on linear covariance and the small mean of shaking no longer hold
+    if _tilt(covariance, matrix) > 6.0 * SHAKEN:
         return _refused(("vibration",), method)
     flags, worst = _doubts(window, settings, covariance, matrix)
     return Verdict(quaternion_from_dcm(matrix), covariance, flags, float(np.clip(1.0 - worst, 0.0, 1.0)), method)
@@ -593,24 +585,6 @@ def _tilt(covariance: Array, matrix: Array) -> float:
     return float(np.sqrt(across @ covariance[:2, :2] @ across)) if level > LEVEL else 0.0
 
 
-def _refusals(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> tuple[str, ...]:
-    """Names of what forbids an attitude."""
-    transverse = float(np.hypot(window.field[0], window.field[1]))
-    strength = float(np.linalg.norm(window.field))
-    down = window.gravity / max(float(np.linalg.norm(window.gravity)), 1e-9)
-    across = float(np.linalg.norm(np.cross(down, window.field))) / max(strength, 1e-9)
-    unphased = transverse < max(LEAST_FIELD_NT, 3.0 * window.offset_sigma)
-    found = {
-        "clipped": window.clipped > settings.clipped_share,
-        "stuck": is_stuck,
-        "aliased": window.turn > MOST_TURN,
-        "no-field": unphased or window.circle.scatter > NO_FIELD * window.circle.radius,
-        "axes": window.mirrored,
-        "unobservable": unphased or across < LEVEL,
-    }
-    return tuple(name for name, yes in found.items() if yes)
-
-
 def _doubts(
     window: WindowFit, settings: MagneticSettings, covariance: Array, matrix: Array
 ) -> tuple[tuple[str, ...], float]:
@@ -618,12 +592,26 @@ def _doubts(
     level = float(np.hypot(matrix[0, 2], matrix[1, 2]))
     tilt = _tilt(covariance, matrix)
     transverse = float(np.hypot(window.field[0], window.field[1]))
+    site = settings.site
+    gravity = site.gravity if site is not None and site.gravity is not None else STANDARD_GRAVITY
+    strength = float(np.linalg.norm(window.gravity))
+    along = window.gravity / max(strength, 1e-9)
+    sigma = float(np.sqrt(along @ window.covariance[:3, :3] @ along))
+    # departure of strength and dip from the site's, over what is allowed; zero where the site states none
+    worst = 0.0
+    # of the radius, scatter of the transverse field about its circle, less its noise; departure of the strength
+    disturbed = 0.02
+    if site is not None and site.b is not None:
+        worst = abs(float(np.linalg.norm(window.field)) / site.b - 1.0) / disturbed
+    if site is not None and site.dip is not None:
+        worst = max(worst, abs(float(dip_angle(window.gravity, window.field)) - site.dip) / float(np.radians(1.0)))
     shares = {
         "clipped": window.clipped / max(settings.clipped_share, 1e-12),
-        "disturbed": max(window.ripple / window.circle.radius / DISTURBED, _off_site(window, settings.site)),
+        "disturbed": max(window.ripple / window.circle.radius / disturbed, worst),
         "vibration": tilt / SHAKEN,
-        "offset": window.offset_sigma / transverse / OFFSET,
-        "misfit": _gravity_misfit(window, settings.site),
+        "offset": window.offset_sigma / transverse / float(np.radians(0.5)),  # turn of the field worth a flag
+        # m/s^2 allowed, beside five standard deviations
+        "misfit": abs(strength - gravity) / (0.1 + 5.0 * sigma),
         "aliased": window.turn / MOST_TURN,
     }
     flags = [name for name, share in shares.items() if share > 1.0]
@@ -636,25 +624,6 @@ def _doubts(
     if window.stepped:
         flags.append("step")
     return tuple(flags), max(shares.values())
-
-
-def _gravity_misfit(window: WindowFit, site: Site | None) -> float:
-    """Departure of gravity's strength from the expected one, over what is allowed."""
-    gravity = site.gravity if site is not None and site.gravity is not None else STANDARD_GRAVITY
-    strength = float(np.linalg.norm(window.gravity))
-    along = window.gravity / max(strength, 1e-9)
-    sigma = float(np.sqrt(along @ window.covariance[:3, :3] @ along))
-    return abs(strength - gravity) / (GRAVITY_SLACK + 5.0 * sigma)
-
-
-def _off_site(window: WindowFit, site: Site | None) -> float:
-    """Departure of strength and dip from the site's, over what is allowed; zero where the site states none."""
-    worst = 0.0
-    if site is not None and site.b is not None:
-        worst = abs(float(np.linalg.norm(window.field)) / site.b - 1.0) / DISTURBED
-    if site is not None and site.dip is not None:
-        worst = max(worst, abs(float(dip_angle(window.gravity, window.field)) - site.dip) / DISTURBED_DIP)
-    return worst
 
 
 def magnetic_attitude(samples: Samples, settings: MagneticSettings | None = None) -> Attitude:

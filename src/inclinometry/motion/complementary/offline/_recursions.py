@@ -127,12 +127,9 @@ def _rate(i: int, gyro: Array, good: Mask, nav: Array, held: Array, half: float,
         step[c] = half * (held[c] - nav[k.N_BIAS + c])
 
 
-_LONG = types.int64
-
-
 @compiled(
     types.void(
-        MATRIX, MASK, VECTOR, _LONG, _LONG, _LONG, types.float64, MATRIX, MATRIX_OUT, CUBE_OUT,
+        MATRIX, MASK, VECTOR, types.int64, types.int64, types.int64, types.float64, MATRIX, MATRIX_OUT, CUBE_OUT,
         MATRIX_OUT, CUBE_OUT, VECTOR_OUT, VECTOR_OUT, FLAGS_OUT,
     )
 )  # fmt: skip

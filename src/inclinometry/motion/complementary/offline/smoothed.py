@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -11,9 +10,6 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples
 from inclinometry.rotations import dcm_from_quaternion
-
-PASSED: Final = np.uint32(BITS["start"] | BITS["drift"])
-"""Flags of the forward pass that the backward pass removes."""
 
 
 def complementary_smoothed(samples: Samples, settings: ComplementarySettings | None = None) -> Attitude:
@@ -87,30 +83,27 @@ class _Pass:
             self.state[self.f.AT_SLOW + self.k.S_SOLVE] = -np.inf  # hard iron is settled
         head = self.stream.push(samples.part(0, self.start))
         if earlier is not None and samples.has("mag"):
-            self._settle_field(earlier)
+            # strength and dip of most of the run in motion, where those of the start differ: its heading is doubtful
+            k, state = self.k, self.state
+            field = state[k.N_FIELD : k.N_FIELD + 3]
+            field -= dcm_from_quaternion(state[:4]) @ state[k.N_IRON : k.N_IRON + 3]
+            seen = earlier.history[1:, self.f.H_SEEN :]
+            seen = seen[seen[:, 3] > 0.0] if seen[:, 3].any() else seen
+            across, along = np.median(np.hypot(seen[:, 0], seen[:, 1])), np.median(seen[:, 2])
+            strength = np.hypot(field[0], field[1])
+            apart = 0.5 * ((across - strength) ** 2 + (along - field[2]) ** 2)
+            if apart > self.par[k.GATE] * self.par[k.UNEVEN]:
+                field[:2] *= across / strength
+                field[2] = along
+                covariance = state[self.f.AT_COVARIANCE :].reshape(k.STATES, k.STATES)
+                across_field = np.array([-field[1], field[0]]) / across
+                covariance[k.FIELD : k.FIELD + 2, k.FIELD : k.FIELD + 2] += apart * np.outer(across_field, across_field)
         self.history: Array = np.zeros((blocks + 1 if blocks else 0, self.f.RECORD))
         if blocks:
             self.history[0, self.f.H_AFTER : self.f.H_CORRECTION] = self.state[self.f.AT_COVARIANCE :]
             self.history[0, self.f.H_ESTIMATE : self.f.H_SEEN] = self.state[: self.k.NAV]
             self.stream._history = self.history[1:]
         self.forward = (head, self.stream.push(samples.part(self.start, len(samples))))
-
-    def _settle_field(self, earlier: _Pass) -> None:
-        """Strength and dip of most of the run in motion, where those of the start differ: its heading is doubtful."""
-        k, state = self.k, self.state
-        field = state[k.N_FIELD : k.N_FIELD + 3]
-        field -= dcm_from_quaternion(state[:4]) @ state[k.N_IRON : k.N_IRON + 3]
-        seen = earlier.history[1:, self.f.H_SEEN :]
-        seen = seen[seen[:, 3] > 0.0] if seen[:, 3].any() else seen
-        across, along = np.median(np.hypot(seen[:, 0], seen[:, 1])), np.median(seen[:, 2])
-        strength = np.hypot(field[0], field[1])
-        apart = 0.5 * ((across - strength) ** 2 + (along - field[2]) ** 2)
-        if apart > self.par[k.GATE] * self.par[k.UNEVEN]:
-            field[:2] *= across / strength
-            field[2] = along
-            covariance = state[self.f.AT_COVARIANCE :].reshape(k.STATES, k.STATES)
-            across_field = np.array([-field[1], field[0]]) / across
-            covariance[k.FIELD : k.FIELD + 2, k.FIELD : k.FIELD + 2] += apart * np.outer(across_field, across_field)
 
     def backward(self) -> tuple[Array, Array]:
         """Changes (blocks, 12) that the smoother makes to the estimates, and covariances."""
@@ -126,7 +119,8 @@ class _Pass:
         from inclinometry.motion.complementary.offline import _recursions as smoother
 
         head, tail = self.forward
-        flags = np.concatenate([head.flags, tail.flags]) & ~PASSED
+        passed = np.uint32(BITS["start"] | BITS["drift"])  # flags of the forward pass that the backward pass removes
+        flags = np.concatenate([head.flags, tail.flags]) & ~passed
         count = flags.size
         quaternion, covariance = np.empty((count, 4)), np.empty((count, 3, 3))
         rate, quality = np.empty(count), np.empty(count)
