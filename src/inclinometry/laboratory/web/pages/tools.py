@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Final
 
@@ -12,7 +13,16 @@ from nicegui import ui
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.registry import RegisteredTool, due_days, find_tool, listed, put_tool, tools
+from inclinometry.laboratory.registry import (
+    LONGEST_TEXT,
+    MONTHS,
+    RegisteredTool,
+    due_days,
+    find_tool,
+    listed,
+    put_tool,
+    tools,
+)
 from inclinometry.laboratory.results import History, history
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.lists import Cell, axis, band, chart, day, table, to, visible
@@ -169,39 +179,35 @@ class ToolForm:
     """Fields of a tool; saved as a new record."""
 
     def __init__(self, visitor: Visitor, tool: RegisteredTool | None) -> None:
-        self._visitor, self._old, say = visitor, tool, visitor.say
-        low, high = (10.0, 90.0) if tool is None else np.degrees(tool.inclination_range)
+        self._visitor, self._new, say = visitor, tool is None, visitor.say
+        self._old = tool = tool or RegisteredTool("", "")
+        low, high = np.degrees(tool.inclination_range)
         with ui.row().classes("form"):
-            self.serial = ui.input(say("tools.serial"), value="" if tool is None else tool.serial).props(
-                "maxlength=200"
-            )
-            self.serial.set_enabled(tool is None)
-            self.name = ui.input(say("tools.name"), value="" if tool is None else tool.name).props("maxlength=2000")
-            self.customer = ui.input(say("tools.customer"), value="" if tool is None else tool.customer)
+            self.serial = ui.input(say("tools.serial"), value=tool.serial).props("maxlength=200")
+            self.serial.set_enabled(self._new)
+            self.name = ui.input(say("tools.name"), value=tool.name).props(f"maxlength={LONGEST_TEXT}")
+            self.customer = ui.input(say("tools.customer"), value=tool.customer)
             self.low = ui.number(say("tools.from"), value=round(float(low), 3), min=0, max=180)
             self.high = ui.number(say("tools.to"), value=round(float(high), 3), min=0, max=180)
-            months = None if tool is None else tool.interval_months
-            self.months = ui.number(say("tools.months"), value=months, min=1, max=120, step=1)
-            self.retired = ui.switch(say("tools.retired"), value=tool is not None and tool.retired)
+            self.months = ui.number(
+                say("tools.months"), value=tool.interval_months, min=MONTHS[0], max=MONTHS[-1], step=1
+            )
+            self.retired = ui.switch(say("tools.retired"), value=tool.retired)
         ui.button(say("tools.save"), on_click=visitor.action("capture", self._save)).props("unelevated no-caps")
 
     def _save(self, user: User) -> None:
         ledger, serial = self._visitor.bench.ledger, str(self.serial.value).strip()
-        if self._old is None and find_tool(ledger, serial) is not None:
+        if self._new and find_tool(ledger, serial) is not None:
             raise InputError(f"tool {serial!r} is registered already; change it on its own page")
         low, high = (float(np.radians(float(x.value or 0.0))) for x in (self.low, self.high))
-        old = self._old or RegisteredTool(serial, "")
-        tool = RegisteredTool(
-            serial,
-            str(self.name.value).strip() or serial,
-            old.triads,
-            old.manufacturer,
-            str(self.customer.value).strip(),
-            old.description,
-            old.convention,
-            (low, high),
-            None if self.months.value is None else int(self.months.value),
-            bool(self.retired.value),
+        tool = replace(
+            self._old,
+            serial=serial,
+            name=str(self.name.value).strip() or serial,
+            customer=str(self.customer.value).strip(),
+            inclination_range=(low, high),
+            interval_months=None if self.months.value is None else int(self.months.value),
+            retired=bool(self.retired.value),
         )
         put_tool(ledger, tool, author=user.name)
         ui.navigate.to(to("/tools", serial))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from dataclasses import replace
-from typing import Any, get_args
+from dataclasses import astuple, replace
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from fastapi import Request
 from nicegui import ui
 
-from inclinometry.calibration.conventions import USUAL, Counts, Dials, InclinationFrom
+from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.errors import InputError
 from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, GuidedPlan, plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
@@ -95,20 +95,15 @@ class DialsChoice:
 
     def __init__(self, visitor: Visitor, known: Dials = USUAL) -> None:
         say = visitor.say
-        ends = {name: say(f"dials.{name}") for name in get_args(InclinationFrom)}
-        ways = {name: say(f"dials.{name}") for name in get_args(Counts)}
-        self.parts = (
-            ui.select(ends, value=known.inclination_from, label=say("start.inclination_from")),
-            ui.select(ways, value=known.azimuth_counts, label=say("start.azimuth_counts")),
-            ui.select(ways, value=known.toolface_counts, label=say("start.toolface_counts")),
-        )
-        for name, part in zip(("inclination_from", "azimuth_counts", "toolface_counts"), self.parts, strict=True):
-            part.props(f'data-testid="{name}"')
+        self.parts = []
+        for name, allowed in get_type_hints(Dials).items():
+            words = {word: say(f"dials.{word}") for word in get_args(allowed)}
+            part = ui.select(words, value=getattr(known, name), label=say(f"start.{name}"))
+            self.parts.append(part.props(f'data-testid="{name}"'))
 
     def show(self, known: Dials) -> None:
         """Those of a rig."""
-        values = (known.inclination_from, known.azimuth_counts, known.toolface_counts)
-        for part, value in zip(self.parts, values, strict=True):
+        for part, value in zip(self.parts, astuple(known), strict=True):
             part.set_value(value)
 
     @property
