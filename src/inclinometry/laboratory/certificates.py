@@ -49,15 +49,6 @@ def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> 
     return laboratory if laboratory.authoriser else replace(laboratory, authoriser=author)
 
 
-def _rig(ledger: Ledger, name: str, seq: int) -> tuple[str, str]:
-    """Traceability and place of a rig as it was when the tool was calibrated; as they are now where none was stated."""
-    then = ledger.find("rig", name=name, newest=True, after=seq, limit=1)
-    now = ledger.latest("rig", name=name)
-    bodies = [record.body for record in (*then, now) if record is not None]
-    traceability, place = (next((str(b[key]) for b in bodies if b.get(key)), "") for key in ("traceability", "place"))
-    return traceability, place
-
-
 def order(
     ledger: Ledger,
     session: Record,
@@ -74,7 +65,12 @@ def order(
     last = days[-1] if verification is None else max(days[-1], verification.created[:10])
     about = body.get("environment", {})
     first = date.fromisoformat(days[0])
-    traceability, place = _rig(ledger, body["rig"], session.seq)
+    # traceability and place of a rig as it was when the tool was calibrated; as they are now where none was stated
+    name = body["rig"]
+    then = ledger.find("rig", name=name, newest=True, after=session.seq, limit=1)
+    now = ledger.latest("rig", name=name)
+    bodies = [record.body for record in (*then, now) if record is not None]
+    traceability, place = (next((str(b[key]) for b in bodies if b.get(key)), "") for key in ("traceability", "place"))
     return Order(
         customer=body.get("customer") or (tool.customer if tool else ""),
         reference=body.get("order", ""),
@@ -301,7 +297,43 @@ def _issued(
             if request.number is not None:
                 raise LedgerError(f"certificate number {number!r:.60} is taken; leave it out for the next one")
             number = _free(ledger, number)
-        drafts = _drafts(ledger, request, author, number, today, replaced)
+        calibration = ledger.get("calibration", request.calibration)
+        verification = None if request.verification is None else ledger.get("verification", request.verification)
+        if verification is not None:
+            serial = calibration.keys["serial"]
+            if verification.keys["serial"] != serial:
+                raise LedgerError(
+                    f"the verification is of tool {verification.keys['serial']}, the calibration of {serial}"
+                )
+            if verification.keys["calibration"] != calibration.id:
+                raise LedgerError(
+                    "the verification was made with another calibration of this tool; verify with this one"
+                )
+            if verification.body["verdict"] == "fail" and not request.nonconforming:
+                raise LedgerError(
+                    "the verification failed: a certificate would state that the tool does not conform; agree to that, "
+                    "or calibrate and verify again"
+                )
+        _not_certified(ledger, calibration, replaced)
+        record = _record(ledger, request, author, calibration, verification, number, today, replaced)
+        files = {
+            "pdf": certificate_pdf(record, fonts=request.fonts),
+            "dcc": dcc_bytes(record),
+            "json": record_bytes(record),
+        }
+        body = {
+            "record": record,
+            "calibration": calibration.id,
+            "verification": None if verification is None else verification.id,
+            "documents": {name: digest_bytes(data) for name, data in files.items()},
+            "supersedes": record["supersedes"],
+            "head": record["head"],
+        }
+        keys = {"number": number, "serial": calibration.keys["serial"]}
+        drafts = [Draft("certificate", keys, body, [(MEDIA[name], data) for name, data in files.items()])]
+        if replaced is not None:
+            event = {"subject_kind": "certificate", "subject": replaced[0], "action": "superseded"}
+            drafts.append(Draft("event", event, {"reason": replaced[1], "details": {"by": number}}))
         try:
             return ledger.append_all(drafts, author=author)[0]
         except ConflictError:
@@ -315,50 +347,6 @@ def _free(ledger: Ledger, number: str) -> str:
         place = f"{int(place) + 1:04d}"
         number = f"{year}-{place}"
     return number
-
-
-def _drafts(
-    ledger: Ledger, request: _Request, author: str, number: str, today: date, replaced: tuple[str, str] | None
-) -> list[Draft]:
-    calibration = ledger.get("calibration", request.calibration)
-    verification = None if request.verification is None else ledger.get("verification", request.verification)
-    _belonging(calibration, verification, request)
-    _not_certified(ledger, calibration, replaced)
-    record = _record(ledger, request, author, calibration, verification, number, today, replaced)
-    files = {
-        "pdf": certificate_pdf(record, fonts=request.fonts),
-        "dcc": dcc_bytes(record),
-        "json": record_bytes(record),
-    }
-    body = {
-        "record": record,
-        "calibration": calibration.id,
-        "verification": None if verification is None else verification.id,
-        "documents": {name: digest_bytes(data) for name, data in files.items()},
-        "supersedes": record["supersedes"],
-        "head": record["head"],
-    }
-    keys = {"number": number, "serial": calibration.keys["serial"]}
-    drafts = [Draft("certificate", keys, body, [(MEDIA[name], data) for name, data in files.items()])]
-    if replaced is not None:
-        event = {"subject_kind": "certificate", "subject": replaced[0], "action": "superseded"}
-        drafts.append(Draft("event", event, {"reason": replaced[1], "details": {"by": number}}))
-    return drafts
-
-
-def _belonging(calibration: Record, verification: Record | None, request: _Request) -> None:
-    if verification is None:
-        return
-    serial = calibration.keys["serial"]
-    if verification.keys["serial"] != serial:
-        raise LedgerError(f"the verification is of tool {verification.keys['serial']}, the calibration of {serial}")
-    if verification.keys["calibration"] != calibration.id:
-        raise LedgerError("the verification was made with another calibration of this tool; verify with this one")
-    if verification.body["verdict"] == "fail" and not request.nonconforming:
-        raise LedgerError(
-            "the verification failed: a certificate would state that the tool does not conform; agree to that, "
-            "or calibrate and verify again"
-        )
 
 
 def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str] | None) -> None:

@@ -46,27 +46,20 @@ def plan_for(wanted: GuidedPlan, ledger: Ledger, serial: str, rig: RegisteredRig
     if wanted.name in protocols():
         plan = protocols()[wanted.name].plan
     elif wanted.name == ADAPTIVE:
-        plan = Plan(ADAPTIVE, np.zeros(1), np.array([_first_inclination(rig)]), np.zeros(1))
+        low, high = rig.inclination
+        plan = Plan(ADAPTIVE, np.zeros(1), np.array([float(min(max(0.0, low), high))]), np.zeros(1))
         settings["settings"] = {"adaptive": True}
     elif wanted.name in CALIBRATING:
-        plan = _named(wanted, ledger, serial, rig)
+        if wanted.name != "optimal":
+            plan = make_plan(wanted.name)
+        else:
+            tool = find_tool(ledger, serial)
+            span = Goal().inclination_range if tool is None else tool.inclination_range
+            sd = float(np.sqrt(np.mean(np.square(rig.sd))))
+            plan = make_plan("optimal", number=wanted.number, inclination_range=aimed_range(span, "azimuth"), rig_sd=sd)
     else:
         raise InputError(f"plan {wanted.name!r} is unknown; allowed: {', '.join((*CALIBRATING, *protocols()))}")
     if wanted.temperatures:
         plan, targets = campaign(plan, wanted.temperatures)
         settings["settings"] = {**settings.get("settings", {}), "target_degC": list(targets)}
     return plan, settings
-
-
-def _named(wanted: GuidedPlan, ledger: Ledger, serial: str, rig: RegisteredRig) -> Plan:
-    if wanted.name != "optimal":
-        return make_plan(wanted.name)
-    tool = find_tool(ledger, serial)
-    span = Goal().inclination_range if tool is None else tool.inclination_range
-    sd = float(np.sqrt(np.mean(np.square(rig.sd))))
-    return make_plan("optimal", number=wanted.number, inclination_range=aimed_range(span, "azimuth"), rig_sd=sd)
-
-
-def _first_inclination(rig: RegisteredRig) -> float:
-    low, high = rig.inclination
-    return float(min(max(0.0, low), high))

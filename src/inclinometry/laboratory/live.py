@@ -205,28 +205,28 @@ class NoiseFloor:
         if self.blocks < LEAST_BLOCKS:
             return None
         if not self._fresh:
-            self._learnt, self._fresh = self._learn(), True
+            variance, mean = np.stack(self._variance), np.stack(self._mean)
+            step = np.zeros(mean.shape[1]) if self._step is None else np.where(np.isfinite(self._step), self._step, 0.0)
+            # between two counts a reading may rest on one or alternate: variance up to a quarter of a step squared
+            variance = np.maximum(variance, step**2 / 4.0)
+            unit = chdtri(BLOCK - 1.0, 0.5) / (BLOCK - 1.0)  # median of a variance over its mean
+            floor = np.maximum(noise_floor(variance, 4.0) / unit, np.finfo(float).tiny)
+            quiet = np.mean(variance / floor, axis=1) < 4.0
+            follows = ~np.array(self._breaks)
+            rows = quiet[2:] & quiet[1:-1] & quiet[:-2] & follows[2:] & follows[1:-1]
+            wander = np.zeros(len(floor))
+            if rows.sum() >= 2 * LEAST_BLOCKS:
+                second = (mean[2:] - 2.0 * mean[1:-1] + mean[:-2])[rows] ** 2 / 6.0
+                found = np.median(second, axis=0) / chdtri(1.0, 0.5)
+                # only what is more than chance is wandering; neighbouring second differences share two means of three
+                sure = max(1.0 - 2.0 * np.sqrt(2.0 * 3.0 / rows.sum()), 0.0)
+                wander = np.where(
+                    found * sure > floor / BLOCK, np.minimum(found - floor / BLOCK, MOST_WANDER * floor), 0.0
+                )
+            # the median knows a variance two thirds as well as the mean would
+            self._learnt = Floor(np.sqrt(floor), wander, 0.64 * (BLOCK - 1.0) * max(int(quiet.sum()), 1))
+            self._fresh = True
         return self._learnt
-
-    def _learn(self) -> Floor:
-        variance, mean = np.stack(self._variance), np.stack(self._mean)
-        step = np.zeros(mean.shape[1]) if self._step is None else np.where(np.isfinite(self._step), self._step, 0.0)
-        # between two counts a reading may rest on one or alternate: variance up to a quarter of a step squared
-        variance = np.maximum(variance, step**2 / 4.0)
-        unit = chdtri(BLOCK - 1.0, 0.5) / (BLOCK - 1.0)  # median of a variance over its mean
-        floor = np.maximum(noise_floor(variance, 4.0) / unit, np.finfo(float).tiny)
-        quiet = np.mean(variance / floor, axis=1) < 4.0
-        follows = ~np.array(self._breaks)
-        rows = quiet[2:] & quiet[1:-1] & quiet[:-2] & follows[2:] & follows[1:-1]
-        wander = np.zeros(len(floor))
-        if rows.sum() >= 2 * LEAST_BLOCKS:
-            second = (mean[2:] - 2.0 * mean[1:-1] + mean[:-2])[rows] ** 2 / 6.0
-            found = np.median(second, axis=0) / chdtri(1.0, 0.5)
-            # only what is more than chance is wandering; neighbouring second differences share two means of three
-            sure = max(1.0 - 2.0 * np.sqrt(2.0 * 3.0 / rows.sum()), 0.0)
-            wander = np.where(found * sure > floor / BLOCK, np.minimum(found - floor / BLOCK, MOST_WANDER * floor), 0.0)
-        # the median knows a variance two thirds as well as the mean would
-        return Floor(np.sqrt(floor), wander, 0.64 * (BLOCK - 1.0) * max(int(quiet.sum()), 1))
 
 
 def line(time: Array, signals: Array) -> tuple[Array, Array, float]:
@@ -514,7 +514,27 @@ class LiveFeed:
             window = self._since_moved(seconds)
             floor, blocks = self._noise.floor(), self._noise.blocks
         empty: dict[str, Array] = {}
-        word, reason = self._unfit(window, seconds)
+        # why nothing can be said of this window; empty when something can
+        if not self.connected:
+            word, reason = "disconnected", f"{self.url} is not connected; it is tried again and again: check the cable"
+        elif self.age > max(STALE, self.protocol.silence):
+            word, reason = "stale", f"no sample for {self.age:.1f} s; is the tool switched on?"
+        elif window.faulty.any():
+            bad, total = int(window.faulty.sum()), len(window)
+            word, reason = (
+                "faulty",
+                f"{bad} of {total} samples are out of range or stuck; wait {seconds:g} s, then check the tool",
+            )
+        else:
+            # a window of so many seconds is full when the next sample would not fit any more
+            step = window.duration / max(len(window) - 1, 1)
+            if window.duration + step < 0.9 * seconds or len(window) < LEAST:
+                have = f"{len(window)} samples in {window.duration:.1f} of {seconds:g} s"
+                slow = len(window) > 1 and seconds < (LEAST - 1) * step
+                remedy = f"look at {np.ceil(LEAST * step):g} s, it sends slowly" if slow else "wait"
+                word, reason = "few", f"{have}; at least {LEAST} samples over the whole time are needed: {remedy}"
+            else:
+                word, reason = "", ""
         if len(window) < 2:
             return Stability(empty, empty, empty, empty, empty, len(window), 0.0, None, False, word, reason), window
         signals = window.signals
@@ -548,27 +568,6 @@ class LiveFeed:
             return window
         channels = {kind: x[keep] for kind, x in window.channels.items()}
         return Window(window.time[keep], channels, window.temperature[keep], window.faulty[keep])
-
-    def _unfit(self, window: Window, seconds: float) -> tuple[str, str]:
-        """Why nothing can be said of this window; empty when something can."""
-        if not self.connected:
-            return "disconnected", f"{self.url} is not connected; it is tried again and again: check the cable"
-        if self.age > max(STALE, self.protocol.silence):
-            return "stale", f"no sample for {self.age:.1f} s; is the tool switched on?"
-        if window.faulty.any():
-            bad, total = int(window.faulty.sum()), len(window)
-            return (
-                "faulty",
-                f"{bad} of {total} samples are out of range or stuck; wait {seconds:g} s, then check the tool",
-            )
-        # a window of so many seconds is full when the next sample would not fit any more
-        step = window.duration / max(len(window) - 1, 1)
-        if window.duration + step < 0.9 * seconds or len(window) < LEAST:
-            have = f"{len(window)} samples in {window.duration:.1f} of {seconds:g} s"
-            slow = len(window) > 1 and seconds < (LEAST - 1) * step
-            remedy = f"look at {np.ceil(LEAST * step):g} s, it sends slowly" if slow else "wait"
-            return "few", f"{have}; at least {LEAST} samples over the whole time are needed: {remedy}"
-        return "", ""
 
     def capture(
         self, dial: tuple[float, float, float], seconds: float = WINDOW, how: str = "key", note: str = ""

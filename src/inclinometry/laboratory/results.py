@@ -114,7 +114,11 @@ def finish_calibration(
     if not np.isfinite(found.covariance).all() or (np.diagonal(found.covariance) < 0.0).any():
         raise LedgerError(f"these readings do not make a calibration: {UNTURNED}")
     content = plain_content(found)
-    _readable(content)
+    # nothing is recorded that could not be read again, for what is recorded stays
+    try:
+        calibration_from(json.loads(canonical(dict(content))), "the fit")
+    except InclinometryError as error:
+        raise LedgerError(f"these readings do not make a calibration: {error}") from None
     body = {
         "tool_json": content,
         "method": found.method,
@@ -140,14 +144,6 @@ def finish_calibration(
 def _distinct(seen: Session) -> int:
     """How many readings differ from each other in any sensor."""
     return len({tuple((kind, v.tobytes()) for kind, v in sorted(row.capture.channels.items())) for row in seen.valid})
-
-
-def _readable(content: Mapping[str, Any]) -> None:
-    """Nothing is recorded that could not be read again, for what is recorded stays."""
-    try:
-        calibration_from(json.loads(canonical(dict(content))), "the fit")
-    except InclinometryError as error:
-        raise LedgerError(f"these readings do not make a calibration: {error}") from None
 
 
 def plain_content(calibration: Calibration) -> dict[str, Any]:

@@ -247,7 +247,45 @@ def setting_of(dials: Dials, dial: tuple[float, float, float]) -> tuple[float, f
 
 def load_session(ledger: Ledger, session: str) -> Session:
     """The session as it stands: after a power cut exactly what was acknowledged."""
-    return _assembled(ledger, ledger.get("session", session))
+    record = ledger.get("session", session)
+    body, plan = record.body, record.body["plan"]
+    ended = _closing(ledger, record.id)
+    sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
+    positions = tuple(
+        Position(i, _radians(row), name)
+        for i, (row, name) in enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
+    )
+    taken: dict[int, RecordedReading] = {}
+    attempts: dict[int, int] = {}
+    for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
+        found = _taken(reading)
+        taken[found.number] = found
+        attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
+    # record of a reading -> why it was left out, for those that were
+    records = [one.record for one in taken.values()]
+    reasons: dict[str, str] = {}
+    for start in range(0, len(records), SOME):
+        some = list(records[start : start + SOME])
+        for event in ledger.find("event", subject_kind="reading", action="rejected", subject=some):
+            reasons[event.keys["subject"]] = str(event.body.get("reason", ""))
+    for number, one in taken.items():
+        if one.record in reasons:
+            taken[number] = RecordedReading(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
+    return Session(
+        record.id,
+        record.keys["serial"],
+        record.keys["purpose"],
+        plan["name"],
+        positions,
+        body["rig"],
+        record.created,
+        record.author,
+        taken,
+        attempts,
+        "" if ended is None else str(ended.keys["action"]),
+        {name: value for name, value in body.items() if name not in ("plan", "rig")},
+        dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
+    )
 
 
 def sessions(ledger: Ledger, *, serial: str | None = None, limit: int = 100, before: int = 0) -> list[Record]:
@@ -389,51 +427,6 @@ def bench_readings(
         reference={name: value for name, value in known.items() if value is not None},
     )
     return session.dials.read(readings)
-
-
-def _assembled(ledger: Ledger, record: Record) -> Session:
-    body, plan = record.body, record.body["plan"]
-    ended = _closing(ledger, record.id)
-    sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
-    positions = tuple(
-        Position(i, _radians(row), name)
-        for i, (row, name) in enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
-    )
-    taken: dict[int, RecordedReading] = {}
-    attempts: dict[int, int] = {}
-    for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
-        found = _taken(reading)
-        taken[found.number] = found
-        attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
-    reasons = _rejections(ledger, [one.record for one in taken.values()])
-    for number, one in taken.items():
-        if one.record in reasons:
-            taken[number] = RecordedReading(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
-    return Session(
-        record.id,
-        record.keys["serial"],
-        record.keys["purpose"],
-        plan["name"],
-        positions,
-        body["rig"],
-        record.created,
-        record.author,
-        taken,
-        attempts,
-        "" if ended is None else str(ended.keys["action"]),
-        {name: value for name, value in body.items() if name not in ("plan", "rig")},
-        dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
-    )
-
-
-def _rejections(ledger: Ledger, records: Sequence[str]) -> dict[str, str]:
-    """Record of a reading -> why it was left out, for those that were."""
-    found: dict[str, str] = {}
-    for start in range(0, len(records), SOME):
-        some = list(records[start : start + SOME])
-        for event in ledger.find("event", subject_kind="reading", action="rejected", subject=some):
-            found[event.keys["subject"]] = str(event.body.get("reason", ""))
-    return found
 
 
 def _radians(row: Sequence[float]) -> tuple[float, float, float]:

@@ -264,34 +264,13 @@ def dcc_bytes(record: Record) -> bytes:
     if lost:
         raise InputError(f"a digital certificate states {lost[0]}; give it in lab.toml (--laboratory)")
     root = etree.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion=SCHEMA_VERSION, nsmap=NSMAP)
-    _administration(element(root, "dcc:administrativeData"), record)
-    _measurement(element(element(root, "dcc:measurementResults"), "dcc:measurementResult"), record)
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-
-
-def identifier(record: Record, number: str) -> str:
-    """What identifies a certificate of a laboratory in the whole world: laboratory and number."""
-    return f"{record['laboratory']['country']} {record['laboratory']['name']} {number}"
-
-
-def _administration(parent: Any, record: Record) -> None:
+    parent = element(root, "dcc:administrativeData")
     program, _, release = record["program"].partition(" ")
     software = element(element(parent, "dcc:dccSoftware"), "dcc:software")
     named(software, "dcc:name", program)
     element(software, "dcc:release", release or "unknown")
     element(software, "dcc:type", "application")
-    _core(element(parent, "dcc:coreData"), record)
-    item = record["item"]
-    listed = element(element(parent, "dcc:items"), "dcc:item")
-    named(listed, "dcc:name", item["name"] or "inclinometer")
-    if item["manufacturer"]:
-        named(element(listed, "dcc:manufacturer"), "dcc:name", item["manufacturer"])
-    _identified(element(listed, "dcc:identifications"), "manufacturer", item["serial"] or "not stated", "serial number")
-    _people(parent, record)
-    _statements(element(parent, "dcc:statements"), record)
-
-
-def _core(core: Any, record: Record) -> None:
+    core = element(parent, "dcc:coreData")
     dates = record["dates"]
     element(core, "dcc:countryCodeISO3166_1", record["laboratory"]["country"])
     element(core, "dcc:usedLangCodeISO639_1", "en")
@@ -314,6 +293,21 @@ def _core(core: Any, record: Record) -> None:
         change = element(core, "dcc:reportAmendedSubstituted")
         element(change, "dcc:typeOfChange", "substituted")
         element(change, "dcc:replacedUniqueIdentifier", identifier(record, record["supersedes"]))
+    item = record["item"]
+    listed = element(element(parent, "dcc:items"), "dcc:item")
+    named(listed, "dcc:name", item["name"] or "inclinometer")
+    if item["manufacturer"]:
+        named(element(listed, "dcc:manufacturer"), "dcc:name", item["manufacturer"])
+    _identified(element(listed, "dcc:identifications"), "manufacturer", item["serial"] or "not stated", "serial number")
+    _people(parent, record)
+    _statements(element(parent, "dcc:statements"), record)
+    _measurement(element(element(root, "dcc:measurementResults"), "dcc:measurementResult"), record)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def identifier(record: Record, number: str) -> str:
+    """What identifies a certificate of a laboratory in the whole world: laboratory and number."""
+    return f"{record['laboratory']['country']} {record['laboratory']['name']} {number}"
 
 
 def _identified(parent: Any, issuer: str, value: str, name: str, ref: str = "") -> None:

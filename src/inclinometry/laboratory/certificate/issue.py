@@ -75,7 +75,7 @@ def record_from_files(
         language=language,
         verification=judged,
         previous=before,
-        previous_from=_named(before, previous),
+        previous_from="" if before is None or previous is None else f"{previous.name} ({before.method})",
         inputs=inputs,
     )
 
@@ -86,10 +86,6 @@ def _completed(order: Order, calibration: Calibration, today: date | None) -> Or
         raise InputError(f"the order is for {order.serial!r:.60}, the calibration of {name!r:.60}")
     issued = order.issued or today or datetime.now(UTC).date()
     return replace(order, serial=order.serial or ("" if name in UNNAMED else name), issued=issued)
-
-
-def _named(before: Calibration | None, path: Path | None) -> str:
-    return "" if before is None or path is None else f"{path.name} ({before.method})"
 
 
 def _number(given: str | None, order: Order, inputs: dict[str, str]) -> str:

@@ -144,7 +144,13 @@ def _order(settings: toml_keys.Settings) -> dict[str, Any]:
     found: dict[str, Any] = dict(_texts(settings, plain))
     for key in _DATES:
         if key in settings.content:
-            found[key] = _date(settings, key)
+            value = settings.content[key]
+            if isinstance(value, datetime.datetime):
+                found[key] = value.date()
+            elif isinstance(value, datetime.date):
+                found[key] = value
+            else:
+                raise FileError(f"{key} is {value!r:.40}; a date is needed, as {key} = 2026-05-01", path=settings.path)
     for key, limits in _RANGES.items():
         if key in settings.content:
             found[key] = _range(settings, key, *limits)
@@ -154,15 +160,6 @@ def _order(settings: toml_keys.Settings) -> dict[str, Any]:
             raise FileError(f"interval_months is {months:g}; whole months are needed", path=settings.path)
         found["interval_months"] = int(months)
     return found
-
-
-def _date(settings: toml_keys.Settings, key: str) -> datetime.date:
-    value = settings.content[key]
-    if isinstance(value, datetime.datetime):
-        return value.date()
-    if isinstance(value, datetime.date):
-        return value
-    raise FileError(f"{key} is {value!r:.40}; a date is needed, as {key} = 2026-05-01", path=settings.path)
 
 
 def _range(settings: toml_keys.Settings, key: str, low: float, high: float) -> tuple[float, float]:

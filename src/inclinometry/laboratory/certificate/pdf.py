@@ -109,14 +109,6 @@ def qr_text(number: str, digest: str) -> str:
     return f"inclinometry certificate {number} {digest}"
 
 
-def _qr(text: str) -> str:
-    import segno
-
-    stream = io.BytesIO()
-    segno.make(text, error="m", micro=False).save(stream, kind="svg", border=1, xmldecl=False, svgns=True)
-    return stream.getvalue().decode("utf-8")
-
-
 def _view(record: Content) -> Content:
     """Ready texts for the template."""
     say, number, digest = words(record["language"]), record["number"], record_digest(record)
@@ -131,7 +123,7 @@ def _view(record: Content) -> Content:
         tables.classical_section(record, say),
         tables.residual_section(record, say),
         tables.verification_section(record, say),
-        _remarks(record, say),
+        tables.section(say("remarks"), list=record["warnings"]) if record["warnings"] else None,
         _inputs(record, say),
     ]
     view = {
@@ -159,7 +151,13 @@ def _view(record: Content) -> Content:
         "end": say("end", number=number),
     }
     broken: Content = _breakable(view)
-    return broken | {"qr": _qr(qr_text(number, digest)), "digest": digest}
+    import segno
+
+    stream = io.BytesIO()
+    segno.make(qr_text(number, digest), error="m", micro=False).save(
+        stream, kind="svg", border=1, xmldecl=False, svgns=True
+    )
+    return broken | {"qr": stream.getvalue().decode("utf-8"), "digest": digest}
 
 
 def _letterhead(laboratory: Mapping[str, str], say: Words) -> list[str]:
@@ -192,7 +190,14 @@ def _facts(record: Content, say: Words) -> list[list[str]]:
             laboratory.get("place") or method.get("rig_place") or laboratory.get("address", "").replace("\n", ", "),
         ),
         ("method", say.method(method["name"])),
-        ("plan", _plan(method, say)),
+        (
+            "plan",
+            (
+                say("positions", count=method["positions"])
+                if not method["plan"]
+                else say("plan_positions", plan=method["plan"], count=method["positions"])
+            ),
+        ),
         ("rig", _rig(method, say)),
         ("environment", _environment(record["environment"], say)),
         ("traceability", _traceability(laboratory, method, say)),
@@ -211,12 +216,6 @@ def _range(item: Content, say: Words) -> str:
         return ""
     low, high = item["temperature_range_degC"]
     return say("range_of", low=plain(low, 1), high=plain(high, 1))
-
-
-def _plan(method: Content, say: Words) -> str:
-    if not method["plan"]:
-        return say("positions", count=method["positions"])
-    return say("plan_positions", plan=method["plan"], count=method["positions"])
 
 
 def _rig(method: Content, say: Words) -> str:
@@ -283,10 +282,6 @@ def _authorised(laboratory: Mapping[str, str], record: Content, say: Words) -> l
 def _marks(record: Content, digest: str, say: Words) -> list[list[str]]:
     rows = [[say("digest"), digest]]
     return rows + ([[say("head"), record["head"]]] if record["head"] else [])
-
-
-def _remarks(record: Content, say: Words) -> Content | None:
-    return tables.section(say("remarks"), list=record["warnings"]) if record["warnings"] else None
 
 
 def _inputs(record: Content, say: Words) -> Content:

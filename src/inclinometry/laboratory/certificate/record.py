@@ -331,7 +331,9 @@ def certificate_record(
             "residuals": _residuals(calibration),
         },
         "adjustment": None if previous is None else _adjustment(calibration, previous, previous_from),
-        "verification": None if verification is None else _verification(verification),
+        "verification": None
+        if verification is None
+        else {name: verification[name] for name in ("verdict", "limits", "report")},
         "conformity": _conformity(verification),
         "interval_months": order.interval_months,
         "warnings": [*calibration.warnings, *_two_accelerometers(calibration.tool)],
@@ -477,27 +479,20 @@ def _adjustment(calibration: Calibration, previous: Calibration, previous_from: 
     }
 
 
-def _verification(verification: Mapping[str, Any]) -> Record:
-    return {name: verification[name] for name in ("verdict", "limits", "report")}
-
-
 def _conformity(verification: Mapping[str, Any] | None) -> Record:
     if verification is None:
         return {"statement": "not assessed", "rule": None}
     guard = verification["limits"].get("guard")
     rule = RULES.get(str(guard), "consistency")
-    return {"statement": verification["verdict"], "rule": rule, "judged": _scope(verification["report"]["positions"])}
-
-
-def _scope(positions: Sequence[Mapping[str, Any]]) -> Record:
-    """To which results the statement applies: angle -> how many positions, lowest and highest inclination."""
+    # to which results the statement applies: angle -> how many positions, lowest and highest inclination
+    positions = verification["report"]["positions"]
     found: Record = {}
     for name in ("inclination", "azimuth", "toolface"):
         inclinations = [row["inclination_deg"] for row in positions if row[name]["decision"] != "not judged"]
         if inclinations:
             span = [min(inclinations), max(inclinations)]
             found[name] = {"positions": len(inclinations), "inclination_deg": span}
-    return found
+    return {"statement": verification["verdict"], "rule": rule, "judged": found}
 
 
 def _plain(value: Any) -> Any:
@@ -672,22 +667,6 @@ def verification_section(record: Content, say: Words) -> Content | None:
     k, positions = report["coverage_factor"], report["positions"]
     probability = 100.0 * coverage_probability(k)
     texts = [say("verification_note", k=f"{k:.3g}", p=f"{probability:.4g}")]
-    tables = [_summary(positions, say), _positions(positions, say)]
-    return section(
-        say("verification"),
-        texts,
-        tables=tables,
-        figures=_curves(positions, say),
-        new_page=True,
-        list=[*report["reasons"], *report["warnings"]],
-    )
-
-
-def _judged(positions: Sequence[Content], name: str) -> list[Content]:
-    return [row for row in positions if row[name]["decision"] != "not judged" and row[name]["limit_deg"] is not None]
-
-
-def _summary(positions: Sequence[Content], say: Words) -> Content:
     rows = []
     for name in LETTERS:
         judged = _judged(positions, name)
@@ -701,7 +680,19 @@ def _summary(positions: Sequence[Content], say: Words) -> Content:
         cells = [_signed(worst["error_deg"], worst["U_deg"]), significant(worst["U_deg"])]
         rows.append([say(name), str(len(judged)), str(passed), *cells, say("own_u") if own else plain(limits[0], 6)])
     head = [say("angle"), say("judged"), say("accepted"), f"{say('largest_error')}, °", "U, °", f"{say('limit')}, °"]
-    return table(say("conformity"), head, rows)
+    tables = [table(say("conformity"), head, rows), _positions(positions, say)]
+    return section(
+        say("verification"),
+        texts,
+        tables=tables,
+        figures=_curves(positions, say),
+        new_page=True,
+        list=[*report["reasons"], *report["warnings"]],
+    )
+
+
+def _judged(positions: Sequence[Content], name: str) -> list[Content]:
+    return [row for row in positions if row[name]["decision"] != "not judged" and row[name]["limit_deg"] is not None]
 
 
 def _signed(value: float, u: float) -> str:

@@ -196,7 +196,10 @@ class ChannelMap:
             raise InputError(
                 f"axes {list(self.axes)} for {count} fields; axes are for three sensors, else leave them out"
             )
-        scale = np.broadcast_to(_scales(self.scale, count), (count,))
+        found = finite(self.scale, "scale")
+        if found.shape not in ((), (count,)):
+            raise InputError(f"scale has {found.size} numbers for {count} fields; give one, or one a field")
+        scale = np.broadcast_to(found, (count,))
         if (scale == 0.0).any() or not self.low < self.high:
             raise InputError(f"scale {self.scale}, low {self.low:g}, high {self.high:g}: no scale is 0 and low < high")
         matrix = axes_matrix((self.axes[0], self.axes[1], self.axes[2])) if self.axes else np.eye(count)
@@ -214,13 +217,6 @@ class ChannelMap:
         found = np.empty(len(self.fields))
         found[self._order] = signals / self._factor
         return found
-
-
-def _scales(scale: float | Sequence[float], count: int) -> Array:
-    found = finite(scale, "scale")
-    if found.shape not in ((), (count,)):
-        raise InputError(f"scale has {found.size} numbers for {count} fields; give one, or one a field")
-    return found
 
 
 @dataclass(frozen=True)
@@ -547,21 +543,6 @@ def encode(protocol: Protocol, sample: Sample) -> bytes:
     >>> encode(read_protocol("csv-line"), Sample(0.0, channels, 20.5, 7))
     b'7,20.5,1,2,3,4,5,6\r\n'
     """
-    values = _values(protocol, sample)
-    end = protocol.terminator
-    if protocol.framing == "wits0":
-        items = [f"{item}{value}" for item, value in sorted(values.items())]
-        return b"".join(text.encode("ascii") + end for text in (BEGIN, *items, END))
-    if protocol.columns:
-        line = protocol.delimiter.join(values.get(name, "0") for name in protocol.columns)
-    else:
-        if not protocol.template:
-            raise InputError(f"protocol {protocol.name!r} has a pattern and no template; add one to simulate it")
-        line = re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], "0"), protocol.template)
-    return with_checksum(protocol.checksum, line).encode("ascii") + end
-
-
-def _values(protocol: Protocol, sample: Sample) -> Mapping[str, str]:
     values: dict[str, str] = {}
     for kind, channel in protocol.channels.items():
         signals = sample.channels.get(kind)
@@ -580,7 +561,17 @@ def _values(protocol: Protocol, sample: Sample) -> Mapping[str, str]:
         values[protocol.sequence] = str(number % protocol.modulus if protocol.modulus else number)
     if protocol.time:
         values[protocol.time] = f"{sample.instrument_time or 0.0:.3f}"
-    return values
+    end = protocol.terminator
+    if protocol.framing == "wits0":
+        items = [f"{item}{value}" for item, value in sorted(values.items())]
+        return b"".join(text.encode("ascii") + end for text in (BEGIN, *items, END))
+    if protocol.columns:
+        line = protocol.delimiter.join(values.get(name, "0") for name in protocol.columns)
+    elif protocol.template:
+        line = re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], "0"), protocol.template)
+    else:
+        raise InputError(f"protocol {protocol.name!r} has a pattern and no template; add one to simulate it")
+    return with_checksum(protocol.checksum, line).encode("ascii") + end
 
 
 # Bytes to samples and events; knows no port and no thread.
@@ -672,35 +663,32 @@ class Decoder:
                 faults.append("range")
                 bounds = f"{channel.low:g} to {channel.high:g} {channel.unit}"
                 self.event("range", f"{kind} reads {', '.join(f'{v:g}' for v in signals)}; allowed {bounds}")
-        temperature = self._temperature(fields, line, faults)
+        about = self._protocol.temperature
+        if about is None:
+            temperature = None
+        else:
+            degrees = about.scale * _number(fields, about.field, line) + about.offset
+            if not about.low <= degrees <= about.high:
+                faults.append("range")
+                self.event("range", f"temperature is {degrees:g} degC; allowed {about.low:g} to {about.high:g} degC")
+            temperature = degrees
         when = _number(fields, protocol.time, line) if protocol.time else None
         number = _whole(fields, protocol.sequence, line) if protocol.sequence else None
-        now = self._read_clock()
-        if number is not None and not self._counted(number):
-            return False
-        self._check_instrument_clock(when)
-        if self._is_stuck(fields):
-            faults.append("stuck")
-        self._on_sample(Sample(now, channels, temperature, number, when, tuple(dict.fromkeys(faults))))
-        return True
-
-    def _read_clock(self) -> float:
         now = self._clock() + self._ahead
         if now < self._time:
             back = self._time - now
             self._ahead += back
             self.event("clock", f"our clock went back by {back:.3g} s; times go on from where they were")
-        return self._now()
-
-    def _temperature(self, fields: Fields, line: bytes, faults: list[str]) -> float | None:
-        about = self._protocol.temperature
-        if about is None:
-            return None
-        degrees = about.scale * _number(fields, about.field, line) + about.offset
-        if not about.low <= degrees <= about.high:
-            faults.append("range")
-            self.event("range", f"temperature is {degrees:g} degC; allowed {about.low:g} to {about.high:g} degC")
-        return degrees
+        now = self._now()
+        if number is not None and not self._counted(number):
+            return False
+        before, self._instrument_time = self._instrument_time, when
+        if when is not None and before is not None and when < before:
+            self.event("clock", f"the instrument's clock went back from {before:g} s to {when:g} s")
+        if self._is_stuck(fields):
+            faults.append("stuck")
+        self._on_sample(Sample(now, channels, temperature, number, when, tuple(dict.fromkeys(faults))))
+        return True
 
     def _counted(self, number: int) -> bool:
         """Whether a sample with this number is new; gaps and restarts are reported."""
@@ -721,11 +709,6 @@ class Decoder:
             self._instrument_time = None
             self.event("restart", f"the instrument counts from {number} again, after {last}")
         return True
-
-    def _check_instrument_clock(self, when: float | None) -> None:
-        before, self._instrument_time = self._instrument_time, when
-        if when is not None and before is not None and when < before:
-            self.event("clock", f"the instrument's clock went back from {before:g} s to {when:g} s")
 
     def _is_stuck(self, fields: Fields) -> bool:
         limit = self._protocol.stuck_after

@@ -92,7 +92,20 @@ def _read(path: Path) -> Protocol:
     try:
         found["channels"] = _channels(settings.content.get("channels"), path)
         if "temperature" in settings.content:
-            found["temperature"] = _temperature(settings.content["temperature"], path)
+            table = _table(
+                settings.content["temperature"],
+                "temperature",
+                ("field", "scale", "offset_degC", "low_degC", "high_degC"),
+                path,
+            )
+            name = _text(table, "field")
+            if name is None:
+                raise FileError("temperature: key 'field' is missing; name the field", path=path)
+            keys = {"scale": "scale", "offset_degC": "offset", "low_degC": "low", "high_degC": "high"}
+            given = {own: table.number(key, -1e6, 1e6) for key, own in keys.items()}
+            found["temperature"] = TemperatureMap(
+                name, **{own: number for own, number in given.items() if number is not None}
+            )
         return Protocol(path.stem, **found)
     except FileError:
         raise
@@ -156,16 +169,6 @@ def _scale(table: toml_keys.Settings) -> float | list[float]:
     if not value or any(isinstance(one, bool) or not isinstance(one, int | float) for one in value):
         raise FileError(f"scale is {str(value)[:60]}; a number, or a list of one a field, is needed", path=table.path)
     return [float(one) for one in value]
-
-
-def _temperature(value: Any, path: Path) -> TemperatureMap:
-    table = _table(value, "temperature", ("field", "scale", "offset_degC", "low_degC", "high_degC"), path)
-    name = _text(table, "field")
-    if name is None:
-        raise FileError("temperature: key 'field' is missing; name the field", path=path)
-    keys = {"scale": "scale", "offset_degC": "offset", "low_degC": "low", "high_degC": "high"}
-    given = {own: table.number(key, -1e6, 1e6) for key, own in keys.items()}
-    return TemperatureMap(name, **{own: number for own, number in given.items() if number is not None})
 
 
 def _serial(value: Any, path: Path) -> dict[str, object]:

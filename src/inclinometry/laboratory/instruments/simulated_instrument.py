@@ -407,50 +407,41 @@ class SimulatedStand:
     def sample(self, number: int, time: float) -> Sample:
         """What the tool says: sample `number`, at `time` s."""
         with self._lock:
-            self._follow_plan(time)
+            plan = self.settings.plan
+            if plan is not None:
+                due = int(time / (self.settings.dwell + self.settings.turn))
+                if self._state.visited <= due:
+                    row = due % len(plan)
+                    place = (float(plan.azimuth[row]), float(plan.inclination[row]), float(plan.toolface[row]))
+                    self.move(place, time, at_once=due == 0)
+                    self._state.visited = due + 1
             degrees = self.settings.temperature + self.settings.warming * time / 3600.0
             moving = time < self._state.move.end
-            clean = self._clean(time, degrees, moving)
+            if self._state.clean and not moving:
+                clean = self._state.clean
+            else:
+                move = self._state.move
+                settings = move.start + _way(move, time) * (move.stop - move.start)
+                turned = self.rig.orientation(settings)
+                found = {k: t.signals(turned @ self._directions[k], degrees) for k, t in self.tool.triads.items()}
+                if self._constant and not moving:
+                    self._state.clean = found
+                clean = found
             shake = self.settings.noise * (SHAKE if moving else 1.0)
-            noise = self._noise_of(number)
+            block, row = divmod(number, BLOCK)
+            drawn = self._noise.get(block)
+            if drawn is None:
+                drawn = {
+                    kind: self._streams[f"{kind}.{block}"].standard_normal((BLOCK, triad.count)) * self.tool.noise[kind]
+                    for kind, triad in self.tool.triads.items()
+                }
+                self._noise = {**dict(list(self._noise.items())[-2:]), block: drawn}
+            noise = {kind: values[row] for kind, values in drawn.items()}
         channels: dict[str, Array] = {}
         for kind, triad in self.tool.triads.items():
             signals = clean[kind] + shake * noise[kind]
             channels[kind] = np.round(signals) if triad.unit == "counts" else signals
         return Sample(time, channels, round(degrees, 3), number, time)
-
-    def _follow_plan(self, time: float) -> None:
-        plan = self.settings.plan
-        if plan is None:
-            return
-        due = int(time / (self.settings.dwell + self.settings.turn))
-        if self._state.visited <= due:
-            row = due % len(plan)
-            place = (float(plan.azimuth[row]), float(plan.inclination[row]), float(plan.toolface[row]))
-            self.move(place, time, at_once=due == 0)
-            self._state.visited = due + 1
-
-    def _clean(self, time: float, degrees: float, moving: bool) -> dict[str, Array]:
-        if self._state.clean and not moving:
-            return self._state.clean
-        move = self._state.move
-        settings = move.start + _way(move, time) * (move.stop - move.start)
-        turned = self.rig.orientation(settings)
-        found = {k: t.signals(turned @ self._directions[k], degrees) for k, t in self.tool.triads.items()}
-        if self._constant and not moving:
-            self._state.clean = found
-        return found
-
-    def _noise_of(self, number: int) -> Mapping[str, Array]:
-        block, row = divmod(number, BLOCK)
-        drawn = self._noise.get(block)
-        if drawn is None:
-            drawn = {
-                kind: self._streams[f"{kind}.{block}"].standard_normal((BLOCK, triad.count)) * self.tool.noise[kind]
-                for kind, triad in self.tool.triads.items()
-            }
-            self._noise = {**dict(list(self._noise.items())[-2:]), block: drawn}
-        return {kind: values[row] for kind, values in drawn.items()}
 
 
 def _way(move: _Move, time: float) -> float:
@@ -668,18 +659,15 @@ class RigCommands:
             elif part:
                 self._errors = [*self._errors, f'-113,"Undefined header: {part[:20]}"'][-20:]
         if wanted:
-            self._move(wanted)
+            azimuth, inclination, toolface = self._stand.dial
+            degrees = np.degrees([azimuth, inclination, toolface])
+            new = [wanted.get(name, float(old)) for name, old in zip(("AZ", "INC", "TF"), degrees, strict=True)]
+            try:
+                a, i, t = (float(x) for x in np.radians(new))
+                self._stand.move((a, i, t), self._now())
+            except InputError:
+                self._errors = [*self._errors, '-222,"Data out of range"'][-20:]
         return answers
-
-    def _move(self, wanted: dict[str, float]) -> None:
-        azimuth, inclination, toolface = self._stand.dial
-        degrees = np.degrees([azimuth, inclination, toolface])
-        new = [wanted.get(name, float(old)) for name, old in zip(("AZ", "INC", "TF"), degrees, strict=True)]
-        try:
-            a, i, t = (float(x) for x in np.radians(new))
-            self._stand.move((a, i, t), self._now())
-        except InputError:
-            self._errors = [*self._errors, '-222,"Data out of range"'][-20:]
 
 
 BITS = 16

@@ -154,7 +154,12 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
                 if str(batch.head) != manifest["head"]:
                     said = manifest["head"][:40]
                     raise FileError(f"ends at record {batch.head.seq}; its manifest says {said}", path=path)
-                _documents(connection, archive, manifest["documents"], path)
+                for name, media_type in manifest["documents"].items():
+                    with archive.open(f"documents/{name}") as stream:
+                        data = stream.read(LARGEST_DOCUMENT + 1)
+                    if digest_bytes(data) != f"sha256:{name}" or not plain(media_type):
+                        raise FileError(f"documents/{name:.80} was changed", path=path)
+                    add_document(connection, media_type, data)
     except _DAMAGED as error:
         raise FileError(f"not an export of a ledger, or damaged ({error})", path=path) from None
     except FileNotFoundError:
@@ -220,12 +225,3 @@ def _fit(row: Mapping[str, Any], line: bytes) -> None:
     if chain.compact(body) != row["body"] or chain.compact(row).encode() != line.removesuffix(b"\n"):
         raise InputError("spelled in another way than `ledger export` does: doubled keys, blanks or another order")
     check(row["kind"], row["keys"], body, row["version"])
-
-
-def _documents(connection: Connection, archive: zipfile.ZipFile, documents: dict[str, Any], path: str | Path) -> None:
-    for name, media_type in documents.items():
-        with archive.open(f"documents/{name}") as stream:
-            data = stream.read(LARGEST_DOCUMENT + 1)
-        if digest_bytes(data) != f"sha256:{name}" or not plain(media_type):
-            raise FileError(f"documents/{name:.80} was changed", path=path)
-        add_document(connection, media_type, data)

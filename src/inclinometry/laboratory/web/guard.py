@@ -101,7 +101,14 @@ class Guard:
         if problem is not None:
             await _refuse(scope, send, *problem)
             return
-        login = self._who(headers)
+        login: Login | None  # None for a stranger
+        given = bearer(headers)
+        if self._single_user and not given:
+            login = self._logins.local()
+        else:
+            token = given or cookie_token(headers)
+            found = self._logins.find(token) if token else None
+            login = None if found is None else found[0]
         scope.setdefault("state", {})["login"] = login
         problem = self._stranger(scope, headers, login) or problem_of(scope, headers)
         if problem is not None:
@@ -128,15 +135,6 @@ class Guard:
         if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none") and not linked:
             return 403, "this request comes from a page of another site"
         return None
-
-    def _who(self, headers: dict[str, str]) -> Login | None:
-        """The login of a request, None for a stranger."""
-        given = bearer(headers)
-        if self._single_user and not given:
-            return self._logins.local()
-        token = given or cookie_token(headers)
-        found = self._logins.find(token) if token else None
-        return None if found is None else found[0]
 
     def _stranger(self, scope: Scope, headers: dict[str, str], login: Login | None) -> Problem | None:
         path, http = scope["path"], scope["type"] == "http"

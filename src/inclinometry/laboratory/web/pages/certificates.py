@@ -47,18 +47,14 @@ def new_page(request: Request, calibration: str = "", verification: str = "", su
             ui.label(visitor.bench.without_path(str(error))).classes("warn")
             record = None
         if record is None:
-            _choose(visitor)
+            found = listed(visitor.bench.ledger, "calibration", limit=OFFERED)
+            ui.label(visitor.say("certificates.choose" if found else "verify.no_calibration")).classes("subtitle")
+            for one in found:
+                ui.link(f"{one.keys['serial']} · {day(one.created)}", to("/certificates/new", calibration=one.id))
             return
         if supersedes:
             ui.label(visitor.say("certificates.replaces", number=supersedes)).classes("warn")
         IssueForm(visitor, record, verification, supersedes)
-
-
-def _choose(visitor: Visitor) -> None:
-    found = listed(visitor.bench.ledger, "calibration", limit=OFFERED)
-    ui.label(visitor.say("certificates.choose" if found else "verify.no_calibration")).classes("subtitle")
-    for one in found:
-        ui.link(f"{one.keys['serial']} · {day(one.created)}", to("/certificates/new", calibration=one.id))
 
 
 class IssueForm:
@@ -99,7 +95,17 @@ class IssueForm:
         self.button.disable()
         try:
             user = self._visitor.require("issue")
-            wish = self._wish(user)
+            about: dict[str, Any] = {name: str(field.value or "").strip() for name, field in self.order.items()}
+            about["received"] = _day(about["received"])
+            if about["environment"]:
+                about["environment"] = {"text": about["environment"]}
+            said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
+            wish = {
+                "laboratory": replace(Laboratory(**said), authoriser=_name(user), authoriser_role=user.role),
+                "language": str(self.language.value),
+                "nonconforming": bool(self.nonconforming.value),
+                "about": about,
+            }
             made = await aside(lambda: self._issued(user, wish))
         except InclinometryError as error:
             sentence = self._visitor.bench.without_path(str(error))
@@ -107,19 +113,6 @@ class IssueForm:
             self.button.enable()
             return
         ui.navigate.to(to("/certificates", made.keys["number"]))
-
-    def _wish(self, user: User) -> dict[str, Any]:
-        about: dict[str, Any] = {name: str(field.value or "").strip() for name, field in self.order.items()}
-        about["received"] = _day(about["received"])
-        if about["environment"]:
-            about["environment"] = {"text": about["environment"]}
-        said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
-        return {
-            "laboratory": replace(Laboratory(**said), authoriser=_name(user), authoriser_role=user.role),
-            "language": str(self.language.value),
-            "nonconforming": bool(self.nonconforming.value),
-            "about": about,
-        }
 
     def _issued(self, user: User, wish: dict[str, Any]) -> Record:
         ledger, calibration = self._visitor.bench.ledger, self._calibration.id

@@ -150,7 +150,15 @@ def _check(visitor: Visitor) -> None:
             box.clear()
             button.enable()
             with box:
-                _verdict(visitor, found)
+                if isinstance(found, str):
+                    ui.label(found).classes("bad")
+                else:
+                    if found.ok:
+                        ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
+                    for fault in found.faults[:FAULTS]:
+                        ui.label(str(fault)).classes("bad number")
+                    if len(found.faults) > FAULTS:
+                        ui.label(visitor.say("home.more_due", number=len(found.faults) - FAULTS)).classes("bad")
 
         with ui.row().classes("items-center"):
             button = ui.button(say("ledger.verify"), on_click=check).props("outline no-caps")
@@ -163,18 +171,6 @@ def _check(visitor: Visitor) -> None:
 
 def _set(done: list[float], share: float) -> None:
     done[0] = share
-
-
-def _verdict(visitor: Visitor, found: Verdict | str) -> None:
-    if isinstance(found, str):
-        ui.label(found).classes("bad")
-        return
-    if found.ok:
-        ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
-    for fault in found.faults[:FAULTS]:
-        ui.label(str(fault)).classes("bad number")
-    if len(found.faults) > FAULTS:
-        ui.label(visitor.say("home.more_due", number=len(found.faults) - FAULTS)).classes("bad")
 
 
 def _search(visitor: Visitor, kind: str, key: str) -> None:

@@ -201,23 +201,19 @@ def interface(request: Request) -> HTMLResponse:
     parts = [_HEAD]
     for path, methods in content["paths"].items():
         for method, about in methods.items():
-            parts.append(_route(path, method, about, content))
+            takes = [f"{p['name']} ({p['in']})" for p in about.get("parameters", [])]
+            body = about.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
+            name = body.get("$ref", "").rpartition("/")[2]
+            shown = ""
+            if name:
+                properties = content["components"]["schemas"][name].get("properties", {})
+                shown = f"<pre>{escape(json.dumps(properties, indent=1, ensure_ascii=False))}</pre>"
+            parts.append(
+                f'<details class="panel" style="margin:.5rem 0"><summary><code>{method.upper()} {escape(path)}</code> '
+                f"{escape(about.get('description', '').splitlines()[0])}</summary>"
+                f"<p>{escape(', '.join(takes))}</p>{shown}</details>"
+            )
     return HTMLResponse("".join([*parts, "</main></body></html>"]))
-
-
-def _route(path: str, method: str, about: dict[str, Any], content: dict[str, Any]) -> str:
-    takes = [f"{p['name']} ({p['in']})" for p in about.get("parameters", [])]
-    body = about.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
-    name = body.get("$ref", "").rpartition("/")[2]
-    shown = ""
-    if name:
-        properties = content["components"]["schemas"][name].get("properties", {})
-        shown = f"<pre>{escape(json.dumps(properties, indent=1, ensure_ascii=False))}</pre>"
-    return (
-        f'<details class="panel" style="margin:.5rem 0"><summary><code>{method.upper()} {escape(path)}</code> '
-        f"{escape(about.get('description', '').splitlines()[0])}</summary>"
-        f"<p>{escape(', '.join(takes))}</p>{shown}</details>"
-    )
 
 
 BIDI: Final = dict.fromkeys([0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)], "\ufffd")

@@ -91,7 +91,17 @@ def tool_page(request: Request, serial: str) -> None:
             ui.label(visible(f"{tool.serial} · {tool.name}")).classes("subtitle number")
             about = " · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)
             ui.label(visible(about)).classes("dim")
-            _due(visitor, tool)
+            if tool.retired:
+                ui.label(visitor.say("tools.retired")).classes("warn")
+            else:
+                due = due_days(visitor.bench.ledger, [tool]).get(tool.serial)
+                if due is None:
+                    ui.label(visitor.say("tools.no_interval")).classes("dim")
+                else:
+                    late = due <= datetime.now(UTC).date()
+                    ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}").classes(
+                        "number " + ("bad" if late else "good")
+                    )
             if visitor.user.may("capture"):
                 with ui.row():
                     ui.link(visitor.say("home.start"), to("/calibrate", serial=tool.serial))
@@ -102,18 +112,6 @@ def tool_page(request: Request, serial: str) -> None:
             with ui.card().classes("panel"):
                 ui.label(visitor.say("tools.change")).classes("subtitle")
                 ToolForm(visitor, tool)
-
-
-def _due(visitor: Visitor, tool: RegisteredTool) -> None:
-    if tool.retired:
-        ui.label(visitor.say("tools.retired")).classes("warn")
-        return
-    due = due_days(visitor.bench.ledger, [tool]).get(tool.serial)
-    if due is None:
-        ui.label(visitor.say("tools.no_interval")).classes("dim")
-    else:
-        late = due <= datetime.now(UTC).date()
-        ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}").classes("number " + ("bad" if late else "good"))
 
 
 def _history(visitor: Visitor, serial: str) -> None:

@@ -111,7 +111,14 @@ def drawing(dial: tuple[float, float, float], label: str, words: tuple[str, str]
     collar = -0.45 * z + COLLAR * _arc(high[0], high[1], _TURN)
     back, front = [], []
     for ring in (level, upright, collar):
-        halves = _halves(ring)
+        # the stretches of a ring behind and before its centre
+        near = project(ring)[:, 2] >= project(ring.mean(axis=0))[0, 2]
+        halves: tuple[list[Array], list[Array]] = ([], [])
+        begin = 0
+        for i in range(1, len(ring)):
+            if near[i] != near[begin] or i == len(ring) - 1:
+                halves[int(near[begin])].append(ring[begin : i + 1])
+                begin = i
         back.append(_path(halves[0], "ring far"))
         front.append(_path(halves[1], "ring"))
     angles = [
@@ -133,18 +140,6 @@ def _sweep(angle: float) -> Array:
 
 def _arc(first: Array, second: Array, angle: Array) -> Array:
     return RING * (np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second)
-
-
-def _halves(ring: Array) -> tuple[list[Array], list[Array]]:
-    """The stretches of a ring behind and before its centre."""
-    near = project(ring)[:, 2] >= project(ring.mean(axis=0))[0, 2]
-    found: tuple[list[Array], list[Array]] = ([], [])
-    begin = 0
-    for i in range(1, len(ring)):
-        if near[i] != near[begin] or i == len(ring) - 1:
-            found[int(near[begin])].append(ring[begin : i + 1])
-            begin = i
-    return found
 
 
 def _points(seen: Array) -> str:

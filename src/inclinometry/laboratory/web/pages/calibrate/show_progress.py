@@ -46,17 +46,15 @@ class _Shared:
         now = time.monotonic()
         if now - self.when > _FRESH:
             self.when, self.seen = now, self.feed.stability()
-            self.cells = self._cells(self.seen)
+            seen = self.seen
+            found = []
+            for kind, count in channel_counts(self.feed).items():
+                columns = (seen.mean.get(kind), seen.sd.get(kind), seen.drift.get(kind))
+                digits = self._decimals(kind, seen.floor.get(kind), seen.sd.get(kind))
+                for axis in range(count):
+                    found += [_DASH if c is None or axis >= len(c) else f"{c[axis]:.{digits}f}" for c in columns]
+            self.cells = found
         return self
-
-    def _cells(self, seen: Stability) -> list[str]:
-        found = []
-        for kind, count in channel_counts(self.feed).items():
-            columns = (seen.mean.get(kind), seen.sd.get(kind), seen.drift.get(kind))
-            digits = self._decimals(kind, seen.floor.get(kind), seen.sd.get(kind))
-            for axis in range(count):
-                found += [_DASH if c is None or axis >= len(c) else f"{c[axis]:.{digits}f}" for c in columns]
-        return found
 
     def _decimals(self, kind: str, floor: Array | None, spread: Array | None) -> int:
         """Decimals at which the noise shows two digits; kept while they nearly fit, so that no number hops about."""

@@ -166,16 +166,12 @@ class StartForm:
         go = ui.button(say("start.go"), on_click=visitor.action("capture", self._open))
         go.props('unelevated no-caps size=lg data-testid="begin"')
 
-    def _wanted(self) -> dict[str, float]:
-        """Wanted uncertainties, degrees; an adaptive plan would not end without one."""
-        asked = {"u_azimuth_deg": self.wanted.value, "u_inclination_deg": self.wanted_inclination.value}
-        found = {name: float(value) for name, value in asked.items() if value is not None}
-        if self.plan.value == ADAPTIVE and not found:
-            raise InputError(self._visitor.say("start.needs_wanted"))
-        return found
-
     def _open(self, user: User) -> None:
-        wanted = self._wanted()
+        # wanted uncertainties, degrees; an adaptive plan would not end without one
+        asked = {"u_azimuth_deg": self.wanted.value, "u_inclination_deg": self.wanted_inclination.value}
+        wanted = {name: float(value) for name, value in asked.items() if value is not None}
+        if self.plan.value == ADAPTIVE and not wanted:
+            raise InputError(self._visitor.say("start.needs_wanted"))
         ledger, author = self._visitor.bench.ledger, user.name
         serial, name = str(self.serial.value or "").strip(), str(self.rig.value or "").strip()
         if ledger.latest("tool", serial=serial) is None:
