@@ -110,10 +110,6 @@ def _pair(about: Mapping[str, Any], key: str) -> tuple[float, float] | None:
 
 
 MEDIA: Final = {"pdf": "application/pdf", "dcc": "application/xml", "json": "application/json"}
-ENDINGS: Final = {"pdf": ".pdf", "dcc": ".xml", "json": ".json"}
-ATTEMPTS: Final = 20
-"""How often a number is taken anew when others issue at the same moment."""
-PAGE: Final = 20
 
 
 @dataclass(frozen=True)
@@ -255,19 +251,21 @@ def documents(ledger: Ledger, record: Record) -> dict[str, tuple[str, str, bytes
     """ "pdf", "dcc", "json" -> (file name, media type, bytes) of a certificate."""
     stem = re.sub(r"[^\w.-]+", "_", f"{record.keys['number']}_{record.keys['serial']}")
     digests = record.body["documents"]
-    return {name: (f"{stem}{end}", *ledger.document(digests[name])) for name, end in ENDINGS.items() if name in digests}
+    endings = {"pdf": ".pdf", "dcc": ".xml", "json": ".json"}
+    return {name: (f"{stem}{end}", *ledger.document(digests[name])) for name, end in endings.items() if name in digests}
 
 
 def next_number(ledger: Ledger, year: int) -> str:
     """The number after the last of the year, as 2026-0001; numbers of another form are passed over."""
+    page = 20
     before = 0
     while True:
-        rows = ledger.find("certificate", newest=True, after=before, limit=PAGE)
+        rows = ledger.find("certificate", newest=True, after=before, limit=page)
         for row in rows:
             found = re.fullmatch(r"(\d{4})-(\d{4,})", row.keys["number"])
             if found is not None and int(found[1]) == year:
                 return f"{year}-{int(found[2]) + 1:04d}"
-        if len(rows) < PAGE or int(rows[-1].created[:4]) < year:
+        if len(rows) < page or int(rows[-1].created[:4]) < year:
             return f"{year}-0001"
         before = rows[-1].seq
 
@@ -290,7 +288,8 @@ class _Request:
 def _issued(
     ledger: Ledger, request: _Request, author: str, today: date, replaced: tuple[str, str] | None = None
 ) -> Record:
-    for _ in range(ATTEMPTS):
+    # how often a number is taken anew when others issue at the same moment
+    for _ in range(20):
         # the number first: whoever certifies the same calibration meanwhile takes it, and all is looked at anew
         number = request.number or next_number(ledger, today.year)
         if ledger.count("certificate", number=number):

@@ -264,10 +264,6 @@ def months_after(day: date, months: int) -> date:
     return date(year, month + 1, min(day.day, calendar.monthrange(year, month + 1)[1]))
 
 
-_LISTED: Final = 20_000
-"""Extracts kept for one ledger; a record never changes, so an extract never grows old."""
-
-
 @dataclass(frozen=True)
 class Listed:
     """A record without its body."""
@@ -327,7 +323,8 @@ def extract(ledger: Ledger, one: Listed, what: str, make: Callable[[Record], T])
     found = make(ledger.get(one.kind, one.id))
     with _LOCK:
         kept[what, one.id] = found
-        while len(kept) > _LISTED:
+        # extracts kept for one ledger; a record never changes, so an extract never grows old
+        while len(kept) > 20_000:
             del kept[next(iter(kept))]
     return found
 

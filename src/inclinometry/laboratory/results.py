@@ -84,10 +84,6 @@ def at_the_bench(sentence: str) -> str:
     return re.sub(_ELSEWHERE, elsewhere, sentence)
 
 
-UNTURNED: Final = "they do not determine the tool; was it turned to each position?"
-"""What is said of readings that are all alike, or whose fit has no usable uncertainty."""
-
-
 def finish_calibration(
     ledger: Ledger, session: str, *, author: str, goal: Goal | None = None, estimate_rig: bool = False
 ) -> Record:
@@ -98,6 +94,8 @@ def finish_calibration(
     LedgerError
         The session is closed, or its readings cannot be fitted; says why.
     """
+    # what is said of readings that are all alike, or whose fit has no usable uncertainty
+    unturned = "they do not determine the tool; was it turned to each position?"
     seen = load_session(ledger, session)
     if seen.closed:
         raise LedgerError("this session is closed already")
@@ -105,14 +103,14 @@ def finish_calibration(
     if rig is None:
         raise LedgerError(f"rig {seen.rig!r} is not registered; register it first")
     if len(seen.valid) > 1 and _distinct(seen) == 1:
-        raise LedgerError(f"these readings do not make a calibration: {UNTURNED}")
+        raise LedgerError(f"these readings do not make a calibration: {unturned}")
     site = find_site(ledger, str(seen.settings.get("site", "")))
     now = session_progress(seen, goal or Goal(), rig, site, estimate_rig=estimate_rig)
     if now.calibration is None:
         raise LedgerError(f"these readings do not make a calibration: {now.waiting}")
     found = now.calibration
     if not np.isfinite(found.covariance).all() or (np.diagonal(found.covariance) < 0.0).any():
-        raise LedgerError(f"these readings do not make a calibration: {UNTURNED}")
+        raise LedgerError(f"these readings do not make a calibration: {unturned}")
     content = plain_content(found)
     # nothing is recorded that could not be read again, for what is recorded stays
     try:

@@ -20,8 +20,6 @@ from inclinometry.rotations import wrap_positive
 
 LOW, HIGH = -60.0, 250.0
 """Temperatures of any oven, degC."""
-CLOSEST = 5.0
-"""Two steps nearer to each other than this, degC, tell a polynomial nothing."""
 
 
 def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[float, ...]]:
@@ -50,11 +48,12 @@ def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[flo
     >>> len(hot), target[0], target[-1]
     (24, 20.0, 80.0)
     """
+    closest = 5.0  # two steps nearer to each other than this, degC, tell a polynomial nothing
     targets = within(list(temperatures), "temperatures", LOW, HIGH, "degC")
     apart = np.diff(np.sort(targets))
-    if targets.size < 2 or (apart.size and apart.min() < CLOSEST):
+    if targets.size < 2 or (apart.size and apart.min() < closest):
         raise InputError(
-            f"the temperatures are {', '.join(f'{t:g}' for t in targets)} degC; give two or more, {CLOSEST:g} apart"
+            f"the temperatures are {', '.join(f'{t:g}' for t in targets)} degC; give two or more, {closest:g} apart"
         )
     times = len(targets)
     sets = tuple(f"{t:g}:{name}" if name else "" for t in targets for name in (plan.roll_set or [""] * len(plan)))
@@ -71,12 +70,8 @@ def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[flo
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
 CLOSING: Final = ("finished", "abandoned")
-TEMPERATURES: Final = (-100.0, 400.0)
-"""degC that a tool in a laboratory may have."""
 SOME: Final = 500
 """Readings asked about at once."""
-LEAST_SAMPLES: Final = 8
-"""From so many samples on, their scatter is taken for the noise of the sensors."""
 
 
 @dataclass(frozen=True)
@@ -408,7 +403,8 @@ def bench_readings(
     roll_set = [names.get(row.number, "") for row in rows]
     known = {"g": g, "b": b, "dip": dip, "latitude": latitude}
     sd = {}
-    if all(row.capture.count >= LEAST_SAMPLES and set(row.capture.sd) >= set(kinds) for row in rows):
+    # from so many samples on, their scatter is taken for the noise of the sensors
+    if all(row.capture.count >= 8 and set(row.capture.sd) >= set(kinds) for row in rows):
         sd = {kind: np.stack([row.capture.sd[kind] / np.sqrt(row.capture.count) for row in rows]) for kind in kinds}
         # one sensor has one noise: what few samples say of it at one position is pooled over all
         sd = {kind: np.broadcast_to(np.sqrt(np.mean(v**2, axis=0)), v.shape) for kind, v in sd.items()}
@@ -440,7 +436,8 @@ def _capture_body(taken: Capture) -> dict[str, Any]:
         if abs(angle) > 2.0 * np.pi:
             raise InputError(f"the {name} dial is at {np.degrees(angle):g} degrees; allowed -360 to 360 degrees")
     if taken.temperature is not None:
-        within(taken.temperature, "temperature", *TEMPERATURES, "degC")
+        # degC that a tool in a laboratory may have
+        within(taken.temperature, "temperature", -100.0, 400.0, "degC")
     for kind, signals in taken.channels.items():
         within(finite(signals, kind, (None,)), kind, -LARGEST, LARGEST)
         for name in ("sd", "drift"):

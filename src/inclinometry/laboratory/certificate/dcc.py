@@ -203,10 +203,6 @@ def parameter_result(parent: Element, results: Record) -> None:
         element(meta, "dcc:nonSIUnit", ", ".join(strange))
 
 
-CONFORMITY: Final = {"pass": "pass", "fail": "fail", "inconclusive": "noPass"}
-"""Decision of a position -> DCC; inconclusive means that a guarded acceptance cannot say pass."""
-
-
 def verification_result(parent: Element, found: Record, name: str) -> None:
     """Errors of one angle at the positions where it was judged, with limits and decisions."""
     report = found["report"]
@@ -222,20 +218,13 @@ def verification_result(parent: Element, found: Record, name: str) -> None:
     listed = values(made, [row[name]["error_deg"] for row in rows], [DEGREE])
     expanded(listed, [row[name]["U_deg"] for row in rows], report["coverage_factor"])
     meta = element(element(made, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_conformity")
-    element(meta, "dcc:conformityXMLList", " ".join(CONFORMITY[row[name]["decision"]] for row in rows))
+    # decision of a position -> DCC; inconclusive means that a guarded acceptance cannot say pass
+    conformity = {"pass": "pass", "fail": "fail", "inconclusive": "noPass"}
+    element(meta, "dcc:conformityXMLList", " ".join(conformity[row[name]["decision"]] for row in rows))
     limits = element(meta, "dcc:data")
     for side, sign in (("Lower", -1.0), ("Upper", 1.0)):
         bound = quantity(limits, f"{side.lower()} limit", f"basic_toleranceLimit{side}")
         values(bound, [sign * row[name]["limit_deg"] for row in rows], [DEGREE])
-
-
-SCHEMA_VERSION: Final = "3.2.1"
-LARGEST: Final = 50_000_000
-_RULES: Final = {
-    "simple": ("JCGM 106:2012", "8.2", "Simple acceptance."),
-    "guarded": ("JCGM 106:2012", "8.3", "Guarded acceptance, guard band U."),
-}
-ONLY_ITEM: Final = "The results relate only to the item calibrated, at the time of calibration."
 
 
 def dcc_bytes(record: Record) -> bytes:
@@ -263,7 +252,7 @@ def dcc_bytes(record: Record) -> bytes:
     ]
     if lost:
         raise InputError(f"a digital certificate states {lost[0]}; give it in lab.toml (--laboratory)")
-    root = etree.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion=SCHEMA_VERSION, nsmap=NSMAP)
+    root = etree.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion="3.2.1", nsmap=NSMAP)
     parent = element(root, "dcc:administrativeData")
     program, _, release = record["program"].partition(" ")
     software = element(element(parent, "dcc:dccSoftware"), "dcc:software")
@@ -349,7 +338,8 @@ def _lines(parent: Any, text: str) -> None:
 
 
 def _statements(parent: Any, record: Record) -> None:
-    english(element(parent, "dcc:statement"), "dcc:declaration", ONLY_ITEM)
+    only_item = "The results relate only to the item calibrated, at the time of calibration."
+    english(element(parent, "dcc:statement"), "dcc:declaration", only_item)
     if record["item"]["condition"]:
         made = element(parent, "dcc:statement")
         english(made, "dcc:name", "condition of the item")
@@ -365,7 +355,11 @@ def _statements(parent: Any, record: Record) -> None:
         made = element(parent, "dcc:statement", refType="basic_recalibration")
         english(made, "dcc:declaration", "Interval agreed with the customer.")
         element(made, "dcc:period", f"P{record['interval_months']}M")
-    rule = _RULES.get(str(record["conformity"]["rule"]))
+    rules = {
+        "simple": ("JCGM 106:2012", "8.2", "Simple acceptance."),
+        "guarded": ("JCGM 106:2012", "8.3", "Guarded acceptance, guard band U."),
+    }
+    rule = rules.get(str(record["conformity"]["rule"]))
     if rule is not None:
         limits = record["verification"]["limits"]
         made = element(parent, "dcc:statement", refType="basic_conformity")
@@ -457,8 +451,9 @@ def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
     FileError
         Not XML, not a DCC, not written by this package.
     """
-    if len(data) > LARGEST:
-        raise FileError(f"{len(data)} bytes; a digital certificate has at most {LARGEST}", path=where)
+    largest = 50_000_000
+    if len(data) > largest:
+        raise FileError(f"{len(data)} bytes; a digital certificate has at most {largest}", path=where)
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     try:
         root = etree.fromstring(data, parser)

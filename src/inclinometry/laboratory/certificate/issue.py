@@ -16,8 +16,6 @@ from inclinometry.files.writing import program
 from inclinometry.laboratory.certificate.laboratory_toml import Order, read_laboratory
 from inclinometry.laboratory.certificate.record import certificate_record
 
-UNNAMED = ("", "unnamed")
-
 
 def record_from_files(
     tool: Path,
@@ -81,11 +79,12 @@ def record_from_files(
 
 
 def _completed(order: Order, calibration: Calibration, today: date | None) -> Order:
+    unnamed = ("", "unnamed")
     name = calibration.tool.name
-    if order.serial and name not in UNNAMED and order.serial != name:
+    if order.serial and name not in unnamed and order.serial != name:
         raise InputError(f"the order is for {order.serial!r:.60}, the calibration of {name!r:.60}")
     issued = order.issued or today or datetime.now(UTC).date()
-    return replace(order, serial=order.serial or ("" if name in UNNAMED else name), issued=issued)
+    return replace(order, serial=order.serial or ("" if name in unnamed else name), issued=issued)
 
 
 def _number(given: str | None, order: Order, inputs: dict[str, str]) -> str:

@@ -23,8 +23,6 @@ from inclinometry.laboratory.ledger.verify import verify as verify_ledger
 from inclinometry.laboratory.results import History
 from inclinometry.laboratory.results import history as history_of
 
-PASSWORD = "INCLINOMETRY_PASSWORD"
-
 
 def _where(given: str | None) -> str:
     return str(default_path()) if given is None else given
@@ -270,11 +268,12 @@ def users(
 
 def _ask(name: str) -> str:
     """A password that is nowhere on the command line, where others could read it."""
-    given = os.environ.get(PASSWORD)
+    password = "INCLINOMETRY_PASSWORD"
+    given = os.environ.get(password)
     if given is not None:
         return given
     if not sys.stdin.isatty():
-        raise InputError(f"no terminal to ask for a password on; put it into the environment as {PASSWORD}")
+        raise InputError(f"no terminal to ask for a password on; put it into the environment as {password}")
     first = getpass.getpass(f"password of {name}: ")
     if getpass.getpass("again: ") != first:
         raise InputError("the two passwords differ; nothing was changed")

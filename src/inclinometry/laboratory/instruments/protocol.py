@@ -142,11 +142,8 @@ def without_checksum(kind: str, line: str) -> str | None:
     return body if star and given.strip().upper() == right else None
 
 
-FRAMINGS: Final = ("line", "wits0")
 LARGEST: Final = 1e15
 """No reading may be larger, as in bench readings."""
-MOST_CHANNELS: Final = 64
-LONGEST_PATTERN: Final = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,10 +185,11 @@ class ChannelMap:
     _factor: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        most_channels = 64
         put, count = object.__setattr__, len(self.fields)
         put(self, "fields", tuple(self.fields))
-        if not 1 <= count <= MOST_CHANNELS or len(set(self.fields)) != count:
-            raise InputError(f"fields are {list(self.fields)}; give 1 to {MOST_CHANNELS} different names")
+        if not 1 <= count <= most_channels or len(set(self.fields)) != count:
+            raise InputError(f"fields are {list(self.fields)}; give 1 to {most_channels} different names")
         if self.axes and (count != 3 or len(self.axes) != 3):
             raise InputError(
                 f"axes {list(self.axes)} for {count} fields; axes are for three sensors, else leave them out"
@@ -304,12 +302,13 @@ class Protocol:
     expression: re.Pattern[str] | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        framings = ("line", "wits0")
         object.__setattr__(self, "expression", self._compiled())
         if not self.channels or set(self.channels) - set(KINDS):
             raise InputError(f"channels are {sorted(self.channels)}; allowed: one or more of {', '.join(KINDS)}")
         ordered = {kind: self.channels[kind] for kind in KINDS if kind in self.channels}
         object.__setattr__(self, "channels", ordered)
-        for name, allowed in (("framing", FRAMINGS), ("checksum", CHECKSUMS)):
+        for name, allowed in (("framing", framings), ("checksum", CHECKSUMS)):
             if getattr(self, name) not in allowed:
                 raise InputError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
         if not self.terminator or (self.framing == "wits0" and self.checksum != "none"):
@@ -323,6 +322,7 @@ class Protocol:
         self._check_fields()
 
     def _compiled(self) -> re.Pattern[str] | None:
+        longest_pattern = 2000
         given = [bool(self.columns), bool(self.pattern), self.framing == "wits0"]
         if sum(given) != 1:
             raise InputError("give one of columns and pattern (and neither for wits0)")
@@ -330,8 +330,8 @@ class Protocol:
             raise InputError(f"{len(self.columns)} columns, delimiter {self.delimiter!r}: at most 1000, and not empty")
         if not self.pattern:
             return None
-        if len(self.pattern) > LONGEST_PATTERN:
-            raise InputError(f"the pattern has {len(self.pattern)} characters; allowed {LONGEST_PATTERN}")
+        if len(self.pattern) > longest_pattern:
+            raise InputError(f"the pattern has {len(self.pattern)} characters; allowed {longest_pattern}")
         try:
             return re.compile(self.pattern, re.ASCII)
         except (re.error, RecursionError, OverflowError) as error:
@@ -578,8 +578,6 @@ def encode(protocol: Protocol, sample: Sample) -> bytes:
 
 _NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?\s*", re.ASCII)
 _WHOLE: Final = re.compile(r"\s*\d{1,18}(\.0*)?\s*", re.ASCII)
-NOTHING: Final = (-9999.0, -8888.0)
-"""What WITS level 0 writes for no value."""
 
 
 class Decoder:
@@ -727,7 +725,8 @@ def _number(fields: Fields, name: str, line: bytes) -> float:
     if not _NUMBER.fullmatch(text):
         raise Refused("garbage", f"{name} is {text[:20]!r}, not a number, in {shown(line)}")
     value = float(text)
-    if not -LARGEST <= value <= LARGEST or (value in NOTHING and name.isdigit()):
+    # what WITS level 0 writes for no value
+    if not -LARGEST <= value <= LARGEST or (value in (-9999.0, -8888.0) and name.isdigit()):
         raise Refused("garbage", f"{name} is {text[:20]!r}, which stands for no value, in {shown(line)}")
     return value
 

@@ -121,9 +121,6 @@ def backup(ledger: Ledger, path: str | Path) -> None:
 
 _LONGEST_LINE: Final = 60_000_000
 """Of a line of records.jsonl, bytes: a body of the greatest length with every character escaped or of many bytes."""
-_MOST_SWELLING: Final = 200
-"""Times its size that an export may swell; digests, which do not shrink, keep true ones below 20."""
-_FIELDS: Final = {"seq", "kind", "id", "created", "author", "version", "keys", "body", "digest", "link"}
 _DAMAGED: Final = (
     zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, KeyError, EOFError, NotImplementedError, RuntimeError,
 )  # fmt: skip
@@ -170,9 +167,11 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
 
 
 def _manifest(archive: zipfile.ZipFile, path: str | Path) -> dict[str, Any]:
+    # times its size that an export may swell; digests, which do not shrink, keep true ones below 20
+    most_swelling = 200
     packed = sum(entry.compress_size for entry in archive.infolist())
-    if sum(entry.file_size for entry in archive.infolist()) > _MOST_SWELLING * packed + 1_000_000:
-        raise FileError(f"would swell to more than {_MOST_SWELLING} times its size; no export does", path=path)
+    if sum(entry.file_size for entry in archive.infolist()) > most_swelling * packed + 1_000_000:
+        raise FileError(f"would swell to more than {most_swelling} times its size; no export does", path=path)
     with archive.open("manifest.json") as stream:
         try:
             content = json.loads(stream.read(_LONGEST_LINE))
@@ -211,7 +210,8 @@ def _add(batch: Batch, line: bytes, number: int, path: str | Path) -> None:
 
 def _fit(row: Mapping[str, Any], line: bytes) -> None:
     """Refuse what `export` never writes, doubled keys and other spellings of the same content among it."""
-    if set(row) != _FIELDS:
+    fields = {"seq", "kind", "id", "created", "author", "version", "keys", "body", "digest", "link"}
+    if set(row) != fields:
         raise InputError("its fields are not those of a record")
     for name in ("id", "author", "created"):
         if not plain(row[name]):

@@ -85,15 +85,6 @@ T = TypeVar("T")
 
 LANGUAGE_COOKIE: Final = "inclinometry_language"
 THEME_COOKIE: Final = "inclinometry_theme"
-NAVIGATION: Final = (
-    ("/", "nav.home", "read"),
-    ("/tools", "nav.tools", "read"),
-    ("/calibrate", "nav.calibrate", "capture"),
-    ("/verify", "nav.verify", "capture"),
-    ("/certificates", "nav.certificates", "read"),
-    ("/ledger", "nav.ledger", "read"),
-    ("/users", "nav.users", "administer"),
-)
 
 
 async def aside(do: Callable[[], T]) -> T:
@@ -166,6 +157,15 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
     HTTPException
         303 to the login, 403 for a user who may not see it.
     """
+    navigation = (
+        ("/", "nav.home", "read"),
+        ("/tools", "nav.tools", "read"),
+        ("/calibrate", "nav.calibrate", "capture"),
+        ("/verify", "nav.verify", "capture"),
+        ("/certificates", "nav.certificates", "read"),
+        ("/ledger", "nav.ledger", "read"),
+        ("/users", "nav.users", "administer"),
+    )
     visitor = visitor_of(request)
     if not visitor.user.may(needs):
         raise HTTPException(403, visitor.say("error.not_allowed"))
@@ -174,7 +174,7 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
     with ui.row().classes("bar").props('role="navigation"'):
         ui.link(visitor.say("nav.skip"), "#content").classes("skip")
         here = request.url.path
-        for path, key, needs in NAVIGATION:
+        for path, key, needs in navigation:
             if visitor.user.may(needs):
                 link = ui.link(visitor.say(key), path).classes("nav")
                 if here == path or (path != "/" and here.startswith(path)):

@@ -16,12 +16,11 @@ from inclinometry.laboratory.web.refusals import BodyLimit, browser_headers, coo
 
 # The live connection of a page belongs to whoever opened the page.
 
-EVENTS: Final = ("handshake", "event", "javascript_response", "ack", "log")
-
 
 def guard_sockets() -> None:
     """Refuse messages for a page that another user opened."""
-    for name in ("connect", *EVENTS):
+    events = ("handshake", "event", "javascript_response", "ack", "log")
+    for name in ("connect", *events):
         known = core.sio.handlers["/"][name]
         if not getattr(known, "owned", False):
             core.sio.on(name, _owned(name, known))
@@ -65,11 +64,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 Problem = tuple[int, str]
 
 OPEN: Final = ("/login", "/api/v1/login", "/favicon.ico", "/healthz")
-OPEN_FOLDERS: Final = ("/_nicegui/", "/static/")
-"""What can be seen without a login: the login itself, scripts and styles, whether the server lives."""
 SAFE: Final = ("GET", "HEAD", "OPTIONS")
-ONCE: Final = ("host", "origin", "authorization", "content-length", "content-type", "x-csrf-token")
-"""Headers of which two could be read in two ways."""
 ENDED: Final = 4401
 """Code with which a websocket is closed when its login has ended."""
 
@@ -139,7 +134,8 @@ class Guard:
     def _stranger(self, scope: Scope, headers: dict[str, str], login: Login | None) -> Problem | None:
         path, http = scope["path"], scope["type"] == "http"
         safe = http and scope["method"] in SAFE
-        if (http and path in OPEN) or (safe and path.startswith(OPEN_FOLDERS)):
+        # what can be seen without a login: the login itself, scripts and styles, whether the server lives
+        if (http and path in OPEN) or (safe and path.startswith(("/_nicegui/", "/static/"))):
             return None
         if login is None:
             return (303, "/login") if http and not path.startswith("/api/") else (401, "log in first")
@@ -173,9 +169,11 @@ def bearer(headers: dict[str, str]) -> str:
 
 def _read(scope: Scope, headers: dict[str, str]) -> Problem | None:
     """Fill in the headers by name; refused when one that decides something comes twice."""
+    # headers of which two could be read in two ways
+    once = ("host", "origin", "authorization", "content-length", "content-type", "x-csrf-token")
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
-        if name in headers and name in ONCE:
+        if name in headers and name in once:
             return 400, f"the header {name} was sent twice"
         headers[name] = f"{headers[name]}; {value}" if name in headers and name == "cookie" else value
     return None

@@ -16,17 +16,8 @@ from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import LOCAL, User, check_password, find_user
 
-IDLE_S: Final = 30 * 60.0
-LONGEST_S: Final = 12 * 3600.0
-FREE_FAILURES: Final = 5
-"""Wrong passwords in a row before a name or an address has to wait; then twice as long each time."""
-FIRST_WAIT_S: Final = 2.0
-LONGEST_WAIT_S: Final = 900.0
 MOST: Final = 10_000
 """Sessions and addresses remembered; those longest unused go first."""
-CHECKS_AT_ONCE: Final = 2
-"""Passwords checked side by side: each check takes 64 MB, on purpose."""
-_USER_FRESH_S: Final = 2.0
 
 
 class TooManyError(InputError):
@@ -71,7 +62,8 @@ class Logins:
         self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()
         self._users: dict[str, tuple[float, User | None]] = {}
         self._lock = threading.Lock()
-        self._checking = threading.Semaphore(CHECKS_AT_ONCE)
+        # passwords checked side by side: each check takes 64 MB, on purpose
+        self._checking = threading.Semaphore(2)
         self._local = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), LOCAL.name, 0.0, 0.0)
 
     def log_in(self, name: str, password: str, address: str) -> Login | None:
@@ -127,7 +119,9 @@ class Logins:
             login, now = self._open.get(token), self._clock()
             if login is None:
                 return None
-            if now - login.seen > IDLE_S or now - login.began > LONGEST_S:
+            idle_s = 30 * 60.0
+            longest_s = 12 * 3600.0
+            if now - login.seen > idle_s or now - login.began > longest_s:
                 del self._open[token]
                 return None
             if use:
@@ -137,7 +131,8 @@ class Logins:
         name = login.name
         now = self._clock()
         known = self._users.get(name)
-        if known is None or now - known[0] > _USER_FRESH_S:
+        user_fresh_s = 2.0
+        if known is None or now - known[0] > user_fresh_s:
             known = (now, find_user(self._ledger, name))
             self._users[name] = known
         user = known[1]
@@ -152,10 +147,12 @@ class Logins:
             self._open.pop(token, None)
 
     def _wait(self, key: str) -> float:
+        # wrong passwords in a row before a name or an address has to wait; then twice as long each time
+        free_failures = 5
         count, last = self._failures.get(key, (0, 0.0))
-        if count < FREE_FAILURES:
+        if count < free_failures:
             return 0.0
-        pause = min(FIRST_WAIT_S * 2.0 ** (count - FREE_FAILURES), LONGEST_WAIT_S)
+        pause = min(2.0 * 2.0 ** (count - free_failures), 900.0)
         return max(0.0, last + pause - self._clock())
 
 

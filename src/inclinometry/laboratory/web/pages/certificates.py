@@ -172,13 +172,13 @@ def _name(user: User) -> str:
     return user.full_name or user.name
 
 
-SHOWN: Final = 25
 STYLES: Final = {"issued": "good", "void": "bad", "superseded": "warn"}
 
 
 @ui.page("/certificates")
 def certificates_page(request: Request, serial: str = "", before: int = 0) -> None:
     """All certificates, newest first, of one tool when asked."""
+    shown = 25
     with frame(request, "certificates.title") as visitor, ui.card().classes("panel"):
         say = visitor.say
         with ui.row().classes("form"):
@@ -188,12 +188,12 @@ def certificates_page(request: Request, serial: str = "", before: int = 0) -> No
             ).props("outline no-caps")
             if visitor.user.may("issue"):
                 ui.link(say("certificates.new"), "/certificates/new")
-        found = certificates(visitor.bench.ledger, serial=serial or None, limit=SHOWN, before=max(before, 0))
+        found = certificates(visitor.bench.ledger, serial=serial or None, limit=shown, before=max(before, 0))
         heads = [say(f"certificates.{key}") for key in ("number", "tool", "issued_on", "state", "customer", "by")]
         table(heads, [_line(visitor, one) for one in found])
         if not found:
             ui.label(say("certificates.none")).classes("dim")
-        if len(found) == SHOWN:
+        if len(found) == shown:
             ui.link(say("ledger.older"), to("/certificates", serial=serial, before=found[-1].record.seq))
 
 

@@ -78,8 +78,6 @@ def _end(request: Request) -> None:
 
 
 SHOWN: Final = 10
-LOOKED_AT: Final = 500
-"""Tools asked for their next calibration."""
 
 
 @ui.page("/")
@@ -120,7 +118,8 @@ def _due(visitor: Visitor) -> None:
     today = datetime.now(UTC).date()
     with ui.card().classes("panel"):
         ui.label(visitor.say("home.due")).classes("subtitle")
-        days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=LOOKED_AT))
+        # tools asked for their next calibration
+        days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=500))
         due = sorted((day, serial) for serial, day in days.items() if day <= today)
         for day, serial in due[:SHOWN]:
             ui.link(f"{serial} ({day:%Y-%m-%d})", to("/tools", serial)).classes("number")

@@ -22,9 +22,6 @@ from inclinometry.report.words import calibration_tests
 from inclinometry.workflow.calibrate import Options, compare
 
 MAP_INCLINATIONS = INCLINATIONS[1 : INCLINATIONS.index(max(INCLINATION_RANGE)) + 1]
-PAGE = 12
-HEAT_SLACK = 5.0
-"""Beyond the calibrated range by more than this, degC, a reading is said to be extrapolated."""
 
 
 @ui.page("/results/{calibration}")
@@ -144,6 +141,7 @@ def _map(visitor: Visitor, found: Calibration) -> None:
 
 def _heat(visitor: Visitor, found: Calibration) -> None:
     """Degree of the temperature polynomials, the range they hold in, and whether the tool is outside of it now."""
+    heat_slack = 5.0  # beyond the calibrated range by more than this, degC, a reading is said to be extrapolated
     say, tool = visitor.say, found.tool
     degrees = {kind: len(triad.tensor) - 1 for kind, triad in tool.triads.items()}
     with ui.card().classes("panel"):
@@ -159,7 +157,7 @@ def _heat(visitor: Visitor, found: Calibration) -> None:
             ui.label(say("results.constant")).classes("dim")
         feed = visitor.bench.feed
         now = None if feed is None else feed.stability().temperature
-        if now is not None and not low - HEAT_SLACK <= now <= high + HEAT_SLACK:
+        if now is not None and not low - heat_slack <= now <= high + heat_slack:
             ui.label(say("results.outside", now=f"{now:.1f}")).classes("warn")
 
 
@@ -184,7 +182,7 @@ def _parameters(visitor: Visitor, record: Record, found: Calibration) -> None:
     ]
     with ui.card().classes("panel"):
         ui.label(say("results.parameters")).classes("subtitle")
-        paged(columns, rows, "name", PAGE)
+        paged(columns, rows, "name", 12)
 
 
 def _methods(visitor: Visitor, record: Record) -> None:

@@ -27,22 +27,20 @@ from inclinometry.laboratory.results import History, history
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.lists import Cell, axis, band, chart, day, table, to, visible
 
-PAGE: Final = 50
 SHOWN: Final = 20
-DRAWN: Final = 100
-"""Calibrations in a drift plot, the newest."""
 
 
 @ui.page("/tools")
 def tools_page(request: Request, after: str = "") -> None:
     """All tools, a page at a time."""
+    page = 50
     with frame(request, "tools.title") as visitor:
-        found = tools(visitor.bench.ledger, limit=PAGE, after=after)
+        found = tools(visitor.bench.ledger, limit=page, after=after)
         with ui.card().classes("panel"):
             _find(visitor)
             _table(visitor, found)
             with ui.row():
-                if len(found) == PAGE:
+                if len(found) == page:
                     ui.link(visitor.say("tools.more"), to("/tools", after=found[-1].serial))
                 ui.link("CSV", "/api/v1/tables/tools.csv")
         if visitor.user.may("capture"):
@@ -115,10 +113,11 @@ def tool_page(request: Request, serial: str) -> None:
 
 
 def _history(visitor: Visitor, serial: str) -> None:
+    drawn = 100  # calibrations in a drift plot, the newest
     with ui.card().classes("panel"):
         ui.label(visitor.say("tools.drift")).classes("subtitle")
         try:
-            found = history(visitor.bench.ledger, serial, limit=DRAWN)
+            found = history(visitor.bench.ledger, serial, limit=drawn)
         except InputError:
             ui.label(visitor.say("tools.no_calibration")).classes("dim")
             return
@@ -126,8 +125,8 @@ def _history(visitor: Visitor, serial: str) -> None:
             for record, created in list(zip(found.records, found.created, strict=True))[: -SHOWN - 1 : -1]:
                 ui.link(day(created), f"/results/{record}").classes("number")
             ui.link("CSV", to("/api/v1/tables/history.csv", serial=serial))
-        if len(found) == DRAWN:
-            ui.label(visitor.say("tools.newest", number=DRAWN)).classes("dim")
+        if len(found) == drawn:
+            ui.label(visitor.say("tools.newest", number=drawn)).classes("dim")
         names = list(found.values)
         box = ui.column().classes("w-full")
 

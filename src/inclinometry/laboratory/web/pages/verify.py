@@ -48,7 +48,6 @@ from inclinometry.laboratory.web.pages.lists import (
 
 # Errors of a verified tool against its limits: curves, decisions, the verdict; before it is recorded and after.
 
-ROWS: Final = 24
 Content = Mapping[str, Any]
 
 
@@ -166,7 +165,7 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
         columns.append(_column(f"d_{name}", say("verify.decision")))
     with ui.card().classes("panel"):
         ui.label(say("verify.positions")).classes("subtitle")
-        paged(columns, shown, "position", ROWS)
+        paged(columns, shown, "position", 24)
 
 
 def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str, share: float) -> None:
@@ -216,8 +215,6 @@ def _column(name: str, label: str) -> dict[str, Any]:
     return {"name": name, "label": label, "field": name, "align": "left" if name.startswith("d_") else "right"}
 
 
-SHOWN: Final = 20
-OFFERED: Final = 200
 UNCERTAINTY: Final = "certificate"
 """Choice of holding each error against its own uncertainty."""
 
@@ -225,13 +222,14 @@ UNCERTAINTY: Final = "certificate"
 @ui.page("/verify")
 def verify_page(request: Request, calibration: str = "", before: int = 0) -> None:
     """A form, what is under way, what was found."""
+    shown = 20
     with frame(request, "verify.title") as visitor:
         if visitor.user.may("capture"):
             with ui.card().classes("panel"):
                 ui.label(visitor.say("verify.begin")).classes("subtitle")
                 VerifyForm(visitor, calibration)
         ledger, say = visitor.bench.ledger, visitor.say
-        found = listed(ledger, "session", purpose="verify", limit=SHOWN)
+        found = listed(ledger, "session", purpose="verify", limit=shown)
         still_open = [one for one in found if not closing(ledger, one.id)]
         if still_open:
             with ui.card().classes("panel"):
@@ -248,7 +246,7 @@ def verify_page(request: Request, calibration: str = "", before: int = 0) -> Non
                 ]
                 table([say("tools.serial"), say("verify.begun"), say("verify.by"), "", ""], lines)
         ledger, say = visitor.bench.ledger, visitor.say
-        found = listed(ledger, "verification", limit=SHOWN, before=max(before, 0))
+        found = listed(ledger, "verification", limit=shown, before=max(before, 0))
         with ui.card().classes("panel"):
             ui.label(say("verify.recorded")).classes("subtitle")
             table(
@@ -257,7 +255,7 @@ def verify_page(request: Request, calibration: str = "", before: int = 0) -> Non
             )
             if not found:
                 ui.label(say("verify.none")).classes("dim")
-            if len(found) == SHOWN:
+            if len(found) == shown:
                 ui.link(say("ledger.older"), to("/verify", before=found[-1].seq))
 
 
@@ -313,7 +311,7 @@ class VerifyForm:
 
     def _offered(self, calibration: str) -> list[Listed]:
         ledger = self._visitor.bench.ledger
-        found = listed(ledger, "calibration", limit=OFFERED)
+        found = listed(ledger, "calibration", limit=200)
         if calibration and all(one.id != calibration for one in found):
             try:
                 record = ledger.get("calibration", calibration)

@@ -25,9 +25,6 @@ from inclinometry.report.words import significant
 # The verdict and the live channels: ten times a second, one small message a browser, worked out once for all.
 
 PERIOD: Final = 0.1
-COLOUR: Final = {"still": "good", "learning": "warn", "few": "warn"}
-"""Of a verdict; bad for the others."""
-_FRESH: Final = 0.08
 _DASH: Final = "–"
 
 
@@ -44,7 +41,8 @@ class _Shared:
     def fresh(self) -> _Shared:
         """Worked out again, when it is older than most of a tenth of a second."""
         now = time.monotonic()
-        if now - self.when > _FRESH:
+        fresh = 0.08
+        if now - self.when > fresh:
             self.when, self.seen = now, self.feed.stability()
             seen = self.seen
             found = []
@@ -138,17 +136,16 @@ class Live:
         seen = found.seen
         word, advice = self._words[seen.word]
         heat = "" if seen.temperature is None else f"{seen.temperature:.1f} °C"
-        said = [seen.word, COLOUR.get(seen.word, "bad"), word, advice, heat, seen.reason, *found.cells]
+        colour = {"still": "good", "learning": "warn", "few": "warn"}  # of a verdict; bad for the others
+        said = [seen.word, colour.get(seen.word, "bad"), word, advice, heat, seen.reason, *found.cells]
         ui.run_javascript(f"benchLive({json.dumps(said, ensure_ascii=False, separators=(',', ':'))})")
         return seen
 
 
 # What happened to the instrument lately: lost lines, gaps, reconnections, in a list that keeps its height.
 
-SHOWN: Final = 5
 
-
-def folded(events: tuple[InstrumentEvent, ...], most: int = SHOWN) -> list[tuple[InstrumentEvent, int]]:
+def folded(events: tuple[InstrumentEvent, ...], most: int = 5) -> list[tuple[InstrumentEvent, int]]:
     """The newest events, newest first, with how often each kind came in a row.
 
     Examples
@@ -295,10 +292,6 @@ class Picture:
             self._html.set_content(text)
 
 
-MANY: Final = 60
-"""Positions beyond which the list is scrolled to the chosen one."""
-
-
 class PositionList:
     """The list of positions; a click puts one on the card. A button is changed only when its state is."""
 
@@ -323,7 +316,8 @@ class PositionList:
             self._states.pop(number)
         for position in positions.values():
             self._one(position)
-        if len(positions) > MANY and self._here != guided.chosen.number:
+        # positions beyond which the list is scrolled to the chosen one
+        if len(positions) > 60 and self._here != guided.chosen.number:
             self._here = guided.chosen.number
             ui.run_javascript("benchHere()")
 

@@ -12,7 +12,7 @@ from nicegui import ui
 
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.errors import InputError
-from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, GuidedPlan, plan_for
+from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.registry import (
@@ -182,8 +182,8 @@ class StartForm:
             rig = RegisteredRig(name, (sd, sd, sd), dials=self.dials.dials)
             put_rig(ledger, rig, author=author)
         number = int(self.number.value) if self.plan.value == "optimal" and self.number.value else None
-        chosen = GuidedPlan(str(self.plan.value), number, _temperatures(str(self.heat.value or "")))
-        plan, settings = plan_for(chosen, ledger, serial, rig)
+        heat = _temperatures(str(self.heat.value or ""))
+        plan, settings = plan_for(str(self.plan.value), ledger, serial, rig, number=number, temperatures=heat)
         if self.site.value:
             settings["site"] = str(self.site.value)
         elif self.dip.value is not None or self.latitude.value is not None:
@@ -193,7 +193,7 @@ class StartForm:
         if wanted:
             only = "inclination" if set(wanted) == {"u_inclination_deg"} else "azimuth"
             settings["wanted"] = {**wanted, "criterion": only}
-        purpose = "temperature" if chosen.temperatures else "calibrate"
+        purpose = "temperature" if heat else "calibrate"
         session = open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
         ui.navigate.to(f"/calibrate/{session.id}")
 
