@@ -32,10 +32,6 @@ from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.registry import RegisteredRig, RegisteredSite, find_tool
 from inclinometry.laboratory.session import Session, bench_readings
 
-MORE_THAN_NOISE: Final = (
-    "the readings scatter more from position to position than the sensors' noise and the rig explain: the noise was "
-    "estimated from the residuals instead"
-)
 AIM: Final = 0.97
 """Share of the wanted uncertainty that is planned for: what is certified scatters a little."""
 FEWEST, FARTHEST = 9, 30
@@ -168,7 +164,11 @@ def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_ha
     if found.outliers or not squares.size or squares.mean() <= 1.0 + 3.0 * np.sqrt(2.0 / freedom):
         return found
     wide = calibrate_joint(replace(readings, sd={}), rig_sd=rig_sd, name=name, left_handed=left_handed)
-    return replace(wide, warnings=(*wide.warnings, MORE_THAN_NOISE))
+    more_than_noise = (
+        "the readings scatter more from position to position than the sensors' noise and the rig explain: the noise "
+        "was estimated from the residuals instead"
+    )
+    return replace(wide, warnings=(*wide.warnings, more_than_noise))
 
 
 def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Progress) -> NextPosition | None:

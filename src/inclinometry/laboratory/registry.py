@@ -23,8 +23,6 @@ from inclinometry.laboratory.ledger.engine import KINDS, TABLES
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
 
 T = TypeVar("T")
-MOST = 100_000
-"""No list of tools is longer."""
 
 
 class Outside(NamedTuple):

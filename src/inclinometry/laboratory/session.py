@@ -70,8 +70,6 @@ def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[flo
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
 CLOSING: Final = ("finished", "abandoned")
-SOME: Final = 500
-"""Readings asked about at once."""
 
 
 @dataclass(frozen=True)
@@ -259,8 +257,9 @@ def load_session(ledger: Ledger, session: str) -> Session:
     # record of a reading -> why it was left out, for those that were
     records = [one.record for one in taken.values()]
     reasons: dict[str, str] = {}
-    for start in range(0, len(records), SOME):
-        some = list(records[start : start + SOME])
+    at_once = 500
+    for start in range(0, len(records), at_once):
+        some = list(records[start : start + at_once])
         for event in ledger.find("event", subject_kind="reading", action="rejected", subject=some):
             reasons[event.keys["subject"]] = str(event.body.get("reason", ""))
     for number, one in taken.items():

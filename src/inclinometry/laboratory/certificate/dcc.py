@@ -77,8 +77,7 @@ def product(one: str, other: str) -> str:
 # The parts of a digital calibration certificate: elements in the order PTB's schema 3.2.1 asks for.
 
 DCC: Final = "https://ptb.de/dcc"
-SI: Final = "https://ptb.de/si"
-NSMAP: Final = {"dcc": DCC, "si": SI}
+NSMAP: Final = {"dcc": DCC, "si": "https://ptb.de/si"}
 PREFIX: Final = "inclinometry_"
 """Of the refTypes that are ours; the others are PTB's."""
 

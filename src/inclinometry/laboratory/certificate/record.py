@@ -676,11 +676,24 @@ def verification_section(record: Content, say: Words) -> Content | None:
         rows.append([say(name), str(len(judged)), str(passed), *cells, say("own_u") if own else plain(limits[0], 6)])
     head = [say("angle"), say("judged"), say("accepted"), f"{say('largest_error')}, °", "U, °", f"{say('limit')}, °"]
     tables = [table(say("conformity"), head, rows), _positions(positions, say)]
+    figures = []
+    for name, letter in LETTERS.items():
+        judged = _judged(positions, name)
+        if judged:
+            setting = np.array([row[f"{name}_deg"] for row in judged], dtype=float)
+            error, u, limit = (
+                np.array([row[name][key] for row in judged], dtype=float) for key in ("error_deg", "U_deg", "limit_deg")
+            )
+            # settings of an angle below which errors over it are drawn position by position
+            few = len(np.unique(setting.round(3))) < 4
+            place = np.array([n for n, row in enumerate(positions, 1) if row in judged], dtype=float)
+            svg = paper_svg(error_figure(place if few else setting, error, u, limit, letter, by_place=few))
+            figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name))))
     return section(
         say("verification"),
         texts,
         tables=tables,
-        figures=_curves(positions, say),
+        figures=figures,
         new_page=True,
         list=[*report["reasons"], *report["warnings"]],
     )
@@ -714,20 +727,3 @@ def _positions(positions: Sequence[Content], say: Words) -> Content:
     made = table(f"{say('verification')}, °", head, rows, size=7.8)
     made["columns"] = ["auto"] * 4 + ["fr"] * 4
     return made
-
-
-def _curves(positions: Sequence[Content], say: Words) -> list[Content]:
-    figures = []
-    for name, letter in LETTERS.items():
-        judged = _judged(positions, name)
-        if judged:
-            setting = np.array([row[f"{name}_deg"] for row in judged], dtype=float)
-            error, u, limit = (
-                np.array([row[name][key] for row in judged], dtype=float) for key in ("error_deg", "U_deg", "limit_deg")
-            )
-            # settings of an angle below which errors over it are drawn position by position
-            few = len(np.unique(setting.round(3))) < 4
-            place = np.array([n for n, row in enumerate(positions, 1) if row in judged], dtype=float)
-            svg = paper_svg(error_figure(place if few else setting, error, u, limit, letter, by_place=few))
-            figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name))))
-    return figures

@@ -20,7 +20,6 @@ from inclinometry.laboratory.ledger.ledger import Ledger, default_path
 from inclinometry.laboratory.ledger.users import find_user, guard_last_administrator, put_user
 from inclinometry.laboratory.ledger.users import users as all_users
 from inclinometry.laboratory.ledger.verify import verify as verify_ledger
-from inclinometry.laboratory.results import History
 from inclinometry.laboratory.results import history as history_of
 
 
@@ -181,10 +180,6 @@ def history(serial: str, /, *, ledger: LedgerAddress = None, json: Json = False)
             }
         )
         return
-    _show(found)
-
-
-def _show(found: History) -> None:
     days = [created[:10] for created in found.created]
     rows = []
     for name in found.values:

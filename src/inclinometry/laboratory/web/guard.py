@@ -63,7 +63,6 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 Problem = tuple[int, str]
 
-OPEN: Final = ("/login", "/api/v1/login", "/favicon.ico", "/healthz")
 SAFE: Final = ("GET", "HEAD", "OPTIONS")
 ENDED: Final = 4401
 """Code with which a websocket is closed when its login has ended."""
@@ -135,7 +134,8 @@ class Guard:
         path, http = scope["path"], scope["type"] == "http"
         safe = http and scope["method"] in SAFE
         # what can be seen without a login: the login itself, scripts and styles, whether the server lives
-        if (http and path in OPEN) or (safe and path.startswith(("/_nicegui/", "/static/"))):
+        at_all_times = ("/login", "/api/v1/login", "/favicon.ico", "/healthz")
+        if (http and path in at_all_times) or (safe and path.startswith(("/_nicegui/", "/static/"))):
             return None
         if login is None:
             return (303, "/login") if http and not path.startswith("/api/") else (401, "log in first")

@@ -16,6 +16,11 @@ from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import LOCAL, User, check_password, find_user
 
+IDLE_S: Final = 30 * 60.0
+LONGEST_S: Final = 12 * 3600.0
+FREE_FAILURES: Final = 5
+"""Wrong passwords in a row before a name or an address has to wait; then twice as long each time."""
+LONGEST_WAIT_S: Final = 900.0
 MOST: Final = 10_000
 """Sessions and addresses remembered; those longest unused go first."""
 
@@ -119,9 +124,7 @@ class Logins:
             login, now = self._open.get(token), self._clock()
             if login is None:
                 return None
-            idle_s = 30 * 60.0
-            longest_s = 12 * 3600.0
-            if now - login.seen > idle_s or now - login.began > longest_s:
+            if now - login.seen > IDLE_S or now - login.began > LONGEST_S:
                 del self._open[token]
                 return None
             if use:
@@ -147,12 +150,10 @@ class Logins:
             self._open.pop(token, None)
 
     def _wait(self, key: str) -> float:
-        # wrong passwords in a row before a name or an address has to wait; then twice as long each time
-        free_failures = 5
         count, last = self._failures.get(key, (0, 0.0))
-        if count < free_failures:
+        if count < FREE_FAILURES:
             return 0.0
-        pause = min(2.0 * 2.0 ** (count - free_failures), 900.0)
+        pause = min(2.0 * 2.0 ** (count - FREE_FAILURES), LONGEST_WAIT_S)
         return max(0.0, last + pause - self._clock())
 
 

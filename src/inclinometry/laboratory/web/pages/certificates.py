@@ -71,11 +71,26 @@ class IssueForm:
         self.nonconforming = ui.switch(say("certificates.nonconforming"))
         session = ledger.get("session", calibration.keys["session"])
         ui.label(say("certificates.laboratory")).classes("subtitle")
-        self.laboratory = _fields(
-            {name: say(f"laboratory.{name}") for name in LABORATORY}, _laboratory(ledger, session)
-        )
+        # what the site of the session says of the laboratory, what the rig says of traceability
+        site, rig = find_site(ledger, str(session.body.get("site", ""))), find_rig(ledger, session.body["rig"])
+        found: dict[str, str] = {}
+        if site is not None and site.laboratory.get("name"):
+            try:
+                known = laboratory_from(dict(site.laboratory))
+                found = {name: getattr(known, name) for name in LABORATORY}
+            except InputError:
+                found = {name: str(site.laboratory.get(name, "")) for name in LABORATORY}
+        if rig is not None:
+            found["traceability"] = found.get("traceability") or rig.traceability
+            found["place"] = found.get("place") or rig.place
+        self.laboratory = _fields({name: say(f"laboratory.{name}") for name in LABORATORY}, found)
         ui.label(say("certificates.order")).classes("subtitle")
-        self.order = _fields({name: say(f"order.{name}") for name in ORDER}, _order(ledger, session))
+        stated: dict[str, Any] = {name: session.body.get(name, "") for name in ORDER}
+        tool = find_tool(ledger, session.keys["serial"])
+        stated["customer"] = stated["customer"] or (tool.customer if tool else "")
+        stated["received"] = str(stated["received"])[:10]
+        stated["environment"] = str((stated["environment"] or {}).get("text", ""))
+        self.order = _fields({name: say(f"order.{name}") for name in ORDER}, stated)
         with ui.row().classes("form"):
             self.language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
             if supersedes:
@@ -131,31 +146,6 @@ def _fields(labels: dict[str, str], values: dict[str, str]) -> dict[str, ui.inpu
             name: ui.input(label, value=values.get(name, "")).props(f"maxlength={LONGEST}")
             for name, label in labels.items()
         }
-
-
-def _laboratory(ledger: Ledger, session: Record) -> dict[str, str]:
-    """What the site of the session says of the laboratory, what the rig says of traceability."""
-    site, rig = find_site(ledger, str(session.body.get("site", ""))), find_rig(ledger, session.body["rig"])
-    found: dict[str, str] = {}
-    if site is not None and site.laboratory.get("name"):
-        try:
-            known = laboratory_from(dict(site.laboratory))
-            found = {name: getattr(known, name) for name in LABORATORY}
-        except InputError:
-            found = {name: str(site.laboratory.get(name, "")) for name in LABORATORY}
-    if rig is not None:
-        found["traceability"] = found.get("traceability") or rig.traceability
-        found["place"] = found.get("place") or rig.place
-    return found
-
-
-def _order(ledger: Ledger, session: Record) -> dict[str, str]:
-    found = {name: session.body.get(name, "") for name in ORDER}
-    tool = find_tool(ledger, session.keys["serial"])
-    found["customer"] = found["customer"] or (tool.customer if tool else "")
-    found["received"] = str(found["received"])[:10]
-    about = found["environment"] or {}
-    return {**found, "environment": str(about.get("text", ""))}
 
 
 def _day(text: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from html import escape
-from typing import Final
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
@@ -12,7 +11,7 @@ from nicegui import ui
 
 from inclinometry.laboratory.registry import due_days, listed, tools
 from inclinometry.laboratory.session import closing, load_session
-from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, Visitor, current, frame
+from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, current, frame
 from inclinometry.laboratory.web.logins import Login, TooManyError
 from inclinometry.laboratory.web.pages.lists import to
 from inclinometry.laboratory.web.refusals import login_cookie
@@ -77,18 +76,16 @@ def _end(request: Request) -> None:
         current().logins.log_out(login.token)
 
 
-SHOWN: Final = 10
-
-
 @ui.page("/")
 def home(request: Request) -> None:
     """What to do next."""
+    shown = 10
     with frame(request, "home.title") as visitor:
         ledger = visitor.bench.ledger
         with ui.card().classes("panel"):
             ui.label(visitor.say("home.open_sessions")).classes("subtitle")
-            still_open = [one for one in listed(ledger, "session", limit=5 * SHOWN) if not closing(ledger, one.id)][
-                :SHOWN
+            still_open = [one for one in listed(ledger, "session", limit=5 * shown) if not closing(ledger, one.id)][
+                :shown
             ]
             for record in still_open:
                 session = load_session(ledger, record.id)
@@ -111,19 +108,15 @@ def home(request: Request) -> None:
                 connected = feed.connected
                 word = visitor.say("home.connected" if connected else "home.not_connected")
                 ui.label(word).classes("good" if connected else "bad")
-        _due(visitor)
-
-
-def _due(visitor: Visitor) -> None:
-    today = datetime.now(UTC).date()
-    with ui.card().classes("panel"):
-        ui.label(visitor.say("home.due")).classes("subtitle")
-        # tools asked for their next calibration
-        days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=500))
-        due = sorted((day, serial) for serial, day in days.items() if day <= today)
-        for day, serial in due[:SHOWN]:
-            ui.link(f"{serial} ({day:%Y-%m-%d})", to("/tools", serial)).classes("number")
-        if len(due) > SHOWN:
-            ui.link(visitor.say("home.more_due", number=len(due) - SHOWN), "/tools")
-        if not due:
-            ui.label(visitor.say("home.none_due")).classes("dim")
+        today = datetime.now(UTC).date()
+        with ui.card().classes("panel"):
+            ui.label(visitor.say("home.due")).classes("subtitle")
+            # tools asked for their next calibration
+            days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=500))
+            due = sorted((day, serial) for serial, day in days.items() if day <= today)
+            for day, serial in due[:shown]:
+                ui.link(f"{serial} ({day:%Y-%m-%d})", to("/tools", serial)).classes("number")
+            if len(due) > shown:
+                ui.link(visitor.say("home.more_due", number=len(due) - shown), "/tools")
+            if not due:
+                ui.label(visitor.say("home.none_due")).classes("dim")

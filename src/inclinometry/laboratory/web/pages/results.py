@@ -21,8 +21,6 @@ from inclinometry.laboratory.web.pages.lists import BLUE, axis, chart, day, lege
 from inclinometry.report.words import calibration_tests
 from inclinometry.workflow.calibrate import Options, compare
 
-MAP_INCLINATIONS = INCLINATIONS[1 : INCLINATIONS.index(max(INCLINATION_RANGE)) + 1]
-
 
 @ui.page("/results/{calibration}")
 def result_page(request: Request, calibration: str) -> None:
@@ -107,7 +105,8 @@ def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
 
 def _map(visitor: Visitor, found: Calibration) -> None:
     """U(azimuth) from the calibration alone over inclination and azimuth, worst toolface."""
-    expected = expected_uncertainty(found, MAP_INCLINATIONS)
+    inclinations = INCLINATIONS[1 : INCLINATIONS.index(max(INCLINATION_RANGE)) + 1]
+    expected = expected_uncertainty(found, inclinations)
     if "azimuth" not in expected.angles:
         return
     spread = expected.components["calibration"][..., ALL_ANGLES.index("azimuth")].max(axis=2)
@@ -123,7 +122,7 @@ def _map(visitor: Visitor, found: Calibration) -> None:
             "yAxis": axis(
                 say("results.inclination"),
                 kind="category",
-                data=[f"{x:g}" for x in np.degrees(MAP_INCLINATIONS).round(6)],
+                data=[f"{x:g}" for x in np.degrees(inclinations).round(6)],
             ),
             "visualMap": {
                 "min": 0.0,

@@ -23,7 +23,7 @@ from inclinometry.laboratory.registry import (
     put_tool,
     tools,
 )
-from inclinometry.laboratory.results import History, history
+from inclinometry.laboratory.results import history
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.lists import Cell, axis, band, chart, day, table, to, visible
 
@@ -133,24 +133,24 @@ def _history(visitor: Visitor, serial: str) -> None:
         def show(name: str) -> None:
             box.clear()
             with box:
-                _drift(visitor, found, name)
+                # change of one parameter since the first calibration, with a band of two standard uncertainties
+                change, spread = found.change(name)
+                days = [day(created) for created in found.created]
+                options = {
+                    "xAxis": axis(visitor.say("tools.day"), kind="category", data=days),
+                    "yAxis": axis(visitor.say("tools.change_of", name=name)),
+                    "series": band(name, _plain(change), _plain(2.0 * spread)),
+                }
+                chart(options, visitor.say("tools.drift"))
+                worst = (
+                    float(np.nanmax(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
+                )
+                ui.label(visitor.say("tools.largest", ratio=f"{worst:.1f}")).classes(
+                    "number " + ("bad" if worst > 3.0 else "dim")
+                )
 
         ui.select(names, value=names[0], label=visitor.say("tools.parameter"), on_change=lambda e: show(str(e.value)))
         show(names[0])
-
-
-def _drift(visitor: Visitor, found: History, name: str) -> None:
-    """Change of one parameter since the first calibration, with a band of two standard uncertainties."""
-    change, spread = found.change(name)
-    days = [day(created) for created in found.created]
-    options = {
-        "xAxis": axis(visitor.say("tools.day"), kind="category", data=days),
-        "yAxis": axis(visitor.say("tools.change_of", name=name)),
-        "series": band(name, _plain(change), _plain(2.0 * spread)),
-    }
-    chart(options, visitor.say("tools.drift"))
-    worst = float(np.nanmax(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
-    ui.label(visitor.say("tools.largest", ratio=f"{worst:.1f}")).classes("number " + ("bad" if worst > 3.0 else "dim"))
 
 
 def _plain(values: Array) -> list[float | None]:

@@ -124,7 +124,11 @@ def drawing(dial: tuple[float, float, float], label: str, words: tuple[str, str]
         _path([-0.45 * z + COLLAR * _arc(high[0], high[1], _sweep(toolface))], "angle"),
     ]
     fixed = _arrow(north * NORTH, "north", words[0]) + _arrow(down * NORTH, "down", words[1])
-    body = _tool(axes) + _index(x, z)
+    # the index mark: a stripe along the tool and a pin; dashed where the tool hides it
+    stripe = RADIUS * x + np.stack([-(LENGTH - 0.04) * z, (LENGTH - NOSE) * z])
+    pin = np.stack([RADIUS * x - 0.45 * z, (COLLAR + 0.06) * x - 0.45 * z])
+    hidden = "" if (_EYE @ x)[2] > -1e-9 else " hidden"
+    body = _tool(axes) + (_path([stripe], f"mark{hidden}") + _path([pin], "pin"))
     size = 'viewBox="-190 -135 380 275" preserveAspectRatio="xMidYMid meet"'
     inside = "".join([*back, fixed, body, *front, *angles])
     return f'<svg class="stand" role="img" aria-label="{label}" {size}>{inside}</svg>'
@@ -168,14 +172,6 @@ def _tool(axes: Array) -> str:
     if (_EYE @ z)[2] > 0.0:  # the nose points toward the eye
         return barrel + nose
     return f'{nose}{barrel}<polygon class="cap" points="{_points(project(top))}"/>'
-
-
-def _index(x: Array, z: Array) -> str:
-    """The index mark: a stripe along the tool and a pin; dashed where the tool hides it."""
-    stripe = RADIUS * x + np.stack([-(LENGTH - 0.04) * z, (LENGTH - NOSE) * z])
-    pin = np.stack([RADIUS * x - 0.45 * z, (COLLAR + 0.06) * x - 0.45 * z])
-    hidden = "" if (_EYE @ x)[2] > -1e-9 else " hidden"
-    return _path([stripe], f"mark{hidden}") + _path([pin], "pin")
 
 
 def _hull(points: Array) -> Array:

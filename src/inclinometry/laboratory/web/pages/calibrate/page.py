@@ -32,7 +32,6 @@ from inclinometry.laboratory.live import CaptureError
 from inclinometry.laboratory.web.frame import aside, frame
 from inclinometry.laboratory.web.pages.calibrate.guided import Guided, RigState
 from inclinometry.laboratory.web.pages.calibrate.show_progress import (
-    PERIOD,
     Certifies,
     Events,
     Live,
@@ -95,7 +94,7 @@ class BenchView:
             "turn": self._turn,
         }
         ui.on("bench_key", self._key)
-        ui.timer(PERIOD, self._tick)
+        ui.timer(0.1, self._tick)
         # how often a page looks whether another browser has captured something
         ui.timer(1.0, self._watch)
         if guided.turner is not None:

@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from nicegui import ui
 
-from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
 from inclinometry.laboratory.instruments.protocol import InstrumentEvent
 from inclinometry.laboratory.live import LiveFeed, Stability
@@ -24,7 +23,6 @@ from inclinometry.report.words import significant
 
 # The verdict and the live channels: ten times a second, one small message a browser, worked out once for all.
 
-PERIOD: Final = 0.1
 _DASH: Final = "–"
 
 
@@ -48,20 +46,18 @@ class _Shared:
             found = []
             for kind, count in channel_counts(self.feed).items():
                 columns = (seen.mean.get(kind), seen.sd.get(kind), seen.drift.get(kind))
-                digits = self._decimals(kind, seen.floor.get(kind), seen.sd.get(kind))
+                # decimals at which the noise shows two digits; kept while they nearly fit, so that no number hops about
+                floor = seen.floor.get(kind)
+                noise = floor if floor is not None else seen.sd.get(kind)
+                least = float(np.min(noise)) if noise is not None and len(noise) else 0.0
+                wanted = int(np.clip(1 - np.floor(np.log10(least)), 0, 6)) if least > 0.0 else 1
+                if abs(self.digits.get(kind, -9) - wanted) > 1:
+                    self.digits[kind] = wanted
+                digits = self.digits[kind]
                 for axis in range(count):
                     found += [_DASH if c is None or axis >= len(c) else f"{c[axis]:.{digits}f}" for c in columns]
             self.cells = found
         return self
-
-    def _decimals(self, kind: str, floor: Array | None, spread: Array | None) -> int:
-        """Decimals at which the noise shows two digits; kept while they nearly fit, so that no number hops about."""
-        noise = floor if floor is not None else spread
-        least = float(np.min(noise)) if noise is not None and len(noise) else 0.0
-        wanted = int(np.clip(1 - np.floor(np.log10(least)), 0, 6)) if least > 0.0 else 1
-        if abs(self.digits.get(kind, -9) - wanted) > 1:
-            self.digits[kind] = wanted
-        return self.digits[kind]
 
 
 _SHARED: list[_Shared] = []
