@@ -49,15 +49,6 @@ def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> 
     return laboratory if laboratory.authoriser else replace(laboratory, authoriser=author)
 
 
-def _rig(ledger: Ledger, name: str, seq: int) -> tuple[str, str]:
-    """Traceability and place of a rig as it was when the tool was calibrated; as they are now where none was stated."""
-    then = ledger.find("rig", name=name, newest=True, after=seq, limit=1)
-    now = ledger.latest("rig", name=name)
-    bodies = [record.body for record in (*then, now) if record is not None]
-    traceability, place = (next((str(b[key]) for b in bodies if b.get(key)), "") for key in ("traceability", "place"))
-    return traceability, place
-
-
 def order(
     ledger: Ledger,
     session: Record,
@@ -74,7 +65,12 @@ def order(
     last = days[-1] if verification is None else max(days[-1], verification.created[:10])
     about = body.get("environment", {})
     first = date.fromisoformat(days[0])
-    traceability, place = _rig(ledger, body["rig"], session.seq)
+    # traceability and place of a rig as it was when the tool was calibrated; as they are now where none was stated
+    name = body["rig"]
+    then = ledger.find("rig", name=name, newest=True, after=session.seq, limit=1)
+    now = ledger.latest("rig", name=name)
+    bodies = [record.body for record in (*then, now) if record is not None]
+    traceability, place = (next((str(b[key]) for b in bodies if b.get(key)), "") for key in ("traceability", "place"))
     return Order(
         customer=body.get("customer") or (tool.customer if tool else ""),
         reference=body.get("order", ""),
@@ -114,10 +110,6 @@ def _pair(about: Mapping[str, Any], key: str) -> tuple[float, float] | None:
 
 
 MEDIA: Final = {"pdf": "application/pdf", "dcc": "application/xml", "json": "application/json"}
-ENDINGS: Final = {"pdf": ".pdf", "dcc": ".xml", "json": ".json"}
-ATTEMPTS: Final = 20
-"""How often a number is taken anew when others issue at the same moment."""
-PAGE: Final = 20
 
 
 @dataclass(frozen=True)
@@ -259,19 +251,21 @@ def documents(ledger: Ledger, record: Record) -> dict[str, tuple[str, str, bytes
     """ "pdf", "dcc", "json" -> (file name, media type, bytes) of a certificate."""
     stem = re.sub(r"[^\w.-]+", "_", f"{record.keys['number']}_{record.keys['serial']}")
     digests = record.body["documents"]
-    return {name: (f"{stem}{end}", *ledger.document(digests[name])) for name, end in ENDINGS.items() if name in digests}
+    endings = {"pdf": ".pdf", "dcc": ".xml", "json": ".json"}
+    return {name: (f"{stem}{end}", *ledger.document(digests[name])) for name, end in endings.items() if name in digests}
 
 
 def next_number(ledger: Ledger, year: int) -> str:
     """The number after the last of the year, as 2026-0001; numbers of another form are passed over."""
+    page = 20
     before = 0
     while True:
-        rows = ledger.find("certificate", newest=True, after=before, limit=PAGE)
+        rows = ledger.find("certificate", newest=True, after=before, limit=page)
         for row in rows:
             found = re.fullmatch(r"(\d{4})-(\d{4,})", row.keys["number"])
             if found is not None and int(found[1]) == year:
                 return f"{year}-{int(found[2]) + 1:04d}"
-        if len(rows) < PAGE or int(rows[-1].created[:4]) < year:
+        if len(rows) < page or int(rows[-1].created[:4]) < year:
             return f"{year}-0001"
         before = rows[-1].seq
 
@@ -294,14 +288,51 @@ class _Request:
 def _issued(
     ledger: Ledger, request: _Request, author: str, today: date, replaced: tuple[str, str] | None = None
 ) -> Record:
-    for _ in range(ATTEMPTS):
+    # how often a number is taken anew when others issue at the same moment
+    for _ in range(20):
         # the number first: whoever certifies the same calibration meanwhile takes it, and all is looked at anew
         number = request.number or next_number(ledger, today.year)
         if ledger.count("certificate", number=number):
             if request.number is not None:
                 raise LedgerError(f"certificate number {number!r:.60} is taken; leave it out for the next one")
             number = _free(ledger, number)
-        drafts = _drafts(ledger, request, author, number, today, replaced)
+        calibration = ledger.get("calibration", request.calibration)
+        verification = None if request.verification is None else ledger.get("verification", request.verification)
+        if verification is not None:
+            serial = calibration.keys["serial"]
+            if verification.keys["serial"] != serial:
+                raise LedgerError(
+                    f"the verification is of tool {verification.keys['serial']}, the calibration of {serial}"
+                )
+            if verification.keys["calibration"] != calibration.id:
+                raise LedgerError(
+                    "the verification was made with another calibration of this tool; verify with this one"
+                )
+            if verification.body["verdict"] == "fail" and not request.nonconforming:
+                raise LedgerError(
+                    "the verification failed: a certificate would state that the tool does not conform; agree to that, "
+                    "or calibrate and verify again"
+                )
+        _not_certified(ledger, calibration, replaced)
+        record = _record(ledger, request, author, calibration, verification, number, today, replaced)
+        files = {
+            "pdf": certificate_pdf(record, fonts=request.fonts),
+            "dcc": dcc_bytes(record),
+            "json": record_bytes(record),
+        }
+        body = {
+            "record": record,
+            "calibration": calibration.id,
+            "verification": None if verification is None else verification.id,
+            "documents": {name: digest_bytes(data) for name, data in files.items()},
+            "supersedes": record["supersedes"],
+            "head": record["head"],
+        }
+        keys = {"number": number, "serial": calibration.keys["serial"]}
+        drafts = [Draft("certificate", keys, body, [(MEDIA[name], data) for name, data in files.items()])]
+        if replaced is not None:
+            event = {"subject_kind": "certificate", "subject": replaced[0], "action": "superseded"}
+            drafts.append(Draft("event", event, {"reason": replaced[1], "details": {"by": number}}))
         try:
             return ledger.append_all(drafts, author=author)[0]
         except ConflictError:
@@ -315,50 +346,6 @@ def _free(ledger: Ledger, number: str) -> str:
         place = f"{int(place) + 1:04d}"
         number = f"{year}-{place}"
     return number
-
-
-def _drafts(
-    ledger: Ledger, request: _Request, author: str, number: str, today: date, replaced: tuple[str, str] | None
-) -> list[Draft]:
-    calibration = ledger.get("calibration", request.calibration)
-    verification = None if request.verification is None else ledger.get("verification", request.verification)
-    _belonging(calibration, verification, request)
-    _not_certified(ledger, calibration, replaced)
-    record = _record(ledger, request, author, calibration, verification, number, today, replaced)
-    files = {
-        "pdf": certificate_pdf(record, fonts=request.fonts),
-        "dcc": dcc_bytes(record),
-        "json": record_bytes(record),
-    }
-    body = {
-        "record": record,
-        "calibration": calibration.id,
-        "verification": None if verification is None else verification.id,
-        "documents": {name: digest_bytes(data) for name, data in files.items()},
-        "supersedes": record["supersedes"],
-        "head": record["head"],
-    }
-    keys = {"number": number, "serial": calibration.keys["serial"]}
-    drafts = [Draft("certificate", keys, body, [(MEDIA[name], data) for name, data in files.items()])]
-    if replaced is not None:
-        event = {"subject_kind": "certificate", "subject": replaced[0], "action": "superseded"}
-        drafts.append(Draft("event", event, {"reason": replaced[1], "details": {"by": number}}))
-    return drafts
-
-
-def _belonging(calibration: Record, verification: Record | None, request: _Request) -> None:
-    if verification is None:
-        return
-    serial = calibration.keys["serial"]
-    if verification.keys["serial"] != serial:
-        raise LedgerError(f"the verification is of tool {verification.keys['serial']}, the calibration of {serial}")
-    if verification.keys["calibration"] != calibration.id:
-        raise LedgerError("the verification was made with another calibration of this tool; verify with this one")
-    if verification.body["verdict"] == "fail" and not request.nonconforming:
-        raise LedgerError(
-            "the verification failed: a certificate would state that the tool does not conform; agree to that, "
-            "or calibrate and verify again"
-        )
 
 
 def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str] | None) -> None:

@@ -31,25 +31,21 @@ def half_way(ledger: Ledger, instrument: SimulatedInstrument) -> Session:
     A ledger that has been through this already is left as it is; its newest session is returned.
     """
     if find_tool(ledger, SERIAL) is None:
-        _register(ledger, instrument)
+        triads = {kind: {"channels": triad.count, "unit": triad.unit} for kind, triad in instrument.tool.triads.items()}
+        tool = RegisteredTool(SERIAL, "simulated steering tool", triads, customer="nobody", interval_months=12)
+        put_tool(ledger, tool, author=AUTHOR)
+        azimuth, inclination, toolface = (float(x) for x in np.broadcast_to(instrument.rig.setting_sd, 3))
+        rig = RegisteredRig(
+            "simulated stand", (azimuth, inclination, toolface), description="three axes, turned by the program"
+        )
+        put_rig(ledger, rig, author=AUTHOR)
+        # ZZ: a code that no country has
+        laboratory = {"name": "Demonstration laboratory", "address": "nowhere", "country": "ZZ"}
+        put_site(ledger, RegisteredSite("demonstration", laboratory=laboratory), author=AUTHOR)
         first = _captured(ledger, instrument, plans.twelve(), 12)
         finish_calibration(ledger, first.id, author=AUTHOR)
         return _captured(ledger, instrument, plans.orthogonal(), 12)
     return load_session(ledger, ledger.find("session", serial=SERIAL, newest=True, limit=1)[0].id)
-
-
-def _register(ledger: Ledger, instrument: SimulatedInstrument) -> None:
-    triads = {kind: {"channels": triad.count, "unit": triad.unit} for kind, triad in instrument.tool.triads.items()}
-    tool = RegisteredTool(SERIAL, "simulated steering tool", triads, customer="nobody", interval_months=12)
-    put_tool(ledger, tool, author=AUTHOR)
-    azimuth, inclination, toolface = (float(x) for x in np.broadcast_to(instrument.rig.setting_sd, 3))
-    rig = RegisteredRig(
-        "simulated stand", (azimuth, inclination, toolface), description="three axes, turned by the program"
-    )
-    put_rig(ledger, rig, author=AUTHOR)
-    # ZZ: a code that no country has
-    laboratory = {"name": "Demonstration laboratory", "address": "nowhere", "country": "ZZ"}
-    put_site(ledger, RegisteredSite("demonstration", laboratory=laboratory), author=AUTHOR)
 
 
 def _captured(ledger: Ledger, instrument: SimulatedInstrument, plan: plans.Plan, number: int) -> Session:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -21,18 +21,18 @@ CALIBRATING: Final = ("twelve", "orthogonal", "half", "two-face", "rotations", "
 """Names a calibration can be opened with; a verification takes those of `protocols`."""
 
 
-@dataclass(frozen=True)
-class GuidedPlan:
-    """What was chosen: a name, how many positions (optimal only), temperatures of a campaign, degC."""
-
-    name: str
-    number: int | None = None
-    temperatures: tuple[float, ...] = ()
-
-
-def plan_for(wanted: GuidedPlan, ledger: Ledger, serial: str, rig: RegisteredRig) -> tuple[Plan, dict[str, Any]]:
+def plan_for(
+    name: str,
+    ledger: Ledger,
+    serial: str,
+    rig: RegisteredRig,
+    *,
+    number: int | None = None,
+    temperatures: Sequence[float] = (),
+) -> tuple[Plan, dict[str, Any]]:
     """The positions to begin with, and what the session record keeps of the choice.
 
+    How many positions, for the optimal plan only; temperatures of a campaign in degC.
     An adaptive plan begins with the one position that tells most and is continued by `progress.proposal`.
 
     Raises
@@ -40,33 +40,26 @@ def plan_for(wanted: GuidedPlan, ledger: Ledger, serial: str, rig: RegisteredRig
     InputError
         An unknown name, a number for a plan that has its own, temperatures that are none.
     """
-    if wanted.number is not None and wanted.name != "optimal":
-        raise InputError(f"plan {wanted.name} has its own number of positions; leave the number out")
+    if number is not None and name != "optimal":
+        raise InputError(f"plan {name} has its own number of positions; leave the number out")
     settings: dict[str, Any] = {}
-    if wanted.name in protocols():
-        plan = protocols()[wanted.name].plan
-    elif wanted.name == ADAPTIVE:
-        plan = Plan(ADAPTIVE, np.zeros(1), np.array([_first_inclination(rig)]), np.zeros(1))
+    if name in protocols():
+        plan = protocols()[name].plan
+    elif name == ADAPTIVE:
+        low, high = rig.inclination
+        plan = Plan(ADAPTIVE, np.zeros(1), np.array([float(min(max(0.0, low), high))]), np.zeros(1))
         settings["settings"] = {"adaptive": True}
-    elif wanted.name in CALIBRATING:
-        plan = _named(wanted, ledger, serial, rig)
+    elif name in CALIBRATING:
+        if name != "optimal":
+            plan = make_plan(name)
+        else:
+            tool = find_tool(ledger, serial)
+            span = Goal().inclination_range if tool is None else tool.inclination_range
+            sd = float(np.sqrt(np.mean(np.square(rig.sd))))
+            plan = make_plan("optimal", number=number, inclination_range=aimed_range(span, "azimuth"), rig_sd=sd)
     else:
-        raise InputError(f"plan {wanted.name!r} is unknown; allowed: {', '.join((*CALIBRATING, *protocols()))}")
-    if wanted.temperatures:
-        plan, targets = campaign(plan, wanted.temperatures)
+        raise InputError(f"plan {name!r} is unknown; allowed: {', '.join((*CALIBRATING, *protocols()))}")
+    if temperatures:
+        plan, targets = campaign(plan, temperatures)
         settings["settings"] = {**settings.get("settings", {}), "target_degC": list(targets)}
     return plan, settings
-
-
-def _named(wanted: GuidedPlan, ledger: Ledger, serial: str, rig: RegisteredRig) -> Plan:
-    if wanted.name != "optimal":
-        return make_plan(wanted.name)
-    tool = find_tool(ledger, serial)
-    span = Goal().inclination_range if tool is None else tool.inclination_range
-    sd = float(np.sqrt(np.mean(np.square(rig.sd))))
-    return make_plan("optimal", number=wanted.number, inclination_range=aimed_range(span, "azimuth"), rig_sd=sd)
-
-
-def _first_inclination(rig: RegisteredRig) -> float:
-    low, high = rig.inclination
-    return float(min(max(0.0, low), high))

@@ -72,7 +72,22 @@ def import_file(
     found = _read(content)
     if isinstance(found, Calibration):
         return _calibration(ledger, found, serial, rig, settings, author)
-    return _session(ledger, found, serial, rig, settings, author, purpose)
+    if found.azimuth is None or found.inclination is None or found.toolface is None:
+        raise FileError("no rig angles; the columns azimuth_deg, inclination_deg, toolface_deg are needed", path=SHOWN)
+    if len(found.station) > MOST_POSITIONS:
+        raise FileError(f"{len(found.station)} stations; allowed {MOST_POSITIONS}", path=SHOWN)
+    plan = Plan("imported", found.azimuth, found.inclination, found.toolface, found.roll_set)
+    captures = [_capture(found, row) for row in range(len(plan))]
+    session = open_session(
+        ledger, serial, plan, rig=rig, author=author, purpose=purpose, settings=settings, dialled=True
+    )
+    drafts = [reading_draft(session.id, number, taken) for number, taken in enumerate(captures, 1)]
+    try:
+        ledger.append_all(drafts, author=author)
+    except InputError as error:
+        close_session(ledger, session.id, "abandoned", author=author, reason="the file could not be recorded")
+        raise LedgerError(f"the readings cannot be recorded: {error}") from None
+    return ledger.get("session", session.id)
 
 
 def _read(content: bytes) -> BenchReadings | Calibration:
@@ -85,33 +100,6 @@ def _read(content: bytes) -> BenchReadings | Calibration:
             return read_bench(path)
         except FileError as error:
             raise FileError(error.problem, path=SHOWN, line=error.line) from None
-
-
-def _session(
-    ledger: Ledger,
-    readings: BenchReadings,
-    serial: str,
-    rig: str,
-    settings: Mapping[str, Any],
-    author: str,
-    purpose: str,
-) -> Record:
-    if readings.azimuth is None or readings.inclination is None or readings.toolface is None:
-        raise FileError("no rig angles; the columns azimuth_deg, inclination_deg, toolface_deg are needed", path=SHOWN)
-    if len(readings.station) > MOST_POSITIONS:
-        raise FileError(f"{len(readings.station)} stations; allowed {MOST_POSITIONS}", path=SHOWN)
-    plan = Plan("imported", readings.azimuth, readings.inclination, readings.toolface, readings.roll_set)
-    captures = [_capture(readings, row) for row in range(len(plan))]
-    session = open_session(
-        ledger, serial, plan, rig=rig, author=author, purpose=purpose, settings=settings, dialled=True
-    )
-    drafts = [reading_draft(session.id, number, taken) for number, taken in enumerate(captures, 1)]
-    try:
-        ledger.append_all(drafts, author=author)
-    except InputError as error:
-        close_session(ledger, session.id, "abandoned", author=author, reason="the file could not be recorded")
-        raise LedgerError(f"the readings cannot be recorded: {error}") from None
-    return ledger.get("session", session.id)
 
 
 def _capture(readings: BenchReadings, row: int) -> Capture:

@@ -129,10 +129,6 @@ MOST_BLOCKS: Final = 400
 """Blocks remembered: older noise is forgotten."""
 LEAST_BLOCKS: Final = 5
 """Blocks before a verdict is given."""
-MOST_WANDER: Final = 0.1
-"""Wandering of a block in units of the variance of a sample; more is no property of an instrument but a motion."""
-FALSE_ALARM: Final = 1e-3
-"""How often a tool at rest is called moving."""
 LEAST: Final = 8
 """Samples a verdict needs."""
 
@@ -205,28 +201,28 @@ class NoiseFloor:
         if self.blocks < LEAST_BLOCKS:
             return None
         if not self._fresh:
-            self._learnt, self._fresh = self._learn(), True
+            variance, mean = np.stack(self._variance), np.stack(self._mean)
+            step = np.zeros(mean.shape[1]) if self._step is None else np.where(np.isfinite(self._step), self._step, 0.0)
+            # between two counts a reading may rest on one or alternate: variance up to a quarter of a step squared
+            variance = np.maximum(variance, step**2 / 4.0)
+            unit = chdtri(BLOCK - 1.0, 0.5) / (BLOCK - 1.0)  # median of a variance over its mean
+            floor = np.maximum(noise_floor(variance, 4.0) / unit, np.finfo(float).tiny)
+            quiet = np.mean(variance / floor, axis=1) < 4.0
+            follows = ~np.array(self._breaks)
+            rows = quiet[2:] & quiet[1:-1] & quiet[:-2] & follows[2:] & follows[1:-1]
+            wander = np.zeros(len(floor))
+            if rows.sum() >= 2 * LEAST_BLOCKS:
+                second = (mean[2:] - 2.0 * mean[1:-1] + mean[:-2])[rows] ** 2 / 6.0
+                found = np.median(second, axis=0) / chdtri(1.0, 0.5)
+                # only what is more than chance is wandering; neighbouring second differences share two means of three
+                sure = max(1.0 - 2.0 * np.sqrt(2.0 * 3.0 / rows.sum()), 0.0)
+                # wandering of a block in units of the variance of a sample; more is no property of an instrument but a
+                # motion
+                wander = np.where(found * sure > floor / BLOCK, np.minimum(found - floor / BLOCK, 0.1 * floor), 0.0)
+            # the median knows a variance two thirds as well as the mean would
+            self._learnt = Floor(np.sqrt(floor), wander, 0.64 * (BLOCK - 1.0) * max(int(quiet.sum()), 1))
+            self._fresh = True
         return self._learnt
-
-    def _learn(self) -> Floor:
-        variance, mean = np.stack(self._variance), np.stack(self._mean)
-        step = np.zeros(mean.shape[1]) if self._step is None else np.where(np.isfinite(self._step), self._step, 0.0)
-        # between two counts a reading may rest on one or alternate: variance up to a quarter of a step squared
-        variance = np.maximum(variance, step**2 / 4.0)
-        unit = chdtri(BLOCK - 1.0, 0.5) / (BLOCK - 1.0)  # median of a variance over its mean
-        floor = np.maximum(noise_floor(variance, 4.0) / unit, np.finfo(float).tiny)
-        quiet = np.mean(variance / floor, axis=1) < 4.0
-        follows = ~np.array(self._breaks)
-        rows = quiet[2:] & quiet[1:-1] & quiet[:-2] & follows[2:] & follows[1:-1]
-        wander = np.zeros(len(floor))
-        if rows.sum() >= 2 * LEAST_BLOCKS:
-            second = (mean[2:] - 2.0 * mean[1:-1] + mean[:-2])[rows] ** 2 / 6.0
-            found = np.median(second, axis=0) / chdtri(1.0, 0.5)
-            # only what is more than chance is wandering; neighbouring second differences share two means of three
-            sure = max(1.0 - 2.0 * np.sqrt(2.0 * 3.0 / rows.sum()), 0.0)
-            wander = np.where(found * sure > floor / BLOCK, np.minimum(found - floor / BLOCK, MOST_WANDER * floor), 0.0)
-        # the median knows a variance two thirds as well as the mean would
-        return Floor(np.sqrt(floor), wander, 0.64 * (BLOCK - 1.0) * max(int(quiet.sum()), 1))
 
 
 def line(time: Array, signals: Array) -> tuple[Array, Array, float]:
@@ -256,7 +252,8 @@ def drift_variance(floor: Floor, count: int, white: float) -> Array:
     return np.asarray(floor.sd**2 * white + 3.6 * floor.wander * max(count / BLOCK, 1.0))
 
 
-def judge(window: Window, floor: Floor, false_alarm: float = FALSE_ALARM) -> Verdict:
+# how often a tool at rest is called moving
+def judge(window: Window, floor: Floor, false_alarm: float = 1e-3) -> Verdict:
     """Whether the tool stood still in a window of at least `LEAST` samples.
 
     Parameters
@@ -298,12 +295,6 @@ def judge(window: Window, floor: Floor, false_alarm: float = FALSE_ALARM) -> Ver
 
 WINDOW: Final = 5.0
 """s, the stretch a verdict and a capture look at when nothing else is asked for."""
-CAPACITY: Final = 36_000
-"""Samples kept: an hour at 10 Hz."""
-STALE: Final = 2.0
-"""s without a sample after which the newest one says nothing about now; longer for a protocol with a longer silence."""
-EVENTS_KEPT: Final = 500
-LONGEST: Final = 3600.0
 
 
 class CaptureError(InputError):
@@ -338,12 +329,6 @@ class Stability:
     reason: str
 
 
-@dataclass(frozen=True)
-class _Subscriber:
-    call: Callable[[Sample], None]
-    period: float
-
-
 class LiveFeed:
     """Samples of one instrument as the bench needs them; safe to use from many threads.
 
@@ -367,12 +352,13 @@ class LiveFeed:
     (True, 'disconnected')
     """
 
+    # samples kept: an hour at 10 Hz
     def __init__(
         self,
         url: str | None,
         protocol: Protocol,
         *,
-        capacity: int = CAPACITY,
+        capacity: int = 36_000,
         clock: Callable[[], float] = steady_clock,
         backoff: tuple[float, float] = (0.2, 5.0),
     ) -> None:
@@ -383,8 +369,9 @@ class LiveFeed:
         self._ring, self._noise = Ring(capacity), NoiseFloor()
         self._latest: Sample | None = None
         self._moved = float("-inf")
-        self._events: deque[InstrumentEvent] = deque(maxlen=EVENTS_KEPT)
-        self._subscribers: dict[_Subscriber, float] = {}
+        self._events: deque[InstrumentEvent] = deque(maxlen=500)
+        # who is called how often, s -> when it was last
+        self._subscribers: dict[tuple[Callable[[Sample], None], float], float] = {}
         self.reader = (
             None if url is None else InstrumentReader(url, protocol, self.put, self._on_event, clock, backoff=backoff)
         )
@@ -438,13 +425,13 @@ class LiveFeed:
             else:
                 self._noise.add(signals)
             self._latest = sample
-            due = [s for s, last in self._subscribers.items() if sample.time - last >= s.period or sample.time < last]
+            due = [s for s, last in self._subscribers.items() if sample.time - last >= s[1] or sample.time < last]
             for subscriber in due:
                 self._subscribers[subscriber] = sample.time
-        for subscriber in due:
+        for call, _ in due:
             # a page that fails must not stop the feed of the others
             with contextlib.suppress(Exception):
-                subscriber.call(sample)
+                call(sample)
 
     def _on_event(self, event: InstrumentEvent) -> None:
         with self._lock:
@@ -465,7 +452,7 @@ class LiveFeed:
         if not 0.01 <= hertz <= 1000.0:
             raise InputError(f"hertz is {hertz:g}; allowed 0.01 to 1000")
         # a little less than the period: samples that come on time are not late by their jitter
-        subscriber = _Subscriber(call, 0.95 / hertz)
+        subscriber = (call, 0.95 / hertz)
         with self._lock:
             self._subscribers[subscriber] = float("-inf")
 
@@ -493,8 +480,9 @@ class LiveFeed:
 
     def window(self, seconds: float = WINDOW) -> Window:
         """The samples of the last seconds before the newest one."""
-        if not 0.0 < seconds <= LONGEST:
-            raise InputError(f"seconds is {seconds:g}; allowed more than 0, up to {LONGEST:g}")
+        longest = 3600.0
+        if not 0.0 < seconds <= longest:
+            raise InputError(f"seconds is {seconds:g}; allowed more than 0, up to {longest:g}")
         with self._lock:
             latest = self._latest
             return self._ring.since(float("inf") if latest is None else latest.time - seconds * (1.0 + 1e-9))
@@ -514,7 +502,29 @@ class LiveFeed:
             window = self._since_moved(seconds)
             floor, blocks = self._noise.floor(), self._noise.blocks
         empty: dict[str, Array] = {}
-        word, reason = self._unfit(window, seconds)
+        # why nothing can be said of this window; empty when something can
+        if not self.connected:
+            word, reason = "disconnected", f"{self.url} is not connected; it is tried again and again: check the cable"
+        # s without a sample after which the newest one says nothing about now; longer for a protocol with a longer
+        # silence
+        elif self.age > max(2.0, self.protocol.silence):
+            word, reason = "stale", f"no sample for {self.age:.1f} s; is the tool switched on?"
+        elif window.faulty.any():
+            bad, total = int(window.faulty.sum()), len(window)
+            word, reason = (
+                "faulty",
+                f"{bad} of {total} samples are out of range or stuck; wait {seconds:g} s, then check the tool",
+            )
+        else:
+            # a window of so many seconds is full when the next sample would not fit any more
+            step = window.duration / max(len(window) - 1, 1)
+            if window.duration + step < 0.9 * seconds or len(window) < LEAST:
+                have = f"{len(window)} samples in {window.duration:.1f} of {seconds:g} s"
+                slow = len(window) > 1 and seconds < (LEAST - 1) * step
+                remedy = f"look at {np.ceil(LEAST * step):g} s, it sends slowly" if slow else "wait"
+                word, reason = "few", f"{have}; at least {LEAST} samples over the whole time are needed: {remedy}"
+            else:
+                word, reason = "", ""
         if len(window) < 2:
             return Stability(empty, empty, empty, empty, empty, len(window), 0.0, None, False, word, reason), window
         signals = window.signals
@@ -548,27 +558,6 @@ class LiveFeed:
             return window
         channels = {kind: x[keep] for kind, x in window.channels.items()}
         return Window(window.time[keep], channels, window.temperature[keep], window.faulty[keep])
-
-    def _unfit(self, window: Window, seconds: float) -> tuple[str, str]:
-        """Why nothing can be said of this window; empty when something can."""
-        if not self.connected:
-            return "disconnected", f"{self.url} is not connected; it is tried again and again: check the cable"
-        if self.age > max(STALE, self.protocol.silence):
-            return "stale", f"no sample for {self.age:.1f} s; is the tool switched on?"
-        if window.faulty.any():
-            bad, total = int(window.faulty.sum()), len(window)
-            return (
-                "faulty",
-                f"{bad} of {total} samples are out of range or stuck; wait {seconds:g} s, then check the tool",
-            )
-        # a window of so many seconds is full when the next sample would not fit any more
-        step = window.duration / max(len(window) - 1, 1)
-        if window.duration + step < 0.9 * seconds or len(window) < LEAST:
-            have = f"{len(window)} samples in {window.duration:.1f} of {seconds:g} s"
-            slow = len(window) > 1 and seconds < (LEAST - 1) * step
-            remedy = f"look at {np.ceil(LEAST * step):g} s, it sends slowly" if slow else "wait"
-            return "few", f"{have}; at least {LEAST} samples over the whole time are needed: {remedy}"
-        return "", ""
 
     def capture(
         self, dial: tuple[float, float, float], seconds: float = WINDOW, how: str = "key", note: str = ""

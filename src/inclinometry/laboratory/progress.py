@@ -32,18 +32,10 @@ from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.registry import RegisteredRig, RegisteredSite, find_tool
 from inclinometry.laboratory.session import Session, bench_readings
 
-SCATTER: Final = 3.0
-"""Standard deviations by which the residuals may exceed the noise of the samples before they are believed instead."""
-MORE_THAN_NOISE: Final = (
-    "the readings scatter more from position to position than the sensors' noise and the rig explain: the noise was "
-    "estimated from the residuals instead"
-)
 AIM: Final = 0.97
 """Share of the wanted uncertainty that is planned for: what is certified scatters a little."""
 FEWEST, FARTHEST = 9, 30
 """Positions of the shortest run that is planned, and of the longest."""
-_SAME: Final = 1e-9
-"""Inclinations nearer to each other than this are one, rad: what conversion to degrees and back changes."""
 BOTH: Final = frozenset({"accelerometer", "magnetometer"})
 
 
@@ -142,10 +134,11 @@ def covering(inclination_range: tuple[float, float]) -> slice:
     >>> np.degrees(np.array(INCLINATIONS)[covering((np.radians(12.0), np.radians(88.0)))]).round()
     array([10., 15., 20., 30., 45., 60., 75., 90.])
     """
+    same = 1e-9  # inclinations nearer to each other than this are one, rad: what conversion to degrees and back changes
     low, high = inclination_range
     table = np.array(INCLINATIONS)
-    first = int(np.searchsorted(table, low + _SAME, side="right")) - 1
-    last = int(np.searchsorted(table, high - _SAME, side="left"))
+    first = int(np.searchsorted(table, low + same, side="right")) - 1
+    last = int(np.searchsorted(table, high - same, side="left"))
     return slice(max(first, 0), min(last, len(table) - 1) + 1)
 
 
@@ -167,10 +160,15 @@ def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_ha
     squares = np.concatenate([np.square(v).ravel() for v in found.residuals.standardised.values()])
     squares = squares[np.isfinite(squares)]
     freedom = max(squares.size - len(found.parameter_names), 1)
-    if found.outliers or not squares.size or squares.mean() <= 1.0 + SCATTER * np.sqrt(2.0 / freedom):
+    # standard deviations by which the residuals may exceed the noise of the samples before they are believed instead
+    if found.outliers or not squares.size or squares.mean() <= 1.0 + 3.0 * np.sqrt(2.0 / freedom):
         return found
     wide = calibrate_joint(replace(readings, sd={}), rig_sd=rig_sd, name=name, left_handed=left_handed)
-    return replace(wide, warnings=(*wide.warnings, MORE_THAN_NOISE))
+    more_than_noise = (
+        "the readings scatter more from position to position than the sensors' noise and the rig explain: the noise "
+        "was estimated from the residuals instead"
+    )
+    return replace(wide, warnings=(*wide.warnings, more_than_noise))
 
 
 def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Progress) -> NextPosition | None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import calendar
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
 from datetime import date
 from threading import Lock
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, NamedTuple, TypeVar, get_type_hints
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from annotated_types import Interval, MaxLen
 from sqlalchemy import func, select
 
 from inclinometry.arrays import within
@@ -21,8 +22,24 @@ from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.engine import KINDS, TABLES
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
 
-MOST = 100_000
-"""No list of tools is longer."""
+T = TypeVar("T")
+
+
+class Outside(NamedTuple):
+    """What a field is called outside the program: in a body of the interface, and where a record keeps it.
+
+    With a unit in the name; what ends in _deg is an angle, in radians inside.
+    """
+
+    name: str
+    stored: str
+
+
+MONTHS: Final = range(1, 121)
+"""Intervals between calibrations that can be agreed."""
+LONGEST_TEXT: Final = 2000
+Text = Annotated[str, MaxLen(LONGEST_TEXT)]
+Pair = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -35,14 +52,17 @@ class RegisteredTool:
     """
 
     serial: str
-    name: str
-    triads: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    manufacturer: str = ""
-    customer: str = ""
-    description: str = ""
+    name: Text
+    triads: Annotated[Mapping[str, Mapping[str, Any]], MaxLen(3)] = field(default_factory=dict)
+    manufacturer: Text = ""
+    customer: Text = ""
+    description: Text = ""
     convention: str = "native"
-    inclination_range: tuple[float, float] = (float(np.radians(10.0)), float(np.radians(90.0)))
-    interval_months: int | None = None
+    inclination_range: Annotated[Pair, Outside("inclination_range_deg", "range_deg.inclination")] = (
+        float(np.radians(10.0)),
+        float(np.radians(90.0)),
+    )
+    interval_months: Annotated[int | None, Interval(ge=MONTHS[0], le=MONTHS[-1])] = None
     retired: bool = False
 
     def __post_init__(self) -> None:
@@ -57,13 +77,13 @@ class RegisteredRig:
     """
 
     name: str
-    sd: tuple[float, float, float]
-    azimuth: tuple[float, float] = (0.0, 2.0 * np.pi)
-    inclination: tuple[float, float] = (0.0, np.pi)
-    toolface: tuple[float, float] = (0.0, 2.0 * np.pi)
-    description: str = ""
-    traceability: str = ""
-    place: str = ""
+    sd: Annotated[tuple[float, float, float], Outside("sd_deg", "sd_deg")]
+    azimuth: Annotated[Pair, Outside("azimuth_deg", "stand.azimuth")] = (0.0, 2.0 * np.pi)
+    inclination: Annotated[Pair, Outside("inclination_deg", "stand.inclination")] = (0.0, np.pi)
+    toolface: Annotated[Pair, Outside("toolface_deg", "stand.toolface")] = (0.0, 2.0 * np.pi)
+    description: Text = ""
+    traceability: Text = ""
+    place: Text = ""
     driver: Mapping[str, Any] = field(default_factory=dict)
     dials: Dials = USUAL
 
@@ -81,17 +101,63 @@ class RegisteredSite:
     """
 
     name: str
-    g: float | None = None
-    b: float | None = None
-    dip: float | None = None
-    laboratory: Mapping[str, str] = field(default_factory=dict)
-    description: str = ""
-    latitude: float | None = None
+    g: Annotated[float | None, Outside("g_mps2", "g_mps2")] = None
+    b: Annotated[float | None, Outside("b_nT", "b_nT")] = None
+    dip: Annotated[float | None, Outside("dip_deg", "dip_deg"), Interval(ge=-90.0, le=90.0)] = None
+    latitude: Annotated[float | None, Outside("latitude_deg", "latitude_deg"), Interval(ge=-90.0, le=90.0)] = None
+    laboratory: Annotated[Mapping[str, Text], MaxLen(20)] = field(default_factory=dict)
+    description: Text = ""
 
     @property
     def fields(self) -> dict[str, float | None]:
         """What is known of the fields, as `session.bench_readings` takes it."""
         return {"g": self.g, "b": self.b, "dip": self.dip, "latitude": self.latitude}
+
+
+def declared(of: type[Any]) -> Iterator[tuple[Field[Any], Any, Outside]]:
+    """Fields of a tool, rig or site beside its key, with their types and what they are called outside."""
+    hints = get_type_hints(of, include_extras=True)
+    for one in fields(of)[1:]:
+        marks = getattr(hints[one.name], "__metadata__", ())
+        yield one, hints[one.name], next((m for m in marks if isinstance(m, Outside)), Outside(one.name, one.name))
+
+
+def outside(name: str, value: Any) -> Any:
+    """A value as it is written outside under this name."""
+    if name.endswith("_deg") and value is not None:
+        return np.degrees(value).round(9).tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    if isinstance(value, Mapping):
+        return {key: dict(inner) if isinstance(inner, Mapping) else inner for key, inner in value.items()}
+    return value
+
+
+def stored(one: Any) -> dict[str, Any]:
+    """The body of the record of a tool, rig or site."""
+    body: dict[str, Any] = {}
+    for field_, _, (name, place) in declared(type(one)):
+        group, _, last = place.rpartition(".")
+        (body.setdefault(group, {}) if group else body)[last] = outside(name, getattr(one, field_.name))
+    return body
+
+
+def registered(of: type[T], key: str, said: Mapping[str, Any]) -> T:
+    """The tool, rig or site of which a record or a body of the interface says this; the rest as declared."""
+    inner = {
+        f"{group}.{name}": x for group, about in said.items() if isinstance(about, Mapping) for name, x in about.items()
+    }
+    flat, given = {**said, **inner}, {}
+    for one, hint, (name, place) in declared(of):
+        if is_dataclass(hint):
+            names = [f.name for f in fields(hint)]
+            given[one.name] = hint(**{n: flat[p] for n in names for p in (n, f"{place}.{n}") if p in flat})  # type: ignore[operator]
+        elif name in flat or place in flat:
+            value = flat[name] if name in flat else flat[place]
+            if name.endswith("_deg") and value is not None:
+                value = np.radians(value).tolist()
+            given[one.name] = tuple(value) if isinstance(value, list) else value
+    return of(key, **given)  # type: ignore[call-arg]
 
 
 def put_tool(ledger: Ledger, tool: RegisteredTool, *, author: str) -> Record:
@@ -105,99 +171,83 @@ def put_tool(ledger: Ledger, tool: RegisteredTool, *, author: str) -> Record:
     low, high = within(tool.inclination_range, "inclination_range", 0.0, np.pi, "rad")
     if low > high:
         raise InputError(f"inclination_range is {low:g} to {high:g} rad; the first must not exceed the second")
-    if tool.interval_months is not None and not 1 <= tool.interval_months <= 120:
-        raise InputError(f"interval_months is {tool.interval_months}; allowed 1 to 120, or none")
-    body = {
-        "name": tool.name,
-        "triads": {kind: dict(about) for kind, about in tool.triads.items()},
-        "manufacturer": tool.manufacturer,
-        "customer": tool.customer,
-        "description": tool.description,
-        "convention": tool.convention,
-        "range_deg": {"inclination": _degrees(tool.inclination_range)},
-        "interval_months": tool.interval_months,
-        "retired": tool.retired,
-    }
-    return ledger.append("tool", {"serial": tool.serial}, body, author=author)
+    if tool.interval_months is not None and not MONTHS[0] <= tool.interval_months <= MONTHS[-1]:
+        raise InputError(f"interval_months is {tool.interval_months}; allowed {MONTHS[0]} to {MONTHS[-1]}, or none")
+    return ledger.append("tool", {"serial": tool.serial}, stored(tool), author=author)
 
 
 def find_tool(ledger: Ledger, serial: str) -> RegisteredTool | None:
     """The tool as it is now; None when it was never registered."""
     record = ledger.latest("tool", serial=serial)
-    return None if record is None else _tool(record)
+    return None if record is None else registered(RegisteredTool, serial, record.body)
 
 
 def tools(ledger: Ledger, *, limit: int = 1000, after: str = "") -> list[RegisteredTool]:
     """Tools by serial number, beyond `after`."""
-    return [_tool(record) for record in ledger.current("tool", limit=limit, after=after)]
+    return [
+        registered(RegisteredTool, record.keys["serial"], record.body)
+        for record in ledger.current("tool", limit=limit, after=after)
+    ]
 
 
 def put_rig(ledger: Ledger, rig: RegisteredRig, *, author: str) -> Record:
     """Register a rig, or record what changed."""
     within(rig.sd, "sd of the rig", 0.0, np.radians(10.0), "rad")
-    limits = {name: _degrees(getattr(rig, name)) for name in ("azimuth", "inclination", "toolface")}
     stand_within(rig.azimuth, rig.inclination, rig.toolface, candidates=1)  # refuses limits that are none
-    body: dict[str, Any] = {
-        "sd_deg": _degrees(rig.sd),
-        "stand": limits,
-        "description": rig.description,
-        "traceability": rig.traceability,
-        "place": rig.place,
-        "driver": dict(rig.driver),
-    }
-    if rig.dials != USUAL:
-        body["dials"] = asdict(rig.dials)
+    body = stored(rig)
+    if rig.dials == USUAL:
+        del body["dials"]
     return ledger.append("rig", {"name": rig.name}, body, author=author)
 
 
 def find_rig(ledger: Ledger, name: str) -> RegisteredRig | None:
     """The rig as it is now; None when it was never registered."""
     record = ledger.latest("rig", name=name)
-    return None if record is None else _rig(record)
+    return None if record is None else registered(RegisteredRig, name, record.body)
 
 
 def rig_of(ledger: Ledger, session: str) -> RegisteredRig | None:
     """The rig of a session as it was when the session was opened: its uncertainty is not changed after the readings."""
     opened = ledger.get("session", session)
     found = ledger.find("rig", name=opened.body["rig"], newest=True, after=opened.seq, limit=1)
-    return _rig(found[0]) if found else None
+    return registered(RegisteredRig, found[0].keys["name"], found[0].body) if found else None
 
 
 def dials_of(ledger: Ledger, rig: str, before: int = 0) -> Dials:
     """How a rig's dials are known to count, by the records before a place in the chain, by all of them when 0."""
     found = ledger.find("rig", name=rig, newest=True, after=before, limit=1)
-    return _rig(found[0]).dials if found else USUAL
+    return registered(RegisteredRig, rig, found[0].body).dials if found else USUAL
 
 
 def rigs(ledger: Ledger) -> list[RegisteredRig]:
     """Rigs by name."""
-    return [_rig(record) for record in ledger.current("rig")]
+    return [registered(RegisteredRig, record.keys["name"], record.body) for record in ledger.current("rig")]
 
 
 def put_site(ledger: Ledger, site: RegisteredSite, *, author: str) -> Record:
     """Register a site, or record what changed."""
-    body: dict[str, Any] = {"laboratory": dict(site.laboratory), "description": site.description}
-    if site.g is not None:
-        body["g_mps2"] = float(within(site.g, "g", 9.5, 10.1, "m/s^2"))
-    if site.b is not None:
-        body["b_nT"] = float(within(site.b, "b", 5e3, 2e5, "nT"))
-    if site.dip is not None:
-        body["dip_deg"] = float(np.degrees(within(site.dip, "dip", -np.pi / 2, np.pi / 2, "rad")).round(9))
-    if site.latitude is not None:
-        latitude = within(site.latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
-        body["latitude_deg"] = float(np.degrees(latitude).round(9))
+    allowed = {
+        "g": (9.5, 10.1, "m/s^2"),
+        "b": (5e3, 2e5, "nT"),
+        "dip": (-np.pi / 2, np.pi / 2, "rad"),
+        "latitude": (-np.pi / 2, np.pi / 2, "rad"),
+    }
+    known: dict[str, Any] = {
+        name: float(within(value, name, *allowed[name])) for name, value in site.fields.items() if value is not None
+    }
+    body = {name: value for name, value in stored(replace(site, **known)).items() if value is not None}
     return ledger.append("site", {"name": site.name}, body, author=author)
 
 
 def find_site(ledger: Ledger, name: str) -> RegisteredSite | None:
     """The site as it is now; None when it was never registered."""
     record = ledger.latest("site", name=name)
-    return None if record is None else _site(record)
+    return None if record is None else registered(RegisteredSite, name, record.body)
 
 
 def sites(ledger: Ledger) -> list[RegisteredSite]:
     """Sites by name."""
-    return [_site(record) for record in ledger.current("site")]
+    return [registered(RegisteredSite, record.keys["name"], record.body) for record in ledger.current("site")]
 
 
 def months_after(day: date, months: int) -> date:
@@ -210,69 +260,6 @@ def months_after(day: date, months: int) -> date:
     """
     year, month = divmod(day.year * 12 + day.month - 1 + months, 12)
     return date(year, month + 1, min(day.day, calendar.monthrange(year, month + 1)[1]))
-
-
-def _degrees(values: tuple[float, ...]) -> list[float]:
-    return [float(x) for x in np.degrees(values).round(9)]
-
-
-def _pair(values: list[float]) -> tuple[float, float]:
-    low, high = (float(x) for x in np.radians(values))
-    return low, high
-
-
-def _tool(record: Record) -> RegisteredTool:
-    body = record.body
-    return RegisteredTool(
-        record.keys["serial"],
-        body["name"],
-        body["triads"],
-        body.get("manufacturer", ""),
-        body.get("customer", ""),
-        body.get("description", ""),
-        body.get("convention", "native"),
-        _pair(body.get("range_deg", {}).get("inclination", [10.0, 90.0])),
-        body.get("interval_months"),
-        body.get("retired", False),
-    )
-
-
-def _rig(record: Record) -> RegisteredRig:
-    body = record.body
-    azimuth, inclination, toolface = (float(x) for x in np.radians(body["sd_deg"]))
-    limits = {name: _pair(pair) for name, pair in body.get("stand", {}).items()}
-    return RegisteredRig(
-        record.keys["name"],
-        (azimuth, inclination, toolface),
-        **limits,
-        description=body.get("description", ""),
-        traceability=body.get("traceability", ""),
-        place=body.get("place", ""),
-        driver=body.get("driver", {}),
-        dials=Dials(**body.get("dials", {})),
-    )
-
-
-def _site(record: Record) -> RegisteredSite:
-    body = record.body
-    dip, latitude = (
-        None if degrees is None else float(np.radians(degrees))
-        for degrees in (body.get("dip_deg"), body.get("latitude_deg"))
-    )
-    return RegisteredSite(
-        record.keys["name"],
-        body.get("g_mps2"),
-        body.get("b_nT"),
-        dip,
-        body.get("laboratory", {}),
-        body.get("description", ""),
-        latitude,
-    )
-
-
-_LISTED: Final = 20_000
-"""Extracts kept for one ledger; a record never changes, so an extract never grows old."""
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -334,7 +321,8 @@ def extract(ledger: Ledger, one: Listed, what: str, make: Callable[[Record], T])
     found = make(ledger.get(one.kind, one.id))
     with _LOCK:
         kept[what, one.id] = found
-        while len(kept) > _LISTED:
+        # extracts kept for one ledger; a record never changes, so an extract never grows old
+        while len(kept) > 20_000:
             del kept[next(iter(kept))]
     return found
 

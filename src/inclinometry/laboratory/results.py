@@ -84,10 +84,6 @@ def at_the_bench(sentence: str) -> str:
     return re.sub(_ELSEWHERE, elsewhere, sentence)
 
 
-UNTURNED: Final = "they do not determine the tool; was it turned to each position?"
-"""What is said of readings that are all alike, or whose fit has no usable uncertainty."""
-
-
 def finish_calibration(
     ledger: Ledger, session: str, *, author: str, goal: Goal | None = None, estimate_rig: bool = False
 ) -> Record:
@@ -98,6 +94,8 @@ def finish_calibration(
     LedgerError
         The session is closed, or its readings cannot be fitted; says why.
     """
+    # what is said of readings that are all alike, or whose fit has no usable uncertainty
+    unturned = "they do not determine the tool; was it turned to each position?"
     seen = load_session(ledger, session)
     if seen.closed:
         raise LedgerError("this session is closed already")
@@ -105,16 +103,20 @@ def finish_calibration(
     if rig is None:
         raise LedgerError(f"rig {seen.rig!r} is not registered; register it first")
     if len(seen.valid) > 1 and _distinct(seen) == 1:
-        raise LedgerError(f"these readings do not make a calibration: {UNTURNED}")
+        raise LedgerError(f"these readings do not make a calibration: {unturned}")
     site = find_site(ledger, str(seen.settings.get("site", "")))
     now = session_progress(seen, goal or Goal(), rig, site, estimate_rig=estimate_rig)
     if now.calibration is None:
         raise LedgerError(f"these readings do not make a calibration: {now.waiting}")
     found = now.calibration
     if not np.isfinite(found.covariance).all() or (np.diagonal(found.covariance) < 0.0).any():
-        raise LedgerError(f"these readings do not make a calibration: {UNTURNED}")
+        raise LedgerError(f"these readings do not make a calibration: {unturned}")
     content = plain_content(found)
-    _readable(content)
+    # nothing is recorded that could not be read again, for what is recorded stays
+    try:
+        calibration_from(json.loads(canonical(dict(content))), "the fit")
+    except InclinometryError as error:
+        raise LedgerError(f"these readings do not make a calibration: {error}") from None
     body = {
         "tool_json": content,
         "method": found.method,
@@ -140,14 +142,6 @@ def finish_calibration(
 def _distinct(seen: Session) -> int:
     """How many readings differ from each other in any sensor."""
     return len({tuple((kind, v.tobytes()) for kind, v in sorted(row.capture.channels.items())) for row in seen.valid})
-
-
-def _readable(content: Mapping[str, Any]) -> None:
-    """Nothing is recorded that could not be read again, for what is recorded stays."""
-    try:
-        calibration_from(json.loads(canonical(dict(content))), "the fit")
-    except InclinometryError as error:
-        raise LedgerError(f"these readings do not make a calibration: {error}") from None
 
 
 def plain_content(calibration: Calibration) -> dict[str, Any]:

@@ -20,8 +20,6 @@ from inclinometry.rotations import wrap_positive
 
 LOW, HIGH = -60.0, 250.0
 """Temperatures of any oven, degC."""
-CLOSEST = 5.0
-"""Two steps nearer to each other than this, degC, tell a polynomial nothing."""
 
 
 def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[float, ...]]:
@@ -50,11 +48,12 @@ def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[flo
     >>> len(hot), target[0], target[-1]
     (24, 20.0, 80.0)
     """
+    closest = 5.0  # two steps nearer to each other than this, degC, tell a polynomial nothing
     targets = within(list(temperatures), "temperatures", LOW, HIGH, "degC")
     apart = np.diff(np.sort(targets))
-    if targets.size < 2 or (apart.size and apart.min() < CLOSEST):
+    if targets.size < 2 or (apart.size and apart.min() < closest):
         raise InputError(
-            f"the temperatures are {', '.join(f'{t:g}' for t in targets)} degC; give two or more, {CLOSEST:g} apart"
+            f"the temperatures are {', '.join(f'{t:g}' for t in targets)} degC; give two or more, {closest:g} apart"
         )
     times = len(targets)
     sets = tuple(f"{t:g}:{name}" if name else "" for t in targets for name in (plan.roll_set or [""] * len(plan)))
@@ -71,12 +70,6 @@ def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[flo
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
 CLOSING: Final = ("finished", "abandoned")
-TEMPERATURES: Final = (-100.0, 400.0)
-"""degC that a tool in a laboratory may have."""
-SOME: Final = 500
-"""Readings asked about at once."""
-LEAST_SAMPLES: Final = 8
-"""From so many samples on, their scatter is taken for the noise of the sensors."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +240,46 @@ def setting_of(dials: Dials, dial: tuple[float, float, float]) -> tuple[float, f
 
 def load_session(ledger: Ledger, session: str) -> Session:
     """The session as it stands: after a power cut exactly what was acknowledged."""
-    return _assembled(ledger, ledger.get("session", session))
+    record = ledger.get("session", session)
+    body, plan = record.body, record.body["plan"]
+    ended = _closing(ledger, record.id)
+    sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
+    positions = tuple(
+        Position(i, _radians(row), name)
+        for i, (row, name) in enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
+    )
+    taken: dict[int, RecordedReading] = {}
+    attempts: dict[int, int] = {}
+    for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
+        found = _taken(reading)
+        taken[found.number] = found
+        attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
+    # record of a reading -> why it was left out, for those that were
+    records = [one.record for one in taken.values()]
+    reasons: dict[str, str] = {}
+    at_once = 500
+    for start in range(0, len(records), at_once):
+        some = list(records[start : start + at_once])
+        for event in ledger.find("event", subject_kind="reading", action="rejected", subject=some):
+            reasons[event.keys["subject"]] = str(event.body.get("reason", ""))
+    for number, one in taken.items():
+        if one.record in reasons:
+            taken[number] = RecordedReading(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
+    return Session(
+        record.id,
+        record.keys["serial"],
+        record.keys["purpose"],
+        plan["name"],
+        positions,
+        body["rig"],
+        record.created,
+        record.author,
+        taken,
+        attempts,
+        "" if ended is None else str(ended.keys["action"]),
+        {name: value for name, value in body.items() if name not in ("plan", "rig")},
+        dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
+    )
 
 
 def sessions(ledger: Ledger, *, serial: str | None = None, limit: int = 100, before: int = 0) -> list[Record]:
@@ -370,7 +402,8 @@ def bench_readings(
     roll_set = [names.get(row.number, "") for row in rows]
     known = {"g": g, "b": b, "dip": dip, "latitude": latitude}
     sd = {}
-    if all(row.capture.count >= LEAST_SAMPLES and set(row.capture.sd) >= set(kinds) for row in rows):
+    # from so many samples on, their scatter is taken for the noise of the sensors
+    if all(row.capture.count >= 8 and set(row.capture.sd) >= set(kinds) for row in rows):
         sd = {kind: np.stack([row.capture.sd[kind] / np.sqrt(row.capture.count) for row in rows]) for kind in kinds}
         # one sensor has one noise: what few samples say of it at one position is pooled over all
         sd = {kind: np.broadcast_to(np.sqrt(np.mean(v**2, axis=0)), v.shape) for kind, v in sd.items()}
@@ -391,51 +424,6 @@ def bench_readings(
     return session.dials.read(readings)
 
 
-def _assembled(ledger: Ledger, record: Record) -> Session:
-    body, plan = record.body, record.body["plan"]
-    ended = _closing(ledger, record.id)
-    sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
-    positions = tuple(
-        Position(i, _radians(row), name)
-        for i, (row, name) in enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
-    )
-    taken: dict[int, RecordedReading] = {}
-    attempts: dict[int, int] = {}
-    for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
-        found = _taken(reading)
-        taken[found.number] = found
-        attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
-    reasons = _rejections(ledger, [one.record for one in taken.values()])
-    for number, one in taken.items():
-        if one.record in reasons:
-            taken[number] = RecordedReading(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
-    return Session(
-        record.id,
-        record.keys["serial"],
-        record.keys["purpose"],
-        plan["name"],
-        positions,
-        body["rig"],
-        record.created,
-        record.author,
-        taken,
-        attempts,
-        "" if ended is None else str(ended.keys["action"]),
-        {name: value for name, value in body.items() if name not in ("plan", "rig")},
-        dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
-    )
-
-
-def _rejections(ledger: Ledger, records: Sequence[str]) -> dict[str, str]:
-    """Record of a reading -> why it was left out, for those that were."""
-    found: dict[str, str] = {}
-    for start in range(0, len(records), SOME):
-        some = list(records[start : start + SOME])
-        for event in ledger.find("event", subject_kind="reading", action="rejected", subject=some):
-            found[event.keys["subject"]] = str(event.body.get("reason", ""))
-    return found
-
-
 def _radians(row: Sequence[float]) -> tuple[float, float, float]:
     azimuth, inclination, toolface = (float(x) for x in np.radians(np.asarray(row, dtype=float)))
     return azimuth, inclination, toolface
@@ -447,7 +435,8 @@ def _capture_body(taken: Capture) -> dict[str, Any]:
         if abs(angle) > 2.0 * np.pi:
             raise InputError(f"the {name} dial is at {np.degrees(angle):g} degrees; allowed -360 to 360 degrees")
     if taken.temperature is not None:
-        within(taken.temperature, "temperature", *TEMPERATURES, "degC")
+        # degC that a tool in a laboratory may have
+        within(taken.temperature, "temperature", -100.0, 400.0, "degC")
     for kind, signals in taken.channels.items():
         within(finite(signals, kind, (None,)), kind, -LARGEST, LARGEST)
         for name in ("sd", "drift"):

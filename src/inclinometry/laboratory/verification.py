@@ -106,9 +106,6 @@ def applicable_limits(session: Session, calibration: str, limits: Limits | None)
     return agreed
 
 
-OWN_SESSION: Final = "these are the readings the tool was calibrated with; verify it at positions of another session"
-
-
 @dataclass(frozen=True)
 class Protocol:
     """A named set of positions: every inclination with every azimuth and toolface, in that order of turning, rad."""
@@ -171,7 +168,9 @@ def finish_verification(
     if record.keys["serial"] != seen.serial:
         raise LedgerError(f"the calibration is of tool {record.keys['serial']}, the session of {seen.serial}")
     if record.keys["session"] == session:
-        raise LedgerError(OWN_SESSION)
+        raise LedgerError(
+            "these are the readings the tool was calibrated with; verify it at positions of another session"
+        )
     limits = applicable_limits(seen, calibration, limits)
     found = judged(ledger, session, calibration, limits)
     lost = missing_positions(seen, found, limits)
@@ -233,8 +232,6 @@ def report(found: Verification, seen: Session) -> dict[str, Any]:
 
 # Opening a verification on the stand, with the limits it will be judged by.
 
-_SLACK: Final = 1e-9
-
 
 def begin_verification(
     ledger: Ledger, calibration: str, protocol_name: str, *, author: str, limits: Limits | None = None
@@ -275,12 +272,13 @@ def begin_verification(
 
 def reachable(plan: Plan, rig: RegisteredRig) -> Plan:
     """The positions of a plan that lie within the limits of a rig's dials; InputError when none does."""
+    slack = 1e-9
     inside = np.ones(len(plan), dtype=bool)
     for name in ("azimuth", "inclination", "toolface"):
         low, high = getattr(rig, name)
         turned = getattr(plan, name)[:, None] + (0.0 if name == "inclination" else 2.0 * np.pi * np.arange(-1, 2))
         turned = np.atleast_2d(turned)
-        inside &= np.any((turned >= low - _SLACK) & (turned <= high + _SLACK), axis=1)
+        inside &= np.any((turned >= low - slack) & (turned <= high + slack), axis=1)
     if not inside.any():
         raise InputError(f"rig {rig.name!r} can be set to none of the positions of {plan.name}; choose another one")
     if inside.all():

@@ -10,7 +10,7 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.conventions import Dials
-from inclinometry.laboratory.guided import GuidedPlan, plan_for
+from inclinometry.laboratory.guided import plan_for
 from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.ledger import ConflictError
@@ -155,7 +155,7 @@ def test_a_misread_dial_is_named_while_the_tool_is_on_the_stand_and_gone_after_a
 @pytest.mark.long
 def test_an_adaptive_plan_goes_on_to_the_wanted_uncertainty_and_stops(laboratory):
     rig = find_rig(laboratory.ledger, "stand")
-    plan, settings = plan_for(GuidedPlan("adaptive"), laboratory.ledger, "IN-7", rig)
+    plan, settings = plan_for("adaptive", laboratory.ledger, "IN-7", rig)
     # the noise of one reading alone gives 0.33 deg
     page = laboratory.page(laboratory.open(plan, **settings, wanted={"u_azimuth_deg": 0.36}))
     page.judge()
@@ -278,7 +278,7 @@ def test_a_rig_that_cannot_be_reached_is_said(laboratory):
 
 def test_a_campaign_waits_for_the_temperature_and_for_an_even_tool(laboratory):
     rig = find_rig(laboratory.ledger, "stand")
-    plan, settings = plan_for(GuidedPlan("twelve", None, (20.0, 60.0)), laboratory.ledger, "IN-7", rig)
+    plan, settings = plan_for("twelve", laboratory.ledger, "IN-7", rig, temperatures=(20.0, 60.0))
     page = laboratory.page(laboratory.open(plan, "temperature", **settings))
     page.automatic = True
     laboratory.rest(page.chosen.dial, 12.0)

@@ -77,8 +77,7 @@ def product(one: str, other: str) -> str:
 # The parts of a digital calibration certificate: elements in the order PTB's schema 3.2.1 asks for.
 
 DCC: Final = "https://ptb.de/dcc"
-SI: Final = "https://ptb.de/si"
-NSMAP: Final = {"dcc": DCC, "si": SI}
+NSMAP: Final = {"dcc": DCC, "si": "https://ptb.de/si"}
 PREFIX: Final = "inclinometry_"
 """Of the refTypes that are ours; the others are PTB's."""
 
@@ -203,10 +202,6 @@ def parameter_result(parent: Element, results: Record) -> None:
         element(meta, "dcc:nonSIUnit", ", ".join(strange))
 
 
-CONFORMITY: Final = {"pass": "pass", "fail": "fail", "inconclusive": "noPass"}
-"""Decision of a position -> DCC; inconclusive means that a guarded acceptance cannot say pass."""
-
-
 def verification_result(parent: Element, found: Record, name: str) -> None:
     """Errors of one angle at the positions where it was judged, with limits and decisions."""
     report = found["report"]
@@ -222,20 +217,13 @@ def verification_result(parent: Element, found: Record, name: str) -> None:
     listed = values(made, [row[name]["error_deg"] for row in rows], [DEGREE])
     expanded(listed, [row[name]["U_deg"] for row in rows], report["coverage_factor"])
     meta = element(element(made, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_conformity")
-    element(meta, "dcc:conformityXMLList", " ".join(CONFORMITY[row[name]["decision"]] for row in rows))
+    # decision of a position -> DCC; inconclusive means that a guarded acceptance cannot say pass
+    conformity = {"pass": "pass", "fail": "fail", "inconclusive": "noPass"}
+    element(meta, "dcc:conformityXMLList", " ".join(conformity[row[name]["decision"]] for row in rows))
     limits = element(meta, "dcc:data")
     for side, sign in (("Lower", -1.0), ("Upper", 1.0)):
         bound = quantity(limits, f"{side.lower()} limit", f"basic_toleranceLimit{side}")
         values(bound, [sign * row[name]["limit_deg"] for row in rows], [DEGREE])
-
-
-SCHEMA_VERSION: Final = "3.2.1"
-LARGEST: Final = 50_000_000
-_RULES: Final = {
-    "simple": ("JCGM 106:2012", "8.2", "Simple acceptance."),
-    "guarded": ("JCGM 106:2012", "8.3", "Guarded acceptance, guard band U."),
-}
-ONLY_ITEM: Final = "The results relate only to the item calibrated, at the time of calibration."
 
 
 def dcc_bytes(record: Record) -> bytes:
@@ -263,35 +251,14 @@ def dcc_bytes(record: Record) -> bytes:
     ]
     if lost:
         raise InputError(f"a digital certificate states {lost[0]}; give it in lab.toml (--laboratory)")
-    root = etree.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion=SCHEMA_VERSION, nsmap=NSMAP)
-    _administration(element(root, "dcc:administrativeData"), record)
-    _measurement(element(element(root, "dcc:measurementResults"), "dcc:measurementResult"), record)
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-
-
-def identifier(record: Record, number: str) -> str:
-    """What identifies a certificate of a laboratory in the whole world: laboratory and number."""
-    return f"{record['laboratory']['country']} {record['laboratory']['name']} {number}"
-
-
-def _administration(parent: Any, record: Record) -> None:
+    root = etree.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion="3.2.1", nsmap=NSMAP)
+    parent = element(root, "dcc:administrativeData")
     program, _, release = record["program"].partition(" ")
     software = element(element(parent, "dcc:dccSoftware"), "dcc:software")
     named(software, "dcc:name", program)
     element(software, "dcc:release", release or "unknown")
     element(software, "dcc:type", "application")
-    _core(element(parent, "dcc:coreData"), record)
-    item = record["item"]
-    listed = element(element(parent, "dcc:items"), "dcc:item")
-    named(listed, "dcc:name", item["name"] or "inclinometer")
-    if item["manufacturer"]:
-        named(element(listed, "dcc:manufacturer"), "dcc:name", item["manufacturer"])
-    _identified(element(listed, "dcc:identifications"), "manufacturer", item["serial"] or "not stated", "serial number")
-    _people(parent, record)
-    _statements(element(parent, "dcc:statements"), record)
-
-
-def _core(core: Any, record: Record) -> None:
+    core = element(parent, "dcc:coreData")
     dates = record["dates"]
     element(core, "dcc:countryCodeISO3166_1", record["laboratory"]["country"])
     element(core, "dcc:usedLangCodeISO639_1", "en")
@@ -314,6 +281,21 @@ def _core(core: Any, record: Record) -> None:
         change = element(core, "dcc:reportAmendedSubstituted")
         element(change, "dcc:typeOfChange", "substituted")
         element(change, "dcc:replacedUniqueIdentifier", identifier(record, record["supersedes"]))
+    item = record["item"]
+    listed = element(element(parent, "dcc:items"), "dcc:item")
+    named(listed, "dcc:name", item["name"] or "inclinometer")
+    if item["manufacturer"]:
+        named(element(listed, "dcc:manufacturer"), "dcc:name", item["manufacturer"])
+    _identified(element(listed, "dcc:identifications"), "manufacturer", item["serial"] or "not stated", "serial number")
+    _people(parent, record)
+    _statements(element(parent, "dcc:statements"), record)
+    _measurement(element(element(root, "dcc:measurementResults"), "dcc:measurementResult"), record)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def identifier(record: Record, number: str) -> str:
+    """What identifies a certificate of a laboratory in the whole world: laboratory and number."""
+    return f"{record['laboratory']['country']} {record['laboratory']['name']} {number}"
 
 
 def _identified(parent: Any, issuer: str, value: str, name: str, ref: str = "") -> None:
@@ -355,7 +337,8 @@ def _lines(parent: Any, text: str) -> None:
 
 
 def _statements(parent: Any, record: Record) -> None:
-    english(element(parent, "dcc:statement"), "dcc:declaration", ONLY_ITEM)
+    only_item = "The results relate only to the item calibrated, at the time of calibration."
+    english(element(parent, "dcc:statement"), "dcc:declaration", only_item)
     if record["item"]["condition"]:
         made = element(parent, "dcc:statement")
         english(made, "dcc:name", "condition of the item")
@@ -371,7 +354,11 @@ def _statements(parent: Any, record: Record) -> None:
         made = element(parent, "dcc:statement", refType="basic_recalibration")
         english(made, "dcc:declaration", "Interval agreed with the customer.")
         element(made, "dcc:period", f"P{record['interval_months']}M")
-    rule = _RULES.get(str(record["conformity"]["rule"]))
+    rules = {
+        "simple": ("JCGM 106:2012", "8.2", "Simple acceptance."),
+        "guarded": ("JCGM 106:2012", "8.3", "Guarded acceptance, guard band U."),
+    }
+    rule = rules.get(str(record["conformity"]["rule"]))
     if rule is not None:
         limits = record["verification"]["limits"]
         made = element(parent, "dcc:statement", refType="basic_conformity")
@@ -463,8 +450,9 @@ def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
     FileError
         Not XML, not a DCC, not written by this package.
     """
-    if len(data) > LARGEST:
-        raise FileError(f"{len(data)} bytes; a digital certificate has at most {LARGEST}", path=where)
+    largest = 50_000_000
+    if len(data) > largest:
+        raise FileError(f"{len(data)} bytes; a digital certificate has at most {largest}", path=where)
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     try:
         root = etree.fromstring(data, parser)

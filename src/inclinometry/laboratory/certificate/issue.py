@@ -7,7 +7,6 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_bytes, digest_file
 from inclinometry.errors import InputError
 from inclinometry.files.tool_json import read_calibration
@@ -15,8 +14,6 @@ from inclinometry.files.verification_json import read_verification
 from inclinometry.files.writing import program
 from inclinometry.laboratory.certificate.laboratory_toml import Order, read_laboratory
 from inclinometry.laboratory.certificate.record import certificate_record
-
-UNNAMED = ("", "unnamed")
 
 
 def record_from_files(
@@ -57,7 +54,12 @@ def record_from_files(
             f"{tool} was entered from a data sheet, nothing was measured: calibrate the tool to certify it"
         )
     who, order = (None, Order()) if laboratory is None else read_laboratory(laboratory)
-    order = _completed(order, calibration, today)
+    unnamed = ("", "unnamed")
+    name = calibration.tool.name
+    if order.serial and name not in unnamed and order.serial != name:
+        raise InputError(f"the order is for {order.serial!r:.60}, the calibration of {name!r:.60}")
+    issued = order.issued or today or datetime.now(UTC).date()
+    order = replace(order, serial=order.serial or ("" if name in unnamed else name), issued=issued)
     judged = None if verification is None else read_verification(verification, calibration)
     before = None if previous is None else read_calibration(previous)
     if before is not None and before.tool.name != calibration.tool.name:
@@ -75,21 +77,9 @@ def record_from_files(
         language=language,
         verification=judged,
         previous=before,
-        previous_from=_named(before, previous),
+        previous_from="" if before is None or previous is None else f"{previous.name} ({before.method})",
         inputs=inputs,
     )
-
-
-def _completed(order: Order, calibration: Calibration, today: date | None) -> Order:
-    name = calibration.tool.name
-    if order.serial and name not in UNNAMED and order.serial != name:
-        raise InputError(f"the order is for {order.serial!r:.60}, the calibration of {name!r:.60}")
-    issued = order.issued or today or datetime.now(UTC).date()
-    return replace(order, serial=order.serial or ("" if name in UNNAMED else name), issued=issued)
-
-
-def _named(before: Calibration | None, path: Path | None) -> str:
-    return "" if before is None or path is None else f"{path.name} ({before.method})"
 
 
 def _number(given: str | None, order: Order, inputs: dict[str, str]) -> str:

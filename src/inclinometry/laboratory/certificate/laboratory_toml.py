@@ -87,8 +87,6 @@ class Order:
 
 _LABORATORY = tuple(Laboratory.__dataclass_fields__)
 _ORDER = tuple(Order.__dataclass_fields__)
-_DATES = ("received", "performed_from", "performed_to", "issued")
-_RANGES = {"temperature_degC": (-100.0, 300.0), "humidity_percent": (0.0, 100.0)}
 
 
 def read_laboratory(path: str | Path) -> tuple[Laboratory, Order]:
@@ -140,12 +138,20 @@ def _texts(settings: toml_keys.Settings, keys: tuple[str, ...]) -> dict[str, str
 
 
 def _order(settings: toml_keys.Settings) -> dict[str, Any]:
-    plain = tuple(key for key in _ORDER if key not in (*_DATES, *_RANGES, "interval_months"))
+    ranges = {"temperature_degC": (-100.0, 300.0), "humidity_percent": (0.0, 100.0)}
+    dates = ("received", "performed_from", "performed_to", "issued")
+    plain = tuple(key for key in _ORDER if key not in (*dates, *ranges, "interval_months"))
     found: dict[str, Any] = dict(_texts(settings, plain))
-    for key in _DATES:
+    for key in dates:
         if key in settings.content:
-            found[key] = _date(settings, key)
-    for key, limits in _RANGES.items():
+            value = settings.content[key]
+            if isinstance(value, datetime.datetime):
+                found[key] = value.date()
+            elif isinstance(value, datetime.date):
+                found[key] = value
+            else:
+                raise FileError(f"{key} is {value!r:.40}; a date is needed, as {key} = 2026-05-01", path=settings.path)
+    for key, limits in ranges.items():
         if key in settings.content:
             found[key] = _range(settings, key, *limits)
     months = settings.number("interval_months", 1, 120)
@@ -154,15 +160,6 @@ def _order(settings: toml_keys.Settings) -> dict[str, Any]:
             raise FileError(f"interval_months is {months:g}; whole months are needed", path=settings.path)
         found["interval_months"] = int(months)
     return found
-
-
-def _date(settings: toml_keys.Settings, key: str) -> datetime.date:
-    value = settings.content[key]
-    if isinstance(value, datetime.datetime):
-        return value.date()
-    if isinstance(value, datetime.date):
-        return value
-    raise FileError(f"{key} is {value!r:.40}; a date is needed, as {key} = 2026-05-01", path=settings.path)
 
 
 def _range(settings: toml_keys.Settings, key: str, low: float, high: float) -> tuple[float, float]:

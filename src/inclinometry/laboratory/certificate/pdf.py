@@ -10,7 +10,7 @@ from datetime import UTC, date, datetime
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.certificate import record as tables
@@ -20,18 +20,6 @@ from inclinometry.report.words import plain, significant
 if TYPE_CHECKING:
     import typst
 
-STANDARD: Final = "a-2b"
-"""PDF/A-2b: what archives accept; every font is inside, nothing outside is needed."""
-COLOURS: Final = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
-LONGEST_WORD: Final = 24
-_CONFORMITY: Final = {
-    ("pass", "consistency"): "consistent",
-    ("fail", "consistency"): "inconsistent",
-    ("pass", "simple"): "pass",
-    ("pass", "guarded"): "pass",
-    ("fail", "simple"): "fail",
-    ("fail", "guarded"): "fail",
-}
 
 Content = dict[str, Any]
 
@@ -64,10 +52,11 @@ def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = 
     content |= {"fonts": list(chosen), "mono": ["DejaVu Sans Mono", *chosen]}
     day = date.fromisoformat(record["dates"]["issued"])
     try:
+        # PDF/A-2b: what archives accept; every font is inside, nothing outside is needed
         made = typst.compile(
             _template(),
             sys_inputs={"data": json.dumps(content, ensure_ascii=False)},
-            pdf_standards=STANDARD,
+            pdf_standards="a-2b",
             timestamp=datetime(day.year, day.month, day.day, tzinfo=UTC),
             font_paths=_fonts(len(chosen) > NARROW, tuple(str(folder) for folder in fonts)),
         )
@@ -109,14 +98,6 @@ def qr_text(number: str, digest: str) -> str:
     return f"inclinometry certificate {number} {digest}"
 
 
-def _qr(text: str) -> str:
-    import segno
-
-    stream = io.BytesIO()
-    segno.make(text, error="m", micro=False).save(stream, kind="svg", border=1, xmldecl=False, svgns=True)
-    return stream.getvalue().decode("utf-8")
-
-
 def _view(record: Content) -> Content:
     """Ready texts for the template."""
     say, number, digest = words(record["language"]), record["number"], record_digest(record)
@@ -131,9 +112,10 @@ def _view(record: Content) -> Content:
         tables.classical_section(record, say),
         tables.residual_section(record, say),
         tables.verification_section(record, say),
-        _remarks(record, say),
+        tables.section(say("remarks"), list=record["warnings"]) if record["warnings"] else None,
         _inputs(record, say),
     ]
+    colours = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
     view = {
         "language": record["language"],
         "document_title": f"{say('title')} {number}",
@@ -149,7 +131,7 @@ def _view(record: Content) -> Content:
         "letterhead": _letterhead(laboratory, say),
         "incomplete": "" if record["laboratory"] else say("incomplete"),
         "facts": _facts(record, say),
-        "conformity_colour": COLOURS["doubted" if statement == "pass" and warned else statement],
+        "conformity_colour": colours["doubted" if statement == "pass" and warned else statement],
         "conformity_head": say("conformity"),
         "conformity": [*_conformity(record, say), *warned],
         "authorised": _authorised(laboratory, record, say),
@@ -159,7 +141,13 @@ def _view(record: Content) -> Content:
         "end": say("end", number=number),
     }
     broken: Content = _breakable(view)
-    return broken | {"qr": _qr(qr_text(number, digest)), "digest": digest}
+    import segno
+
+    stream = io.BytesIO()
+    segno.make(qr_text(number, digest), error="m", micro=False).save(
+        stream, kind="svg", border=1, xmldecl=False, svgns=True
+    )
+    return broken | {"qr": stream.getvalue().decode("utf-8"), "digest": digest}
 
 
 def _letterhead(laboratory: Mapping[str, str], say: Words) -> list[str]:
@@ -192,7 +180,14 @@ def _facts(record: Content, say: Words) -> list[list[str]]:
             laboratory.get("place") or method.get("rig_place") or laboratory.get("address", "").replace("\n", ", "),
         ),
         ("method", say.method(method["name"])),
-        ("plan", _plan(method, say)),
+        (
+            "plan",
+            (
+                say("positions", count=method["positions"])
+                if not method["plan"]
+                else say("plan_positions", plan=method["plan"], count=method["positions"])
+            ),
+        ),
         ("rig", _rig(method, say)),
         ("environment", _environment(record["environment"], say)),
         ("traceability", _traceability(laboratory, method, say)),
@@ -211,12 +206,6 @@ def _range(item: Content, say: Words) -> str:
         return ""
     low, high = item["temperature_range_degC"]
     return say("range_of", low=plain(low, 1), high=plain(high, 1))
-
-
-def _plan(method: Content, say: Words) -> str:
-    if not method["plan"]:
-        return say("positions", count=method["positions"])
-    return say("plan_positions", plan=method["plan"], count=method["positions"])
 
 
 def _rig(method: Content, say: Words) -> str:
@@ -245,7 +234,15 @@ def _conformity(record: Content, say: Words) -> list[str]:
     if rule is None:
         return [say("not_assessed")]
     limits = record["verification"]["limits"]
-    texts = [say(_CONFORMITY[statement, rule], limits=limits["name"]), *_applies(record, say)]
+    conformity = {
+        ("pass", "consistency"): "consistent",
+        ("fail", "consistency"): "inconsistent",
+        ("pass", "simple"): "pass",
+        ("pass", "guarded"): "pass",
+        ("fail", "simple"): "fail",
+        ("fail", "guarded"): "fail",
+    }
+    texts = [say(conformity[statement, rule], limits=limits["name"]), *_applies(record, say)]
     texts.append(f"{say('rule')}: {say(rule)}")
     if rule != "consistency":
         texts.append(f"{say('limits_source')}: {limits['source']}")
@@ -285,10 +282,6 @@ def _marks(record: Content, digest: str, say: Words) -> list[list[str]]:
     return rows + ([[say("head"), record["head"]]] if record["head"] else [])
 
 
-def _remarks(record: Content, say: Words) -> Content | None:
-    return tables.section(say("remarks"), list=record["warnings"]) if record["warnings"] else None
-
-
 def _inputs(record: Content, say: Words) -> Content:
     rows = [[name, digest] for name, digest in record["inputs"].items()]
     head = [say("input"), "SHA-256"]
@@ -299,7 +292,8 @@ def _inputs(record: Content, say: Words) -> Content:
 def _breakable(value: Any) -> Any:
     """Long words with places to break, so that no text leaves its column; drawings are left alone."""
     if isinstance(value, str):
-        return re.sub(rf"(\S{{{LONGEST_WORD}}})(?=\S)", "\\1\u200b", value)
+        longest_word = 24
+        return re.sub(rf"(\S{{{longest_word}}})(?=\S)", "\\1\u200b", value)
     if isinstance(value, dict):
         return {key: item if key == "svg" else _breakable(item) for key, item in value.items()}
     return [_breakable(item) for item in value] if isinstance(value, list) else value

@@ -38,22 +38,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LETTERS = {"inclination": "I", "azimuth": "A", "toolface": "T"}
-DASHES = ("-", "--", "-.")
 WIDTH = 6.8
 """Width of a drawing, in, about that of the text on the page."""
-MANY = 60
 
 
 @styled
 def uncertainty_figure(table: Mapping[str, Any]) -> Figure:
     """Expanded uncertainty of each angle over inclination."""
+    dashes = ("-", "--", "-.")
     figure = new_figure(2.5, width=WIDTH)
     axes = figure.add_subplot()
     x, lowest, highest = table["inclination_deg"], np.inf, 0.0
     for place, (name, letter) in enumerate(LETTERS.items()):
         values = table.get(f"U_{name}_deg")
         if values is not None:
-            axes.plot(x, values, DASHES[place], marker=MARKERS[place], color=SERIES[place], label=f"U({letter})")
+            axes.plot(x, values, dashes[place], marker=MARKERS[place], color=SERIES[place], label=f"U({letter})")
             lowest, highest = min(lowest, *values), max(highest, *values)
     log_scale(axes, max(lowest, 1e-6), max(highest, 1e-5))
     axes.set_xlim(0.0, max(x))
@@ -66,6 +65,7 @@ def uncertainty_figure(table: Mapping[str, Any]) -> Figure:
 @styled
 def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
     """Standardised residuals of one triad over the number of the station."""
+    many = 60
     values = np.array(standardised, dtype=float)
     figure = new_figure(1.9, width=WIDTH)
     axes = figure.add_subplot()
@@ -77,7 +77,7 @@ def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
             linestyle="none",
             marker=MARKERS[(0, 1, 2)[sensor % 3]],
             color=SERIES[sensor % len(SERIES)],
-            markersize=4.0 if len(values) <= MANY else 2.0,
+            markersize=4.0 if len(values) <= many else 2.0,
         )
     for level, colour in ((2.0, INK), (3.0, BAD)):
         for sign in (1.0, -1.0):
@@ -173,10 +173,6 @@ CHINESE: Final = (
     "AR PL UMing CN",
 )
 """Fonts with Chinese letters that come with systems; none is small enough to come with a program."""
-SERIF: Final = "Libertinus Serif"
-"""Comes with typst; Latin, Greek, Cyrillic."""
-REST: Final = "DejaVu Sans"
-"""Comes with matplotlib; shows what the serif lacks."""
 NARROW: Final = 2
 """How many fonts show everything but Chinese."""
 
@@ -241,19 +237,18 @@ def families(text: str, folders: Sequence[str | Path] = ()) -> tuple[str, ...]:
     InputError
         Chinese letters, and no font on this computer has them.
     """
+    rest = "DejaVu Sans"  # comes with matplotlib; shows what the serif lacks
+    serif = "Libertinus Serif"  # comes with typst; Latin, Greek, Cyrillic
     if not needs_chinese(text):
-        return (SERIF, REST)
+        return (serif, rest)
     found = chinese_font(folders)
     if found is None:
         raise InputError(
             "this certificate has Chinese letters and no font on this computer shows them; install one "
             f"({', '.join(CHINESE[:3])}, ...) or choose another language"
         )
-    return (SERIF, REST, found)
+    return (serif, rest, found)
 
-
-LANGUAGES: Final = ("en", "ru", "zh")
-RULES: Final = {"none": "simple", "expanded-uncertainty": "guarded"}
 
 Record = dict[str, Any]
 
@@ -303,8 +298,9 @@ def certificate_record(
     InputError
         An unknown language, no date of issue, a previous calibration of other sensors.
     """
-    if language not in LANGUAGES:
-        raise InputError(f"language is {language!r:.20}; allowed: {', '.join(LANGUAGES)}")
+    languages = ("en", "ru", "zh")
+    if language not in languages:
+        raise InputError(f"language is {language!r:.20}; allowed: {', '.join(languages)}")
     if order.issued is None:
         raise InputError("a certificate needs its date of issue")
     tool = calibration.tool
@@ -331,7 +327,9 @@ def certificate_record(
             "residuals": _residuals(calibration),
         },
         "adjustment": None if previous is None else _adjustment(calibration, previous, previous_from),
-        "verification": None if verification is None else _verification(verification),
+        "verification": None
+        if verification is None
+        else {name: verification[name] for name in ("verdict", "limits", "report")},
         "conformity": _conformity(verification),
         "interval_months": order.interval_months,
         "warnings": [*calibration.warnings, *_two_accelerometers(calibration.tool)],
@@ -477,27 +475,21 @@ def _adjustment(calibration: Calibration, previous: Calibration, previous_from: 
     }
 
 
-def _verification(verification: Mapping[str, Any]) -> Record:
-    return {name: verification[name] for name in ("verdict", "limits", "report")}
-
-
 def _conformity(verification: Mapping[str, Any] | None) -> Record:
     if verification is None:
         return {"statement": "not assessed", "rule": None}
     guard = verification["limits"].get("guard")
-    rule = RULES.get(str(guard), "consistency")
-    return {"statement": verification["verdict"], "rule": rule, "judged": _scope(verification["report"]["positions"])}
-
-
-def _scope(positions: Sequence[Mapping[str, Any]]) -> Record:
-    """To which results the statement applies: angle -> how many positions, lowest and highest inclination."""
+    rules = {"none": "simple", "expanded-uncertainty": "guarded"}
+    rule = rules.get(str(guard), "consistency")
+    # to which results the statement applies: angle -> how many positions, lowest and highest inclination
+    positions = verification["report"]["positions"]
     found: Record = {}
     for name in ("inclination", "azimuth", "toolface"):
         inclinations = [row["inclination_deg"] for row in positions if row[name]["decision"] != "not judged"]
         if inclinations:
             span = [min(inclinations), max(inclinations)]
             found[name] = {"positions": len(inclinations), "inclination_deg": span}
-    return found
+    return {"statement": verification["verdict"], "rule": rule, "judged": found}
 
 
 def _plain(value: Any) -> Any:
@@ -523,8 +515,6 @@ def printable(value: Any) -> Any:
 # Tables and figures of a certificate: ready texts, made from its record.
 
 Content = dict[str, Any]
-FEWEST_SETTINGS = 4
-"""Settings of an angle below which errors over it are drawn position by position."""
 UNDEFINED_DEG = 60.0
 """Expanded uncertainty from which an angle is not worth printing."""
 
@@ -672,22 +662,6 @@ def verification_section(record: Content, say: Words) -> Content | None:
     k, positions = report["coverage_factor"], report["positions"]
     probability = 100.0 * coverage_probability(k)
     texts = [say("verification_note", k=f"{k:.3g}", p=f"{probability:.4g}")]
-    tables = [_summary(positions, say), _positions(positions, say)]
-    return section(
-        say("verification"),
-        texts,
-        tables=tables,
-        figures=_curves(positions, say),
-        new_page=True,
-        list=[*report["reasons"], *report["warnings"]],
-    )
-
-
-def _judged(positions: Sequence[Content], name: str) -> list[Content]:
-    return [row for row in positions if row[name]["decision"] != "not judged" and row[name]["limit_deg"] is not None]
-
-
-def _summary(positions: Sequence[Content], say: Words) -> Content:
     rows = []
     for name in LETTERS:
         judged = _judged(positions, name)
@@ -701,7 +675,32 @@ def _summary(positions: Sequence[Content], say: Words) -> Content:
         cells = [_signed(worst["error_deg"], worst["U_deg"]), significant(worst["U_deg"])]
         rows.append([say(name), str(len(judged)), str(passed), *cells, say("own_u") if own else plain(limits[0], 6)])
     head = [say("angle"), say("judged"), say("accepted"), f"{say('largest_error')}, °", "U, °", f"{say('limit')}, °"]
-    return table(say("conformity"), head, rows)
+    tables = [table(say("conformity"), head, rows), _positions(positions, say)]
+    figures = []
+    for name, letter in LETTERS.items():
+        judged = _judged(positions, name)
+        if judged:
+            setting = np.array([row[f"{name}_deg"] for row in judged], dtype=float)
+            error, u, limit = (
+                np.array([row[name][key] for row in judged], dtype=float) for key in ("error_deg", "U_deg", "limit_deg")
+            )
+            # settings of an angle below which errors over it are drawn position by position
+            few = len(np.unique(setting.round(3))) < 4
+            place = np.array([n for n, row in enumerate(positions, 1) if row in judged], dtype=float)
+            svg = paper_svg(error_figure(place if few else setting, error, u, limit, letter, by_place=few))
+            figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name))))
+    return section(
+        say("verification"),
+        texts,
+        tables=tables,
+        figures=figures,
+        new_page=True,
+        list=[*report["reasons"], *report["warnings"]],
+    )
+
+
+def _judged(positions: Sequence[Content], name: str) -> list[Content]:
+    return [row for row in positions if row[name]["decision"] != "not judged" and row[name]["limit_deg"] is not None]
 
 
 def _signed(value: float, u: float) -> str:
@@ -728,19 +727,3 @@ def _positions(positions: Sequence[Content], say: Words) -> Content:
     made = table(f"{say('verification')}, °", head, rows, size=7.8)
     made["columns"] = ["auto"] * 4 + ["fr"] * 4
     return made
-
-
-def _curves(positions: Sequence[Content], say: Words) -> list[Content]:
-    figures = []
-    for name, letter in LETTERS.items():
-        judged = _judged(positions, name)
-        if judged:
-            setting = np.array([row[f"{name}_deg"] for row in judged], dtype=float)
-            error, u, limit = (
-                np.array([row[name][key] for row in judged], dtype=float) for key in ("error_deg", "U_deg", "limit_deg")
-            )
-            few = len(np.unique(setting.round(3))) < FEWEST_SETTINGS
-            place = np.array([n for n, row in enumerate(positions, 1) if row in judged], dtype=float)
-            svg = paper_svg(error_figure(place if few else setting, error, u, limit, letter, by_place=few))
-            figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name))))
-    return figures

@@ -56,14 +56,37 @@ def bench(
     """
     if demo and instrument not in (None, SIMULATED):
         raise InputError("--demo brings its own simulated instrument; leave --instrument out")
-    _check_secrets(certificate, key)
+    # the files for TLS, before anything is started
+    if (certificate is None) != (key is None):
+        raise InputError("--certificate and --key are needed together, or neither of them")
+    if certificate is not None and key is not None:
+        try:
+            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+        except OSError as error:
+            reason = error.strerror or error
+            raise InputError(f"--certificate {certificate} with --key {key} cannot be used ({reason})") from None
     where = str(default_path()) if ledger is None else ledger
     with ExitStack() as stack:
         stack.enter_context(_endable())
         opened = stack.enter_context(create(where))
         listening = stack.enter_context(_listening(host, port))
         feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
-        _serve(opened, listening, host, name, feed, rig, instrument or (SIMULATED if demo else ""), certificate, key)
+        from inclinometry.laboratory.web.app import create_app, is_loopback, run
+
+        app = create_app(
+            opened,
+            host=host,
+            names=(*name, host),
+            feed=feed,
+            rig=rig,
+            instrument=instrument or (SIMULATED if demo else ""),
+        )
+        scheme = "http" if certificate is None else "https"
+        if not is_loopback(host) and certificate is None:
+            output.warnings(["passwords cross the network unencrypted; give --certificate and --key"])
+        shown = f"[{host}]" if ":" in host else host
+        sentence = f"the bench is at {scheme}://{shown}:{listening.getsockname()[1]}/ (Ctrl-C ends it)"
+        run(app, listening, certificate=certificate, key=key, ready=lambda: output.say(sentence))
 
 
 @contextmanager
@@ -99,18 +122,6 @@ def _listening(host: str, port: int) -> Iterator[socket.socket]:
         yield made
 
 
-def _check_secrets(certificate: Path | None, key: Path | None) -> None:
-    """The files for TLS, before anything is started."""
-    if (certificate is None) != (key is None):
-        raise InputError("--certificate and --key are needed together, or neither of them")
-    if certificate is not None and key is not None:
-        try:
-            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
-        except OSError as error:
-            reason = error.strerror or error
-            raise InputError(f"--certificate {certificate} with --key {key} cannot be used ({reason})") from None
-
-
 @contextmanager
 def _instrument(ledger: Ledger, url: str | None, protocol: str, demo: bool) -> Iterator[tuple[Any, Any]]:
     """The live feed and the rig's driver; None for what there is not."""
@@ -134,25 +145,3 @@ def _instrument(ledger: Ledger, url: str | None, protocol: str, demo: bool) -> I
                     half_way(ledger, rig)
             url = stack.enter_context(rig).url
         yield stack.enter_context(LiveFeed(url, spoken)), rig
-
-
-def _serve(
-    ledger: Ledger,
-    listening: socket.socket,
-    host: str,
-    names: Sequence[str],
-    feed: Any,
-    rig: Any,
-    instrument: str,
-    certificate: Path | None,
-    key: Path | None,
-) -> None:
-    from inclinometry.laboratory.web.app import create_app, is_loopback, run
-
-    app = create_app(ledger, host=host, names=(*names, host), feed=feed, rig=rig, instrument=instrument)
-    scheme = "http" if certificate is None else "https"
-    if not is_loopback(host) and certificate is None:
-        output.warnings(["passwords cross the network unencrypted; give --certificate and --key"])
-    shown = f"[{host}]" if ":" in host else host
-    sentence = f"the bench is at {scheme}://{shown}:{listening.getsockname()[1]}/ (Ctrl-C ends it)"
-    run(app, listening, certificate=certificate, key=key, ready=lambda: output.say(sentence))

@@ -103,23 +103,21 @@ def instrument(
         faults=parse_faults(faults),
     )
     with server, _stop_signal() as stop:
-        _announce(server, json)
+        rig = None if server.rig_port is None else f"{server.host}:{server.rig_port}"
+        if json:
+            output.print_json(
+                {"url": server.url, "rig": rig, "protocol": server.protocol.name, "tool": server.tool.name}
+            )
+        else:
+            output.say(f"instrument at {server.url}, protocol {server.protocol.name}")
+            if rig is not None:
+                output.say(f"rig at {rig}, SCPI")
+            output.say("Ctrl-C stops it")
+        # whoever started this program may wait for the address in a pipe
+        sys.stdout.flush()
         stop.wait(duration_s)
     if not json:
         output.say(f"stopped after {output.counted(server.sent, 'sample')}")
-
-
-def _announce(server: SimulatedInstrument, json: bool) -> None:
-    rig = None if server.rig_port is None else f"{server.host}:{server.rig_port}"
-    if json:
-        output.print_json({"url": server.url, "rig": rig, "protocol": server.protocol.name, "tool": server.tool.name})
-    else:
-        output.say(f"instrument at {server.url}, protocol {server.protocol.name}")
-        if rig is not None:
-            output.say(f"rig at {rig}, SCPI")
-        output.say("Ctrl-C stops it")
-    # whoever started this program may wait for the address in a pipe
-    sys.stdout.flush()
 
 
 @contextmanager

@@ -20,10 +20,7 @@ from inclinometry.laboratory.ledger.ledger import Ledger, default_path
 from inclinometry.laboratory.ledger.users import find_user, guard_last_administrator, put_user
 from inclinometry.laboratory.ledger.users import users as all_users
 from inclinometry.laboratory.ledger.verify import verify as verify_ledger
-from inclinometry.laboratory.results import History
 from inclinometry.laboratory.results import history as history_of
-
-PASSWORD = "INCLINOMETRY_PASSWORD"
 
 
 def _where(given: str | None) -> str:
@@ -183,10 +180,6 @@ def history(serial: str, /, *, ledger: LedgerAddress = None, json: Json = False)
             }
         )
         return
-    _show(found)
-
-
-def _show(found: History) -> None:
     days = [created[:10] for created in found.created]
     rows = []
     for name in found.values:
@@ -240,7 +233,24 @@ def users(
         raise InputError("--disable and --enable exclude each other; give one of them")
     with Ledger(_where(ledger), read_only=name is None) as opened:
         if name is not None:
-            _put(opened, name, role, full_name, language, password, False if disable else (True if enable else None))
+            active = False if disable else (True if enable else None)
+            old = find_user(opened, name)
+            if old is None and role is None:
+                raise InputError(f"{name!r} is a new user; give --role operator, metrologist, auditor or administrator")
+            new_role = role if role is not None or old is None else old.role
+            now_active = active if active is not None else (old is None or old.active)
+            if old is not None and old.may("administer"):
+                guard_last_administrator(opened, name, str(new_role), now_active)
+            put_user(
+                opened,
+                name,
+                role=str(new_role),
+                author=_who(),
+                password=_ask(name) if password or old is None else None,
+                full_name=full_name if full_name is not None else ("" if old is None else old.full_name),
+                active=now_active,
+                language=language if language is not None else ("en" if old is None else old.language),
+            )
         found = all_users(opened)
     if json:
         output.print_json(
@@ -251,41 +261,14 @@ def users(
     output.table("users", ["name", "role", "active", "full name"], rows)
 
 
-def _put(
-    ledger: Ledger,
-    name: str,
-    role: str | None,
-    full_name: str | None,
-    language: str | None,
-    password: bool,
-    active: bool | None,
-) -> None:
-    old = find_user(ledger, name)
-    if old is None and role is None:
-        raise InputError(f"{name!r} is a new user; give --role operator, metrologist, auditor or administrator")
-    new_role = role if role is not None or old is None else old.role
-    now_active = active if active is not None else (old is None or old.active)
-    if old is not None and old.may("administer"):
-        guard_last_administrator(ledger, name, str(new_role), now_active)
-    put_user(
-        ledger,
-        name,
-        role=str(new_role),
-        author=_who(),
-        password=_ask(name) if password or old is None else None,
-        full_name=full_name if full_name is not None else ("" if old is None else old.full_name),
-        active=now_active,
-        language=language if language is not None else ("en" if old is None else old.language),
-    )
-
-
 def _ask(name: str) -> str:
     """A password that is nowhere on the command line, where others could read it."""
-    given = os.environ.get(PASSWORD)
+    password = "INCLINOMETRY_PASSWORD"
+    given = os.environ.get(password)
     if given is not None:
         return given
     if not sys.stdin.isatty():
-        raise InputError(f"no terminal to ask for a password on; put it into the environment as {PASSWORD}")
+        raise InputError(f"no terminal to ask for a password on; put it into the environment as {password}")
     first = getpass.getpass(f"password of {name}: ")
     if getpass.getpass("again: ") != first:
         raise InputError("the two passwords differ; nothing was changed")

@@ -142,11 +142,8 @@ def without_checksum(kind: str, line: str) -> str | None:
     return body if star and given.strip().upper() == right else None
 
 
-FRAMINGS: Final = ("line", "wits0")
 LARGEST: Final = 1e15
 """No reading may be larger, as in bench readings."""
-MOST_CHANNELS: Final = 64
-LONGEST_PATTERN: Final = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,15 +185,19 @@ class ChannelMap:
     _factor: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        most_channels = 64
         put, count = object.__setattr__, len(self.fields)
         put(self, "fields", tuple(self.fields))
-        if not 1 <= count <= MOST_CHANNELS or len(set(self.fields)) != count:
-            raise InputError(f"fields are {list(self.fields)}; give 1 to {MOST_CHANNELS} different names")
+        if not 1 <= count <= most_channels or len(set(self.fields)) != count:
+            raise InputError(f"fields are {list(self.fields)}; give 1 to {most_channels} different names")
         if self.axes and (count != 3 or len(self.axes) != 3):
             raise InputError(
                 f"axes {list(self.axes)} for {count} fields; axes are for three sensors, else leave them out"
             )
-        scale = np.broadcast_to(_scales(self.scale, count), (count,))
+        found = finite(self.scale, "scale")
+        if found.shape not in ((), (count,)):
+            raise InputError(f"scale has {found.size} numbers for {count} fields; give one, or one a field")
+        scale = np.broadcast_to(found, (count,))
         if (scale == 0.0).any() or not self.low < self.high:
             raise InputError(f"scale {self.scale}, low {self.low:g}, high {self.high:g}: no scale is 0 and low < high")
         matrix = axes_matrix((self.axes[0], self.axes[1], self.axes[2])) if self.axes else np.eye(count)
@@ -214,13 +215,6 @@ class ChannelMap:
         found = np.empty(len(self.fields))
         found[self._order] = signals / self._factor
         return found
-
-
-def _scales(scale: float | Sequence[float], count: int) -> Array:
-    found = finite(scale, "scale")
-    if found.shape not in ((), (count,)):
-        raise InputError(f"scale has {found.size} numbers for {count} fields; give one, or one a field")
-    return found
 
 
 @dataclass(frozen=True)
@@ -308,12 +302,13 @@ class Protocol:
     expression: re.Pattern[str] | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        framings = ("line", "wits0")
         object.__setattr__(self, "expression", self._compiled())
         if not self.channels or set(self.channels) - set(KINDS):
             raise InputError(f"channels are {sorted(self.channels)}; allowed: one or more of {', '.join(KINDS)}")
         ordered = {kind: self.channels[kind] for kind in KINDS if kind in self.channels}
         object.__setattr__(self, "channels", ordered)
-        for name, allowed in (("framing", FRAMINGS), ("checksum", CHECKSUMS)):
+        for name, allowed in (("framing", framings), ("checksum", CHECKSUMS)):
             if getattr(self, name) not in allowed:
                 raise InputError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
         if not self.terminator or (self.framing == "wits0" and self.checksum != "none"):
@@ -327,6 +322,7 @@ class Protocol:
         self._check_fields()
 
     def _compiled(self) -> re.Pattern[str] | None:
+        longest_pattern = 2000
         given = [bool(self.columns), bool(self.pattern), self.framing == "wits0"]
         if sum(given) != 1:
             raise InputError("give one of columns and pattern (and neither for wits0)")
@@ -334,8 +330,8 @@ class Protocol:
             raise InputError(f"{len(self.columns)} columns, delimiter {self.delimiter!r}: at most 1000, and not empty")
         if not self.pattern:
             return None
-        if len(self.pattern) > LONGEST_PATTERN:
-            raise InputError(f"the pattern has {len(self.pattern)} characters; allowed {LONGEST_PATTERN}")
+        if len(self.pattern) > longest_pattern:
+            raise InputError(f"the pattern has {len(self.pattern)} characters; allowed {longest_pattern}")
         try:
             return re.compile(self.pattern, re.ASCII)
         except (re.error, RecursionError, OverflowError) as error:
@@ -547,21 +543,6 @@ def encode(protocol: Protocol, sample: Sample) -> bytes:
     >>> encode(read_protocol("csv-line"), Sample(0.0, channels, 20.5, 7))
     b'7,20.5,1,2,3,4,5,6\r\n'
     """
-    values = _values(protocol, sample)
-    end = protocol.terminator
-    if protocol.framing == "wits0":
-        items = [f"{item}{value}" for item, value in sorted(values.items())]
-        return b"".join(text.encode("ascii") + end for text in (BEGIN, *items, END))
-    if protocol.columns:
-        line = protocol.delimiter.join(values.get(name, "0") for name in protocol.columns)
-    else:
-        if not protocol.template:
-            raise InputError(f"protocol {protocol.name!r} has a pattern and no template; add one to simulate it")
-        line = re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], "0"), protocol.template)
-    return with_checksum(protocol.checksum, line).encode("ascii") + end
-
-
-def _values(protocol: Protocol, sample: Sample) -> Mapping[str, str]:
     values: dict[str, str] = {}
     for kind, channel in protocol.channels.items():
         signals = sample.channels.get(kind)
@@ -580,15 +561,23 @@ def _values(protocol: Protocol, sample: Sample) -> Mapping[str, str]:
         values[protocol.sequence] = str(number % protocol.modulus if protocol.modulus else number)
     if protocol.time:
         values[protocol.time] = f"{sample.instrument_time or 0.0:.3f}"
-    return values
+    end = protocol.terminator
+    if protocol.framing == "wits0":
+        items = [f"{item}{value}" for item, value in sorted(values.items())]
+        return b"".join(text.encode("ascii") + end for text in (BEGIN, *items, END))
+    if protocol.columns:
+        line = protocol.delimiter.join(values.get(name, "0") for name in protocol.columns)
+    elif protocol.template:
+        line = re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], "0"), protocol.template)
+    else:
+        raise InputError(f"protocol {protocol.name!r} has a pattern and no template; add one to simulate it")
+    return with_checksum(protocol.checksum, line).encode("ascii") + end
 
 
 # Bytes to samples and events; knows no port and no thread.
 
 _NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?\s*", re.ASCII)
 _WHOLE: Final = re.compile(r"\s*\d{1,18}(\.0*)?\s*", re.ASCII)
-NOTHING: Final = (-9999.0, -8888.0)
-"""What WITS level 0 writes for no value."""
 
 
 class Decoder:
@@ -672,35 +661,32 @@ class Decoder:
                 faults.append("range")
                 bounds = f"{channel.low:g} to {channel.high:g} {channel.unit}"
                 self.event("range", f"{kind} reads {', '.join(f'{v:g}' for v in signals)}; allowed {bounds}")
-        temperature = self._temperature(fields, line, faults)
+        about = self._protocol.temperature
+        if about is None:
+            temperature = None
+        else:
+            degrees = about.scale * _number(fields, about.field, line) + about.offset
+            if not about.low <= degrees <= about.high:
+                faults.append("range")
+                self.event("range", f"temperature is {degrees:g} degC; allowed {about.low:g} to {about.high:g} degC")
+            temperature = degrees
         when = _number(fields, protocol.time, line) if protocol.time else None
         number = _whole(fields, protocol.sequence, line) if protocol.sequence else None
-        now = self._read_clock()
-        if number is not None and not self._counted(number):
-            return False
-        self._check_instrument_clock(when)
-        if self._is_stuck(fields):
-            faults.append("stuck")
-        self._on_sample(Sample(now, channels, temperature, number, when, tuple(dict.fromkeys(faults))))
-        return True
-
-    def _read_clock(self) -> float:
         now = self._clock() + self._ahead
         if now < self._time:
             back = self._time - now
             self._ahead += back
             self.event("clock", f"our clock went back by {back:.3g} s; times go on from where they were")
-        return self._now()
-
-    def _temperature(self, fields: Fields, line: bytes, faults: list[str]) -> float | None:
-        about = self._protocol.temperature
-        if about is None:
-            return None
-        degrees = about.scale * _number(fields, about.field, line) + about.offset
-        if not about.low <= degrees <= about.high:
-            faults.append("range")
-            self.event("range", f"temperature is {degrees:g} degC; allowed {about.low:g} to {about.high:g} degC")
-        return degrees
+        now = self._now()
+        if number is not None and not self._counted(number):
+            return False
+        before, self._instrument_time = self._instrument_time, when
+        if when is not None and before is not None and when < before:
+            self.event("clock", f"the instrument's clock went back from {before:g} s to {when:g} s")
+        if self._is_stuck(fields):
+            faults.append("stuck")
+        self._on_sample(Sample(now, channels, temperature, number, when, tuple(dict.fromkeys(faults))))
+        return True
 
     def _counted(self, number: int) -> bool:
         """Whether a sample with this number is new; gaps and restarts are reported."""
@@ -722,11 +708,6 @@ class Decoder:
             self.event("restart", f"the instrument counts from {number} again, after {last}")
         return True
 
-    def _check_instrument_clock(self, when: float | None) -> None:
-        before, self._instrument_time = self._instrument_time, when
-        if when is not None and before is not None and when < before:
-            self.event("clock", f"the instrument's clock went back from {before:g} s to {when:g} s")
-
     def _is_stuck(self, fields: Fields) -> bool:
         limit = self._protocol.stuck_after
         if not limit:
@@ -744,7 +725,8 @@ def _number(fields: Fields, name: str, line: bytes) -> float:
     if not _NUMBER.fullmatch(text):
         raise Refused("garbage", f"{name} is {text[:20]!r}, not a number, in {shown(line)}")
     value = float(text)
-    if not -LARGEST <= value <= LARGEST or (value in NOTHING and name.isdigit()):
+    # what WITS level 0 writes for no value
+    if not -LARGEST <= value <= LARGEST or (value in (-9999.0, -8888.0) and name.isdigit()):
         raise Refused("garbage", f"{name} is {text[:20]!r}, which stands for no value, in {shown(line)}")
     return value
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, Final
@@ -21,14 +20,6 @@ _NUMBERS: Final = {
 }
 _WHOLE: Final = {"stuck_after": 10**6, "longest": 10**6, "modulus": 10**12}
 _KEYS: Final = (*_TEXTS, *_BYTES, *_NUMBERS, *_WHOLE, "columns", "channels", "temperature", "serial")
-_SERIAL: Final[Mapping[str, tuple[Any, ...]]] = {
-    "baudrate": (300, 600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600),
-    "bytesize": (7, 8),
-    "parity": ("N", "E", "O"),
-    "stopbits": (1, 1.5, 2),
-    "rtscts": (True, False),
-    "xonxoff": (True, False),
-}
 
 
 def protocol_names() -> tuple[str, ...]:
@@ -92,7 +83,20 @@ def _read(path: Path) -> Protocol:
     try:
         found["channels"] = _channels(settings.content.get("channels"), path)
         if "temperature" in settings.content:
-            found["temperature"] = _temperature(settings.content["temperature"], path)
+            table = _table(
+                settings.content["temperature"],
+                "temperature",
+                ("field", "scale", "offset_degC", "low_degC", "high_degC"),
+                path,
+            )
+            field = _text(table, "field")
+            if field is None:
+                raise FileError("temperature: key 'field' is missing; name the field", path=path)
+            keys = {"scale": "scale", "offset_degC": "offset", "low_degC": "low", "high_degC": "high"}
+            given = {own: table.number(key, -1e6, 1e6) for key, own in keys.items()}
+            found["temperature"] = TemperatureMap(
+                field, **{own: number for own, number in given.items() if number is not None}
+            )
         return Protocol(path.stem, **found)
     except FileError:
         raise
@@ -158,20 +162,18 @@ def _scale(table: toml_keys.Settings) -> float | list[float]:
     return [float(one) for one in value]
 
 
-def _temperature(value: Any, path: Path) -> TemperatureMap:
-    table = _table(value, "temperature", ("field", "scale", "offset_degC", "low_degC", "high_degC"), path)
-    name = _text(table, "field")
-    if name is None:
-        raise FileError("temperature: key 'field' is missing; name the field", path=path)
-    keys = {"scale": "scale", "offset_degC": "offset", "low_degC": "low", "high_degC": "high"}
-    given = {own: table.number(key, -1e6, 1e6) for key, own in keys.items()}
-    return TemperatureMap(name, **{own: number for own, number in given.items() if number is not None})
-
-
 def _serial(value: Any, path: Path) -> dict[str, object]:
-    table = _table(value, "serial", tuple(_SERIAL), path)
+    serial = {
+        "baudrate": (300, 600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600),
+        "bytesize": (7, 8),
+        "parity": ("N", "E", "O"),
+        "stopbits": (1, 1.5, 2),
+        "rtscts": (True, False),
+        "xonxoff": (True, False),
+    }
+    table = _table(value, "serial", tuple(serial), path)
     for key, given in table.content.items():
-        if given not in _SERIAL[key] or isinstance(given, bool) != isinstance(_SERIAL[key][0], bool):
-            allowed = ", ".join(str(one) for one in _SERIAL[key])
+        if given not in serial[key] or isinstance(given, bool) != isinstance(serial[key][0], bool):
+            allowed = ", ".join(str(one) for one in serial[key])
             raise FileError(f"serial: {key} is {given!r}; allowed: {allowed}", path=path)
     return dict(table.content)

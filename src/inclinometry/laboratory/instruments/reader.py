@@ -18,10 +18,8 @@ from inclinometry.laboratory.instruments.protocol import Decoder, InstrumentEven
 # The port an instrument hangs on: a serial port, or one behind a socket; opened, read, written, closed.
 
 _DEVICE: Final = re.compile(r"COM[0-9]{1,3}|/dev/(tty|cu|pts/)[\w.\-/]*", re.IGNORECASE | re.ASCII)
-_SCHEMES: Final = ("socket", "rfc2217")
 READ_TIMEOUT: Final = 0.1
 """s; the longest a read waits for the first byte."""
-CHUNK: Final = 65536
 
 
 class PortError(InclinometryError, ConnectionError):
@@ -53,7 +51,8 @@ def checked_url(url: str) -> str:
         return url
     try:
         parts = urlsplit(url)
-        right = parts.scheme in _SCHEMES and bool(parts.hostname) and parts.port is not None and parts.port > 0
+        schemes = ("socket", "rfc2217")
+        right = parts.scheme in schemes and bool(parts.hostname) and parts.port is not None and parts.port > 0
         plain = not parts.query and not parts.fragment and parts.path in ("", "/") and "@" not in parts.netloc
     except ValueError:
         right = plain = False
@@ -103,6 +102,7 @@ class Port:
         PortError
             The other side closed, or the port is gone.
         """
+        chunk = 65536
         try:
             if self._socket:
                 self._port.timeout = READ_TIMEOUT
@@ -115,9 +115,9 @@ class Port:
             # a socket says only that something is there, a serial port how much
             if self._socket:
                 self._port.timeout = 0.0
-                return first + bytes(self._port.read(CHUNK))
+                return first + bytes(self._port.read(chunk))
             waiting = int(self._port.in_waiting)
-            return first + (bytes(self._port.read(min(waiting, CHUNK))) if waiting else b"")
+            return first + (bytes(self._port.read(min(waiting, chunk))) if waiting else b"")
         except self._errors:
             # what has come is given out first; the loss shows at the next read
             return first
@@ -146,10 +146,6 @@ class Port:
 def _reason(error: BaseException) -> str:
     text = " ".join(str(error).split()) or type(error).__name__
     return text[-120:]
-
-
-RECONNECT = 3.0
-"""Silences after which the port is closed and opened again: a pulled network cable never says so itself."""
 
 
 class InstrumentReader:
@@ -310,7 +306,8 @@ class InstrumentReader:
 
     def _silence(self, quiet: float, told: bool) -> bool:
         """Say once that nothing comes; give the connection up when it lasts."""
-        if quiet > RECONNECT * self.protocol.silence:
+        # silences after which the port is closed and opened again: a pulled network cable never says so itself
+        if quiet > 3.0 * self.protocol.silence:
             raise PortError(f"{self.url} has been silent for {quiet:.1f} s")
         if quiet > self.protocol.silence and not told:
             what = "does the tool answer this query?" if self.protocol.query else "is the tool switched on?"

@@ -17,7 +17,6 @@ from inclinometry.laboratory.instruments.reader import PortError
 
 Angles = tuple[float, float, float]
 """Azimuth, inclination, toolface, rad."""
-LONGEST: Final = 4096
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
@@ -225,6 +224,7 @@ class ScpiRig:
         return PortError(f"rig {self.name} at {host}:{port} does not answer ({why}); is it switched on and connected?")
 
     def _once(self, line: str, answer: bool) -> str:
+        longest = 4096
         if self._socket is None:
             self._socket = socket.create_connection(self._place, self._timeout)
             self._socket.settimeout(self._timeout)
@@ -237,7 +237,7 @@ class ScpiRig:
             if not data:
                 raise ConnectionResetError("closed by the rig")
             found += data
-            if len(found) > LONGEST:
+            if len(found) > longest:
                 raise ConnectionResetError("an answer without an end")
         return found.decode("ascii", "replace").strip()
 

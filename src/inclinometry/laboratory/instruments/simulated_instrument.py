@@ -30,8 +30,6 @@ from inclinometry.simulate.bench import Misread, Rig
 from inclinometry.simulate.tool import Streams, realistic_tool
 from inclinometry.workflow.simulate import misread, read_truth
 
-MOST: Final = 16
-"""Connections at a time; one more is closed at once."""
 POLL: Final = 0.1
 
 
@@ -107,7 +105,8 @@ class LineServer:
             except OSError:
                 return
             with self._lock:
-                if len(self._connections) >= MOST:
+                # connections at a time; one more is closed at once
+                if len(self._connections) >= 16:
                     connection.close()
                     continue
                 connection.settimeout(POLL)
@@ -148,10 +147,7 @@ def receive(connection: socket.socket, stopping: threading.Event) -> bytes:
 
 SHARES: Final = ("garbage", "dropout", "partial", "encoding", "endless", "repeat", "outside", "stuck")
 """Faults given as a share of the samples, in the order of their draws."""
-STUCK: Final = 100
-"""Samples for which values stay when they are stuck."""
 BLOCK: Final = 256
-_MOST_POSITIONS: Final = 5000
 
 
 @dataclass(frozen=True)
@@ -218,6 +214,7 @@ def parse_faults(text: str) -> Faults:
     Traceback (most recent call last):
     inclinometry.errors.InputError: faults: 'garbages' is unknown; allowed: garbage, dropout, partial ...
     """
+    most_positions = 5000
     known = [field.name for field in fields(Faults)]
     found: dict[str, Any] = {}
     for part in text.split(",") if text.strip() else []:
@@ -225,7 +222,7 @@ def parse_faults(text: str) -> Faults:
         if name not in known or not equals:
             raise InputError(f"faults: {name!r} is unknown; allowed: {', '.join(known)}, as name=value")
         if name == "misread":
-            found[name] = (*found.get(name, ()), misread(value, _MOST_POSITIONS))
+            found[name] = (*found.get(name, ()), misread(value, most_positions))
             continue
         if name in found:
             raise InputError(f"faults: {name} is given twice; give it once")
@@ -282,8 +279,6 @@ class FaultSource:
         return b"#" + bytes(33 + int(x * 90) for x in random).replace(b",", b";")
 
 
-SHAKE: Final = 20.0
-"""Noise while the tool is turned, in units of its noise at rest."""
 Angles = tuple[float, float, float]
 
 
@@ -313,24 +308,30 @@ class StandSettings:
                 raise InputError(f"{name} is {getattr(self, name):g}; allowed {low:g} to {high:g}")
 
 
-@dataclass(frozen=True, eq=False)
-class _Move:
-    """From true settings to true settings, (3,) rad, between two times, s."""
-
-    start: Array
-    stop: Array
-    begin: float
-    end: float
-
-
 @dataclass
 class _State:
+    """Of a stand; start, stop : true settings, (3,) rad, of the move that goes on from begin to end, s."""
+
     dial: Angles = (0.0, 0.0, 0.0)
-    move: _Move = field(default_factory=lambda: _Move(np.zeros(3), np.zeros(3), 0.0, 0.0))
+    start: Array = field(default_factory=lambda: np.zeros(3))
+    stop: Array = field(default_factory=lambda: np.zeros(3))
+    begin: float = 0.0
+    end: float = 0.0
     settings: int = 0
     positions: int = 0
     visited: int = 0
     clean: dict[str, Array] = field(default_factory=dict)
+
+    def at(self, time: float) -> Array:
+        """True settings, smooth at both ends of the move."""
+        return self.start + self.way(time) * (self.stop - self.start)
+
+    def way(self, time: float) -> float:
+        """Share of the move that is done."""
+        if time >= self.end:
+            return 1.0
+        share = max((time - self.begin) / (self.end - self.begin), 0.0)
+        return share * share * (3.0 - 2.0 * share)
 
 
 class SimulatedStand:
@@ -368,19 +369,19 @@ class SimulatedStand:
     def errors(self) -> Array:
         """True less dialled angles (3,) of the setting now, rad."""
         with self._lock:
-            return np.asarray(self._state.move.stop - np.array(self._state.dial))
+            return np.asarray(self._state.stop - np.array(self._state.dial))
 
     def ready(self, time: float) -> bool:
         """Whether the tool stands at its dials."""
         with self._lock:
-            return time >= self._state.move.end
+            return time >= self._state.end
 
     def indicated(self, time: float) -> Angles:
         """What the dials show at a time, on the way too."""
         with self._lock:
             state = self._state
-            gone = _way(state.move, time)
-            shown = state.move.start + gone * (np.array(state.dial) - state.move.start)
+            gone = state.way(time)
+            shown = state.start + gone * (np.array(state.dial) - state.start)
             azimuth, inclination, toolface = (float(x) for x in (np.array(state.dial) if gone == 1.0 else shown))
             return azimuth, inclination, toolface
 
@@ -391,7 +392,7 @@ class SimulatedStand:
             raise InputError(f"setting is {values.tolist()} rad; it looks like degrees")
         with self._lock:
             state = self._state
-            now = state.move.start + _way(state.move, time) * (state.move.stop - state.move.start)
+            now = state.at(time)
             changed = state.positions == 0 or not np.allclose(values, state.dial, rtol=0.0, atol=1e-9)
             off = self._streams[f"setting.{state.settings}"].standard_normal(3) * self.rig.setting_sd + self.rig.zeros()
             if changed:
@@ -402,71 +403,48 @@ class SimulatedStand:
             state.settings += 1
             end = time if at_once else time + self.settings.turn
             state.dial = (float(values[0]), float(values[1]), float(values[2]))
-            state.move, state.clean = _Move(now, values + off, time, end), {}
+            state.start, state.stop, state.begin, state.end, state.clean = now, values + off, time, end, {}
 
     def sample(self, number: int, time: float) -> Sample:
         """What the tool says: sample `number`, at `time` s."""
         with self._lock:
-            self._follow_plan(time)
+            plan = self.settings.plan
+            if plan is not None:
+                due = int(time / (self.settings.dwell + self.settings.turn))
+                if self._state.visited <= due:
+                    row = due % len(plan)
+                    place = (float(plan.azimuth[row]), float(plan.inclination[row]), float(plan.toolface[row]))
+                    self.move(place, time, at_once=due == 0)
+                    self._state.visited = due + 1
             degrees = self.settings.temperature + self.settings.warming * time / 3600.0
-            moving = time < self._state.move.end
-            clean = self._clean(time, degrees, moving)
-            shake = self.settings.noise * (SHAKE if moving else 1.0)
-            noise = self._noise_of(number)
+            moving = time < self._state.end
+            if self._state.clean and not moving:
+                clean = self._state.clean
+            else:
+                turned = self.rig.orientation(self._state.at(time))
+                found = {k: t.signals(turned @ self._directions[k], degrees) for k, t in self.tool.triads.items()}
+                if self._constant and not moving:
+                    self._state.clean = found
+                clean = found
+            # noise while the tool is turned, in units of its noise at rest
+            shake = self.settings.noise * (20.0 if moving else 1.0)
+            block, row = divmod(number, BLOCK)
+            drawn = self._noise.get(block)
+            if drawn is None:
+                drawn = {
+                    kind: self._streams[f"{kind}.{block}"].standard_normal((BLOCK, triad.count)) * self.tool.noise[kind]
+                    for kind, triad in self.tool.triads.items()
+                }
+                self._noise = {**dict(list(self._noise.items())[-2:]), block: drawn}
+            noise = {kind: values[row] for kind, values in drawn.items()}
         channels: dict[str, Array] = {}
         for kind, triad in self.tool.triads.items():
             signals = clean[kind] + shake * noise[kind]
             channels[kind] = np.round(signals) if triad.unit == "counts" else signals
         return Sample(time, channels, round(degrees, 3), number, time)
 
-    def _follow_plan(self, time: float) -> None:
-        plan = self.settings.plan
-        if plan is None:
-            return
-        due = int(time / (self.settings.dwell + self.settings.turn))
-        if self._state.visited <= due:
-            row = due % len(plan)
-            place = (float(plan.azimuth[row]), float(plan.inclination[row]), float(plan.toolface[row]))
-            self.move(place, time, at_once=due == 0)
-            self._state.visited = due + 1
-
-    def _clean(self, time: float, degrees: float, moving: bool) -> dict[str, Array]:
-        if self._state.clean and not moving:
-            return self._state.clean
-        move = self._state.move
-        settings = move.start + _way(move, time) * (move.stop - move.start)
-        turned = self.rig.orientation(settings)
-        found = {k: t.signals(turned @ self._directions[k], degrees) for k, t in self.tool.triads.items()}
-        if self._constant and not moving:
-            self._state.clean = found
-        return found
-
-    def _noise_of(self, number: int) -> Mapping[str, Array]:
-        block, row = divmod(number, BLOCK)
-        drawn = self._noise.get(block)
-        if drawn is None:
-            drawn = {
-                kind: self._streams[f"{kind}.{block}"].standard_normal((BLOCK, triad.count)) * self.tool.noise[kind]
-                for kind, triad in self.tool.triads.items()
-            }
-            self._noise = {**dict(list(self._noise.items())[-2:]), block: drawn}
-        return {kind: values[row] for kind, values in drawn.items()}
-
-
-def _way(move: _Move, time: float) -> float:
-    """Share of the way done, smooth at both ends."""
-    if time >= move.end:
-        return 1.0
-    share = max((time - move.begin) / (move.end - move.begin), 0.0)
-    return share * share * (3.0 - 2.0 * share)
-
 
 # How a simulated instrument and its rig talk: a stream of lines, answers to queries, SCPI commands.
-
-OUTSIDE: Final = 1e9
-"""A value that no instrument measures."""
-BATCH: Final = 64
-"""Samples sent at a time where time does not matter."""
 
 
 @dataclass(frozen=True)
@@ -563,7 +541,8 @@ class ProtocolEmulator:
             self._next = max(self._next, number)
             lost = time >= drop
             cut = lost and here and "repeat" not in self.source.of(number - 1)
-            if timing.speed == 0.0 and number % BATCH and not lost:
+            # samples sent at a time where time does not matter
+            if timing.speed == 0.0 and number % 64 and not lost:
                 continue
             if cut:  # in the middle of a line
                 batch, whole = batch[: -max(len(self.protocol.terminator) + 5, 1)], whole[:-1]
@@ -604,13 +583,15 @@ class ProtocolEmulator:
         """Bytes of a sample; whether its line is whole; whether its end is missing, so that the next hangs on."""
         sample, fate = self.stand.sample(number, time), self.source.of(number)
         if "stuck" in fate and number > self._stuck_until:
-            self._stuck, self._stuck_until = sample, number + STUCK
+            # samples for which values stay when they are stuck
+            self._stuck, self._stuck_until = sample, number + 100
         if number <= self._stuck_until and self._stuck is not None:
             sample = replace(sample, channels=self._stuck.channels)
         if "outside" in fate:
             kind = next(iter(self.protocol.channels))
             far = sample.channels[kind].copy()
-            far[0] = OUTSIDE
+            # a value that no instrument measures
+            far[0] = 1e9
             sample = replace(sample, channels={**sample.channels, kind: far})
         out = b""
         if not glued:
@@ -668,22 +649,15 @@ class RigCommands:
             elif part:
                 self._errors = [*self._errors, f'-113,"Undefined header: {part[:20]}"'][-20:]
         if wanted:
-            self._move(wanted)
+            azimuth, inclination, toolface = self._stand.dial
+            degrees = np.degrees([azimuth, inclination, toolface])
+            new = [wanted.get(name, float(old)) for name, old in zip(("AZ", "INC", "TF"), degrees, strict=True)]
+            try:
+                a, i, t = (float(x) for x in np.radians(new))
+                self._stand.move((a, i, t), self._now())
+            except InputError:
+                self._errors = [*self._errors, '-222,"Data out of range"'][-20:]
         return answers
-
-    def _move(self, wanted: dict[str, float]) -> None:
-        azimuth, inclination, toolface = self._stand.dial
-        degrees = np.degrees([azimuth, inclination, toolface])
-        new = [wanted.get(name, float(old)) for name, old in zip(("AZ", "INC", "TF"), degrees, strict=True)]
-        try:
-            a, i, t = (float(x) for x in np.radians(new))
-            self._stand.move((a, i, t), self._now())
-        except InputError:
-            self._errors = [*self._errors, '-222,"Data out of range"'][-20:]
-
-
-BITS = 16
-"""Of the converter of a tool nobody gave."""
 
 
 class SimulatedInstrument:
@@ -750,7 +724,8 @@ class SimulatedInstrument:
         self.protocol = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
         faults = faults or Faults()
         settings = stand or StandSettings()
-        self.tool = realistic_tool(seed, bits=BITS) if tool is None else tool
+        # of the converter of a tool nobody gave
+        self.tool = realistic_tool(seed, bits=16) if tool is None else tool
         fits(self.tool, self.protocol)
         settings = replace(settings, misread=(*settings.misread, *faults.misread))
         self.stand = SimulatedStand(self.tool, default_rig() if rig is None else rig, seed, settings)

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 PATIENCE: Final = 20
 """Seconds a writer waits for another one."""
 _WRITE_LOCK: Final = 0x1E_D6E7  # any number, the same for all writers of one PostgreSQL database
-_CACHE_KIB: Final = 65_536  # indexes of a million records in memory; the usual 2 MiB makes appending crawl
 _REMEDIES: Final = (
     ("disk is full", "free some space on the disk, then try again; nothing was recorded"),
     ("No space left", "free some space on the disk of the server, then try again; nothing was recorded"),
@@ -177,6 +176,7 @@ def _server(text: str) -> Engine:
 
 
 def _prepare_sqlite(connection: Any, _: object) -> None:
+    cache_kib = 65_536  # indexes of a million records in memory; the usual 2 MiB makes appending crawl
     connection.isolation_level = None  # SQLAlchemy's BEGIN below, not the driver's late one
     cursor = connection.cursor()
     for pragma in (
@@ -184,7 +184,7 @@ def _prepare_sqlite(connection: Any, _: object) -> None:
         "foreign_keys = ON",
         "synchronous = FULL",
         "trusted_schema = OFF",
-        f"cache_size = -{_CACHE_KIB}",
+        f"cache_size = -{cache_kib}",
     ):
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()
@@ -455,7 +455,6 @@ REVISIONS: Final = ("0001", "0002")
 """Revisions of the tables this program reads and writes; the last one is what it makes."""
 _NAMES: Final = ("chain", "document", *TABLES)
 _FUNCTION: Final = " BEGIN RAISE EXCEPTION 'the ledger is append-only: %', TG_TABLE_NAME; END "
-_BEFORE_ANY_STATEMENT: Final = 2 + 8 + 16 + 32  # pg_trigger.tgtype: before, delete, update, truncate; for statements
 
 
 def readable(connection: Connection, where: str) -> None:
@@ -516,10 +515,11 @@ def unprotected(connection: Connection) -> list[str]:
         found = {row.name: row.sql for row in rows}
         wrong = {name for name, text in _sqlite_triggers().items() if found.get(name) != text}
         return [n for n in _NAMES if wrong & {f"{n}_update", f"{n}_delete"}]
+    before_any_statement = 2 + 8 + 16 + 32  # pg_trigger.tgtype: before, delete, update, truncate; for statements
     right = connection.exec_driver_sql(
         "SELECT c.relname, p.prosrc FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid "
         "JOIN pg_proc p ON p.oid = t.tgfoid WHERE t.tgname = 'append_only' AND t.tgenabled IN ('O', 'A') "
-        f"AND t.tgtype = {_BEFORE_ANY_STATEMENT} AND t.tgqual IS NULL "
+        f"AND t.tgtype = {before_any_statement} AND t.tgqual IS NULL "
         "AND c.relnamespace = current_schema()::regnamespace"
     )
     sound = {name for name, source in right if source == _FUNCTION}

@@ -121,9 +121,6 @@ def backup(ledger: Ledger, path: str | Path) -> None:
 
 _LONGEST_LINE: Final = 60_000_000
 """Of a line of records.jsonl, bytes: a body of the greatest length with every character escaped or of many bytes."""
-_MOST_SWELLING: Final = 200
-"""Times its size that an export may swell; digests, which do not shrink, keep true ones below 20."""
-_FIELDS: Final = {"seq", "kind", "id", "created", "author", "version", "keys", "body", "digest", "link"}
 _DAMAGED: Final = (
     zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, KeyError, EOFError, NotImplementedError, RuntimeError,
 )  # fmt: skip
@@ -154,7 +151,12 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
                 if str(batch.head) != manifest["head"]:
                     said = manifest["head"][:40]
                     raise FileError(f"ends at record {batch.head.seq}; its manifest says {said}", path=path)
-                _documents(connection, archive, manifest["documents"], path)
+                for name, media_type in manifest["documents"].items():
+                    with archive.open(f"documents/{name}") as stream:
+                        data = stream.read(LARGEST_DOCUMENT + 1)
+                    if digest_bytes(data) != f"sha256:{name}" or not plain(media_type):
+                        raise FileError(f"documents/{name:.80} was changed", path=path)
+                    add_document(connection, media_type, data)
     except _DAMAGED as error:
         raise FileError(f"not an export of a ledger, or damaged ({error})", path=path) from None
     except FileNotFoundError:
@@ -165,9 +167,11 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
 
 
 def _manifest(archive: zipfile.ZipFile, path: str | Path) -> dict[str, Any]:
+    # times its size that an export may swell; digests, which do not shrink, keep true ones below 20
+    most_swelling = 200
     packed = sum(entry.compress_size for entry in archive.infolist())
-    if sum(entry.file_size for entry in archive.infolist()) > _MOST_SWELLING * packed + 1_000_000:
-        raise FileError(f"would swell to more than {_MOST_SWELLING} times its size; no export does", path=path)
+    if sum(entry.file_size for entry in archive.infolist()) > most_swelling * packed + 1_000_000:
+        raise FileError(f"would swell to more than {most_swelling} times its size; no export does", path=path)
     with archive.open("manifest.json") as stream:
         try:
             content = json.loads(stream.read(_LONGEST_LINE))
@@ -206,7 +210,8 @@ def _add(batch: Batch, line: bytes, number: int, path: str | Path) -> None:
 
 def _fit(row: Mapping[str, Any], line: bytes) -> None:
     """Refuse what `export` never writes, doubled keys and other spellings of the same content among it."""
-    if set(row) != _FIELDS:
+    fields = {"seq", "kind", "id", "created", "author", "version", "keys", "body", "digest", "link"}
+    if set(row) != fields:
         raise InputError("its fields are not those of a record")
     for name in ("id", "author", "created"):
         if not plain(row[name]):
@@ -220,12 +225,3 @@ def _fit(row: Mapping[str, Any], line: bytes) -> None:
     if chain.compact(body) != row["body"] or chain.compact(row).encode() != line.removesuffix(b"\n"):
         raise InputError("spelled in another way than `ledger export` does: doubled keys, blanks or another order")
     check(row["kind"], row["keys"], body, row["version"])
-
-
-def _documents(connection: Connection, archive: zipfile.ZipFile, documents: dict[str, Any], path: str | Path) -> None:
-    for name, media_type in documents.items():
-        with archive.open(f"documents/{name}") as stream:
-            data = stream.read(LARGEST_DOCUMENT + 1)
-        if digest_bytes(data) != f"sha256:{name}" or not plain(media_type):
-            raise FileError(f"documents/{name:.80} was changed", path=path)
-        add_document(connection, media_type, data)

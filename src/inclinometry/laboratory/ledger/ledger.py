@@ -38,7 +38,6 @@ from inclinometry.laboratory.ledger.engine import (
     translated,
 )
 
-LONGEST_BODY: Final = 20_000_000
 LARGEST_DOCUMENT: Final = 100_000_000
 
 
@@ -85,10 +84,11 @@ def add_document(connection: Connection, media_type: str, data: bytes) -> str:
 
 def body_text(draft: Draft) -> str:
     """The text to be stored of a draft that fits its kind."""
+    longest_body = 20_000_000
     check(draft.kind, draft.keys, draft.body)
     body = chain.compact(dict(draft.body))
-    if len(body) > LONGEST_BODY:
-        raise InputError(f"a {draft.kind} record of {len(body)} characters; allowed {LONGEST_BODY}")
+    if len(body) > longest_body:
+        raise InputError(f"a {draft.kind} record of {len(body)} characters; allowed {longest_body}")
     for media_type, data in draft.documents:
         if not plain(media_type):
             raise InputError(f"the media type of a document is {media_type!r:.60}; e.g. application/pdf")
@@ -98,10 +98,6 @@ def body_text(draft: Draft) -> str:
 
 
 __all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Precondition", "Record", "default_path"]
-
-CLOCK_SLACK: Final = timedelta(minutes=2)
-"""How far the clock may have gone back since the last record; beyond that nothing is recorded."""
-_LAST: Final = 2**63 - 1
 
 
 def now() -> datetime:
@@ -168,12 +164,13 @@ class Ledger:
         """
         return self.append_all([Draft(kind, keys, body)], author=author)[0]
 
+    # how far the clock may have gone back since the last record; beyond that nothing is recorded
     def append_all(
         self,
         drafts: Sequence[Draft],
         *,
         author: str,
-        slack: timedelta = CLOCK_SLACK,
+        slack: timedelta = timedelta(minutes=2),
         unless: Sequence[Precondition] = (),
     ) -> list[Record]:
         """Record several things in one step: all of them or none; `unless` is looked at in the same step."""
@@ -247,8 +244,9 @@ class Ledger:
         With `newest`, `after` is the place before which to go on (0: from the end). A list as the value of a key finds
         the records that have any of its values.
         """
+        last = 2**63 - 1
         column = _table(kind).c.seq
-        after, limit = min(max(after, 0), _LAST), min(max(limit, 0), _LAST)
+        after, limit = min(max(after, 0), last), min(max(limit, 0), last)
         query = _query(kind).where(_matching(kind, keys)).limit(limit)
         if newest:
             query = query.order_by(column.desc())

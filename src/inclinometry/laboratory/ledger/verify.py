@@ -18,8 +18,6 @@ from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, TABLES, row_d
 from inclinometry.laboratory.ledger.ledger import Ledger
 
 Progress = Callable[[float], None]
-BLOCK: Final = 500
-_BEYOND: Final = 2**63 - 1  # no place in the chain is before minus this
 MOST_FAULTS: Final = 100
 """So many faults are listed; what lies beyond is not read."""
 
@@ -112,12 +110,14 @@ class _Walk:
 
     def __init__(self, head: chain.Head | None) -> None:
         self.seq, self.link, self.records = 0, chain.GENESIS, 0
-        self._at = -_BEYOND
+        # no place in the chain is before minus this
+        self._at = -(2**63 - 1)
         self._noted, self._met = head, head is None or head.seq == 0
 
     def block(self, connection: Connection) -> list[Fault] | None:
         """Faults of the next links; None when there are no more."""
-        query = select(CHAIN).where(CHAIN.c.seq > self._at).order_by(CHAIN.c.seq).limit(BLOCK)
+        block = 500
+        query = select(CHAIN).where(CHAIN.c.seq > self._at).order_by(CHAIN.c.seq).limit(block)
         links = connection.execute(query).all()
         if not links:
             return None

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 HEAD_S: Final = 15.0
 """How long a request may take until its headers are there; a new connection must begin within the same time."""
-MOST_CONNECTIONS: Final = 500
-SHUTDOWN_S: Final = 2
 
 
 class PatientProtocol(H11Protocol):
@@ -117,8 +115,8 @@ def run(
         server_header=False,
         # an address in a header is anybody's word; the brake on guessing needs the connection's own
         proxy_headers=False,
-        limit_concurrency=MOST_CONNECTIONS,
-        timeout_graceful_shutdown=SHUTDOWN_S,
+        limit_concurrency=500,
+        timeout_graceful_shutdown=2,
         ws_max_size=2**20,
     )
     server = _Server(config)
@@ -138,7 +136,6 @@ PAGES: Final = (
     "ledger",
 )
 """Modules of pages, in inclinometry.laboratory.web.pages."""
-LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 
 def is_loopback(host: str) -> bool:
@@ -215,7 +212,8 @@ def create_app(
     ui.run_with(app, title="inclinometry", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0)
     refusals.explain_pages(core.app)
     guard_sockets()
-    return Guard(app, logins=logins, hosts=LOOPBACK_NAMES | frozenset(names), single_user=single_user)
+    loopback_names = frozenset({"localhost", "127.0.0.1", "[::1]"})
+    return Guard(app, logins=logins, hosts=loopback_names | frozenset(names), single_user=single_user)
 
 
 def _alive() -> PlainTextResponse:

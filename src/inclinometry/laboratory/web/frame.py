@@ -85,15 +85,6 @@ T = TypeVar("T")
 
 LANGUAGE_COOKIE: Final = "inclinometry_language"
 THEME_COOKIE: Final = "inclinometry_theme"
-NAVIGATION: Final = (
-    ("/", "nav.home", "read"),
-    ("/tools", "nav.tools", "read"),
-    ("/calibrate", "nav.calibrate", "capture"),
-    ("/verify", "nav.verify", "capture"),
-    ("/certificates", "nav.certificates", "read"),
-    ("/ledger", "nav.ledger", "read"),
-    ("/users", "nav.users", "administer"),
-)
 
 
 async def aside(do: Callable[[], T]) -> T:
@@ -166,12 +157,46 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
     HTTPException
         303 to the login, 403 for a user who may not see it.
     """
+    navigation = (
+        ("/", "nav.home", "read"),
+        ("/tools", "nav.tools", "read"),
+        ("/calibrate", "nav.calibrate", "capture"),
+        ("/verify", "nav.verify", "capture"),
+        ("/certificates", "nav.certificates", "read"),
+        ("/ledger", "nav.ledger", "read"),
+        ("/users", "nav.users", "administer"),
+    )
     visitor = visitor_of(request)
     if not visitor.user.may(needs):
         raise HTTPException(403, visitor.say("error.not_allowed"))
     set_theme(visitor.language, request)
     ui.page_title(f"{visitor.say(title)} - inclinometry")
-    _header(visitor, request)
+    with ui.row().classes("bar").props('role="navigation"'):
+        ui.link(visitor.say("nav.skip"), "#content").classes("skip")
+        here = request.url.path
+        for path, key, needs in navigation:
+            if visitor.user.may(needs):
+                link = ui.link(visitor.say(key), path).classes("nav")
+                if here == path or (path != "/" and here.startswith(path)):
+                    link.props('aria-current="page"')
+        ui.space()
+        # theme, language, the user
+        store = "document.cookie = '{name}={value};path=/;max-age=31536000;samesite=strict'; location.reload()"
+        dark = store.format(
+            name=THEME_COOKIE, value="' + (document.body.classList.contains('body--dark') ? 'light' : 'dark') + '"
+        )
+        theme = ui.button(icon="contrast").props(f'flat dense aria-label="{visitor.say("frame.theme")}"')
+        theme.on("click", js_handler=f"() => {{ {dark} }}")
+        with ui.row().classes("languages").props(f'aria-label="{visitor.say("frame.language")}"'):
+            for code, name in LANGUAGES.items():
+                pick = store.format(name=LANGUAGE_COOKIE, value=code)
+                label = ui.button(code.upper()).props(f'flat dense aria-label="{name}"')
+                label.on("click", js_handler=f"() => {{ {pick} }}")
+                if code == visitor.language:
+                    label.classes("chosen")
+        if not visitor.bench.single_user:
+            ui.label(visitor.user.name).classes("user")
+            ui.link(visitor.say("frame.log_out"), "/logout").classes("nav")
     with ui.column().classes("page").props('id="content" role="main"'):
         ui.label(visitor.say(title)).classes("title").props('role="heading" aria-level="1"')
         yield visitor
@@ -188,36 +213,3 @@ def set_theme(language: str, request: Request) -> None:
     ui.colors(primary="#2474c4")  # white on it, and it on either paper, can be read
     ui.dark_mode({"dark": True, "light": False}.get(theme))
     ui.query("html").props(f'lang="{language}"')
-
-
-def _header(visitor: Visitor, request: Request) -> None:
-    with ui.row().classes("bar").props('role="navigation"'):
-        ui.link(visitor.say("nav.skip"), "#content").classes("skip")
-        here = request.url.path
-        for path, key, needs in NAVIGATION:
-            if visitor.user.may(needs):
-                link = ui.link(visitor.say(key), path).classes("nav")
-                if here == path or (path != "/" and here.startswith(path)):
-                    link.props('aria-current="page"')
-        ui.space()
-        _choices(visitor)
-
-
-def _choices(visitor: Visitor) -> None:
-    """Theme, language, the user."""
-    store = "document.cookie = '{name}={value};path=/;max-age=31536000;samesite=strict'; location.reload()"
-    dark = store.format(
-        name=THEME_COOKIE, value="' + (document.body.classList.contains('body--dark') ? 'light' : 'dark') + '"
-    )
-    theme = ui.button(icon="contrast").props(f'flat dense aria-label="{visitor.say("frame.theme")}"')
-    theme.on("click", js_handler=f"() => {{ {dark} }}")
-    with ui.row().classes("languages").props(f'aria-label="{visitor.say("frame.language")}"'):
-        for code, name in LANGUAGES.items():
-            pick = store.format(name=LANGUAGE_COOKIE, value=code)
-            label = ui.button(code.upper()).props(f'flat dense aria-label="{name}"')
-            label.on("click", js_handler=f"() => {{ {pick} }}")
-            if code == visitor.language:
-                label.classes("chosen")
-    if not visitor.bench.single_user:
-        ui.label(visitor.user.name).classes("user")
-        ui.link(visitor.say("frame.log_out"), "/logout").classes("nav")

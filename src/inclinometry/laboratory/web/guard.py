@@ -16,12 +16,11 @@ from inclinometry.laboratory.web.refusals import BodyLimit, browser_headers, coo
 
 # The live connection of a page belongs to whoever opened the page.
 
-EVENTS: Final = ("handshake", "event", "javascript_response", "ack", "log")
-
 
 def guard_sockets() -> None:
     """Refuse messages for a page that another user opened."""
-    for name in ("connect", *EVENTS):
+    events = ("handshake", "event", "javascript_response", "ack", "log")
+    for name in ("connect", *events):
         known = core.sio.handlers["/"][name]
         if not getattr(known, "owned", False):
             core.sio.on(name, _owned(name, known))
@@ -64,12 +63,7 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 Problem = tuple[int, str]
 
-OPEN: Final = ("/login", "/api/v1/login", "/favicon.ico", "/healthz")
-OPEN_FOLDERS: Final = ("/_nicegui/", "/static/")
-"""What can be seen without a login: the login itself, scripts and styles, whether the server lives."""
 SAFE: Final = ("GET", "HEAD", "OPTIONS")
-ONCE: Final = ("host", "origin", "authorization", "content-length", "content-type", "x-csrf-token")
-"""Headers of which two could be read in two ways."""
 ENDED: Final = 4401
 """Code with which a websocket is closed when its login has ended."""
 
@@ -101,7 +95,14 @@ class Guard:
         if problem is not None:
             await _refuse(scope, send, *problem)
             return
-        login = self._who(headers)
+        login: Login | None  # None for a stranger
+        given = bearer(headers)
+        if self._single_user and not given:
+            login = self._logins.local()
+        else:
+            token = given or cookie_token(headers)
+            found = self._logins.find(token) if token else None
+            login = None if found is None else found[0]
         scope.setdefault("state", {})["login"] = login
         problem = self._stranger(scope, headers, login) or problem_of(scope, headers)
         if problem is not None:
@@ -129,19 +130,12 @@ class Guard:
             return 403, "this request comes from a page of another site"
         return None
 
-    def _who(self, headers: dict[str, str]) -> Login | None:
-        """The login of a request, None for a stranger."""
-        given = bearer(headers)
-        if self._single_user and not given:
-            return self._logins.local()
-        token = given or cookie_token(headers)
-        found = self._logins.find(token) if token else None
-        return None if found is None else found[0]
-
     def _stranger(self, scope: Scope, headers: dict[str, str], login: Login | None) -> Problem | None:
         path, http = scope["path"], scope["type"] == "http"
         safe = http and scope["method"] in SAFE
-        if (http and path in OPEN) or (safe and path.startswith(OPEN_FOLDERS)):
+        # what can be seen without a login: the login itself, scripts and styles, whether the server lives
+        at_all_times = ("/login", "/api/v1/login", "/favicon.ico", "/healthz")
+        if (http and path in at_all_times) or (safe and path.startswith(("/_nicegui/", "/static/"))):
             return None
         if login is None:
             return (303, "/login") if http and not path.startswith("/api/") else (401, "log in first")
@@ -175,9 +169,11 @@ def bearer(headers: dict[str, str]) -> str:
 
 def _read(scope: Scope, headers: dict[str, str]) -> Problem | None:
     """Fill in the headers by name; refused when one that decides something comes twice."""
+    # headers of which two could be read in two ways
+    once = ("host", "origin", "authorization", "content-length", "content-type", "x-csrf-token")
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
-        if name in headers and name in ONCE:
+        if name in headers and name in once:
             return 400, f"the header {name} was sent twice"
         headers[name] = f"{headers[name]}; {value}" if name in headers and name == "cookie" else value
     return None

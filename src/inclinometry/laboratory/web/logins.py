@@ -20,13 +20,9 @@ IDLE_S: Final = 30 * 60.0
 LONGEST_S: Final = 12 * 3600.0
 FREE_FAILURES: Final = 5
 """Wrong passwords in a row before a name or an address has to wait; then twice as long each time."""
-FIRST_WAIT_S: Final = 2.0
 LONGEST_WAIT_S: Final = 900.0
 MOST: Final = 10_000
 """Sessions and addresses remembered; those longest unused go first."""
-CHECKS_AT_ONCE: Final = 2
-"""Passwords checked side by side: each check takes 64 MB, on purpose."""
-_USER_FRESH_S: Final = 2.0
 
 
 class TooManyError(InputError):
@@ -71,7 +67,8 @@ class Logins:
         self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()
         self._users: dict[str, tuple[float, User | None]] = {}
         self._lock = threading.Lock()
-        self._checking = threading.Semaphore(CHECKS_AT_ONCE)
+        # passwords checked side by side: each check takes 64 MB, on purpose
+        self._checking = threading.Semaphore(2)
         self._local = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), LOCAL.name, 0.0, 0.0)
 
     def log_in(self, name: str, password: str, address: str) -> Login | None:
@@ -90,7 +87,10 @@ class Logins:
             before = self._failures.get(keys[1])
             # counted before the slow check, so that guesses in parallel do not pass together
             for key in keys:
-                self._fail(key)
+                count, _ = self._failures.pop(key, (0, 0.0))
+                self._failures[key] = (min(count + 1, 60), self._clock())
+                while len(self._failures) > MOST:
+                    self._failures.popitem(last=False)
         with self._checking:
             user = check_password(self._ledger, name, password)
         if user is None:
@@ -102,7 +102,12 @@ class Logins:
             if before is not None:
                 self._failures[keys[1]] = before
             self._users.pop(user.name, None)
-            return self._begin(user)
+            now = self._clock()
+            login = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), user.name, now, now, user.seal)
+            self._open[login.token] = login
+            while len(self._open) > MOST:
+                self._open.popitem(last=False)
+            return login
 
     def local(self) -> Login:
         """The login of whoever sits at a bench on loopback: one for all browsers there, and it never ends."""
@@ -125,7 +130,15 @@ class Logins:
             if use:
                 login.seen = now
                 self._open.move_to_end(token)
-        user = self._user(login.name)
+        # the user, asked of the ledger no more often than every two seconds
+        name = login.name
+        now = self._clock()
+        known = self._users.get(name)
+        user_fresh_s = 2.0
+        if known is None or now - known[0] > user_fresh_s:
+            known = (now, find_user(self._ledger, name))
+            self._users[name] = known
+        user = known[1]
         if user is None or not user.active or user.seal != login.seal:
             self.log_out(token)
             return None
@@ -136,35 +149,12 @@ class Logins:
         with self._lock:
             self._open.pop(token, None)
 
-    def _begin(self, user: User) -> Login:
-        now = self._clock()
-        login = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), user.name, now, now, user.seal)
-        self._open[login.token] = login
-        while len(self._open) > MOST:
-            self._open.popitem(last=False)
-        return login
-
-    def _user(self, name: str) -> User | None:
-        """The user, asked of the ledger no more often than every two seconds."""
-        now = self._clock()
-        known = self._users.get(name)
-        if known is None or now - known[0] > _USER_FRESH_S:
-            known = (now, find_user(self._ledger, name))
-            self._users[name] = known
-        return known[1]
-
     def _wait(self, key: str) -> float:
         count, last = self._failures.get(key, (0, 0.0))
         if count < FREE_FAILURES:
             return 0.0
-        pause = min(FIRST_WAIT_S * 2.0 ** (count - FREE_FAILURES), LONGEST_WAIT_S)
+        pause = min(2.0 * 2.0 ** (count - FREE_FAILURES), LONGEST_WAIT_S)
         return max(0.0, last + pause - self._clock())
-
-    def _fail(self, key: str) -> None:
-        count, _ = self._failures.pop(key, (0, 0.0))
-        self._failures[key] = (min(count + 1, 60), self._clock())
-        while len(self._failures) > MOST:
-            self._failures.popitem(last=False)
 
 
 def _network(address: str) -> str:

@@ -24,19 +24,6 @@ from inclinometry.laboratory.web.logins import Login
 
 # What every answer tells the browser to refuse; the cookie of a login.
 
-COOKIE: Final = "inclinometry"
-ASSETS: Final = ("/_nicegui/", "/static/", "/favicon.ico")
-
-_ALWAYS: Final = {
-    b"x-content-type-options": b"nosniff",
-    b"x-frame-options": b"DENY",
-    b"referrer-policy": b"no-referrer",
-    b"cross-origin-opener-policy": b"same-origin",
-    b"cross-origin-resource-policy": b"same-origin",
-    b"permissions-policy": b"camera=(), microphone=(), geolocation=(), payment=(), usb=(), serial=()",
-}
-_DATA: Final = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-
 
 def policy(path: str, host: str) -> str:
     """The content security policy of an answer.
@@ -45,7 +32,7 @@ def policy(path: str, host: str) -> str:
     two must be allowed; all else comes from this server, the live connection goes to this server, and data is no page.
     """
     if path.startswith("/api/"):
-        return _DATA
+        return "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
     live = f" ws://{host} wss://{host}" if host else ""
     return (
         "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
@@ -58,9 +45,16 @@ def policy(path: str, host: str) -> str:
 def browser_headers(scope: MutableMapping[str, Any], headers: dict[str, str]) -> dict[bytes, bytes]:
     """Headers of the answer to a request, by lower-case name; `headers` are those of the request, once checked."""
     path = scope["path"]
-    found = dict(_ALWAYS)
+    found = {
+        b"x-content-type-options": b"nosniff",
+        b"x-frame-options": b"DENY",
+        b"referrer-policy": b"no-referrer",
+        b"cross-origin-opener-policy": b"same-origin",
+        b"cross-origin-resource-policy": b"same-origin",
+        b"permissions-policy": b"camera=(), microphone=(), geolocation=(), payment=(), usb=(), serial=()",
+    }
     found[b"content-security-policy"] = policy(path, headers.get("host", "").lower()).encode("latin-1")
-    if not path.startswith(ASSETS):
+    if not path.startswith(("/_nicegui/", "/static/", "/favicon.ico")):
         found[b"cache-control"] = b"no-store"
     if scope.get("scheme") == "https":
         found[b"strict-transport-security"] = b"max-age=31536000"
@@ -75,8 +69,9 @@ def cookie_name(host: str) -> str:
     >>> cookie_name("lab.example:8080"), cookie_name("lab.example")
     ('inclinometry-8080', 'inclinometry')
     """
+    cookie = "inclinometry"
     port = host.rpartition("]")[2].rpartition(":")[2] if ":" in host.rpartition("]")[2] else ""
-    return f"{COOKIE}-{port}" if port.isascii() and port.isdigit() else COOKIE
+    return f"{cookie}-{port}" if port.isascii() and port.isdigit() else cookie
 
 
 def cookie_token(headers: dict[str, str]) -> str:
@@ -103,10 +98,6 @@ LARGEST: Final = (
     ("/", 64_000_000),
 )
 """Start of a path -> bytes a body may have; the first that fits counts."""
-LONGEST_S: Final = 60.0
-"""How long a body may take to arrive."""
-DRAINED: Final = 65_536
-"""Bytes that are read after the answer was given, for the next request on the same connection."""
 
 Message = MutableMapping[str, Any]
 
@@ -147,17 +138,19 @@ class BodyLimit:
     problem : status and sentence once that has happened, for the answer.
     """
 
+    # how long a body may take to arrive
     def __init__(
         self,
         scope: MutableMapping[str, Any],
         receive: Callable[[], Awaitable[Message]],
         headers: dict[str, str],
-        longest_s: float = LONGEST_S,
+        longest_s: float = 60.0,
     ) -> None:
         self._receive, self._most, self._longest = receive, largest(scope["path"]), longest_s
         self._until = time.monotonic() + longest_s
         self._size, self._more = 0, True
-        self._long = "transfer-encoding" in headers or int(headers.get("content-length", "0")) > DRAINED
+        # bytes that are read after the answer was given, for the next request on the same connection
+        self._long = "transfer-encoding" in headers or int(headers.get("content-length", "0")) > 65_536
         self.problem: tuple[int, str] | None = None
 
     @property
@@ -187,7 +180,6 @@ class BodyLimit:
 
 METHODS: Final = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE"]
 OURS: Final = "an error of this program, not yours; nothing half-done was recorded. Its log says more"
-LONGEST_VALUE: Final = 80
 _LOG: Final = logging.getLogger("inclinometry.laboratory.web")
 
 _PAGE: Final = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{status} - inclinometry</title>
@@ -267,12 +259,13 @@ def in_words(errors: list[Mapping[str, Any]]) -> str:
 
 
 def _short(value: Any) -> str:
+    longest_value = 80
     if isinstance(value, list | tuple | dict):
         return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)} entries"
-    if isinstance(value, int) and abs(value) > 10**LONGEST_VALUE:
+    if isinstance(value, int) and abs(value) > 10**longest_value:
         return "a huge number"
-    text = repr(value[: LONGEST_VALUE + 1] if isinstance(value, str | bytes) else value)
-    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
+    text = repr(value[: longest_value + 1] if isinstance(value, str | bytes) else value)
+    return text if len(text) <= longest_value else f"{text[:longest_value]}..."
 
 
 def _mendable(_: Request, error: Exception) -> JSONResponse:

@@ -2,37 +2,47 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Callable
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Annotated, Any, TypeVar, get_type_hints
 
-import numpy as np
 from fastapi import APIRouter, HTTPException, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
 from inclinometry.laboratory import registry
 from inclinometry.laboratory.ledger.ledger import Record
 from inclinometry.laboratory.web.api.access import REFUSALS, Key, Limit, Operator, Reader, TheLedger
 
 router = APIRouter(tags=["registry"], responses=REFUSALS)
 
-Text = Annotated[str, Field(max_length=2000)]
-Pair = tuple[float, float]
+B = TypeVar("B", bound=BaseModel)
 
 
+def body_of(of: type[Any], *without: str) -> Callable[[type[B]], type[B]]:
+    """Give a body the fields of what it registers, with their types, limits and defaults."""
+
+    def filled(body: type[B]) -> type[B]:
+        made: dict[str, Any] = {}
+        for one, hint, (name, _) in registry.declared(of):
+            if is_dataclass(hint):
+                made |= {inner.name: (get_type_hints(hint)[inner.name], inner.default) for inner in fields(hint)}
+            elif one.name not in without:
+                default = ... if one.default is MISSING else registry.outside(name, one.default)
+                factory = one.default_factory
+                made[name] = (hint, default if factory is MISSING else Field(default_factory=factory))
+        return create_model(body.__name__, __base__=body, __module__=body.__module__, __doc__=body.__doc__, **made)
+
+    return filled
+
+
+@body_of(registry.RegisteredTool, "convention")
 class ToolBody(BaseModel):
     """A tool; `inclination_range_deg` is where it will work."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-    name: Text
-    triads: dict[str, dict[str, Any]] = Field(default_factory=dict, max_length=3)
-    manufacturer: Text = ""
-    customer: Text = ""
-    description: Text = ""
-    inclination_range_deg: Pair = (10.0, 90.0)
-    interval_months: int | None = Field(default=None, ge=1, le=120)
-    retired: bool = False
 
 
+@body_of(registry.RegisteredRig, "driver")
 class RigBody(BaseModel):
     """A rig: standard deviations of azimuth, inclination and toolface settings, and how its dials count.
 
@@ -42,30 +52,15 @@ class RigBody(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-    sd_deg: tuple[float, float, float]
-    azimuth_deg: Pair = (0.0, 360.0)
-    inclination_deg: Pair = (0.0, 180.0)
-    toolface_deg: Pair = (0.0, 360.0)
-    description: Text = ""
-    traceability: Text = ""
-    place: Text = ""
-    inclination_from: InclinationFrom = "vertical"
-    azimuth_counts: Counts = "clockwise"
-    toolface_counts: Counts = "clockwise"
 
 
+@body_of(registry.RegisteredSite)
 class SiteBody(BaseModel):
     """A site: fields and latitude (north positive, for gyros) where they are known, and the laboratory's name and
     address.
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-    g_mps2: float | None = None
-    b_nT: float | None = None  # noqa: N815
-    dip_deg: float | None = Field(default=None, ge=-90.0, le=90.0)
-    latitude_deg: float | None = Field(default=None, ge=-90.0, le=90.0)
-    laboratory: dict[str, Text] = Field(default_factory=dict, max_length=20)
-    description: Text = ""
 
 
 @router.get("/tools")
@@ -88,9 +83,7 @@ def one_tool(ledger: TheLedger, _: Reader, serial: Key) -> dict[str, Any]:
 @router.put("/tools/{serial:path}")
 def change_tool(ledger: TheLedger, user: Operator, serial: Key, body: ToolBody) -> dict[str, Any]:
     """Register a tool, or record what changed."""
-    values = body.model_dump(exclude={"inclination_range_deg"})
-    low, high = _radians(body.inclination_range_deg)
-    tool = registry.RegisteredTool(serial, inclination_range=(low, high), **values)
+    tool = registry.registered(registry.RegisteredTool, serial, body.model_dump(exclude_unset=True))
     return shown(registry.put_tool(ledger, tool, author=user.name))
 
 
@@ -103,17 +96,7 @@ def list_rigs(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
 @router.put("/rigs/{name:path}")
 def change_rig(ledger: TheLedger, user: Operator, name: Key, body: RigBody) -> dict[str, Any]:
     """Register a rig, or record what changed."""
-    azimuth, inclination, toolface = _radians(body.sd_deg)
-    limits = {dial: _radians(getattr(body, f"{dial}_deg")) for dial in ("azimuth", "inclination", "toolface")}
-    rig = registry.RegisteredRig(
-        name,
-        (azimuth, inclination, toolface),
-        **limits,  # type: ignore[arg-type]
-        description=body.description,
-        traceability=body.traceability,
-        place=body.place,
-        dials=Dials(body.inclination_from, body.azimuth_counts, body.toolface_counts),
-    )
+    rig = registry.registered(registry.RegisteredRig, name, body.model_dump(exclude_unset=True))
     return shown(registry.put_rig(ledger, rig, author=user.name))
 
 
@@ -126,8 +109,7 @@ def list_sites(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
 @router.put("/sites/{name:path}")
 def change_site(ledger: TheLedger, user: Operator, name: Key, body: SiteBody) -> dict[str, Any]:
     """Register a site, or record what changed."""
-    dip, latitude = (None if x is None else float(np.radians(x)) for x in (body.dip_deg, body.latitude_deg))
-    site = registry.RegisteredSite(name, body.g_mps2, body.b_nT, dip, body.laboratory, body.description, latitude)
+    site = registry.registered(registry.RegisteredSite, name, body.model_dump(exclude_unset=True))
     return shown(registry.put_site(ledger, site, author=user.name))
 
 
@@ -142,7 +124,3 @@ def shown(record: Record) -> dict[str, Any]:
         "body": dict(record.body),
         "digest": record.digest,
     }
-
-
-def _radians(values: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(float(x) for x in np.radians(values))

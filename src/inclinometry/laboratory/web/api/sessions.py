@@ -9,7 +9,7 @@ import numpy as np
 from fastapi import APIRouter, HTTPException, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from inclinometry.laboratory.guided import GuidedPlan, plan_for
+from inclinometry.laboratory.guided import plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.progress import Progress, goal_of, proposal, session_progress
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
@@ -105,8 +105,9 @@ def list_sessions(
 def begin(ledger: TheLedger, user: Operator, body: SessionBody) -> dict[str, Any]:
     """Open a session with a plan by name."""
     rig = _rig(ledger, body.rig)
-    wanted = GuidedPlan(body.plan, body.number, tuple(body.temperatures_degC))
-    plan, settings = plan_for(wanted, ledger, body.serial, rig)
+    plan, settings = plan_for(
+        body.plan, ledger, body.serial, rig, number=body.number, temperatures=body.temperatures_degC
+    )
     settings |= {name: value for name in ("site", "condition", "customer") if (value := getattr(body, name))}
     if body.left_handed:
         settings["settings"] = {**settings.get("settings", {}), "left_handed": True}

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Any, Final
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
 
@@ -17,9 +17,6 @@ from inclinometry.laboratory.web.api.access import REFUSALS, Reader, RecordId, T
 
 router = APIRouter(prefix="/tables", tags=["tables"], responses=REFUSALS)
 
-FORMULA: Final = tuple("=+-@\t\r\n|%")
-"""First characters that make spreadsheets calculate, or run, what a cell holds."""
-MOST: Final = 20_000
 Cell = str | float | int | None
 
 
@@ -31,10 +28,11 @@ def plain(value: Cell) -> str:
     >>> plain("=cmd()"), plain(-1.5), plain("-1.5"), plain(" =1+1"), plain("IN-7")
     ("'=cmd()", '-1.5', "'-1.5", "' =1+1", 'IN-7')
     """
+    formula = tuple("=+-@\t\r\n|%")  # first characters that make spreadsheets calculate, or run, what a cell holds
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
     if isinstance(value, str):
-        return f"'{value}" if value.startswith(FORMULA) or value.lstrip().startswith(FORMULA) else value
+        return f"'{value}" if value.startswith(formula) or value.lstrip().startswith(formula) else value
     return repr(value)
 
 
@@ -51,7 +49,7 @@ def _csv(name: str, heads: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Res
 @router.get("/tools.csv", response_class=Response)
 def tools_table(ledger: TheLedger, _: Reader) -> Response:
     """All tools."""
-    found = tools(ledger, limit=MOST)
+    found = tools(ledger, limit=20_000)
     due = due_days(ledger, found)
     rows = [
         (t.serial, t.name, t.manufacturer, t.customer, t.interval_months, str(due.get(t.serial, "")), int(t.retired))

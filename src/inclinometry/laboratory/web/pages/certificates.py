@@ -47,18 +47,14 @@ def new_page(request: Request, calibration: str = "", verification: str = "", su
             ui.label(visitor.bench.without_path(str(error))).classes("warn")
             record = None
         if record is None:
-            _choose(visitor)
+            found = listed(visitor.bench.ledger, "calibration", limit=OFFERED)
+            ui.label(visitor.say("certificates.choose" if found else "verify.no_calibration")).classes("subtitle")
+            for one in found:
+                ui.link(f"{one.keys['serial']} · {day(one.created)}", to("/certificates/new", calibration=one.id))
             return
         if supersedes:
             ui.label(visitor.say("certificates.replaces", number=supersedes)).classes("warn")
         IssueForm(visitor, record, verification, supersedes)
-
-
-def _choose(visitor: Visitor) -> None:
-    found = listed(visitor.bench.ledger, "calibration", limit=OFFERED)
-    ui.label(visitor.say("certificates.choose" if found else "verify.no_calibration")).classes("subtitle")
-    for one in found:
-        ui.link(f"{one.keys['serial']} · {day(one.created)}", to("/certificates/new", calibration=one.id))
 
 
 class IssueForm:
@@ -75,11 +71,26 @@ class IssueForm:
         self.nonconforming = ui.switch(say("certificates.nonconforming"))
         session = ledger.get("session", calibration.keys["session"])
         ui.label(say("certificates.laboratory")).classes("subtitle")
-        self.laboratory = _fields(
-            {name: say(f"laboratory.{name}") for name in LABORATORY}, _laboratory(ledger, session)
-        )
+        # what the site of the session says of the laboratory, what the rig says of traceability
+        site, rig = find_site(ledger, str(session.body.get("site", ""))), find_rig(ledger, session.body["rig"])
+        found: dict[str, str] = {}
+        if site is not None and site.laboratory.get("name"):
+            try:
+                known = laboratory_from(dict(site.laboratory))
+                found = {name: getattr(known, name) for name in LABORATORY}
+            except InputError:
+                found = {name: str(site.laboratory.get(name, "")) for name in LABORATORY}
+        if rig is not None:
+            found["traceability"] = found.get("traceability") or rig.traceability
+            found["place"] = found.get("place") or rig.place
+        self.laboratory = _fields({name: say(f"laboratory.{name}") for name in LABORATORY}, found)
         ui.label(say("certificates.order")).classes("subtitle")
-        self.order = _fields({name: say(f"order.{name}") for name in ORDER}, _order(ledger, session))
+        stated: dict[str, Any] = {name: session.body.get(name, "") for name in ORDER}
+        tool = find_tool(ledger, session.keys["serial"])
+        stated["customer"] = stated["customer"] or (tool.customer if tool else "")
+        stated["received"] = str(stated["received"])[:10]
+        stated["environment"] = str((stated["environment"] or {}).get("text", ""))
+        self.order = _fields({name: say(f"order.{name}") for name in ORDER}, stated)
         with ui.row().classes("form"):
             self.language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
             if supersedes:
@@ -99,7 +110,17 @@ class IssueForm:
         self.button.disable()
         try:
             user = self._visitor.require("issue")
-            wish = self._wish(user)
+            about: dict[str, Any] = {name: str(field.value or "").strip() for name, field in self.order.items()}
+            about["received"] = _day(about["received"])
+            if about["environment"]:
+                about["environment"] = {"text": about["environment"]}
+            said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
+            wish = {
+                "laboratory": replace(Laboratory(**said), authoriser=_name(user), authoriser_role=user.role),
+                "language": str(self.language.value),
+                "nonconforming": bool(self.nonconforming.value),
+                "about": about,
+            }
             made = await aside(lambda: self._issued(user, wish))
         except InclinometryError as error:
             sentence = self._visitor.bench.without_path(str(error))
@@ -107,19 +128,6 @@ class IssueForm:
             self.button.enable()
             return
         ui.navigate.to(to("/certificates", made.keys["number"]))
-
-    def _wish(self, user: User) -> dict[str, Any]:
-        about: dict[str, Any] = {name: str(field.value or "").strip() for name, field in self.order.items()}
-        about["received"] = _day(about["received"])
-        if about["environment"]:
-            about["environment"] = {"text": about["environment"]}
-        said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
-        return {
-            "laboratory": replace(Laboratory(**said), authoriser=_name(user), authoriser_role=user.role),
-            "language": str(self.language.value),
-            "nonconforming": bool(self.nonconforming.value),
-            "about": about,
-        }
 
     def _issued(self, user: User, wish: dict[str, Any]) -> Record:
         ledger, calibration = self._visitor.bench.ledger, self._calibration.id
@@ -140,31 +148,6 @@ def _fields(labels: dict[str, str], values: dict[str, str]) -> dict[str, ui.inpu
         }
 
 
-def _laboratory(ledger: Ledger, session: Record) -> dict[str, str]:
-    """What the site of the session says of the laboratory, what the rig says of traceability."""
-    site, rig = find_site(ledger, str(session.body.get("site", ""))), find_rig(ledger, session.body["rig"])
-    found: dict[str, str] = {}
-    if site is not None and site.laboratory.get("name"):
-        try:
-            known = laboratory_from(dict(site.laboratory))
-            found = {name: getattr(known, name) for name in LABORATORY}
-        except InputError:
-            found = {name: str(site.laboratory.get(name, "")) for name in LABORATORY}
-    if rig is not None:
-        found["traceability"] = found.get("traceability") or rig.traceability
-        found["place"] = found.get("place") or rig.place
-    return found
-
-
-def _order(ledger: Ledger, session: Record) -> dict[str, str]:
-    found = {name: session.body.get(name, "") for name in ORDER}
-    tool = find_tool(ledger, session.keys["serial"])
-    found["customer"] = found["customer"] or (tool.customer if tool else "")
-    found["received"] = str(found["received"])[:10]
-    about = found["environment"] or {}
-    return {**found, "environment": str(about.get("text", ""))}
-
-
 def _day(text: str) -> str:
     """A date as it is recorded; InputError when it is none."""
     if not text:
@@ -179,13 +162,13 @@ def _name(user: User) -> str:
     return user.full_name or user.name
 
 
-SHOWN: Final = 25
 STYLES: Final = {"issued": "good", "void": "bad", "superseded": "warn"}
 
 
 @ui.page("/certificates")
 def certificates_page(request: Request, serial: str = "", before: int = 0) -> None:
     """All certificates, newest first, of one tool when asked."""
+    shown = 25
     with frame(request, "certificates.title") as visitor, ui.card().classes("panel"):
         say = visitor.say
         with ui.row().classes("form"):
@@ -195,12 +178,12 @@ def certificates_page(request: Request, serial: str = "", before: int = 0) -> No
             ).props("outline no-caps")
             if visitor.user.may("issue"):
                 ui.link(say("certificates.new"), "/certificates/new")
-        found = certificates(visitor.bench.ledger, serial=serial or None, limit=SHOWN, before=max(before, 0))
+        found = certificates(visitor.bench.ledger, serial=serial or None, limit=shown, before=max(before, 0))
         heads = [say(f"certificates.{key}") for key in ("number", "tool", "issued_on", "state", "customer", "by")]
         table(heads, [_line(visitor, one) for one in found])
         if not found:
             ui.label(say("certificates.none")).classes("dim")
-        if len(found) == SHOWN:
+        if len(found) == shown:
             ui.link(say("ledger.older"), to("/certificates", serial=serial, before=found[-1].record.seq))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from html import escape
-from typing import Final
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
@@ -12,7 +11,7 @@ from nicegui import ui
 
 from inclinometry.laboratory.registry import due_days, listed, tools
 from inclinometry.laboratory.session import closing, load_session
-from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, Visitor, current, frame
+from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, current, frame
 from inclinometry.laboratory.web.logins import Login, TooManyError
 from inclinometry.laboratory.web.pages.lists import to
 from inclinometry.laboratory.web.refusals import login_cookie
@@ -77,60 +76,47 @@ def _end(request: Request) -> None:
         current().logins.log_out(login.token)
 
 
-SHOWN: Final = 10
-LOOKED_AT: Final = 500
-"""Tools asked for their next calibration."""
-
-
 @ui.page("/")
 def home(request: Request) -> None:
     """What to do next."""
+    shown = 10
     with frame(request, "home.title") as visitor:
-        _open_sessions(visitor)
-        _instrument(visitor)
-        _due(visitor)
-
-
-def _open_sessions(visitor: Visitor) -> None:
-    ledger = visitor.bench.ledger
-    with ui.card().classes("panel"):
-        ui.label(visitor.say("home.open_sessions")).classes("subtitle")
-        still_open = [one for one in listed(ledger, "session", limit=5 * SHOWN) if not closing(ledger, one.id)][:SHOWN]
-        for record in still_open:
-            session = load_session(ledger, record.id)
-            with ui.row().classes("items-center"):
-                ui.label(f"{session.serial}, {session.plan}").classes("number")
-                done = visitor.say("home.progress", done=len(session.valid), all=len(session.positions))
-                ui.label(done).classes("dim number")
-                ui.link(visitor.say("home.resume"), f"/calibrate/{session.id}")
-        if not still_open:
-            ui.label(visitor.say("home.none_open")).classes("dim")
-        if visitor.user.may("capture"):
-            ui.link(visitor.say("home.start"), "/calibrate")
-
-
-def _instrument(visitor: Visitor) -> None:
-    with ui.card().classes("panel"):
-        ui.label(visitor.say("home.instrument")).classes("subtitle")
-        feed = visitor.bench.feed
-        if feed is None:
-            ui.label(visitor.say("home.no_instrument")).classes("dim")
-        else:
-            ui.label(visitor.bench.instrument).classes("number")
-            connected = feed.connected
-            word = visitor.say("home.connected" if connected else "home.not_connected")
-            ui.label(word).classes("good" if connected else "bad")
-
-
-def _due(visitor: Visitor) -> None:
-    today = datetime.now(UTC).date()
-    with ui.card().classes("panel"):
-        ui.label(visitor.say("home.due")).classes("subtitle")
-        days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=LOOKED_AT))
-        due = sorted((day, serial) for serial, day in days.items() if day <= today)
-        for day, serial in due[:SHOWN]:
-            ui.link(f"{serial} ({day:%Y-%m-%d})", to("/tools", serial)).classes("number")
-        if len(due) > SHOWN:
-            ui.link(visitor.say("home.more_due", number=len(due) - SHOWN), "/tools")
-        if not due:
-            ui.label(visitor.say("home.none_due")).classes("dim")
+        ledger = visitor.bench.ledger
+        with ui.card().classes("panel"):
+            ui.label(visitor.say("home.open_sessions")).classes("subtitle")
+            still_open = [one for one in listed(ledger, "session", limit=5 * shown) if not closing(ledger, one.id)][
+                :shown
+            ]
+            for record in still_open:
+                session = load_session(ledger, record.id)
+                with ui.row().classes("items-center"):
+                    ui.label(f"{session.serial}, {session.plan}").classes("number")
+                    done = visitor.say("home.progress", done=len(session.valid), all=len(session.positions))
+                    ui.label(done).classes("dim number")
+                    ui.link(visitor.say("home.resume"), f"/calibrate/{session.id}")
+            if not still_open:
+                ui.label(visitor.say("home.none_open")).classes("dim")
+            if visitor.user.may("capture"):
+                ui.link(visitor.say("home.start"), "/calibrate")
+        with ui.card().classes("panel"):
+            ui.label(visitor.say("home.instrument")).classes("subtitle")
+            feed = visitor.bench.feed
+            if feed is None:
+                ui.label(visitor.say("home.no_instrument")).classes("dim")
+            else:
+                ui.label(visitor.bench.instrument).classes("number")
+                connected = feed.connected
+                word = visitor.say("home.connected" if connected else "home.not_connected")
+                ui.label(word).classes("good" if connected else "bad")
+        today = datetime.now(UTC).date()
+        with ui.card().classes("panel"):
+            ui.label(visitor.say("home.due")).classes("subtitle")
+            # tools asked for their next calibration
+            days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=500))
+            due = sorted((day, serial) for serial, day in days.items() if day <= today)
+            for day, serial in due[:shown]:
+                ui.link(f"{serial} ({day:%Y-%m-%d})", to("/tools", serial)).classes("number")
+            if len(due) > shown:
+                ui.link(visitor.say("home.more_due", number=len(due) - shown), "/tools")
+            if not due:
+                ui.label(visitor.say("home.none_due")).classes("dim")

@@ -79,8 +79,6 @@ class UserForm:
 
 
 PAGE: Final = 50
-LONGEST_SHOWN: Final = 20_000
-FAULTS: Final = 50
 SHOWN_KINDS: Final = tuple(name for name in KINDS if name not in HIDDEN)
 
 
@@ -125,6 +123,7 @@ def search(visitor: Visitor, kind: str, text: str, before: int) -> list[Listed]:
 
 
 def _check(visitor: Visitor) -> None:
+    faults = 50
     say, ledger = visitor.say, visitor.bench.ledger
     with ui.card().classes("panel"):
         head = ledger.head()
@@ -150,7 +149,15 @@ def _check(visitor: Visitor) -> None:
             box.clear()
             button.enable()
             with box:
-                _verdict(visitor, found)
+                if isinstance(found, str):
+                    ui.label(found).classes("bad")
+                else:
+                    if found.ok:
+                        ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
+                    for fault in found.faults[:faults]:
+                        ui.label(str(fault)).classes("bad number")
+                    if len(found.faults) > faults:
+                        ui.label(visitor.say("home.more_due", number=len(found.faults) - faults)).classes("bad")
 
         with ui.row().classes("items-center"):
             button = ui.button(say("ledger.verify"), on_click=check).props("outline no-caps")
@@ -163,18 +170,6 @@ def _check(visitor: Visitor) -> None:
 
 def _set(done: list[float], share: float) -> None:
     done[0] = share
-
-
-def _verdict(visitor: Visitor, found: Verdict | str) -> None:
-    if isinstance(found, str):
-        ui.label(found).classes("bad")
-        return
-    if found.ok:
-        ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
-    for fault in found.faults[:FAULTS]:
-        ui.label(str(fault)).classes("bad number")
-    if len(found.faults) > FAULTS:
-        ui.label(visitor.say("home.more_due", number=len(found.faults) - FAULTS)).classes("bad")
 
 
 def _search(visitor: Visitor, kind: str, key: str) -> None:
@@ -193,6 +188,7 @@ def _search(visitor: Visitor, kind: str, key: str) -> None:
 
 def _row(visitor: Visitor, one: Listed) -> None:
     """One record; its body is read when it is opened."""
+    longest_shown = 20_000
     keys = ", ".join(str(value) for value in one.keys.values())
     title = f"{one.seq} · {one.created[:19].replace('T', ' ')} · {one.author} · {keys}"
     with ui.expansion(visible(title)).classes("w-full number").props("dense") as box:
@@ -204,9 +200,9 @@ def _row(visitor: Visitor, one: Listed) -> None:
                 record = visitor.bench.ledger.get(one.kind, one.id)
                 text = json.dumps(dict(record.body), ensure_ascii=False, indent=1)
                 with box:
-                    ui.label(visible(text[:LONGEST_SHOWN])).classes("pre")
-                    if len(text) > LONGEST_SHOWN:
-                        ui.label(visitor.say("ledger.cut", number=LONGEST_SHOWN)).classes("dim")
+                    ui.label(visible(text[:longest_shown])).classes("pre")
+                    if len(text) > longest_shown:
+                        ui.label(visitor.say("ledger.cut", number=longest_shown)).classes("dim")
                     ui.label(f"{one.id} · {record.digest}").classes("dim pre")
 
         box.on_value_change(visitor.action("read", lambda _: show()))

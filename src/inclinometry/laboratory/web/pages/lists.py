@@ -88,11 +88,6 @@ class ImportForm:
 BLUE: Final = "#2f7fd0"
 GREY: Final = "#8896a4"
 RED: Final = "#d0453b"
-GREEN: Final = "#2c9a56"
-AMBER: Final = "#b07a10"
-PALETTE: Final = [BLUE, "#c77d14", GREEN, "#b0529c", "#1ba3b5", GREY]
-"""Colours of series that can be told apart on either paper."""
-DECIDED: Final = {"pass": GREEN, "fail": RED, "inconclusive": AMBER}
 _BAR: Final = """(params, api) => {
     const low = api.coord([api.value(0), api.value(1)]), high = api.coord([api.value(0), api.value(2)]);
     const style = {stroke: api.visual("color"), lineWidth: 1};
@@ -110,10 +105,12 @@ def legend(names: Sequence[str] | None = None) -> dict[str, Any]:
 
 def chart(options: dict[str, Any], label: str, *, height: str = "260px") -> None:
     """A chart with a name for those who cannot see it."""
+    # colours of series that can be told apart on either paper
+    palette = [BLUE, "#c77d14", "#2c9a56", "#b0529c", "#1ba3b5", GREY]
     common: dict[str, Any] = {
         "animation": False,
         "backgroundColor": "transparent",
-        "color": PALETTE,
+        "color": palette,
         "grid": {"left": 60, "right": 20, "top": 30, "bottom": 45},
         "tooltip": {"trigger": "axis"},
     }
@@ -168,7 +165,8 @@ def bars(
     name: str, middle: Sequence[float | None], half: Sequence[float | None], decisions: Sequence[str]
 ) -> list[dict[str, Any]]:
     """Series of points coloured by their decision, with bars."""
-    colours = [DECIDED.get(decision, GREY) for decision in decisions]
+    decided = {"pass": "#2c9a56", "fail": RED, "inconclusive": "#b07a10"}
+    colours = [decided.get(decision, GREY) for decision in decisions]
     points = [{"value": m, "itemStyle": {"color": c}} for m, c in zip(middle, colours, strict=True)]
     edges = [
         {"value": [place, m - h, m + h], "itemStyle": {"color": colours[place]}}
@@ -201,27 +199,22 @@ def interface(request: Request) -> HTMLResponse:
     parts = [_HEAD]
     for path, methods in content["paths"].items():
         for method, about in methods.items():
-            parts.append(_route(path, method, about, content))
+            takes = [f"{p['name']} ({p['in']})" for p in about.get("parameters", [])]
+            body = about.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
+            name = body.get("$ref", "").rpartition("/")[2]
+            shown = ""
+            if name:
+                properties = content["components"]["schemas"][name].get("properties", {})
+                shown = f"<pre>{escape(json.dumps(properties, indent=1, ensure_ascii=False))}</pre>"
+            parts.append(
+                f'<details class="panel" style="margin:.5rem 0"><summary><code>{method.upper()} {escape(path)}</code> '
+                f"{escape(about.get('description', '').splitlines()[0])}</summary>"
+                f"<p>{escape(', '.join(takes))}</p>{shown}</details>"
+            )
     return HTMLResponse("".join([*parts, "</main></body></html>"]))
 
 
-def _route(path: str, method: str, about: dict[str, Any], content: dict[str, Any]) -> str:
-    takes = [f"{p['name']} ({p['in']})" for p in about.get("parameters", [])]
-    body = about.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
-    name = body.get("$ref", "").rpartition("/")[2]
-    shown = ""
-    if name:
-        properties = content["components"]["schemas"][name].get("properties", {})
-        shown = f"<pre>{escape(json.dumps(properties, indent=1, ensure_ascii=False))}</pre>"
-    return (
-        f'<details class="panel" style="margin:.5rem 0"><summary><code>{method.upper()} {escape(path)}</code> '
-        f"{escape(about.get('description', '').splitlines()[0])}</summary>"
-        f"<p>{escape(', '.join(takes))}</p>{shown}</details>"
-    )
-
-
 BIDI: Final = dict.fromkeys([0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)], "\ufffd")
-_FROM_TO: Final = '(first, last, all) => first + " - " + last + " / " + all'
 
 
 class Cell(NamedTuple):
@@ -248,7 +241,7 @@ def paged(columns: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]], key
     made = ui.table(columns=list(columns), rows=list(rows), row_key=key, pagination=size)
     made.classes("number paged").props("flat dense")
     made.props[":rows-per-page-options"] = f"[{size}]"
-    made.props[":pagination-label"] = _FROM_TO
+    made.props[":pagination-label"] = '(first, last, all) => first + " - " + last + " / " + all'
 
 
 def table(heads: Sequence[str], lines: Iterable[Sequence[Cell | str]]) -> None:

@@ -21,11 +21,6 @@ from inclinometry.laboratory.web.pages.lists import BLUE, axis, chart, day, lege
 from inclinometry.report.words import calibration_tests
 from inclinometry.workflow.calibrate import Options, compare
 
-MAP_INCLINATIONS = INCLINATIONS[1 : INCLINATIONS.index(max(INCLINATION_RANGE)) + 1]
-PAGE = 12
-HEAT_SLACK = 5.0
-"""Beyond the calibrated range by more than this, degC, a reading is said to be extrapolated."""
-
 
 @ui.page("/results/{calibration}")
 def result_page(request: Request, calibration: str) -> None:
@@ -37,10 +32,47 @@ def result_page(request: Request, calibration: str) -> None:
             raise HTTPException(404, str(error)) from None
         found = calibration_of(record)
         _summary(visitor, record, found)
-        _expected(visitor, record)
+        # expanded uncertainty of the angles over inclination, as recorded
+        table = record.body.get("capability_deg", {})
+        if table:
+            say, places = visitor.say, [f"{x:g}" for x in table["inclination_deg"]]
+            series: list[dict[str, Any]] = [
+                {"type": "line", "name": say(f"bench.{name}"), "data": table[f"U_{name}_deg"]}
+                for name in ("inclination", "azimuth", "toolface")
+                if f"U_{name}_deg" in table
+            ]
+            title = say("results.expected", k=f"{table['coverage_factor']:g}")
+            with ui.card().classes("panel"):
+                ui.label(title).classes("subtitle")
+                options = {
+                    "legend": legend(),
+                    "xAxis": axis(say("results.inclination"), kind="category", data=places),
+                    "yAxis": axis(say("results.degrees"), kind="log"),
+                    "series": series,
+                }
+                chart(options, title)
         _map(visitor, found)
         _heat(visitor, found)
-        _residuals(visitor, found)
+        # standardised residuals station by station
+        say, residuals = visitor.say, found.residuals
+        series = []
+        for kind, values in residuals.standardised.items():
+            for column in range(values.shape[1]):
+                name = f"{kind} {'xyz'[column] if column < 3 else column + 1}"
+                data = [None if np.isnan(v) else round(v, 3) for v in values[:, column].tolist()]
+                series.append({"type": "scatter", "symbolSize": 7, "name": name, "data": data})
+        with ui.card().classes("panel"):
+            ui.label(say("results.residuals")).classes("subtitle")
+            idle = sum(int(np.isnan(values).sum()) for values in residuals.standardised.values())
+            if idle:
+                ui.label(say("results.not_judged", number=idle)).classes("dim")
+            options = {
+                "legend": legend(),
+                "xAxis": axis(say("results.position"), kind="category", data=list(residuals.station)),
+                "yAxis": axis(say("results.standardised")),
+                "series": series,
+            }
+            chart(options, say("results.residuals"))
         _parameters(visitor, record, found)
         _methods(visitor, record)
 
@@ -71,32 +103,10 @@ def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
             ui.link(say("results.tool_json"), f"/api/v1/calibrations/{record.id}")
 
 
-def _expected(visitor: Visitor, record: Record) -> None:
-    """Expanded uncertainty of the angles over inclination, as recorded."""
-    table = record.body.get("capability_deg", {})
-    if not table:
-        return
-    say, places = visitor.say, [f"{x:g}" for x in table["inclination_deg"]]
-    series: list[dict[str, Any]] = [
-        {"type": "line", "name": say(f"bench.{name}"), "data": table[f"U_{name}_deg"]}
-        for name in ("inclination", "azimuth", "toolface")
-        if f"U_{name}_deg" in table
-    ]
-    title = say("results.expected", k=f"{table['coverage_factor']:g}")
-    with ui.card().classes("panel"):
-        ui.label(title).classes("subtitle")
-        options = {
-            "legend": legend(),
-            "xAxis": axis(say("results.inclination"), kind="category", data=places),
-            "yAxis": axis(say("results.degrees"), kind="log"),
-            "series": series,
-        }
-        chart(options, title)
-
-
 def _map(visitor: Visitor, found: Calibration) -> None:
     """U(azimuth) from the calibration alone over inclination and azimuth, worst toolface."""
-    expected = expected_uncertainty(found, MAP_INCLINATIONS)
+    inclinations = INCLINATIONS[1 : INCLINATIONS.index(max(INCLINATION_RANGE)) + 1]
+    expected = expected_uncertainty(found, inclinations)
     if "azimuth" not in expected.angles:
         return
     spread = expected.components["calibration"][..., ALL_ANGLES.index("azimuth")].max(axis=2)
@@ -112,7 +122,7 @@ def _map(visitor: Visitor, found: Calibration) -> None:
             "yAxis": axis(
                 say("results.inclination"),
                 kind="category",
-                data=[f"{x:g}" for x in np.degrees(MAP_INCLINATIONS).round(6)],
+                data=[f"{x:g}" for x in np.degrees(inclinations).round(6)],
             ),
             "visualMap": {
                 "min": 0.0,
@@ -130,6 +140,7 @@ def _map(visitor: Visitor, found: Calibration) -> None:
 
 def _heat(visitor: Visitor, found: Calibration) -> None:
     """Degree of the temperature polynomials, the range they hold in, and whether the tool is outside of it now."""
+    heat_slack = 5.0  # beyond the calibrated range by more than this, degC, a reading is said to be extrapolated
     say, tool = visitor.say, found.tool
     degrees = {kind: len(triad.tensor) - 1 for kind, triad in tool.triads.items()}
     with ui.card().classes("panel"):
@@ -145,37 +156,17 @@ def _heat(visitor: Visitor, found: Calibration) -> None:
             ui.label(say("results.constant")).classes("dim")
         feed = visitor.bench.feed
         now = None if feed is None else feed.stability().temperature
-        if now is not None and not low - HEAT_SLACK <= now <= high + HEAT_SLACK:
+        if now is not None and not low - heat_slack <= now <= high + heat_slack:
             ui.label(say("results.outside", now=f"{now:.1f}")).classes("warn")
-
-
-def _residuals(visitor: Visitor, found: Calibration) -> None:
-    """Standardised residuals station by station."""
-    say, residuals = visitor.say, found.residuals
-    series = []
-    for kind, values in residuals.standardised.items():
-        for column in range(values.shape[1]):
-            name = f"{kind} {'xyz'[column] if column < 3 else column + 1}"
-            data = [None if np.isnan(v) else round(v, 3) for v in values[:, column].tolist()]
-            series.append({"type": "scatter", "symbolSize": 7, "name": name, "data": data})
-    with ui.card().classes("panel"):
-        ui.label(say("results.residuals")).classes("subtitle")
-        idle = sum(int(np.isnan(values).sum()) for values in residuals.standardised.values())
-        if idle:
-            ui.label(say("results.not_judged", number=idle)).classes("dim")
-        options = {
-            "legend": legend(),
-            "xAxis": axis(say("results.position"), kind="category", data=list(residuals.station)),
-            "yAxis": axis(say("results.standardised")),
-            "series": series,
-        }
-        chart(options, say("results.residuals"))
 
 
 def _parameters(visitor: Visitor, record: Record, found: Calibration) -> None:
     """Each parameter with its uncertainty and its change since the calibration before."""
     say = visitor.say
-    before = _before(visitor, record)
+    # parameters of the calibration before this one
+    ledger = visitor.bench.ledger
+    seen = listed(ledger, "calibration", serial=record.keys["serial"], before=record.seq, limit=1)
+    before = extract(ledger, seen[0], "parameters", recorded_parameters) if seen else {}
     rows = []
     for name, (value, u) in parameters(found).items():
         row: dict[str, Any] = {"name": name, "value": f"{value:.7g}", "u": f"{u:.2g}", "change": "", "ratio": ""}
@@ -190,14 +181,7 @@ def _parameters(visitor: Visitor, record: Record, found: Calibration) -> None:
     ]
     with ui.card().classes("panel"):
         ui.label(say("results.parameters")).classes("subtitle")
-        paged(columns, rows, "name", PAGE)
-
-
-def _before(visitor: Visitor, record: Record) -> dict[str, tuple[float, float]]:
-    """Parameters of the calibration before this one."""
-    ledger = visitor.bench.ledger
-    seen = listed(ledger, "calibration", serial=record.keys["serial"], before=record.seq, limit=1)
-    return extract(ledger, seen[0], "parameters", recorded_parameters) if seen else {}
+        paged(columns, rows, "name", 12)
 
 
 def _methods(visitor: Visitor, record: Record) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Final
 
@@ -12,27 +13,34 @@ from nicegui import ui
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.registry import RegisteredTool, due_days, find_tool, listed, put_tool, tools
-from inclinometry.laboratory.results import History, history
+from inclinometry.laboratory.registry import (
+    LONGEST_TEXT,
+    MONTHS,
+    RegisteredTool,
+    due_days,
+    find_tool,
+    listed,
+    put_tool,
+    tools,
+)
+from inclinometry.laboratory.results import history
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.lists import Cell, axis, band, chart, day, table, to, visible
 
-PAGE: Final = 50
 SHOWN: Final = 20
-DRAWN: Final = 100
-"""Calibrations in a drift plot, the newest."""
 
 
 @ui.page("/tools")
 def tools_page(request: Request, after: str = "") -> None:
     """All tools, a page at a time."""
+    page = 50
     with frame(request, "tools.title") as visitor:
-        found = tools(visitor.bench.ledger, limit=PAGE, after=after)
+        found = tools(visitor.bench.ledger, limit=page, after=after)
         with ui.card().classes("panel"):
             _find(visitor)
             _table(visitor, found)
             with ui.row():
-                if len(found) == PAGE:
+                if len(found) == page:
                     ui.link(visitor.say("tools.more"), to("/tools", after=found[-1].serial))
                 ui.link("CSV", "/api/v1/tables/tools.csv")
         if visitor.user.may("capture"):
@@ -81,7 +89,17 @@ def tool_page(request: Request, serial: str) -> None:
             ui.label(visible(f"{tool.serial} · {tool.name}")).classes("subtitle number")
             about = " · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)
             ui.label(visible(about)).classes("dim")
-            _due(visitor, tool)
+            if tool.retired:
+                ui.label(visitor.say("tools.retired")).classes("warn")
+            else:
+                due = due_days(visitor.bench.ledger, [tool]).get(tool.serial)
+                if due is None:
+                    ui.label(visitor.say("tools.no_interval")).classes("dim")
+                else:
+                    late = due <= datetime.now(UTC).date()
+                    ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}").classes(
+                        "number " + ("bad" if late else "good")
+                    )
             if visitor.user.may("capture"):
                 with ui.row():
                     ui.link(visitor.say("home.start"), to("/calibrate", serial=tool.serial))
@@ -94,23 +112,12 @@ def tool_page(request: Request, serial: str) -> None:
                 ToolForm(visitor, tool)
 
 
-def _due(visitor: Visitor, tool: RegisteredTool) -> None:
-    if tool.retired:
-        ui.label(visitor.say("tools.retired")).classes("warn")
-        return
-    due = due_days(visitor.bench.ledger, [tool]).get(tool.serial)
-    if due is None:
-        ui.label(visitor.say("tools.no_interval")).classes("dim")
-    else:
-        late = due <= datetime.now(UTC).date()
-        ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}").classes("number " + ("bad" if late else "good"))
-
-
 def _history(visitor: Visitor, serial: str) -> None:
+    drawn = 100  # calibrations in a drift plot, the newest
     with ui.card().classes("panel"):
         ui.label(visitor.say("tools.drift")).classes("subtitle")
         try:
-            found = history(visitor.bench.ledger, serial, limit=DRAWN)
+            found = history(visitor.bench.ledger, serial, limit=drawn)
         except InputError:
             ui.label(visitor.say("tools.no_calibration")).classes("dim")
             return
@@ -118,32 +125,32 @@ def _history(visitor: Visitor, serial: str) -> None:
             for record, created in list(zip(found.records, found.created, strict=True))[: -SHOWN - 1 : -1]:
                 ui.link(day(created), f"/results/{record}").classes("number")
             ui.link("CSV", to("/api/v1/tables/history.csv", serial=serial))
-        if len(found) == DRAWN:
-            ui.label(visitor.say("tools.newest", number=DRAWN)).classes("dim")
+        if len(found) == drawn:
+            ui.label(visitor.say("tools.newest", number=drawn)).classes("dim")
         names = list(found.values)
         box = ui.column().classes("w-full")
 
         def show(name: str) -> None:
             box.clear()
             with box:
-                _drift(visitor, found, name)
+                # change of one parameter since the first calibration, with a band of two standard uncertainties
+                change, spread = found.change(name)
+                days = [day(created) for created in found.created]
+                options = {
+                    "xAxis": axis(visitor.say("tools.day"), kind="category", data=days),
+                    "yAxis": axis(visitor.say("tools.change_of", name=name)),
+                    "series": band(name, _plain(change), _plain(2.0 * spread)),
+                }
+                chart(options, visitor.say("tools.drift"))
+                worst = (
+                    float(np.nanmax(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
+                )
+                ui.label(visitor.say("tools.largest", ratio=f"{worst:.1f}")).classes(
+                    "number " + ("bad" if worst > 3.0 else "dim")
+                )
 
         ui.select(names, value=names[0], label=visitor.say("tools.parameter"), on_change=lambda e: show(str(e.value)))
         show(names[0])
-
-
-def _drift(visitor: Visitor, found: History, name: str) -> None:
-    """Change of one parameter since the first calibration, with a band of two standard uncertainties."""
-    change, spread = found.change(name)
-    days = [day(created) for created in found.created]
-    options = {
-        "xAxis": axis(visitor.say("tools.day"), kind="category", data=days),
-        "yAxis": axis(visitor.say("tools.change_of", name=name)),
-        "series": band(name, _plain(change), _plain(2.0 * spread)),
-    }
-    chart(options, visitor.say("tools.drift"))
-    worst = float(np.nanmax(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
-    ui.label(visitor.say("tools.largest", ratio=f"{worst:.1f}")).classes("number " + ("bad" if worst > 3.0 else "dim"))
 
 
 def _plain(values: Array) -> list[float | None]:
@@ -169,39 +176,35 @@ class ToolForm:
     """Fields of a tool; saved as a new record."""
 
     def __init__(self, visitor: Visitor, tool: RegisteredTool | None) -> None:
-        self._visitor, self._old, say = visitor, tool, visitor.say
-        low, high = (10.0, 90.0) if tool is None else np.degrees(tool.inclination_range)
+        self._visitor, self._new, say = visitor, tool is None, visitor.say
+        self._old = tool = tool or RegisteredTool("", "")
+        low, high = np.degrees(tool.inclination_range)
         with ui.row().classes("form"):
-            self.serial = ui.input(say("tools.serial"), value="" if tool is None else tool.serial).props(
-                "maxlength=200"
-            )
-            self.serial.set_enabled(tool is None)
-            self.name = ui.input(say("tools.name"), value="" if tool is None else tool.name).props("maxlength=2000")
-            self.customer = ui.input(say("tools.customer"), value="" if tool is None else tool.customer)
+            self.serial = ui.input(say("tools.serial"), value=tool.serial).props("maxlength=200")
+            self.serial.set_enabled(self._new)
+            self.name = ui.input(say("tools.name"), value=tool.name).props(f"maxlength={LONGEST_TEXT}")
+            self.customer = ui.input(say("tools.customer"), value=tool.customer)
             self.low = ui.number(say("tools.from"), value=round(float(low), 3), min=0, max=180)
             self.high = ui.number(say("tools.to"), value=round(float(high), 3), min=0, max=180)
-            months = None if tool is None else tool.interval_months
-            self.months = ui.number(say("tools.months"), value=months, min=1, max=120, step=1)
-            self.retired = ui.switch(say("tools.retired"), value=tool is not None and tool.retired)
+            self.months = ui.number(
+                say("tools.months"), value=tool.interval_months, min=MONTHS[0], max=MONTHS[-1], step=1
+            )
+            self.retired = ui.switch(say("tools.retired"), value=tool.retired)
         ui.button(say("tools.save"), on_click=visitor.action("capture", self._save)).props("unelevated no-caps")
 
     def _save(self, user: User) -> None:
         ledger, serial = self._visitor.bench.ledger, str(self.serial.value).strip()
-        if self._old is None and find_tool(ledger, serial) is not None:
+        if self._new and find_tool(ledger, serial) is not None:
             raise InputError(f"tool {serial!r} is registered already; change it on its own page")
         low, high = (float(np.radians(float(x.value or 0.0))) for x in (self.low, self.high))
-        old = self._old or RegisteredTool(serial, "")
-        tool = RegisteredTool(
-            serial,
-            str(self.name.value).strip() or serial,
-            old.triads,
-            old.manufacturer,
-            str(self.customer.value).strip(),
-            old.description,
-            old.convention,
-            (low, high),
-            None if self.months.value is None else int(self.months.value),
-            bool(self.retired.value),
+        tool = replace(
+            self._old,
+            serial=serial,
+            name=str(self.name.value).strip() or serial,
+            customer=str(self.customer.value).strip(),
+            inclination_range=(low, high),
+            interval_months=None if self.months.value is None else int(self.months.value),
+            retired=bool(self.retired.value),
         )
         put_tool(ledger, tool, author=user.name)
         ui.navigate.to(to("/tools", serial))

@@ -48,7 +48,6 @@ from inclinometry.laboratory.web.pages.lists import (
 
 # Errors of a verified tool against its limits: curves, decisions, the verdict; before it is recorded and after.
 
-ROWS: Final = 24
 Content = Mapping[str, Any]
 
 
@@ -112,21 +111,17 @@ def verification_page(request: Request, verification: str) -> None:
             record = visitor.bench.ledger.get("verification", verification)
         except LedgerError as error:
             raise HTTPException(404, str(error)) from None
-        _about(visitor, record)
+        say, serial = visitor.say, record.keys["serial"]
+        calibration = record.keys["calibration"]
+        with ui.row().classes("items-center"):
+            ui.link(serial, to("/tools", serial)).classes("number")
+            ui.label(f"{day(record.created)} UTC · {record.author}").classes("number")
+            ui.link(say("verify.calibration"), f"/results/{calibration}")
+            if visitor.user.may("issue"):
+                address = to("/certificates/new", calibration=calibration, verification=record.id)
+                ui.link(say("results.certificate"), address)
+            ui.link("CSV", f"/api/v1/tables/verification/{record.id}.csv")
         show_report(visitor, record.body["verdict"], record.body["limits"], record.body["report"])
-
-
-def _about(visitor: Visitor, record: Record) -> None:
-    say, serial = visitor.say, record.keys["serial"]
-    calibration = record.keys["calibration"]
-    with ui.row().classes("items-center"):
-        ui.link(serial, to("/tools", serial)).classes("number")
-        ui.label(f"{day(record.created)} UTC · {record.author}").classes("number")
-        ui.link(say("verify.calibration"), f"/results/{calibration}")
-        if visitor.user.may("issue"):
-            address = to("/certificates/new", calibration=calibration, verification=record.id)
-            ui.link(say("results.certificate"), address)
-        ui.link("CSV", f"/api/v1/tables/verification/{record.id}.csv")
 
 
 def show_report(visitor: Visitor, verdict: str, limits: Content, content: Content) -> None:
@@ -151,7 +146,26 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
         with ui.card().classes("panel"):
             ui.label(say("verify.errors_of", name=say(f"bench.{name}"))).classes("subtitle")
             _curves(visitor, name, content["positions"], guard, COVERAGE_FACTOR / k)
-    _positions(visitor, content["positions"], COVERAGE_FACTOR / k)
+    # every position, with the U of the bars
+    share = COVERAGE_FACTOR / k
+    say = visitor.say
+    shown = []
+    for row in content["positions"]:
+        line = {"position": str(row["position"])}
+        line |= {key: f"{row[f'{key}_deg']:g}" for key in ("inclination", "azimuth", "toolface")}
+        for name in ANGLES:
+            error, u = _cell(row, name, "error_deg"), _cell(row, name, "U_deg")
+            line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {share * u:.3f}"
+            line[f"d_{name}"] = say(f"decision.{row[name]['decision']}")
+        shown.append(line)
+    columns = [_column("position", say("verify.position"))]
+    columns += [_column(key, f"{say(f'bench.{key}')} °") for key in ("inclination", "azimuth", "toolface")]
+    for name in ANGLES:
+        columns.append(_column(f"e_{name}", say("verify.error_of", name=say(f"bench.{name}"))))
+        columns.append(_column(f"d_{name}", say("verify.decision")))
+    with ui.card().classes("panel"):
+        ui.label(say("verify.positions")).classes("subtitle")
+        paged(columns, shown, "position", 24)
 
 
 def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str, share: float) -> None:
@@ -197,34 +211,10 @@ def _cell(row: Content, name: str, key: str) -> float | None:
     return None if value is None else round(float(value), 5)
 
 
-def _positions(visitor: Visitor, rows: list[Content], share: float) -> None:
-    """Every position, with the U of the bars."""
-    say = visitor.say
-    shown = []
-    for row in rows:
-        line = {"position": str(row["position"])}
-        line |= {key: f"{row[f'{key}_deg']:g}" for key in ("inclination", "azimuth", "toolface")}
-        for name in ANGLES:
-            error, u = _cell(row, name, "error_deg"), _cell(row, name, "U_deg")
-            line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {share * u:.3f}"
-            line[f"d_{name}"] = say(f"decision.{row[name]['decision']}")
-        shown.append(line)
-    columns = [_column("position", say("verify.position"))]
-    columns += [_column(key, f"{say(f'bench.{key}')} °") for key in ("inclination", "azimuth", "toolface")]
-    for name in ANGLES:
-        columns.append(_column(f"e_{name}", say("verify.error_of", name=say(f"bench.{name}"))))
-        columns.append(_column(f"d_{name}", say("verify.decision")))
-    with ui.card().classes("panel"):
-        ui.label(say("verify.positions")).classes("subtitle")
-        paged(columns, shown, "position", ROWS)
-
-
 def _column(name: str, label: str) -> dict[str, Any]:
     return {"name": name, "label": label, "field": name, "align": "left" if name.startswith("d_") else "right"}
 
 
-SHOWN: Final = 20
-OFFERED: Final = 200
 UNCERTAINTY: Final = "certificate"
 """Choice of holding each error against its own uncertainty."""
 
@@ -232,46 +222,41 @@ UNCERTAINTY: Final = "certificate"
 @ui.page("/verify")
 def verify_page(request: Request, calibration: str = "", before: int = 0) -> None:
     """A form, what is under way, what was found."""
+    shown = 20
     with frame(request, "verify.title") as visitor:
         if visitor.user.may("capture"):
             with ui.card().classes("panel"):
                 ui.label(visitor.say("verify.begin")).classes("subtitle")
                 VerifyForm(visitor, calibration)
-        _under_way(visitor)
-        _recorded(visitor, max(before, 0))
-
-
-def _under_way(visitor: Visitor) -> None:
-    ledger, say = visitor.bench.ledger, visitor.say
-    found = listed(ledger, "session", purpose="verify", limit=SHOWN)
-    still_open = [one for one in found if not closing(ledger, one.id)]
-    if not still_open:
-        return
-    with ui.card().classes("panel"):
-        ui.label(say("verify.under_way")).classes("subtitle")
-        lines = [
-            (
-                Cell(one.keys["serial"], to("/tools", one.keys["serial"])),
-                day(one.created),
-                one.author,
-                Cell(say("verify.capture"), f"/calibrate/{one.id}"),
-                Cell(say("verify.judge"), f"/verify/{one.id}/finish"),
+        ledger, say = visitor.bench.ledger, visitor.say
+        found = listed(ledger, "session", purpose="verify", limit=shown)
+        still_open = [one for one in found if not closing(ledger, one.id)]
+        if still_open:
+            with ui.card().classes("panel"):
+                ui.label(say("verify.under_way")).classes("subtitle")
+                lines = [
+                    (
+                        Cell(one.keys["serial"], to("/tools", one.keys["serial"])),
+                        day(one.created),
+                        one.author,
+                        Cell(say("verify.capture"), f"/calibrate/{one.id}"),
+                        Cell(say("verify.judge"), f"/verify/{one.id}/finish"),
+                    )
+                    for one in still_open
+                ]
+                table([say("tools.serial"), say("verify.begun"), say("verify.by"), "", ""], lines)
+        ledger, say = visitor.bench.ledger, visitor.say
+        found = listed(ledger, "verification", limit=shown, before=max(before, 0))
+        with ui.card().classes("panel"):
+            ui.label(say("verify.recorded")).classes("subtitle")
+            table(
+                [say(f"verify.{key}") for key in ("when", "tool", "verdict", "limits", "by")],
+                map(_line(visitor), found),
             )
-            for one in still_open
-        ]
-        table([say("tools.serial"), say("verify.begun"), say("verify.by"), "", ""], lines)
-
-
-def _recorded(visitor: Visitor, before: int) -> None:
-    ledger, say = visitor.bench.ledger, visitor.say
-    found = listed(ledger, "verification", limit=SHOWN, before=before)
-    with ui.card().classes("panel"):
-        ui.label(say("verify.recorded")).classes("subtitle")
-        table([say(f"verify.{key}") for key in ("when", "tool", "verdict", "limits", "by")], map(_line(visitor), found))
-        if not found:
-            ui.label(say("verify.none")).classes("dim")
-        if len(found) == SHOWN:
-            ui.link(say("ledger.older"), to("/verify", before=found[-1].seq))
+            if not found:
+                ui.label(say("verify.none")).classes("dim")
+            if len(found) == shown:
+                ui.link(say("ledger.older"), to("/verify", before=found[-1].seq))
 
 
 def _line(visitor: Visitor) -> Any:
@@ -326,7 +311,7 @@ class VerifyForm:
 
     def _offered(self, calibration: str) -> list[Listed]:
         ledger = self._visitor.bench.ledger
-        found = listed(ledger, "calibration", limit=OFFERED)
+        found = listed(ledger, "calibration", limit=200)
         if calibration and all(one.id != calibration for one in found):
             try:
                 record = ledger.get("calibration", calibration)

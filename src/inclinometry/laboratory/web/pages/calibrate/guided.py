@@ -37,11 +37,6 @@ from inclinometry.rotations import dcm
 if TYPE_CHECKING:
     from inclinometry.laboratory.instruments.rig import RigDriver
 
-AZIMUTH_OF_EYE: Final = np.radians(155.0)
-"""The picture is seen from the south-south-east ..."""
-HEIGHT_OF_EYE: Final = np.radians(24.0)
-"""... and from above."""
-SCALE: Final = 100.0
 LENGTH, RADIUS, NOSE = 0.82, 0.15, 0.30
 RING, NORTH, COLLAR = 1.0, 1.28, 0.34
 _TURN: Final = np.linspace(0.0, 2.0 * np.pi, 49)
@@ -49,7 +44,8 @@ _TURN: Final = np.linspace(0.0, 2.0 * np.pi, 49)
 
 def _eye() -> Array:
     """(3, 3) north, east, down -> right, up, toward the eye."""
-    a, h = AZIMUTH_OF_EYE, HEIGHT_OF_EYE
+    # the picture is seen from the south-south-east and from above
+    a, h = np.radians(155.0), np.radians(24.0)
     toward = np.array([np.cos(a) * np.cos(h), np.sin(a) * np.cos(h), -np.sin(h)])
     right = np.cross(-toward, [0.0, 0.0, -1.0])
     right /= np.linalg.norm(right)
@@ -71,8 +67,9 @@ def project(points: Array) -> Array:
     >>> bool(project(np.array([[0.0, 1.0, 0.0]]))[0, 0] > 0.0)
     True
     """
+    scale = 100.0
     seen = np.asarray(points, dtype=float).reshape(-1, 3) @ _EYE.T
-    return np.stack([SCALE * seen[:, 0], -SCALE * seen[:, 1], seen[:, 2]], axis=1)
+    return np.stack([scale * seen[:, 0], -scale * seen[:, 1], seen[:, 2]], axis=1)
 
 
 def tool_axes(dial: tuple[float, float, float]) -> Array:
@@ -111,7 +108,14 @@ def drawing(dial: tuple[float, float, float], label: str, words: tuple[str, str]
     collar = -0.45 * z + COLLAR * _arc(high[0], high[1], _TURN)
     back, front = [], []
     for ring in (level, upright, collar):
-        halves = _halves(ring)
+        # the stretches of a ring behind and before its centre
+        near = project(ring)[:, 2] >= project(ring.mean(axis=0))[0, 2]
+        halves: tuple[list[Array], list[Array]] = ([], [])
+        begin = 0
+        for i in range(1, len(ring)):
+            if near[i] != near[begin] or i == len(ring) - 1:
+                halves[int(near[begin])].append(ring[begin : i + 1])
+                begin = i
         back.append(_path(halves[0], "ring far"))
         front.append(_path(halves[1], "ring"))
     angles = [
@@ -120,7 +124,11 @@ def drawing(dial: tuple[float, float, float], label: str, words: tuple[str, str]
         _path([-0.45 * z + COLLAR * _arc(high[0], high[1], _sweep(toolface))], "angle"),
     ]
     fixed = _arrow(north * NORTH, "north", words[0]) + _arrow(down * NORTH, "down", words[1])
-    body = _tool(axes) + _index(x, z)
+    # the index mark: a stripe along the tool and a pin; dashed where the tool hides it
+    stripe = RADIUS * x + np.stack([-(LENGTH - 0.04) * z, (LENGTH - NOSE) * z])
+    pin = np.stack([RADIUS * x - 0.45 * z, (COLLAR + 0.06) * x - 0.45 * z])
+    hidden = "" if (_EYE @ x)[2] > -1e-9 else " hidden"
+    body = _tool(axes) + (_path([stripe], f"mark{hidden}") + _path([pin], "pin"))
     size = 'viewBox="-190 -135 380 275" preserveAspectRatio="xMidYMid meet"'
     inside = "".join([*back, fixed, body, *front, *angles])
     return f'<svg class="stand" role="img" aria-label="{label}" {size}>{inside}</svg>'
@@ -133,18 +141,6 @@ def _sweep(angle: float) -> Array:
 
 def _arc(first: Array, second: Array, angle: Array) -> Array:
     return RING * (np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second)
-
-
-def _halves(ring: Array) -> tuple[list[Array], list[Array]]:
-    """The stretches of a ring behind and before its centre."""
-    near = project(ring)[:, 2] >= project(ring.mean(axis=0))[0, 2]
-    found: tuple[list[Array], list[Array]] = ([], [])
-    begin = 0
-    for i in range(1, len(ring)):
-        if near[i] != near[begin] or i == len(ring) - 1:
-            found[int(near[begin])].append(ring[begin : i + 1])
-            begin = i
-    return found
 
 
 def _points(seen: Array) -> str:
@@ -178,14 +174,6 @@ def _tool(axes: Array) -> str:
     return f'{nose}{barrel}<polygon class="cap" points="{_points(project(top))}"/>'
 
 
-def _index(x: Array, z: Array) -> str:
-    """The index mark: a stripe along the tool and a pin; dashed where the tool hides it."""
-    stripe = RADIUS * x + np.stack([-(LENGTH - 0.04) * z, (LENGTH - NOSE) * z])
-    pin = np.stack([RADIUS * x - 0.45 * z, (COLLAR + 0.06) * x - 0.45 * z])
-    hidden = "" if (_EYE @ x)[2] > -1e-9 else " hidden"
-    return _path([stripe], f"mark{hidden}") + _path([pin], "pin")
-
-
 def _hull(points: Array) -> Array:
     """Convex outline of projected points, (k, 2); Andrew's chain."""
     flat = sorted({(round(float(a), 2), round(float(b), 2)) for a, b in project(points)[:, :2]})
@@ -205,11 +193,6 @@ def _turns(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float
 
 
 # What the rig is doing, asked for all browsers at once and never by the page's own thread: a rig may answer late.
-
-NEAR: Final = float(np.radians(0.25))
-"""A rig this near to a setting, rad, has been turned to it."""
-FRESH: Final = 0.25
-"""s for which an answer of the rig is good for every browser."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +214,8 @@ class RigState:
         if self.word != "ready" or self.setting is None:
             return False
         apart = (np.subtract(dial, self.setting) + np.pi) % (2.0 * np.pi) - np.pi
-        return bool(np.abs(apart).max() <= NEAR)
+        # a rig this near to a setting, rad, has been turned to it
+        return bool(np.abs(apart).max() <= float(np.radians(0.25)))
 
 
 class RigWatch:
@@ -246,7 +230,8 @@ class RigWatch:
     def poll(self) -> RigState:
         """The state as of now; may take as long as the rig takes to answer."""
         now = time.monotonic()
-        if now - self._asked < FRESH:
+        # s for which an answer of the rig is good for every browser
+        if now - self._asked < 0.25:
             return self.state
         self._asked = now
         before = self.state.word
@@ -296,15 +281,6 @@ def watch_of(rig: RigDriver | None, settled: Callable[[], None]) -> RigWatch | N
     return _WATCHES[rig]
 
 
-OVER: Final = 60.0
-"""s over which the drift of the temperature is looked at."""
-LEAST: Final = 10.0
-EVEN: Final = 0.2
-"""degC a minute; a tool that warms slower is even inside to a few tenths of a degree."""
-NEAR_TEMPERATURE: Final = 3.0
-"""degC from the target; the fit uses what was measured, so that nearness only spreads the range well."""
-
-
 # A temperature campaign at the stand: whether the tool has reached its target and is even inside.
 
 
@@ -322,19 +298,20 @@ def heat_of(feed: LiveFeed | None, target: float) -> Heat | None:
     """How the temperature stands against a target in degC; None for an instrument that sends none."""
     if feed is None:
         return None
-    window = feed.window(OVER)
+    # s over which the drift of the temperature is looked at
+    window = feed.window(60.0)
     good = np.isfinite(window.temperature)
     if not good.any():
         return None
     time, temperature = window.time[good], window.temperature[good]
     now = float(temperature[-10:].mean())
     rate = float("nan")
-    if time[-1] - time[0] >= LEAST:
+    least = 10.0
+    if time[-1] - time[0] >= least:
         rate = 60.0 * float(np.polyfit(time - time[0], temperature, 1)[0])
-    return Heat(now, rate, bool(abs(rate) <= EVEN), bool(abs(now - target) <= NEAR_TEMPERATURE))
-
-
-MOVED_WORDS = ("moving", "knocked")
+    # degC a minute; a tool that warms slower is even inside to a few tenths of a degree
+    # degC from the target; the fit uses what was measured, so that nearness only spreads the range well
+    return Heat(now, rate, bool(abs(rate) <= 0.2), bool(abs(now - target) <= 3.0))
 
 
 class Guided:
@@ -555,7 +532,8 @@ class Guided:
 
     def ready_by_itself(self, seen: Stability) -> bool:
         """Whether an automatic capture is due: the tool was turned since the last one, and stands still now."""
-        if seen.word in MOVED_WORDS:
+        moved_words = ("moving", "knocked")
+        if seen.word in moved_words:
             self._moved = True
         if not self.automatic or self.session.has(self.chosen.number) or self.session.closed:
             return False

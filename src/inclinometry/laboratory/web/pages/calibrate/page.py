@@ -32,7 +32,6 @@ from inclinometry.laboratory.live import CaptureError
 from inclinometry.laboratory.web.frame import aside, frame
 from inclinometry.laboratory.web.pages.calibrate.guided import Guided, RigState
 from inclinometry.laboratory.web.pages.calibrate.show_progress import (
-    PERIOD,
     Certifies,
     Events,
     Live,
@@ -41,12 +40,6 @@ from inclinometry.laboratory.web.pages.calibrate.show_progress import (
     Target,
 )
 from inclinometry.laboratory.web.pages.calibrate.start import ask_reason, ask_sure, say_problem
-
-WATCH_S = 1.0
-"""How often a page looks whether another browser has captured something."""
-RIG_S = 0.4
-AGAIN_S = 0.7
-"""A second press this soon after a capture is a slip of the finger."""
 
 
 @ui.page("/calibrate/{session}")
@@ -101,10 +94,11 @@ class BenchView:
             "turn": self._turn,
         }
         ui.on("bench_key", self._key)
-        ui.timer(PERIOD, self._tick)
-        ui.timer(WATCH_S, self._watch)
+        ui.timer(0.1, self._tick)
+        # how often a page looks whether another browser has captured something
+        ui.timer(1.0, self._watch)
         if guided.turner is not None:
-            ui.timer(RIG_S, self._ask_rig)
+            ui.timer(0.4, self._ask_rig)
 
     def _buttons(self) -> None:
         say, motorised = self.guided.visitor.say, self.guided.turner is not None
@@ -217,7 +211,8 @@ class BenchView:
 
     async def _capture(self, how: str) -> None:
         guided, say = self.guided, self.guided.visitor.say
-        if self._busy or guided.session.closed or time.monotonic() - self._ended < AGAIN_S:
+        # a second press this soon after a capture is a slip of the finger
+        if self._busy or guided.session.closed or time.monotonic() - self._ended < 0.7:
             return
         self._busy = True
         try:

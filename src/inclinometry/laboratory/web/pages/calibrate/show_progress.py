@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from nicegui import ui
 
-from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
 from inclinometry.laboratory.instruments.protocol import InstrumentEvent
 from inclinometry.laboratory.live import LiveFeed, Stability
@@ -24,10 +23,6 @@ from inclinometry.report.words import significant
 
 # The verdict and the live channels: ten times a second, one small message a browser, worked out once for all.
 
-PERIOD: Final = 0.1
-COLOUR: Final = {"still": "good", "learning": "warn", "few": "warn"}
-"""Of a verdict; bad for the others."""
-_FRESH: Final = 0.08
 _DASH: Final = "–"
 
 
@@ -44,28 +39,25 @@ class _Shared:
     def fresh(self) -> _Shared:
         """Worked out again, when it is older than most of a tenth of a second."""
         now = time.monotonic()
-        if now - self.when > _FRESH:
+        fresh = 0.08
+        if now - self.when > fresh:
             self.when, self.seen = now, self.feed.stability()
-            self.cells = self._cells(self.seen)
+            seen = self.seen
+            found = []
+            for kind, count in channel_counts(self.feed).items():
+                columns = (seen.mean.get(kind), seen.sd.get(kind), seen.drift.get(kind))
+                # decimals at which the noise shows two digits; kept while they nearly fit, so that no number hops about
+                floor = seen.floor.get(kind)
+                noise = floor if floor is not None else seen.sd.get(kind)
+                least = float(np.min(noise)) if noise is not None and len(noise) else 0.0
+                wanted = int(np.clip(1 - np.floor(np.log10(least)), 0, 6)) if least > 0.0 else 1
+                if abs(self.digits.get(kind, -9) - wanted) > 1:
+                    self.digits[kind] = wanted
+                digits = self.digits[kind]
+                for axis in range(count):
+                    found += [_DASH if c is None or axis >= len(c) else f"{c[axis]:.{digits}f}" for c in columns]
+            self.cells = found
         return self
-
-    def _cells(self, seen: Stability) -> list[str]:
-        found = []
-        for kind, count in channel_counts(self.feed).items():
-            columns = (seen.mean.get(kind), seen.sd.get(kind), seen.drift.get(kind))
-            digits = self._decimals(kind, seen.floor.get(kind), seen.sd.get(kind))
-            for axis in range(count):
-                found += [_DASH if c is None or axis >= len(c) else f"{c[axis]:.{digits}f}" for c in columns]
-        return found
-
-    def _decimals(self, kind: str, floor: Array | None, spread: Array | None) -> int:
-        """Decimals at which the noise shows two digits; kept while they nearly fit, so that no number hops about."""
-        noise = floor if floor is not None else spread
-        least = float(np.min(noise)) if noise is not None and len(noise) else 0.0
-        wanted = int(np.clip(1 - np.floor(np.log10(least)), 0, 6)) if least > 0.0 else 1
-        if abs(self.digits.get(kind, -9) - wanted) > 1:
-            self.digits[kind] = wanted
-        return self.digits[kind]
 
 
 _SHARED: list[_Shared] = []
@@ -140,17 +132,16 @@ class Live:
         seen = found.seen
         word, advice = self._words[seen.word]
         heat = "" if seen.temperature is None else f"{seen.temperature:.1f} °C"
-        said = [seen.word, COLOUR.get(seen.word, "bad"), word, advice, heat, seen.reason, *found.cells]
+        colour = {"still": "good", "learning": "warn", "few": "warn"}  # of a verdict; bad for the others
+        said = [seen.word, colour.get(seen.word, "bad"), word, advice, heat, seen.reason, *found.cells]
         ui.run_javascript(f"benchLive({json.dumps(said, ensure_ascii=False, separators=(',', ':'))})")
         return seen
 
 
 # What happened to the instrument lately: lost lines, gaps, reconnections, in a list that keeps its height.
 
-SHOWN: Final = 5
 
-
-def folded(events: tuple[InstrumentEvent, ...], most: int = SHOWN) -> list[tuple[InstrumentEvent, int]]:
+def folded(events: tuple[InstrumentEvent, ...], most: int = 5) -> list[tuple[InstrumentEvent, int]]:
     """The newest events, newest first, with how often each kind came in a row.
 
     Examples
@@ -297,10 +288,6 @@ class Picture:
             self._html.set_content(text)
 
 
-MANY: Final = 60
-"""Positions beyond which the list is scrolled to the chosen one."""
-
-
 class PositionList:
     """The list of positions; a click puts one on the card. A button is changed only when its state is."""
 
@@ -325,7 +312,8 @@ class PositionList:
             self._states.pop(number)
         for position in positions.values():
             self._one(position)
-        if len(positions) > MANY and self._here != guided.chosen.number:
+        # positions beyond which the list is scrolled to the chosen one
+        if len(positions) > 60 and self._here != guided.chosen.number:
             self._here = guided.chosen.number
             ui.run_javascript("benchHere()")
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from dataclasses import replace
-from typing import Any, get_args
+from dataclasses import astuple, replace
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from fastapi import Request
 from nicegui import ui
 
-from inclinometry.calibration.conventions import USUAL, Counts, Dials, InclinationFrom
+from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.errors import InputError
-from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, GuidedPlan, plan_for
+from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.registry import (
@@ -95,20 +95,15 @@ class DialsChoice:
 
     def __init__(self, visitor: Visitor, known: Dials = USUAL) -> None:
         say = visitor.say
-        ends = {name: say(f"dials.{name}") for name in get_args(InclinationFrom)}
-        ways = {name: say(f"dials.{name}") for name in get_args(Counts)}
-        self.parts = (
-            ui.select(ends, value=known.inclination_from, label=say("start.inclination_from")),
-            ui.select(ways, value=known.azimuth_counts, label=say("start.azimuth_counts")),
-            ui.select(ways, value=known.toolface_counts, label=say("start.toolface_counts")),
-        )
-        for name, part in zip(("inclination_from", "azimuth_counts", "toolface_counts"), self.parts, strict=True):
-            part.props(f'data-testid="{name}"')
+        self.parts = []
+        for name, allowed in get_type_hints(Dials).items():
+            words = {word: say(f"dials.{word}") for word in get_args(allowed)}
+            part = ui.select(words, value=getattr(known, name), label=say(f"start.{name}"))
+            self.parts.append(part.props(f'data-testid="{name}"'))
 
     def show(self, known: Dials) -> None:
         """Those of a rig."""
-        values = (known.inclination_from, known.azimuth_counts, known.toolface_counts)
-        for part, value in zip(self.parts, values, strict=True):
+        for part, value in zip(self.parts, astuple(known), strict=True):
             part.set_value(value)
 
     @property
@@ -171,16 +166,12 @@ class StartForm:
         go = ui.button(say("start.go"), on_click=visitor.action("capture", self._open))
         go.props('unelevated no-caps size=lg data-testid="begin"')
 
-    def _wanted(self) -> dict[str, float]:
-        """Wanted uncertainties, degrees; an adaptive plan would not end without one."""
-        asked = {"u_azimuth_deg": self.wanted.value, "u_inclination_deg": self.wanted_inclination.value}
-        found = {name: float(value) for name, value in asked.items() if value is not None}
-        if self.plan.value == ADAPTIVE and not found:
-            raise InputError(self._visitor.say("start.needs_wanted"))
-        return found
-
     def _open(self, user: User) -> None:
-        wanted = self._wanted()
+        # wanted uncertainties, degrees; an adaptive plan would not end without one
+        asked = {"u_azimuth_deg": self.wanted.value, "u_inclination_deg": self.wanted_inclination.value}
+        wanted = {name: float(value) for name, value in asked.items() if value is not None}
+        if self.plan.value == ADAPTIVE and not wanted:
+            raise InputError(self._visitor.say("start.needs_wanted"))
         ledger, author = self._visitor.bench.ledger, user.name
         serial, name = str(self.serial.value or "").strip(), str(self.rig.value or "").strip()
         if ledger.latest("tool", serial=serial) is None:
@@ -191,8 +182,8 @@ class StartForm:
             rig = RegisteredRig(name, (sd, sd, sd), dials=self.dials.dials)
             put_rig(ledger, rig, author=author)
         number = int(self.number.value) if self.plan.value == "optimal" and self.number.value else None
-        chosen = GuidedPlan(str(self.plan.value), number, _temperatures(str(self.heat.value or "")))
-        plan, settings = plan_for(chosen, ledger, serial, rig)
+        heat = _temperatures(str(self.heat.value or ""))
+        plan, settings = plan_for(str(self.plan.value), ledger, serial, rig, number=number, temperatures=heat)
         if self.site.value:
             settings["site"] = str(self.site.value)
         elif self.dip.value is not None or self.latitude.value is not None:
@@ -202,7 +193,7 @@ class StartForm:
         if wanted:
             only = "inclination" if set(wanted) == {"u_inclination_deg"} else "azimuth"
             settings["wanted"] = {**wanted, "criterion": only}
-        purpose = "temperature" if chosen.temperatures else "calibrate"
+        purpose = "temperature" if heat else "calibrate"
         session = open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
         ui.navigate.to(f"/calibrate/{session.id}")
 
