@@ -221,6 +221,34 @@ def same_unit(one: str, other: str) -> bool:
     return one == other or any(_unit(one, d) == _unit(other, d) is not None for d in _data()["units"])
 
 
+def dimension_of(unit: str) -> str | None:
+    """What is measured in this unit; None where it is not known.
+
+    Examples
+    --------
+    >>> dimension_of("ft"), dimension_of("gauss"), dimension_of("G"), dimension_of("furlong")
+    ('length', 'magnetic', 'magnetic', None)
+    """
+    known = _data()["units"]
+    exact = [dimension for dimension in known if f"={unit.strip()}" in _units(dimension)]
+    return next((d for d in (*exact, *known) if _unit(unit, d) is not None), None)
+
+
+def unit_factor(unit: str, own: str) -> tuple[float, float]:
+    """Factor and offset that turn values in `unit` into values in `own`.
+
+    Examples
+    --------
+    >>> unit_factor("ft", "m"), unit_factor("gauss", "nT")
+    ((0.3048, 0.0), (100000.0, 0.0))
+    """
+    for dimension in _data()["units"]:
+        one, two = _unit(unit, dimension), _unit(own, dimension)
+        if one is not None and two is not None:
+            return one.factor / two.factor, (one.offset - two.offset) / two.factor
+    raise InputError(f"{unit!r} cannot be converted to {own!r}; give a unit of the same quantity")
+
+
 def _contract(name: str, beside: Collection[str]) -> str | None:
     for start, entry in _data()["contract"].items():
         if (name == start or name.startswith(f"{start}_")) and all(other in beside for other in entry["beside"]):

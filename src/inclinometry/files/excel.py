@@ -7,7 +7,7 @@ import re
 import warnings
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -50,7 +50,7 @@ class Cells:
             cell = row[place] if place < len(row) else None
             if cell is None and self.formulas:
                 self.gaps.add((index, place))
-            self.columns[place].append(self._number(cell, name, index) if numeric else self._text(cell))
+            self.columns[place].append(self._number(cell, name, index) if numeric else self.text(cell))
         self.rows.append(index)
 
     def _name(self, index: int, row: tuple[Any, ...]) -> None:
@@ -81,7 +81,8 @@ class Cells:
             raise self.error(f"{str(cell)!r} in column {name!r} is {kind}, not a number; correct it{more}", index)
         return float(cell)
 
-    def _text(self, cell: Any) -> str:
+    def text(self, cell: Any) -> str:
+        """A cell as a text."""
         if cell is None:
             return ""
         if isinstance(cell, bool):
@@ -186,6 +187,38 @@ def read_excel(
     return survey_of(cells.sheet(header), convention=convention, azimuth_reference=azimuth_reference)
 
 
+def sheet_cells(path: Path) -> tuple[list[str], Iterator[list[str]]]:
+    """The first sheet of a workbook as texts: the names of its first row, and the rows below, empty ones too.
+
+    Raises
+    ------
+    FileError
+        No workbook, a damaged or a monstrous one; a formula that nobody has calculated.
+    """
+    rows = _sheet_rows(path)
+    first = next(rows, None)
+    if first is None:
+        raise FileError("the first sheet is empty; a row of names and rows of values are needed", path=path)
+    return first, rows
+
+
+def _sheet_rows(path: Path) -> Iterator[list[str]]:
+    formulas = _has_formulas(path)
+    with ExitStack() as stack:
+        book = stack.enter_context(_workbook(path, values=True))
+        cells = Cells(path, book.sheetnames[0], formulas)
+        inside = _rows(stack.enter_context(_workbook(path, values=False))[cells.title], cells) if formulas else None
+        last = 0
+        for index, row in _rows(book[cells.title], cells):
+            written = next(inside, (index, row))[1] if inside is not None else row
+            for value, formula in zip(row, written, strict=False):
+                if value is None and isinstance(formula, str) and formula.startswith("="):
+                    raise cells.error("a formula without a result; open the workbook in Excel and save it", index)
+            yield from ([] for _ in range(index - last - 1) if last)
+            last = index
+            yield [" ".join(cells.text(cell).split()) for cell in row]
+
+
 @contextmanager
 def _workbook(path: Path, *, values: bool) -> Iterator[Any]:
     """A workbook open for reading; whatever the library stumbles over in a damaged one is one error."""
@@ -223,6 +256,7 @@ def _check(path: Path) -> None:
             raise FileError("not an .xlsx workbook, or a damaged one; save it again", path=path)
         with zipfile.ZipFile(path) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
+            packed = sum(entry.compress_size for entry in archive.infolist())
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
     except (OSError, ValueError, RuntimeError, zipfile.BadZipFile) as error:  # RuntimeError: a version of zip unknown

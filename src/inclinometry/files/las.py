@@ -179,7 +179,11 @@ def read_las(path: str | Path, *, convention: str = "native", azimuth_reference:
     >>> survey.tvd
     array([ 0., nan])
     """
-    where = Path(path)
+    return survey_of(las_sheet(Path(path)), convention=convention, azimuth_reference=azimuth_reference)
+
+
+def las_sheet(where: Path) -> Sheet:
+    """The curves of a LAS file as a table; errors as `read_las`."""
     data, text = _text(where)
     head, lines, first = split_at_data(where, text)
     las = _header(where, head)
@@ -213,8 +217,7 @@ def read_las(path: str | Path, *, convention: str = "native", azimuth_reference:
                 problem = f"the header says {name} {wanted:.10g}, the data have {found:.10g}; is the file truncated?"
                 raise FileError(problem, path=where, line=line)
     header, north = _head_texts(where, las)
-    sheet = Sheet(where, columns, rows, units, north=north, header=header, digest=digest_bytes(data))
-    return survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+    return Sheet(where, columns, rows, units, north=north, header=header, digest=digest_bytes(data))
 
 
 def _text(path: Path) -> tuple[bytes, str]:

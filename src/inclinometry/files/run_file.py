@@ -192,7 +192,8 @@ class CsvRun:
     """A CSV file from its header on; see `run_file.Source`."""
 
     def __init__(self, path: Path, progress: Progress | None) -> None:
-        self._reader = LineReader(path, progress)
+        self._profile = current()
+        self._reader = LineReader(path, progress, self._profile)
         self._blocks = self._reader.blocks()
         self._body, self._first = self._opened(path)
         names = self._body.names
@@ -215,7 +216,8 @@ class CsvRun:
         for block in self._blocks:
             start = _header_row(block)
             if start is not None:
-                body = _Body(path, block.lines[start], block.first + start, lambda _: True, ())
+                known = numbers_among(LOG)
+                body = _Body(path, block.lines[start], block.first + start, known, (), self._profile)
                 return body, Block(block.first + start + 1, block.lines[start + 1 :], block.plain)
         raise FileError("the file is empty; a line of column names and rows of values are needed", path=path)
 

@@ -6,8 +6,9 @@ import codecs
 import csv
 import hashlib
 import re
+import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array
 from inclinometry.calibration.readings import LARGEST
 from inclinometry.constants import KINDS
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import (
     ANGLES,
     KIND_PREFIX,
@@ -30,6 +31,7 @@ from inclinometry.files.columns import (
     closest,
     is_number,
 )
+from inclinometry.files.profile import PLAIN, Profile, Reading, current
 from inclinometry.rotations import wrap_positive
 
 # Numbers as people write them: one strict rule for points, commas, blanks and text.
@@ -128,11 +130,8 @@ LONGEST_LINE = 1 << 20
 Progress = Callable[[int], None]
 
 _MAGIC = {
-    b"PK\x03\x04": "a zip archive (an Excel workbook?); save it as CSV",
-    b"\x1f\x8b": "compressed with gzip; unpack it first",
-    b"%PDF": "a PDF document; a CSV text is needed",
-    b"\x89HDF": "an HDF5 file; a CSV text is needed",
-    b"PAR1": "a Parquet file; a CSV text is needed",
+    b"%PDF": "a PDF document; a table is needed",
+    b"\xd0\xcf\x11\xe0": "a workbook of Excel before 2007 (.xls); save it as .xlsx or CSV",
 }
 
 
@@ -150,6 +149,7 @@ class LineReader:
 
     path: Path
     progress: Progress | None = None
+    profile: Profile | None = None
     _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
 
     @property
@@ -158,7 +158,24 @@ class LineReader:
         return "sha256:" + self._hash.hexdigest()
 
     def blocks(self) -> Iterator[Block]:
-        """Blocks of about one megabyte; FileError for what is not text."""
+        """Blocks of about one megabyte, in the layout of a plain table; FileError for what is neither text nor table."""
+        if self.profile is None:
+            yield from self._plain()
+            return
+        from inclinometry.files.layout import laid_out, opened
+
+        foreign = opened(self.path, self._hash)
+        if foreign is None and not self.profile.lays_out:
+            yield from self._plain()
+        elif foreign is None:
+            yield from laid_out(self._plain(), self.profile, self.path)
+        elif self.profile.lays_out:
+            # its cells stand apart already
+            yield from laid_out(foreign, replace(self.profile, separator=","), self.path)
+        else:
+            yield from foreign
+
+    def _plain(self) -> Iterator[Block]:
         carry, line = "", 1
         for text in self._texts():
             *lines, carry = (carry + text).replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -195,9 +212,23 @@ class LineReader:
         """Raw pieces, an empty one last so that the decoder can finish."""
         try:
             with self.path.open("rb") as stream:
+                unpacker = None
                 while chunk := stream.read(CHUNK):
                     self._hash.update(chunk)
-                    yield chunk
+                    if unpacker is None:
+                        unpacker = zlib.decompressobj(31) if chunk.startswith(b"\x1f\x8b") else False
+                    if unpacker is False:
+                        yield chunk
+                        continue
+                    while chunk:
+                        # a megabyte at a time, however far it unpacks
+                        if piece := unpacker.decompress(chunk, CHUNK):
+                            yield piece
+                        chunk = unpacker.unconsumed_tail
+                if unpacker and not unpacker.eof:
+                    raise FileError("the compressed file ends early; copy it again", path=self.path)
+        except zlib.error as error:
+            raise FileError(f"damaged where it is compressed ({error}); copy it again", path=self.path) from None
         except FileNotFoundError:
             raise FileError("there is no such file; check the name", path=self.path) from None
         except IsADirectoryError:
@@ -341,14 +372,15 @@ def read_table(
     >>> table.text("station"), table.number("azimuth_deg")
     (('A',), array([12.5]))
     """
-    reader = LineReader(Path(path), progress)
+    profile = current()
+    reader = LineReader(Path(path), progress, profile)
     body: _Body | None = None
     for block in reader.blocks():
         if body is None:
             start = _header_row(block)
             if start is None:
                 continue
-            body = _Body(reader.path, block.lines[start], block.first + start, numeric, gaps)
+            body = _Body(reader.path, block.lines[start], block.first + start, numeric, gaps, profile)
             block = Block(block.first + start + 1, block.lines[start + 1 :], block.plain)
         body.add(block)
     if body is None:
@@ -369,7 +401,13 @@ class _Body:
     """Collects rows block by block under one header."""
 
     def __init__(
-        self, path: Path, header: str, line: int, numeric: Callable[[str], bool], gaps: Collection[str]
+        self,
+        path: Path,
+        header: str,
+        line: int,
+        numeric: Callable[[str], bool],
+        gaps: Collection[str],
+        profile: Profile = PLAIN,
     ) -> None:
         self.path, self.line = path, line
         outside = "".join(header.split('"')[::2])
@@ -383,7 +421,9 @@ class _Body:
         while names and not names[-1]:
             names.pop()  # a trailing separator
         self._check_names(names)
-        self.names = tuple(names)
+        self.readings = _readings_of(names, numeric, profile, path, line)
+        self._check_names([reading.name for reading in self.readings])
+        self.names = tuple(reading.name for reading in self.readings)
         self.kinds = [(name, numeric(name), name in gaps) for name in self.names]
         self.numbers = NumberReader(path)
         self.parts: dict[str, list[Array]] = {name: [] for name, number, _ in self.kinds if number}
@@ -455,13 +495,30 @@ class _Body:
             raise FileError("there are column names but no rows of values", path=self.path, line=self.line)
         self.numbers.finish()
         columns: dict[str, Column] = {}
-        for name, number, _ in self.kinds:
+        for (name, number, _), (_, factor, offset) in zip(self.kinds, self.readings, strict=True):
             columns[name] = np.concatenate(self.parts[name]) if number else tuple(self.texts[name])
+            if number and (factor, offset) != (1.0, 0.0):
+                columns[name] = columns[name] * factor + offset
         for column in columns.values():
             if not isinstance(column, tuple):
                 column.flags.writeable = False
         lines = np.concatenate(self.lines)
         return Table(self.path, self.names, MappingProxyType(columns), lines, self.line, digest)
+
+
+def _readings_of(
+    names: Sequence[str], numeric: Callable[[str], bool], profile: Profile, path: Path, line: int
+) -> list[Reading]:
+    """What each column is; a name is only translated into one the file does not have itself."""
+    found = []
+    for name in names:
+        try:
+            reading = profile.reading(name, numeric)
+        except InputError as error:
+            raise FileError(str(error), path=path, line=line) from None
+        stated = name in profile.columns or bool(profile.axes)
+        found.append(reading if stated or reading.name not in names else Reading(name))
+    return found
 
 
 def _open_quote(lines: list[str], delimiter: str) -> int:

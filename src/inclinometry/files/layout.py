@@ -1,0 +1,294 @@
+"""Files that are no plain table made into one: other formats as lines of cells, and the layout a profile states."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.errors import FileError
+from inclinometry.files.profile import Profile
+from inclinometry.files.table import Block
+
+MOST_COLUMNS: Final = 1000
+MOST_VALUES: Final = 100_000_000
+"""Of a file that is held in memory whole."""
+ROWS: Final = 1 << 15
+"""Rows of a block."""
+
+
+def opened(path: Path, digest: hashlib._Hash) -> Iterator[Block] | None:
+    """Blocks of a file that is no text, a line of names first; None for a text.
+
+    Excel, Parquet, HDF5, npz, mat and JSON by what they begin with, LAS by its first section.
+
+    Raises
+    ------
+    FileError
+        Damaged; without columns of one length; too many of them.
+    """
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(4096)
+    except (OSError, ValueError):
+        return None  # the reader of texts says what is wrong
+    kinds = {b"PK\x03\x04": _zipped, b"PAR1": _parquet, b"\x89HDF": _hdf5, b"MATLAB": _mat}
+    read = next((read for magic, read in kinds.items() if start.startswith(magic)), None)
+    text = start.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if read is None and text[:1] in (b"{", b"["):
+        read = _json
+    if read is None and text[:2].upper() == b"~V":
+        read = _las
+    if read is None:
+        return None
+    with path.open("rb") as stream:
+        while chunk := stream.read(1 << 20):
+            digest.update(chunk)
+    return _lines(path, *read(path))
+
+
+def _lines(path: Path, names: list[str], rows: Iterable[Sequence[str]]) -> Iterator[Block]:
+    if len(names) > MOST_COLUMNS:
+        raise FileError(f"{len(names):,} columns; allowed {MOST_COLUMNS:,}", path=path)
+    held, first = [_line(names)], 1
+    for row in rows:
+        held.append(_line(row))
+        if len(held) >= ROWS:
+            yield _block(first, held)
+            first, held = first + len(held), []
+    if held:
+        yield _block(first, held)
+
+
+def _block(first: int, lines: list[str]) -> Block:
+    text = "".join(lines)
+    return Block(first, lines, text.isascii() and "_" not in text)
+
+
+def _line(cells: Sequence[str]) -> str:
+    """Cells between commas, quoted where they hold one."""
+    line = ",".join(cells)
+    if line.count(",") == len(cells) - 1 and '"' not in line and "\n" not in line and "\r" not in line:
+        return line
+    plain = (cell.replace("\n", " ").replace("\r", " ").replace('"', '""') for cell in cells)
+    return ",".join(f'"{cell}"' for cell in plain)
+
+
+def _arrays(path: Path, found: Mapping[str, Any]) -> tuple[list[str], Iterable[Sequence[str]]]:
+    """Columns of the arrays that are as long as most: (n,) by its name, (n, 3) or (n, m) with _x, _y, _z or _1 .. _m."""
+    arrays: dict[str, Array] = {}
+    for name, value in found.items():
+        array = np.asarray(value)
+        if array.ndim in (1, 2) and array.dtype.kind in "iufbUSO" and array.size:
+            arrays[name] = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
+        elif array.ndim == 2:
+            continue
+    single = [name for name, array in arrays.items() if array.ndim == 2 and array.shape[0] == 1]
+    for name in single:
+        arrays[name] = arrays[name][0]
+    lengths = [len(array) for array in arrays.values()]
+    if not lengths:
+        raise FileError("no columns of values are in it; arrays of n, or of n rows, are needed", path=path)
+    rows = max(set(lengths), key=lambda n: (lengths.count(n), n))
+    columns: dict[str, Array] = {}
+    for name, array in arrays.items():
+        if len(array) != rows:
+            continue
+        if array.ndim == 1:
+            columns[name] = array
+            continue
+        if array.shape[1] > MOST_COLUMNS:
+            raise FileError(f"{name!r} has {array.shape[1]:,} columns; allowed {MOST_COLUMNS:,}", path=path)
+        ends = "xyz" if array.shape[1] == 3 else [str(k + 1) for k in range(array.shape[1])]
+        columns |= {f"{name}_{end}": array[:, k] for k, end in enumerate(ends)}
+    if rows * len(columns) > MOST_VALUES:
+        raise FileError(f"{rows * len(columns):,} values; allowed {MOST_VALUES:,}: split the file", path=path)
+    return list(columns), _cells(columns.values(), rows)
+
+
+def _cells(columns: Iterable[Array], rows: int) -> Iterator[Sequence[str]]:
+    """Rows of texts, block by block."""
+    held = list(columns)
+    for start in range(0, rows, ROWS):
+        parts = [part[start : start + ROWS] for part in held]
+        yield from zip(*(_texts(part) for part in parts), strict=True)
+
+
+def _texts(part: Array) -> Sequence[str]:
+    if part.dtype.kind in "iufb":
+        return ["" if cell == "nan" else cell for cell in map(repr, part.astype(np.float64).tolist())]
+    return ["" if cell is None else cell.decode("utf-8", "replace") if isinstance(cell, bytes) else str(cell) for cell in part.tolist()]
+
+
+def _json(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
+    """An object of arrays, or an array of objects; null is an empty cell."""
+    if path.stat().st_size > 500_000_000:
+        raise FileError("a JSON file of more than 500 MB is not read; save the table as CSV or Parquet", path=path)
+    try:
+        content = json.loads(path.read_bytes())
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"not JSON, or damaged ({error})", path=path) from None
+    if isinstance(content, list) and content and all(isinstance(row, dict) for row in content):
+        names = list(dict.fromkeys(name for row in content for name in row))
+        content = {name: [row.get(name) for row in content] for name in names}
+    if not isinstance(content, dict):
+        raise FileError("an object of arrays is needed: {name: [values], ...}", path=path)
+    found: dict[str, Any] = {}
+    for name, value in content.items():
+        if not isinstance(value, list):
+            continue
+        try:
+            array = np.array([np.nan if v is None else v for v in value])
+        except ValueError:
+            raise FileError(f"{name!r} has rows of different lengths; make them equal", path=path) from None
+        # instruments fill sets of vectors up with NaN
+        if array.dtype.kind in "if" and array.ndim == 2:
+            array = array[~np.isnan(array.astype(float)).all(axis=1)]
+        found[name] = array
+    return _arrays(path, found)
+
+
+def _zipped(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
+    """A workbook, or numpy's archive of arrays."""
+    if path.suffix.lower() != ".npz":
+        from inclinometry.files.excel import sheet_cells
+
+        return sheet_cells(path)
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return _arrays(path, {name: stored[name] for name in stored.files})
+    except (OSError, ValueError, KeyError) as error:
+        raise FileError(f"not an archive of numpy's, or damaged ({error})", path=path) from None
+
+
+def _mat(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
+    """MATLAB up to version 7; version 7.3 is HDF5."""
+    from scipy.io import loadmat
+
+    try:
+        stored = loadmat(path)
+    except Exception as error:
+        raise FileError(f"not a MATLAB file, or damaged ({error})", path=path) from None
+    return _arrays(path, {name: array for name, array in stored.items() if not name.startswith("__")})
+
+
+def _hdf5(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
+    """The datasets of HDF5, by the last part of their names; an attribute unit or units completes the name."""
+    import h5py
+
+    found: dict[str, Any] = {}
+
+    def take(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.ndim in (1, 2) and item.size <= MOST_VALUES:
+            # version 7.3 of MATLAB stores arrays transposed
+            matlab = "MATLAB_class" in item.attrs
+            array = item[()].T if matlab else item[()]
+            found[name.rsplit("/", 1)[-1]] = array
+
+    try:
+        with h5py.File(path, "r") as stored:
+            stored.visititems(take)
+    except (OSError, RuntimeError) as error:
+        raise FileError(f"not HDF5, or damaged ({error})", path=path) from None
+    return _arrays(path, found)
+
+
+def _parquet(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        stored = pq.ParquetFile(path, pre_buffer=False)
+        rows, names = stored.metadata.num_rows, list(stored.schema_arrow.names)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise FileError(f"not a Parquet file, or a damaged one ({str(error)[:200]}); write it again", path=path) from None
+    if rows * len(names) > MOST_VALUES:
+        raise FileError(f"{rows * len(names):,} values; allowed {MOST_VALUES:,}: split the file", path=path)
+    units = [next(((f.metadata or {})[key].decode() for key in (b"unit", b"units", b"uom") if key in (f.metadata or {})), None)
+             for f in stored.schema_arrow]  # fmt: skip
+
+    def cells() -> Iterator[Sequence[str]]:
+        for batch in stored.iter_batches(ROWS, use_threads=False):
+            columns = []
+            for column in batch.columns:
+                try:
+                    columns.append(_texts(column.cast(pa.float64()).to_numpy(zero_copy_only=False)))
+                except pa.ArrowException:
+                    columns.append(["" if v is None else str(v) for v in column.to_pylist()])
+            yield from zip(*columns, strict=True)
+
+    return [_with_unit(name, unit) for name, unit in zip(names, units, strict=True)], cells()
+
+
+def _with_unit(name: str, unit: str | None) -> str:
+    """The name with the unit that stands apart from it, unless it says it itself."""
+    from inclinometry.files.profile import describes
+
+    return name if not unit or describes(name) or "(" in name or name.endswith(f"_{unit}") else f"{name} ({unit})"
+
+
+def _las(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
+    from inclinometry.files.las import las_sheet
+
+    sheet = las_sheet(path)
+    names = [_with_unit(name, sheet.units.get(name)) for name in sheet.columns]
+    columns = [_texts(c) if isinstance(c, np.ndarray) else c for c in sheet.columns.values()]
+    if sheet.north and "azimuth_reference" not in names:
+        names.append("azimuth_reference")
+        columns.append([sheet.north] * len(sheet.rows))
+    return names, zip(*columns, strict=True)
+
+
+def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[Block]:
+    """Blocks of a plain table, separated by commas, whose rows keep the numbers of their lines.
+
+    Raises
+    ------
+    FileError
+        A row of another length than the names, or than the first row where there are none.
+    """
+    mark, kept, width = profile.separator, None, 0
+    awaited = ["names"] * profile.header + ["units"] * profile.units_row
+    constants = [value if isinstance(value, str) else repr(value) for value in profile.constants.values()]
+    extra = [*profile.constants, *(["time_s"] if profile.rate_hz else [])]
+    count = 0
+    for first, lines, plain in blocks:
+        out = [""] * len(lines)
+        for row, line in enumerate(lines):
+            if first + row <= profile.skip or not line.strip() or line.lstrip().startswith("#"):
+                continue
+            mark = mark or next((mark for mark in ("\t", ";", ",") if mark in line), " ")
+            if mark == " ":
+                cells = line.split()
+            elif '"' not in line:
+                cells = line.split(mark)
+            else:
+                cells = next(csv.reader([line], delimiter=mark, skipinitialspace=True))
+            if kept is None:
+                while cells and not cells[-1].strip():
+                    cells.pop()
+                width = len(cells)
+                names = [cell.strip() for cell in cells] if profile.header else [str(k + 1) for k in range(width)]
+                kept = [k for k, name in enumerate(names) if profile.columns.get(name) != ""]
+                head = _line([*(names[k] for k in kept), *extra])
+                if not profile.header:
+                    yield Block(first + row, [head], False)
+            if awaited:
+                out[row] = head if awaited.pop(0) == "names" else ""
+                continue
+            if len(cells) < width or any(cell.strip() for cell in cells[width:]):
+                problem = f"this row has {len(cells)} cells and the first line of the table {width}; complete or remove it"
+                raise FileError(problem, path=path, line=first + row)
+            cells = [cells[k].strip() for k in kept]
+            if mark != ",":
+                cells = [cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell for cell in cells]
+            time = [repr(count / profile.rate_hz)] if profile.rate_hz else []
+            out[row] = _line([*cells, *constants, *time])
+            count += 1
+        yield Block(first, out, plain)
