@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 import warnings
+from contextlib import ExitStack
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -55,12 +56,24 @@ def _run(arguments: list[str]) -> int:
     from rich.console import Console
 
     from inclinometry.cli.app import app
-    from inclinometry.errors import InclinometryError
+    from inclinometry.errors import InclinometryError, InputError
 
     try:
-        # a page of help as it is written: no smileys for words between colons, no markup in brackets
-        console = Console(emoji=False, markup=False, highlight=False)
-        status = app(arguments, console=console, exit_on_error=False, print_error=False, result_action="return_value")
+        with ExitStack() as stack:
+            arguments = _from_stdin(arguments, stack)
+            arguments, stated = _of_tables(arguments)
+            used = ["no profile"]
+            if stated:
+                from inclinometry.files.profile import reading_with
+
+                used = stack.enter_context(reading_with(stated.get("--profile"), stated.get("--units")))
+            # a page of help as it is written: no smileys for words between colons, no markup in brackets
+            console = Console(emoji=False, markup=False, highlight=False)
+            status = app(
+                arguments, console=console, exit_on_error=False, print_error=False, result_action="return_value"
+            )
+            if not used:
+                raise InputError(f"{' and '.join(stated)} had no table to be used for; leave it out")
     except MissingArgumentError as error:
         # of a required option that is not there at all the framework says that it "requires an argument"
         missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
@@ -82,6 +95,54 @@ def _run(arguments: list[str]) -> int:
         _say(f"inclinometry: {needed}")
         return 2
     return status if isinstance(status, int) else 0
+
+
+def _of_tables(arguments: list[str]) -> tuple[list[str], dict[str, str]]:
+    """The arguments without --profile and --units, which are of every command that reads a table, and these two."""
+    from inclinometry.errors import InputError
+
+    rest: list[str] = []
+    stated: dict[str, str] = {}
+    words = iter(arguments)
+    for word in words:
+        name, equals, value = word.partition("=")
+        if name not in ("--profile", "--units") or "--help" in arguments:
+            rest.append(word)
+            continue
+        if name in stated:
+            raise InputError(f"{name} is given twice; give it once")
+        stated[name] = value if equals else next(words, "")
+        if not stated[name]:
+            raise InputError(f"{name} needs a value: {'a profile' if name == '--profile' else 'units such as ft,deg'}")
+    return rest, stated
+
+
+def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:
+    """A single hyphen among the inputs is a copy of standard input; behind -o it is standard output."""
+    if "-" not in arguments:
+        return arguments
+    import shutil
+    import tempfile
+    from pathlib import Path
+
+    from inclinometry.errors import InputError
+
+    found = []
+    for place, word in enumerate(arguments):
+        if word != "-":
+            found.append(word)
+        elif place and arguments[place - 1] in ("-o", "--output"):
+            if not os.path.exists("/dev/stdout"):  # noqa: PTH110
+                raise InputError("-o -: this system has no file for standard output; give a name")
+            found.append("/dev/stdout")
+        elif any(name.endswith("stdin.txt") for name in found):
+            raise InputError("- is given twice; standard input can be read once")
+        else:
+            copy = Path(stack.enter_context(tempfile.TemporaryDirectory()), "stdin.txt")
+            with copy.open("wb") as stream:
+                shutil.copyfileobj(sys.stdin.buffer, stream)
+            found.append(str(copy))
+    return found
 
 
 def _traceback() -> bool:

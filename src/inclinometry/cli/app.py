@@ -82,6 +82,9 @@ ledger history | laboratory.commands.ledger:history | How the parameters of a to
 ledger users | laboratory.commands.ledger:users | List the users, or add or change one. The password is asked for, or \
 taken from INCLINOMETRY_PASSWORD. | anna --role metrologist --ledger lab.sqlite
 = Files
+check | check:check | Say what a file is understood to be. Columns, units, rate, and which commands could take it; \
+writes a draft of a profile. | logger.txt -o profile.toml
+list | check:list_ | List names: plans, limits, tool codes, profiles, formats, columns, conventions. | profiles
 convert | convert:convert | Turn a survey of one format into another. And say what the other cannot hold. \
 | survey.csv survey.las
 coefficients | coefficients:coefficients | Coefficients of a tool as a firmware takes them. Inverse matrix, cosines, \
@@ -171,6 +174,9 @@ app = _app(
     "inclinometry",
     "Borehole inclinometers made trustworthy, from the bench to the bottom of the hole.",
     help_epilogue="Angles are in degrees, depths in metres. `inclinometry demo` shows the whole way on real data.\n\n"
+    "Every table may be text with any separator, .gz, .xlsx, .parquet, .las, .h5, .npz, .mat or .json; - reads "
+    "standard input. --profile NAME|FILE says what its columns are, --units ft,deg,mg,gauss what they are in where "
+    "their names do not; `inclinometry check FILE` says what was understood.\n\n"
     "Exit status: 0 done, 1 a verification failed, 2 bad input (nothing written), 3 an error of this program, "
     "130 interrupted.",
     version=_version,

@@ -19,7 +19,7 @@ class Extra(NamedTuple):
 _TABLE: Final = """
 matplotlib jinja2 markupsafe:jinja2 | report
 pyproj | earth
-lasio lxml openpyxl pyarrow | formats
+h5py lasio lxml openpyxl pyarrow | formats
 nicegui fastapi:nicegui starlette:nicegui pydantic:nicegui uvicorn:nicegui multipart:python-multipart
 python_multipart:python-multipart sqlalchemy alembic argon2:argon2-cffi serial:pyserial typst segno | laboratory
 psycopg | postgresql
@@ -44,6 +44,8 @@ EXTRAS: Final[Mapping[str, Extra]] = MappingProxyType(_extras())
 
 _REPORT: Final = ("matplotlib", "jinja2")
 _ENDINGS: Final = {
+    ".h5": "h5py",
+    ".hdf5": "h5py",
     ".xlsx": "openpyxl",
     ".xlsm": "openpyxl",
     ".parquet": "pyarrow",

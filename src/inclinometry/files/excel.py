@@ -261,7 +261,8 @@ def _check(path: Path) -> None:
         raise FileError("there is no such file; check the name", path=path) from None
     except (OSError, ValueError, RuntimeError, zipfile.BadZipFile) as error:  # RuntimeError: a version of zip unknown
         raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
-    if size > _UNPACKED:
+    # blanks pack a thousand times; numbers hardly ten
+    if size > _UNPACKED or (size > 200e6 and size > 60 * packed):
         raise FileError(f"this workbook unpacks to {size / 1e9:.1f} GB; split it, or use Parquet", path=path)
 
 

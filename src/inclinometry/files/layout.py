@@ -81,7 +81,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def _arrays(path: Path, found: Mapping[str, Any]) -> tuple[list[str], Iterable[Sequence[str]]]:
-    """Columns of the arrays that are as long as most: (n,) by its name, (n, 3) or (n, m) with _x, _y, _z or _1 .. _m."""
+    """Columns of the arrays that are as long as most: (n,) by its name, (n, 3) also _x, _y, _z, (n, m) _1 .. _m."""
     arrays: dict[str, Array] = {}
     for name, value in found.items():
         array = np.asarray(value)
@@ -123,7 +123,10 @@ def _cells(columns: Iterable[Array], rows: int) -> Iterator[Sequence[str]]:
 def _texts(part: Array) -> Sequence[str]:
     if part.dtype.kind in "iufb":
         return ["" if cell == "nan" else cell for cell in map(repr, part.astype(np.float64).tolist())]
-    return ["" if cell is None else cell.decode("utf-8", "replace") if isinstance(cell, bytes) else str(cell) for cell in part.tolist()]
+    return [
+        "" if cell is None else cell.decode("utf-8", "replace") if isinstance(cell, bytes) else str(cell)
+        for cell in part.tolist()
+    ]
 
 
 def _json(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
@@ -203,15 +206,18 @@ def _parquet(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    from inclinometry.files.parquet import _units
+
     try:
         stored = pq.ParquetFile(path, pre_buffer=False)
         rows, names = stored.metadata.num_rows, list(stored.schema_arrow.names)
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise FileError(f"not a Parquet file, or a damaged one ({str(error)[:200]}); write it again", path=path) from None
+        raise FileError(
+            f"not a Parquet file, or a damaged one ({str(error)[:200]}); write it again", path=path
+        ) from None
     if rows * len(names) > MOST_VALUES:
         raise FileError(f"{rows * len(names):,} values; allowed {MOST_VALUES:,}: split the file", path=path)
-    units = [next(((f.metadata or {})[key].decode() for key in (b"unit", b"units", b"uom") if key in (f.metadata or {})), None)
-             for f in stored.schema_arrow]  # fmt: skip
+    units = _units(stored.schema_arrow)
 
     def cells() -> Iterator[Sequence[str]]:
         for batch in stored.iter_batches(ROWS, use_threads=False):
@@ -223,7 +229,7 @@ def _parquet(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
                     columns.append(["" if v is None else str(v) for v in column.to_pylist()])
             yield from zip(*columns, strict=True)
 
-    return [_with_unit(name, unit) for name, unit in zip(names, units, strict=True)], cells()
+    return [_with_unit(name, units.get(name)) for name in names], cells()
 
 
 def _with_unit(name: str, unit: str | None) -> str:
@@ -245,6 +251,19 @@ def _las(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     return names, zip(*columns, strict=True)
 
 
+def _cut(line: str, mark: str) -> list[str]:
+    """Cells of a line, with points for decimal commas where the comma separates nothing."""
+    if mark == " ":
+        cells = line.split()
+    elif '"' in line:
+        cells = next(csv.reader([line], delimiter=mark, skipinitialspace=True))
+    else:
+        cells = line.split(mark)
+    if "," in line and mark != ",":
+        cells = [cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell for cell in cells]
+    return cells
+
+
 def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[Block]:
     """Blocks of a plain table, separated by commas, whose rows keep the numbers of their lines.
 
@@ -264,31 +283,31 @@ def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[
             if first + row <= profile.skip or not line.strip() or line.lstrip().startswith("#"):
                 continue
             mark = mark or next((mark for mark in ("\t", ";", ",") if mark in line), " ")
-            if mark == " ":
-                cells = line.split()
-            elif '"' not in line:
-                cells = line.split(mark)
-            else:
-                cells = next(csv.reader([line], delimiter=mark, skipinitialspace=True))
+            cells = _cut(line, mark)
             if kept is None:
                 while cells and not cells[-1].strip():
                     cells.pop()
                 width = len(cells)
-                names = [cell.strip() for cell in cells] if profile.header else [str(k + 1) for k in range(width)]
-                kept = [k for k, name in enumerate(names) if profile.columns.get(name) != ""]
-                head = _line([*(names[k] for k in kept), *extra])
+                names = [cell.strip() if profile.header else f"column {k}" for k, cell in enumerate(cells, 1)]
+                kept = [k for k, name in enumerate(names) if profile.columns.get(name.removeprefix("column ")) != ""]
                 if not profile.header:
-                    yield Block(first + row, [head], False)
+                    yield Block(first + row, [_line([*(names[k] for k in kept), *extra])], False)
             if awaited:
-                out[row] = head if awaited.pop(0) == "names" else ""
+                if awaited.pop(0) == "units":
+                    units = [cell.strip().strip("[]()") for cell in cells] + [""] * width
+                    names = [_with_unit(name, unit) for name, unit in zip(names, units, strict=False)]
+                if not awaited:
+                    out[row] = _line([*(names[k] for k in kept), *extra])
                 continue
             if len(cells) < width or any(cell.strip() for cell in cells[width:]):
-                problem = f"this row has {len(cells)} cells and the first line of the table {width}; complete or remove it"
+                problem = (
+                    f"this row has {len(cells)} cells and the first line of the table {width}; complete or remove it"
+                )
                 raise FileError(problem, path=path, line=first + row)
-            cells = [cells[k].strip() for k in kept]
-            if mark != ",":
-                cells = [cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell for cell in cells]
+            if len(kept) < width or len(cells) > width:
+                cells = [cells[k] for k in kept]
             time = [repr(count / profile.rate_hz)] if profile.rate_hz else []
-            out[row] = _line([*cells, *constants, *time])
+            more = [*cells, *constants, *time]
+            out[row] = _line(more) if "," in line or '"' in line or constants else ",".join(more)
             count += 1
         yield Block(first, out, plain)

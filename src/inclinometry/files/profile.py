@@ -69,8 +69,9 @@ class Profile:
         InputError
             A unit that is not known, or of something else.
         """
-        if name in self.columns:
-            return self._turned(_converted(self.columns[name], self.given.get(name)))
+        key = name if name in self.columns else name.removeprefix("column ")
+        if key in self.columns:
+            return self._turned(_converted(self.columns[key], self.given.get(key)))
         if numeric(name) or name in TEXT:
             return self._turned(Reading(name))
         found = self._known(name, numeric)
@@ -90,7 +91,9 @@ class Profile:
             kind = {"g": "accel", "b": "mag", "w": "gyro"}.get(group)
             if numeric(quantity.column):
                 own = quantity.unit
-                return Reading(quantity.column, what.unit.factor / own.factor, (what.unit.offset - own.offset) / own.factor)
+                return Reading(
+                    quantity.column, what.unit.factor / own.factor, (what.unit.offset - own.offset) / own.factor
+                )
             if kind is not None and axis in ("0", "1", "2"):
                 start = f"{kind}_{'xyz'[int(axis)]}"
                 suffix = {label.replace("^", ""): end for end, label in UNIT_LABELS.items()}.get(what.unit.label)
@@ -118,7 +121,11 @@ def _converted(name: str, unit: str | None) -> Reading:
     if unit is None:
         return Reading(name)
     signal = channel(name)
-    own = UNIT_LABELS[name.removesuffix("_sd").split("_", 2)[2]] if signal is not None and signal.unit != "counts" else None
+    own = (
+        UNIT_LABELS[name.removesuffix("_sd").split("_", 2)[2]]
+        if signal is not None and signal.unit != "counts"
+        else None
+    )
     if own is None:
         own = next((end for end in ("deg", "m", "ft", "degC", "nT", "s") if name.endswith(f"_{end}")), None)
     if own is None:
@@ -160,7 +167,9 @@ def reading_with(profile: Profile | str | Path | None, units: str | None = None)
         words = tuple(word.strip() for word in units.split(",") if word.strip())
         for word in words:
             if dimension_of(word) is None:
-                raise InputError(f"unit {word!r} is not known; give units such as m, ft, deg, rad, g, mg, nT, uT, gauss, degC")
+                raise InputError(
+                    f"unit {word!r} is not known; give units such as m, ft, deg, rad, g, mg, nT, uT, gauss, degC"
+                )
         found = replace(found, units=(*words, *found.units))
     used: list[str] = []
     tokens = _CURRENT.set(found), _USED.set(used)
@@ -224,7 +233,9 @@ def _profile(content: dict[str, Any]) -> Profile:
     for key, value in content.items():
         if key not in _TYPES:
             near = closest(key, list(_TYPES))
-            raise InputError(f"key {key!r} is not known; {f'did you mean {near}?' if near else ''} allowed: {', '.join(_TYPES)}")
+            raise InputError(
+                f"key {key!r} is not known; {f'did you mean {near}?' if near else ''} allowed: {', '.join(_TYPES)}"
+            )
         wanted = _TYPES[key]
         if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
             raise InputError(f"{key} is {value!r}; {_kind(wanted)} is needed")
@@ -240,7 +251,9 @@ def _profile(content: dict[str, Any]) -> Profile:
     for name, entry in content.get("columns", {}).items():
         here = entry.get("name") if isinstance(entry, dict) else entry
         if not isinstance(here, str) or (isinstance(entry, dict) and set(entry) - {"name", "unit"}):
-            raise InputError(f'columns: {name!r} is {entry!r}; write "accel_x_g", or {{ name = "mag_x_nT", unit = "gauss" }}')
+            raise InputError(
+                f'columns: {name!r} is {entry!r}; write "accel_x_g", or {{ name = "mag_x_nT", unit = "gauss" }}'
+            )
         columns[name] = here
         if isinstance(entry, dict) and "unit" in entry:
             given[name] = str(entry["unit"])
@@ -282,7 +295,9 @@ def _axes(content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
         kind = PREFIXES.get(prefix, prefix)
         letters = [str(axis).lstrip("+-") for axis in axes] if isinstance(axes, list) else []
         if kind not in PREFIXES.values() or sorted(letters) != ["x", "y", "z"]:
-            raise InputError(f'axes: {prefix} = {axes!r}; write accelerometer = ["y", "-x", "z"]: each axis once, with its sign')
+            raise InputError(
+                f'axes: {prefix} = {axes!r}; write accelerometer = ["y", "-x", "z"]: each axis once, with its sign'
+            )
         found[kind] = tuple(str(axis).removeprefix("+") for axis in axes)
     return found
 

@@ -16,8 +16,9 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.readings import LARGEST
 from inclinometry.digest import digest_file
 from inclinometry.errors import FileError
-from inclinometry.files.columns import LOG, UNIT_LABELS, channel
+from inclinometry.files.columns import LOG, UNIT_LABELS, channel, numbers_among
 from inclinometry.files.parquet import _units
+from inclinometry.files.profile import current
 from inclinometry.files.table import (
     COLDEST,
     HOTTEST,
@@ -241,12 +242,18 @@ class CsvRun:
                 quick = None
             else:
                 quick = self._arrow.convert(text)
+                quick = None if quick is None else self._scaled(quick)
             if quick is None or self._check.problem(quick) is not None:
                 yield from self._careful(block)
             elif len(quick["time_s"]):
                 self._check.accept(quick)
                 yield quick
         self._body.numbers.finish()
+
+    def _scaled(self, columns: dict[str, Array]) -> dict[str, Array]:
+        """In the units of the names, where a profile or the file's own name of a column has another."""
+        turned = {name: (f, o) for name, f, o in self._body.readings if (f, o) != (1.0, 0.0) and name in columns}
+        return columns | {name: columns[name] * factor + offset for name, (factor, offset) in turned.items()}
 
     def _careful(self, block: Block) -> Iterator[dict[str, Array]]:
         lines = block.lines
@@ -261,7 +268,7 @@ class CsvRun:
         places = body.lines.pop()
         for cells in body.texts.values():
             cells.clear()
-        columns = {name: body.parts[name].pop() for name in self.header.wanted}
+        columns = self._scaled({name: body.parts[name].pop() for name in self.header.wanted})
         problem = self._check.problem(columns)
         if problem is not None:
             raise FileError(problem.text, path=body.path, line=int(places[problem.row]))

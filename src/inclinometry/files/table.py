@@ -9,6 +9,7 @@ import re
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
@@ -158,7 +159,7 @@ class LineReader:
         return "sha256:" + self._hash.hexdigest()
 
     def blocks(self) -> Iterator[Block]:
-        """Blocks of about one megabyte, in the layout of a plain table; FileError for what is neither text nor table."""
+        """Blocks of about one megabyte, in the layout of a plain table; FileError for what is no table."""
         if self.profile is None:
             yield from self._plain()
             return
@@ -212,20 +213,20 @@ class LineReader:
         """Raw pieces, an empty one last so that the decoder can finish."""
         try:
             with self.path.open("rb") as stream:
-                unpacker = None
-                while chunk := stream.read(CHUNK):
+                start = stream.read(CHUNK)
+                packed = zlib.decompressobj(31) if start.startswith(b"\x1f\x8b") else None
+                for chunk in chain([start], iter(lambda: stream.read(CHUNK), b"")):
                     self._hash.update(chunk)
-                    if unpacker is None:
-                        unpacker = zlib.decompressobj(31) if chunk.startswith(b"\x1f\x8b") else False
-                    if unpacker is False:
+                    if packed is None:
                         yield chunk
                         continue
-                    while chunk:
+                    rest = chunk
+                    while rest:
                         # a megabyte at a time, however far it unpacks
-                        if piece := unpacker.decompress(chunk, CHUNK):
+                        if piece := packed.decompress(rest, CHUNK):
                             yield piece
-                        chunk = unpacker.unconsumed_tail
-                if unpacker and not unpacker.eof:
+                        rest = packed.unconsumed_tail
+                if packed is not None and not packed.eof:
                     raise FileError("the compressed file ends early; copy it again", path=self.path)
         except zlib.error as error:
             raise FileError(f"damaged where it is compressed ({error}); copy it again", path=self.path) from None
@@ -496,9 +497,11 @@ class _Body:
         self.numbers.finish()
         columns: dict[str, Column] = {}
         for (name, number, _), (_, factor, offset) in zip(self.kinds, self.readings, strict=True):
-            columns[name] = np.concatenate(self.parts[name]) if number else tuple(self.texts[name])
-            if number and (factor, offset) != (1.0, 0.0):
-                columns[name] = columns[name] * factor + offset
+            if not number:
+                columns[name] = tuple(self.texts[name])
+                continue
+            values = np.concatenate(self.parts[name])
+            columns[name] = values if (factor, offset) == (1.0, 0.0) else values * factor + offset
         for column in columns.values():
             if not isinstance(column, tuple):
                 column.flags.writeable = False
@@ -516,7 +519,7 @@ def _readings_of(
             reading = profile.reading(name, numeric)
         except InputError as error:
             raise FileError(str(error), path=path, line=line) from None
-        stated = name in profile.columns or bool(profile.axes)
+        stated = name in profile.columns or name.startswith("column ") or bool(profile.axes)
         found.append(reading if stated or reading.name not in names else Reading(name))
     return found
 

@@ -1,0 +1,123 @@
+"""Commands that say what a file is understood to be, and which names, plans, limits and codes there are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json, OutputOrNone
+
+
+def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) -> int:
+    """What a file is understood to be: layout, columns, units, rate, and which commands could take it.
+
+    Parameters
+    ----------
+    file
+        Text with any separator, .gz, Excel, Parquet, LAS, HDF5, .npz, .mat, JSON of arrays.
+    output_
+        Draft of a profile (TOML) to complete and give as --profile.
+    """
+    from inclinometry.files.writing import write_text
+    from inclinometry.workflow.check import look
+
+    output.claim({"--output": output_}, {"the file": file})
+    with output.busy(f"looking at {file.name}"):
+        seen = look(file)
+    if output_ is not None:
+        write_text(seen.draft, output_)
+    if json:
+        columns = [
+            {
+                "name": column.name,
+                "here": column.here or None,
+                "low": column.low if np.isfinite(column.low) else None,
+                "high": column.high if np.isfinite(column.high) else None,
+                "remark": column.remark,
+            }
+            for column in seen.columns
+        ]
+        uses = {command: lacking or "yes" for command, lacking in seen.uses.items()}
+        output.print_json(
+            {"layout": seen.layout, "rows": seen.rows, "columns": columns, "notes": list(seen.notes), "uses": uses}
+        )
+        return 0 if "" in seen.uses.values() else 1
+    output.say(f"{file}: {seen.layout}; {seen.rows:,} rows")
+    rows = [
+        [
+            column.name,
+            column.here or "not known",
+            f"{column.low:.6g}" if np.isfinite(column.low) else "",
+            f"{column.high:.6g}" if np.isfinite(column.high) else "",
+            column.remark,
+        ]
+        for column in seen.columns
+    ]
+    output.table("columns", ["in the file", "taken as", "lowest", "highest", "remark"], rows)
+    for note in seen.notes:
+        output.say(note)
+    for command, lacking in seen.uses.items():
+        output.say(f"{command}: {lacking or 'can take it as it is'}")
+    if output_ is not None:
+        output.say(f"draft of a profile written to {output_}: complete it, then give --profile {output_}")
+    elif "" not in seen.uses.values():
+        output.say(f"write a draft of a profile: inclinometry check {file} -o profile.toml")
+    return 0 if "" in seen.uses.values() else 1
+
+
+def list_(what: Literal["plans", "limits", "tool-codes", "profiles", "formats", "columns", "conventions"], /) -> None:
+    """Names that other commands take.
+
+    Parameters
+    ----------
+    what
+        plans, limits of a verification, tool codes, profiles of files, formats, columns of tables, axes conventions.
+    """
+    for name, about in _listed(what):
+        output.say(f"{name:32} {about}".rstrip())
+
+
+def _listed(what: str) -> list[tuple[str, str]]:
+    if what == "profiles":
+        from inclinometry.files.profile import read_profile, shipped
+
+        return [(name, read_profile(name).title) for name in shipped()]
+    if what == "plans":
+        from inclinometry.workflow.simulate import PLANS
+
+        rows = [(name, f"{len(make().azimuth)} positions") for name, make in PLANS.items()]
+        return [*rows, ("optimal", "designed for a stand: see `inclinometry plan --help`")]
+    if what == "limits":
+        from inclinometry.files.limits import limit_names
+
+        places = {
+            "limits": "of a verification",
+            "quality_limits": "of gravity, field and dip",
+            "repeat_limits": "of repeats",
+        }
+        return [(name, about) for folder, about in places.items() for name in limit_names(folder)]
+    if what == "tool-codes":
+        from inclinometry.files.tool_code_json import tool_code_names
+
+        return [(name, "") for name in tool_code_names()]
+    if what == "formats":
+        from inclinometry.workflow.convert import FORMATS
+
+        rows = [(name, ", ".join(form.endings)) for name, form in FORMATS.items()]
+        return [*rows, ("read only", ".gz, .h5, .hdf5, .npz, .mat, .json as tables of columns")]
+    if what == "conventions":
+        from inclinometry.conventions import CONVENTIONS
+
+        return [(c.name, "specific force" if c.specific_force else "gravity") for c in CONVENTIONS]
+    from inclinometry.files._quantities import quantities
+    from inclinometry.files.columns import KNOWN, UNIT_LABELS
+
+    rows = [(name, "") for name in sorted(KNOWN)]
+    rows += [
+        (f"{kind}_x, {kind}_1 .. {kind}_m", f"and with a unit: {', '.join(UNIT_LABELS)}")
+        for kind in ("accel", "mag", "gyro")
+    ]
+    return [*rows, *((q.column, f"of a survey; LAS {q.las}") for q in quantities().values() if q.column not in KNOWN)]
