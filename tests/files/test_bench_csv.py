@@ -133,8 +133,7 @@ def test_one_sensor(tmp_path):
         ("accel_x,accel_y,azimuth_deg,toolface_deg", "column 'inclination_deg' is missing"),
         ("accel_x,accel_y,inclination", "unit missing: write inclination_deg"),
         ("accel_x,accel_y,temperature", "unit missing: write temperature_degC"),
-        ("accel_x,accel_y,toolface_rad", "unit not accepted: convert it and write toolface_deg"),
-        ("accel_x,accel_y,Azimuth_Deg", "did you mean azimuth_deg?"),
+        ("accel_x,accel_y,toolface_K", "unit not accepted: convert it and write toolface_deg"),
         ("accel_x,accel_y,temprature_degC", "did you mean temperature_degC?"),
         ("Accel_X,accel_x,accel_y", "did you mean accel_x?"),
     ],
@@ -435,7 +434,6 @@ def test_numbers_too_large_to_use(tmp_path):
     [
         ("accel_x_bananas", "unit 'bananas' is not known: use counts, V, mV, g, mg, m_s2, nT, uT, rad_s, deg_s, deg_h"),
         ("accel_x_bananas_sd", "unit 'bananas' is not known"),
-        ("accel_x_M_S2", "did you mean accel_x_m_s2?"),
         ("mag_1_nt_sd", "did you mean mag_1_nT_sd?"),
     ],
 )

@@ -63,7 +63,7 @@ GOOD = ("0,0,0,true", "30,5,10,true", "60,8,12,true")
         ((HEAD, GOOD[0]), 1, "a path needs two or more"),
         ((HEAD, GOOD[0], "30,90,0,true", "60,90,180,true"), 4, "turns by 180.0000 deg from line 3 to here"),
         (("md,inclination_deg,azimuth_deg,azimuth_reference", *GOOD), 1, "unit missing: write md_m"),
-        (("md_m,inclination_rad,azimuth_deg,azimuth_reference", *GOOD), 1, "write inclination_deg"),
+        (("md_m,inclination,azimuth_deg,azimuth_reference", *GOOD), 1, "write inclination_deg"),
     ],
 )
 def test_one_clear_error_with_its_line(tmp_path, lines, line, wanted):

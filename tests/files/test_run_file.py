@@ -151,7 +151,7 @@ HEADERS = {
     "accel_x,accel_y,accel_z": "column 'time_s' is missing",
     "time_ms,accel_x,accel_y,accel_z": "unit not accepted: convert it and write time_s",
     "time_s,temperature_degC": "no channels",
-    "time_s,accel_x_mps2,accel_y_mps2,accel_z_mps2": "unit 'mps2' is not known",
+    "time_s,accel_x_mps,accel_y_mps,accel_z_mps": "unit 'mps' is not known",
     "time_s,accel_x_g,accel_y,accel_z": "contradict each other",
     "time_s,accel_x,accel_z": "column 'accel_y' is missing",
     "time_s,Mag_x,Mag_y,Mag_z": "did you mean mag_x",

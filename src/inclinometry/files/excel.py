@@ -203,6 +203,7 @@ def sheet_cells(path: Path) -> tuple[list[str], Iterator[list[str]]]:
 
 
 def _sheet_rows(path: Path) -> Iterator[list[str]]:
+    _check(path)
     formulas = _has_formulas(path)
     with ExitStack() as stack:
         book = stack.enter_context(_workbook(path, values=True))
@@ -216,7 +217,8 @@ def _sheet_rows(path: Path) -> Iterator[list[str]]:
                     raise cells.error("a formula without a result; open the workbook in Excel and save it", index)
             yield from ([] for _ in range(index - last - 1) if last)
             last = index
-            yield [" ".join(cells.text(cell).split()) for cell in row]
+            # every digit: the reader of texts takes the number back as it was
+            yield [repr(cell) if type(cell) in (int, float) else " ".join(cells.text(cell).split()) for cell in row]
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -166,7 +167,7 @@ def _zipped(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     try:
         with np.load(path, allow_pickle=False) as stored:
             return _arrays(path, {name: stored[name] for name in stored.files})
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise FileError(f"not an archive of numpy's, or damaged ({error})", path=path) from None
 
 
