@@ -126,6 +126,7 @@ _CONTENTS = {
     "read_calibration": "files.tool_json",
     "read_gyro_run": "files.gyro_csv",
     "read_raw_survey": "files.survey_csv",
+    "reading_with": "files.profile",
     "write_bench": "files.bench_csv",
     "write_calibration": "files.tool_json",
 }
@@ -199,6 +200,7 @@ __all__ = [
     "read_gyro_run",
     "read_raw_survey",
     "read_site",
+    "reading_with",
     "reduce_survey",
     "relative_covariance",
     "robust_filter",
@@ -249,6 +251,7 @@ if TYPE_CHECKING:
     from inclinometry.files.attitude_file import read_attitude
     from inclinometry.files.bench_csv import read_bench, write_bench
     from inclinometry.files.gyro_csv import read_gyro_run
+    from inclinometry.files.profile import reading_with
     from inclinometry.files.run_file import open_run
     from inclinometry.files.site_toml import read_site
     from inclinometry.files.survey_csv import read_raw_survey

@@ -117,6 +117,14 @@ def test_a_profile_lays_out_names_converts_and_turns(tmp_path):
     assert table.lines.tolist() == [5]
 
 
+def test_a_unit_in_the_name_is_not_talked_away(tmp_path):
+    (tmp_path / "a.csv").write_text("MD (ft),inclination_deg\n100,1\n")
+    with reading_with(Profile(columns={"MD (ft)": "md_m"})), pytest.raises(FileError, match="states a unit"):
+        read_table(tmp_path / "a.csv")
+    with reading_with(Profile(columns={"MD (ft)": "md_m"}, given={"MD (ft)": "ft"})):
+        assert np.isclose(read_table(tmp_path / "a.csv").number("md_m")[0], 30.48)
+
+
 def test_a_row_of_another_length_names_its_line(tmp_path):
     (tmp_path / "a.txt").write_text("accel_x accel_y\n1 2\n3\n")
     with pytest.raises(FileError, match="line 3: this row has 1 cells"), reading_with(Profile(separator=" ")):

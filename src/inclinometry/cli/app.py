@@ -183,6 +183,11 @@ app = _app(
     help_formatter=_Pages(),
 )
 app["--help"].group = app["--version"].group = Group("Program", sort_key=1000)
+app.register_install_completion_command(
+    add_to_startup=True,
+    group=app["--help"].group,
+    help="Let the shell (bash, zsh, fish) complete commands, options and choices.",
+)
 _families: dict[str, App] = {}
 for _place, _line in enumerate(COMMANDS.strip().splitlines()):
     if _line.startswith("= "):

@@ -11,7 +11,7 @@ from inclinometry.cli import output
 from inclinometry.cli.options import Json, OutputOrNone
 
 
-def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) -> int:
+def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) -> None:
     """What a file is understood to be: layout, columns, units, rate, and which commands could take it.
 
     Parameters
@@ -44,7 +44,7 @@ def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) ->
         output.print_json(
             {"layout": seen.layout, "rows": seen.rows, "columns": columns, "notes": list(seen.notes), "uses": uses}
         )
-        return 0 if "" in seen.uses.values() else 1
+        return
     output.say(f"{file}: {seen.layout}; {seen.rows:,} rows")
     rows = [
         [
@@ -65,7 +65,6 @@ def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) ->
         output.say(f"draft of a profile written to {output_}: complete it, then give --profile {output_}")
     elif "" not in seen.uses.values():
         output.say(f"write a draft of a profile: inclinometry check {file} -o profile.toml")
-    return 0 if "" in seen.uses.values() else 1
 
 
 def list_(what: Literal["plans", "limits", "tool-codes", "profiles", "formats", "columns", "conventions"], /) -> None:

@@ -71,11 +71,18 @@ class Profile:
         """
         key = name if name in self.columns else name.removeprefix("column ")
         if key in self.columns:
-            return self._turned(_converted(self.columns[key], self.given.get(key)))
+            found = _converted(self.columns[key], self.given.get(key))
+            stated = None if key in self.given else self._known(name, numeric)
+            if stated is not None and stated.name == found.name and stated[1:] != found[1:]:
+                raise InputError(
+                    f"column {name!r} states a unit that the profile's {found.name} is not in; "
+                    "leave the column out of the profile, or give its unit there"
+                )
+            return self._turned(found)
         if numeric(name) or name in TEXT:
             return self._turned(Reading(name))
-        found = self._known(name, numeric)
-        return Reading(name) if found is None else self._turned(found)
+        known = self._known(name, numeric)
+        return Reading(name) if known is None else self._turned(known)
 
     def _known(self, name: str, numeric: Callable[[str], bool]) -> Reading | None:
         """A column by the vocabulary of survey files, where its unit is in its name or stated for its dimension."""

@@ -158,15 +158,13 @@ def _layout(lines: list[str]) -> tuple[Profile, str]:
 
 
 def _cells(line: str, mark: str) -> list[str]:
-    cells = line.split() if mark == " " else line.split(mark)
-    while len(cells) > 1 and not cells[-1].strip():
-        cells.pop()
-    return cells
+    return line.split() if mark == " " else line.split(mark)
 
 
 def _units_row(cells: list[str]) -> bool:
-    known = sum(_quantities.dimension_of(cell.strip().strip("[]()")) is not None for cell in cells)
-    return known * 2 >= len(cells)
+    written = [cell.strip().strip("[]()") for cell in cells if cell.strip()]
+    known = sum(_quantities.dimension_of(cell) is not None for cell in written)
+    return 0 < len(written) <= 2 * known
 
 
 def _joined(found: Profile, given: Profile) -> Profile:
@@ -282,7 +280,7 @@ def _units_that_fit(kind: str, size: float) -> list[str]:
     if kind != "magnetometer":
         for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
             if abs(size / one - 1.0) < 0.1:
-                fits.append(f"{unit} (gravity {size / one - 1.0:+.1%})")
+                fits.append(f"{unit} (gravity {round(size / one - 1.0, 3) + 0.0:+.1%})")
     if kind != "accelerometer":
         for unit, one in (("nT", 1.0), ("uT", 1e-3), ("gauss", 1e-5), ("mG", 1e-2)):
             if 20_000.0 <= size / one <= 70_000.0:
@@ -366,7 +364,14 @@ def _draft(profile: Profile, columns: tuple[ColumnLook, ...]) -> str:
     lines += [f"units = [{', '.join(map(text, profile.units))}]"] if profile.units else []
     lines += ["", "[columns]", '# name in the file = name here with its unit; "" leaves a column out']
     for column in columns:
-        name = text(column.name.removeprefix("column ") if not profile.header else column.name)
-        here = column.here or "extra_" + re.sub(r"\W+", "_", column.name).strip("_")
-        lines.append(f"{'' if column.here else '# '}{name} = {text(here)}")
+        name = column.name if profile.header else column.name.removeprefix("column ")
+        if name in profile.columns:
+            unit = f", unit = {text(profile.given[name])} }}" if name in profile.given else ""
+            here = text(profile.columns[name])
+            lines.append(f"{text(name)} = " + (f"{{ name = {here}{unit}" if unit else here))
+        elif column.here:
+            lines.append(f"# {text(name)} is understood as it is: {column.here}")
+        else:
+            extra = re.sub(r"\W+", "_", column.name).strip("_")
+            lines.append(f"# {text(name)} = {text(f'extra_{extra}')}")
     return "\n".join(lines) + "\n"
