@@ -20,9 +20,6 @@ from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with
 from inclinometry.constants import DIALS
 from inclinometry.errors import InclinometryError
 
-SIGNIFICANCE = 0.001
-"""Chance of calling any station of a clean run an outlier (Bonferroni over the stations)."""
-
 
 @dataclass(frozen=True)
 class Outlier:
@@ -134,6 +131,7 @@ def find_outliers(
     found: list[Outlier] = []
     here = fitted
     channels = full.noise_sd.shape[1]
+    significance = 0.001  # chance of calling any station of a clean run an outlier (Bonferroni over the stations)
     while len(found) < most and here.degrees_of_freedom > 2 * channels:
         best: tuple[float, int, Fitted] | None = None
         for place in np.argsort(deletion_statistics(here))[::-1][:3]:
@@ -151,8 +149,8 @@ def find_outliers(
             break
         _, place, trial = best
         cautious = fit_with_caution(trial, free_noise, free_rig)
-        probability = _chance(cautious, full, int(kept[place]), SIGNIFICANCE / len(kept))
-        if probability * len(kept) > SIGNIFICANCE:
+        probability = _chance(cautious, full, int(kept[place]), significance / len(kept))
+        if probability * len(kept) > significance:
             break
         found.append(_explain(trial, full, int(kept[place]), probability))
         kept, here = np.delete(kept, place), trial
@@ -183,19 +181,15 @@ def _scan_dial(fitted: Fitted, full: Model, row: int, dial: int) -> tuple[float,
     width = np.radians(1.0)
     cost, best = np.inf, 0.0
     for _ in range(4):
-        costs = _dial_costs(fitted, full, row, dial, steps)
+        # misfit, chi-square, of one station for each error of a dial; what the fit itself is unsure of is no misfit
+        settings = np.repeat(full.settings[row][None], len(steps), axis=0)
+        settings[:, dial] += steps
+        here = full.take(np.full(len(steps), row)).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
+        state = State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
+        at = replace(here, settings=settings).linearise(state)
+        covariance = here.station_covariance(at) + at.jacobian @ fitted.covariance @ at.jacobian.swapaxes(1, 2)
+        costs = np.asarray((at.residual[:, None, :] @ np.linalg.solve(covariance, at.residual[..., None]))[:, 0, 0])
         place = int(np.argmin(costs))
         cost, best = float(costs[place]), float(steps[place])
         steps, width = best + np.linspace(-width, width, 41), width / 20.0
     return cost, best
-
-
-def _dial_costs(fitted: Fitted, full: Model, row: int, dial: int, errors: Array) -> Array:
-    """Misfit, chi-square, of one station for each error of a dial; what the fit itself is unsure of is no misfit."""
-    settings = np.repeat(full.settings[row][None], len(errors), axis=0)
-    settings[:, dial] += errors
-    here = full.take(np.full(len(errors), row)).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
-    state = State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
-    at = replace(here, settings=settings).linearise(state)
-    covariance = here.station_covariance(at) + at.jacobian @ fitted.covariance @ at.jacobian.swapaxes(1, 2)
-    return np.asarray((at.residual[:, None, :] @ np.linalg.solve(covariance, at.residual[..., None]))[:, 0, 0])

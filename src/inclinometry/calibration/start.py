@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inclinometry.arrays import Array, Mask, finite, frozen, within
+from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.calibration.dials import ANGLE_TOLERANCE
 from inclinometry.calibration.likelihood import Model, State, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
@@ -19,10 +19,6 @@ from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
 STATED_SD = float(np.radians(2.0))
 """Standard deviation of a stated dip or latitude, rad: a field model indoors, or a latitude seen with g-sensitivity."""
 
-_START_SD = float(np.radians(3.0))  # of a direction before the fit, rad
-_RIG_LEVEL = float(np.radians(5.0))  # how level the rig is taken to be where the tool has no accelerometer
-_CLEAR = np.sin(np.radians(3.0))  # a component smaller than this says nothing about a sign
-_DECIDES = 25.0  # difference of chi-square between the two signs: five standard deviations
 _CONTRADICTS = 3.0  # standard deviations between the found angle and the stated one
 # how far from north and south a field must point for the side of the rig's zero to decide, as a cosine: a magnetic
 # field by the uncertainty of the zero, the Earth rate by a declination of up to 30 deg besides
@@ -80,6 +76,8 @@ def fix_signs(
     directions, coefficients = dict(state.directions), dict(state.coefficients)
     warnings: list[str] = []
     north = reference.get("north")
+    start_sd = float(np.radians(3.0))  # of a direction before the fit, rad
+    rig_level = float(np.radians(5.0))  # how level the rig is taken to be where the tool has no accelerometer
     for kind in ("accelerometer", "magnetometer", "gyro"):
         if kind not in directions:
             continue
@@ -88,7 +86,7 @@ def fix_signs(
             sign = float(direction @ priors[kind][0])
         elif kind == "accelerometer":
             sign = float(direction[2])
-            if abs(sign) < np.sin(_RIG_LEVEL):
+            if abs(sign) < np.sin(rig_level):
                 warnings.append(
                     f"gravity lies {np.degrees(np.arccos(abs(sign))):.1f} deg from the rig's vertical axis: the rig's "
                     "down is taken to be the side nearer to it; if it is not, inclinations come out as 180 deg minus "
@@ -96,9 +94,9 @@ def fix_signs(
                 )
         else:
             down = directions.get("accelerometer", np.array([0.0, 0.0, 1.0]))
-            u = _START_SD if tangents is None else _elevation_sd(state.directions, kind, tangents)
+            u = start_sd if tangents is None else _elevation_sd(state.directions, kind, tangents)
             if "accelerometer" not in directions:
-                u = float(np.hypot(u, _RIG_LEVEL))
+                u = float(np.hypot(u, rig_level))
             axes = None if left_handed else nearest_axes(coefficients[kind][0, :, :3])
             sign, sentences = _invariant_sign(
                 kind, down, direction, u, reference.get(FIELD_ANGLE[kind]), north, axes, final=tangents is not None
@@ -197,7 +195,8 @@ def _invariant_sign(
     if stated is not None:
         spread = float(np.hypot(u, STATED_SD))
         chi = [((found * sign - stated) / spread) ** 2 for sign in (1.0, -1.0)]
-        decided = abs(chi[1] - chi[0]) > _DECIDES
+        # difference of chi-square between the two signs: five standard deviations
+        decided = abs(chi[1] - chi[0]) > 25.0
         sign = 1.0 if chi[0] < chi[1] or (chi[0] == chi[1] and direction[0] > 0.0) else -1.0
         if final and min(chi) > _CONTRADICTS**2:
             raise InputError(_contradiction(kind, sign * found, u, stated))
@@ -247,12 +246,13 @@ def _assumed(
     """The sign where nothing that is stated decides, named."""
     ahead = float(direction[0] - (direction @ down) * down[0])
     below = float(direction @ down)
+    clear = np.sin(np.radians(3.0))  # a component smaller than this says nothing about a sign
     if axes is not None:
         # channels that lie along the tool's axes are right-handed on one side only
         sign, why = float(np.sign(np.linalg.det(axes))), "so that its channels are right-handed"
-    elif kind == "gyro" or stated is not None or ahead * below > 0.0 or abs(below) < _CLEAR:
+    elif kind == "gyro" or stated is not None or ahead * below > 0.0 or abs(below) < clear:
         sign, why = float(np.sign(ahead)) or 1.0, "towards the rig's azimuth 0"
-    elif abs(ahead) < _CLEAR or abs(below) > abs(ahead):
+    elif abs(ahead) < clear or abs(below) > abs(ahead):
         sign, why = float(np.sign(below)), "downwards"
     else:
         sign, why = float(np.sign(ahead)), "towards the rig's azimuth 0"
@@ -313,7 +313,24 @@ class Stand:
         """
         grid = np.meshgrid(self.azimuth, self.inclination, self.toolface, indexing="ij")
         settings = np.stack([x.ravel() for x in grid], axis=1)
-        return np.asarray(settings[_first_of_each(settings)])
+        # which settings are the first of their orientation
+        azimuth, inclination, toolface = settings.T
+        plumb = np.abs(np.sin(inclination)) < ANGLE_TOLERANCE
+        turned = np.where(np.cos(inclination) > 0.0, toolface + azimuth, toolface - azimuth)
+        key = np.stack(
+            [
+                np.where(plumb, 0.0, wrap_positive(azimuth)),
+                wrap_positive(inclination),
+                np.where(plumb, turned, toolface),
+            ],
+            axis=1,
+        )
+        # in units of the tolerance, a turn taken off again where rounding reached it
+        turn = round(TAU / ANGLE_TOLERANCE)
+        whole = np.mod(np.round(wrap_positive(key) / ANGLE_TOLERANCE), turn)
+        keep = np.zeros(len(settings), dtype=bool)
+        keep[np.unique(whole, axis=0, return_index=True)[1]] = True
+        return np.asarray(settings[keep])
 
 
 def stand_within(
@@ -378,36 +395,7 @@ def _grid(limits: Range, step: float) -> Array:
     return np.linspace(low, high, count + 1)
 
 
-def _first_of_each(settings: Array) -> Mask:
-    """Which settings are the first of their orientation."""
-    azimuth, inclination, toolface = settings.T
-    plumb = np.abs(np.sin(inclination)) < ANGLE_TOLERANCE
-    turned = np.where(np.cos(inclination) > 0.0, toolface + azimuth, toolface - azimuth)
-    key = np.stack(
-        [np.where(plumb, 0.0, wrap_positive(azimuth)), wrap_positive(inclination), np.where(plumb, turned, toolface)],
-        axis=1,
-    )
-    # in units of the tolerance, a turn taken off again where rounding reached it
-    turn = round(TAU / ANGLE_TOLERANCE)
-    whole = np.mod(np.round(wrap_positive(key) / ANGLE_TOLERANCE), turn)
-    keep = np.zeros(len(settings), dtype=bool)
-    keep[np.unique(whole, axis=0, return_index=True)[1]] = True
-    return keep
-
-
 DOWN = np.array([0.0, 0.0, 1.0])
-
-
-MOST_STATIONS = 20_000
-"""Stations a fit takes, for the memory and the patience of a laptop."""
-
-_ABSURD = 1e3
-"""Times the usual spread of its channel beyond which a reading is refused: no attitude can give it."""
-
-_NEAREST = 3  # guesses of a field's direction that are refined
-_REFINEMENTS = 12
-_HALVINGS = 4
-_LARGEST_STEP = 0.3  # rad, of a refinement
 
 
 def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
@@ -415,7 +403,8 @@ def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
     middle = np.median(values, axis=0)
     # the upper tenth, since in a cube two thirds of a channel's readings may be all but equal
     usual = np.quantile(np.abs(values - middle), 0.9, axis=0, method="lower")
-    far = np.abs(values - middle) > _ABSURD * np.where(usual > 0.0, usual, np.inf)
+    # times the usual spread of its channel beyond which a reading is refused: no attitude can give it
+    far = np.abs(values - middle) > 1e3 * np.where(usual > 0.0, usual, np.inf)
     if far.any():
         row, sensor = (int(i) for i in np.argwhere(far)[0])
         raise InputError(
@@ -426,9 +415,10 @@ def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
 
 def enough(readings: BenchReadings) -> None:
     """Raise IdentifiabilityError for fewer readings than parameters, InputError for more than can be handled."""
-    if len(readings) > MOST_STATIONS:
+    most_stations = 20_000  # stations a fit takes, for the memory and the patience of a laptop
+    if len(readings) > most_stations:
         raise InputError(
-            f"{len(readings)} stations; a fit takes up to {MOST_STATIONS}: average readings taken at the same settings "
+            f"{len(readings)} stations; a fit takes up to {most_stations}: average readings taken at the same settings "
             "(give them one station name), or find the still stations of a log first"
         )
     for kind, values in readings.channels.items():
@@ -466,7 +456,8 @@ def linear_start(kind: str, matrix: Array, powers: Array, readings: Array) -> tu
     direction = guesses[int(np.argmin(costs))]
     if kind != "accelerometer":
         # the points lie 14 deg apart: what that leaves, up to 8 % of the field, would look like wrong dials
-        nearest = [_refined(matrix, powers, readings, guesses[i]) for i in np.argsort(costs)[:_NEAREST]]
+        # guesses of a field's direction that are refined
+        nearest = [_refined(matrix, powers, readings, guesses[i]) for i in np.argsort(costs)[:3]]
         direction = min(nearest, key=lambda a: _linear_fit(matrix, powers, readings, a)[1])
     return direction, *_linear_fit(matrix, powers, readings, direction)
 
@@ -499,7 +490,7 @@ def _refined(matrix: Array, powers: Array, readings: Array, direction: Array) ->
     """The direction (3,) of least squares near a given one: Gauss-Newton, the coefficients projected out."""
     a = direction
     coefficients, left = _linear_fit(matrix, powers, readings, a)
-    for _ in range(_REFINEMENTS):
+    for _ in range(12):
         seen = np.concatenate([matrix @ a, np.ones((len(matrix), 1))], axis=1)
         design = (powers[:, :, None] * seen[:, None, :]).reshape(len(seen), -1)
         basis = np.linalg.svd(design, full_matrices=False)
@@ -509,8 +500,8 @@ def _refined(matrix: Array, powers: Array, readings: Array, direction: Array) ->
         slopes = (slopes - space @ (space.T @ slopes)).reshape(-1, 2)
         off = readings - design @ coefficients.transpose(0, 2, 1).reshape(design.shape[1], -1)
         step = np.linalg.lstsq(slopes, off.ravel(), rcond=1e-8)[0]
-        step *= min(1.0, _LARGEST_STEP / max(float(np.linalg.norm(step)), 1e-300))
-        for _ in range(_HALVINGS):
+        step *= min(1.0, 0.3 / max(float(np.linalg.norm(step)), 1e-300))  # rad, of a refinement
+        for _ in range(4):
             tried = a + tangent_basis(a) @ step
             tried /= np.linalg.norm(tried)
             found, less = _linear_fit(matrix, powers, readings, tried)

@@ -123,13 +123,6 @@ def raised_components(model: Model, at: Linear, state: State, free_noise: Set[st
     return _components(model, factors, _relative_sd(likelihood.evaluate(factors)[2], factors, free))
 
 
-DRAWS = 128
-"""Sets of variances over which a covariance is averaged."""
-
-_WELL_KNOWN = 0.03
-"""Relative uncertainty of the variances below which averaging over them changes nothing worth its time."""
-
-
 class Average(NamedTuple):
     """Means over what the readings leave open about the variances."""
 
@@ -156,11 +149,13 @@ def average_over_variances(
     information = likelihood.evaluate(ones)[2][np.ix_(index, index)]
     # a variance the readings say nothing of may be anything within a factor of e^2 or so, not everything
     spread = np.linalg.inv(information + np.eye(len(index)) / _OPEN**2)
-    if np.sqrt(spread.diagonal().max()) < _WELL_KNOWN:
+    # relative uncertainty of the variances below which averaging over them changes nothing worth its time
+    if np.sqrt(spread.diagonal().max()) < 0.03:
         return None
     generator = np.random.default_rng(0)
-    normal = generator.standard_normal((DRAWS, len(index)))
-    tail = np.sqrt(_TAIL / generator.chisquare(_TAIL, DRAWS))
+    draws = 128  # sets of variances over which a covariance is averaged
+    normal = generator.standard_normal((draws, len(index)))
+    tail = np.sqrt(_TAIL / generator.chisquare(_TAIL, draws))
     steps = (normal * tail[:, None]) @ np.linalg.cholesky(spread).T
     density = -0.5 * (_TAIL + len(index)) * np.log1p(np.sum((normal * tail[:, None]) ** 2, axis=1) / _TAIL)
     floors = _floors(model)
@@ -215,29 +210,24 @@ def _relative_sd(information: Array, factors: Array, free: Mask) -> Array:
     return spread
 
 
-_FLOOR = 1e-8
-"""A rig variance this far below its starting value is called perfect."""
-
-LEAST_NOISE = 1e-8
-"""Share of a channel's range below which its noise is rounding; less would leave no digits for the rig's part."""
-
-
 def least_noise(signals: Array) -> Array:
     """Least standard deviation (m,) that channels (K, m) are taken to have."""
-    return np.asarray(np.maximum(LEAST_NOISE * np.ptp(signals, axis=0), np.finfo(float).tiny))
+    # share of a channel's range below which its noise is rounding; less would leave no digits for the rig's part
+    return np.asarray(np.maximum(1e-8 * np.ptp(signals, axis=0), np.finfo(float).tiny))
 
 
 def _floors(model: Model) -> Array:
     """Least factor of each variance: rounding for the noise, what is called perfect for the rig."""
     floors, start = [], 0
     rounding = np.broadcast_to(model.rounding, model.noise_sd.shape)
+    floor = 1e-8  # a rig variance this far below its starting value is called perfect
     for signals in model.signals.values():
         here = slice(start, start + signals.shape[1])
         start += signals.shape[1]
         sd = model.noise_sd[:, here]
         least = max(np.max(least_noise(signals) / sd), np.min(rounding[:, here] / sd))
-        floors.append(max(_FLOOR, min(1.0, float(least**2))))
-    return np.array([*floors, _FLOOR])
+        floors.append(max(floor, min(1.0, float(least**2))))
+    return np.array([*floors, floor])
 
 
 def _maximise(likelihood: _Restricted, factors: Array, free: Mask, floors: Array) -> tuple[Array, Array]:
@@ -273,9 +263,6 @@ def _maximise(likelihood: _Restricted, factors: Array, free: Mask, floors: Array
 
 
 # Fit a joint model and, where they are not known, the variances that weight it.
-
-FIRST_RIG_SD = np.radians(0.1)
-"""Where the search for the rig's standard deviation starts, rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,7 +354,8 @@ def rig_guess(given: ArrayLike | None) -> tuple[Array, Mask]:
     if sd.shape not in ((), (3,)):
         raise InputError(f"rig_sd has shape {sd.shape}; give one value, or three for azimuth, inclination, toolface")
     known = np.broadcast_to(~np.isnan(sd) | (given is not None and sd.ndim == 0), (3,))
-    found = within(np.where(known, sd, FIRST_RIG_SD), "rig_sd", 0.0, np.radians(30.0), "rad")
+    # where the search for the rig's standard deviation starts, rad
+    found = within(np.where(known, sd, np.radians(0.1)), "rig_sd", 0.0, np.radians(30.0), "rad")
     return found, known
 
 
