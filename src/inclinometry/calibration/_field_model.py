@@ -166,17 +166,17 @@ class FieldProblem:
                 shared[:, rows.start + i, at_column + 3] = weight[:, i]
             shared[:, rows, shots.tool] = (at.attitude @ slope @ at.tensors[j].T) * weight
         # tool axis of each station of a set against the set's direction, in the two tangent directions
-        rows = np.flatnonzero(self.shots.member >= 0)
-        sets = self.shots.member[rows]
+        pointed = np.flatnonzero(self.shots.member >= 0)
+        sets = self.shots.member[pointed]
         back = np.swapaxes(tangent(at.pointing)[sets], 1, 2)
-        weight = self.levels.used[rows, -1, None] / self.levels.pointing
-        axis = at.attitude[rows, 2, :]
-        residual[rows, -2:] = (back @ axis[..., None])[..., 0] * weight
+        weight = self.levels.used[pointed, -1, None] / self.levels.pointing
+        axis = at.attitude[pointed, 2, :]
+        residual[pointed, -2:] = (back @ axis[..., None])[..., 0] * weight
         turn = cross_matrices(np.array([0.0, 0.0, 1.0]))
-        latent[rows, -2:] = back @ np.swapaxes(at.attitude[rows], 1, 2) @ turn * weight[..., None]
+        latent[pointed, -2:] = back @ np.swapaxes(at.attitude[pointed], 1, 2) @ turn * weight[..., None]
         first = self.shots.tool + 1 + 2 * sets
         for i in range(2):
-            shared[rows, residual.shape[1] - 2 + i, first + i] = -weight[:, 0]
+            shared[pointed, residual.shape[1] - 2 + i, first + i] = -weight[:, 0]
         linear = Linear(residual, latent, shared)
         self._last = (at, linear)
         return linear
@@ -293,12 +293,6 @@ POINTING: Final = np.radians(0.3)
 """Expected error of pointing a tool by hand at the same target, rad."""
 
 
-FREEDOM: Final = 8.0
-"""Degrees of freedom of Student's t for one triad's reading (or pointing) at one station: Lange, Little, Taylor,
-"Robust statistical modeling using the t distribution", JASA 84 (1989). Light enough that normal readings lose about two
-per cent, heavy enough that one wild shot in sixteen does not lead."""
-
-
 @dataclass(frozen=True)
 class Estimate:
     """A fit with its noise levels. Columns of `square`, `free` and `weight`: each triad, then pointing."""
@@ -322,16 +316,20 @@ def estimate(problem: FieldProblem, at: Unknowns, rounds: int = 100) -> Estimate
     """Fit, noise levels and weights together: iteratively reweighted least squares for Student's t.
 
     A block (one triad's reading at one station, or its pointing) with squared residual s on q degrees of freedom has
-    weight (FREEDOM + q) / (FREEDOM + s). A level is where its weighted squares equal its redundancy (restricted maximum
-    likelihood, Foerstner 1979), with the log-normal prior of `SPREAD`.
+    weight (8 + q) / (8 + s). A level is where its weighted squares equal its redundancy (restricted maximum
+    likelihood, Foerstner 1979), with a log-normal prior.
     """
+    # degrees of freedom of Student's t: Lange, Little, Taylor, "Robust statistical modeling using the t distribution",
+    # JASA 84 (1989). Light enough that normal readings lose about two per cent, heavy enough that one wild shot in
+    # sixteen does not lead
+    t_freedom = 8.0
     present = problem.levels.used > 0.0
     weight = np.ones_like(problem.levels.used)
     expected = np.array([*[NOISE] * len(problem.shots.kinds), POINTING])
     for count in range(rounds):
         at = problem.solve(at, 1e-4).estimate
         square, free = _sums(problem, at, np.where(present, weight, 1.0))
-        updated = np.where(present, (FREEDOM + free) / (FREEDOM + square), 0.0)
+        updated = np.where(present, (t_freedom + free) / (t_freedom + square), 0.0)
         total, freedom = np.sum(updated * square, axis=0), free.sum(axis=0)
         old = np.array([*problem.levels.noise, problem.levels.pointing])
         new = np.where(present.any(axis=0), _levels(old, total, freedom, expected), old)
@@ -345,7 +343,7 @@ def estimate(problem: FieldProblem, at: Unknowns, rounds: int = 100) -> Estimate
     at = problem.solve(at).estimate
     square, free = _sums(problem, at, np.where(present, weight, 1.0))
     # information of t against a normal of the same scale; a block thrown far out tells nothing
-    share = np.where(present & (weight > 0.1), (FREEDOM + free) / (FREEDOM + free + 2.0), 0.0)
+    share = np.where(present & (weight > 0.1), (t_freedom + free) / (t_freedom + free + 2.0), 0.0)
     informed = problem.with_levels(replace(problem.levels, used=np.sqrt(share)))
     names = (*problem.shots.kinds, "pointing")
     freedom = free.sum(axis=0)
@@ -364,7 +362,7 @@ def _sums(problem: FieldProblem, at: Unknowns, weight: Array) -> tuple[Array, Ar
 
 
 def _levels(old: Array, total: Array, freedom: Array, expected: Array) -> Array:
-    """Standard deviations where freedom - total (old/sd)^2 + log(sd / expected) / SPREAD^2 = 0, by Newton in log sd."""
+    """Standard deviations where freedom - total (old/sd)^2 + log(sd / expected) / spread^2 = 0, by Newton in log sd."""
     start = np.log(old)
     log = start.copy()
     # standard deviation of the logarithm of a noise level about its expected value: a factor of e either way. Against

@@ -187,7 +187,8 @@ def verify(
         if _single(readings, calibration):
             return _verify_single(readings, calibration, limits, stand)
         raise
-    names = ANGLES if kinds[0] == "accelerometer" else _FIELD_ANGLES
+    of_field = ("angle of the tool axis to the field", "azimuth", "toolface to the field")
+    names = ANGLES if kinds[0] == "accelerometer" else of_field
     if limits is not None and names is not ANGLES:
         raise InputError(
             f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a {kinds[0]} alone gives none "
@@ -239,9 +240,6 @@ def verify(
     if stand is None and found.verdict == "fail":
         notes += _elsewhere(readings, calibration, limits, second, found)
     return replace(found, notes=notes)
-
-
-_FIELD_ANGLES: Final = ("angle of the tool axis to the field", "azimuth", "toolface to the field")
 
 
 def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:

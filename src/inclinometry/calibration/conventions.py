@@ -543,15 +543,14 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
     # how many times smaller a convention must make it to be the cause
     if least > min(_size(channels, given) / 5.0, MOST_NOISE):
         return []
-    # fewest changes first; what fits as well with as few options is named beside it
-    # conventions that leave less than so many times what the best one leaves fit alike
+    # fewest changes first; what fits as well (within half as much again) with as few options is named beside it
     alike = [way for way, size in sizes.items() if size <= 1.5 * least + 1e-9]
     likely = alike[0]
     others = [w for w in alike[1:] if w.words().count("--") == likely.words().count("--")]
     kind = max(given, key=lambda k: given[k])
     times = _size(channels, given) / max(least, 1e-6)
     said = f"{figure(times)} times better (as given {100.0 * given[kind]:.2g} % of the field of the {kind} is missed)"
-    also = f" {_options(others)} would fit as well." if others else ""
+    also = f" {' or '.join(way.words() for way in others)} would fit as well." if others else ""
     wired = _size(channels, _unexplained(channels, fields, _turns(calibration, readings.dials), wired=True))
     if wired < max(3.0 * least, far) and wired < 0.5 * _size(channels, given):
         return [
@@ -563,10 +562,6 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
         f"the dials seem to count in another way: with {likely.words()} the readings fit {said}. State it, or put the "
         f"column right.{also}"
     )
-
-
-def _options(ways: list[Dials]) -> str:
-    return " or ".join(way.words() for way in ways)
 
 
 class _Seen(NamedTuple):

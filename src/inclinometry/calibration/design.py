@@ -130,7 +130,6 @@ def inclination_grid(low: float, high: float) -> Array:
     return np.linspace(low, high, max(int(np.ceil((high - low) / step - 1e-9)) + 1, 3) if high > low else 1)
 
 
-_FEW = 64
 _PASSES, _LAST_PASSES = 12, 4
 """Passes of an exchange at power 32, which finds its way, and at power 128, which is the worst to within a percent."""
 
@@ -206,11 +205,12 @@ def best_addition(problem: Problem, information: Array, taken: list[int], doubli
     def after(chosen: Index, attitudes: Index) -> Array:
         return before[attitudes] - reductions(white[chosen], problem.gradients[attitudes])
 
-    few = after(candidates, order[:_FEW])
+    first_few = 64
+    few = after(candidates, order[:first_few])
     reference = few.max(axis=1).min()
     bound = _powers(few / reference, doublings)
     ranked = np.argsort(bound, kind="stable")
-    first, rest = ranked[:_FEW], ranked[_FEW:]
+    first, rest = ranked[:first_few], ranked[first_few:]
     # no addition raises a variance: attitudes that matter little even without it are left out
     tail = np.cumsum(_power(before[order] / reference, doublings)[::-1])[::-1]
     order = order[tail > 1e-7 * bound.min()]  # share of the objective that may be left out of a comparison

@@ -362,15 +362,6 @@ def _conversion_factor(kind: str, readings: BenchReadings, nameplate: Tool | Non
     return np.asarray(length * (strength / triad.field_strength))
 
 
-_ASSUMED = {
-    "rotations": "method rotations takes the rig for level and pointed as stated: its uncertainties leave a tilt of "
-    "the base out, and 1 deg of tilt moves inclination by about 0.5 and toolface by 1 deg",
-    "classical": "method classical takes conversion factors from a nameplate and the rig for level: its uncertainties "
-    "leave these errors out, which are often ten times as large; it is here for comparison only",
-}
-"""What a method assumes beyond what its uncertainties contain."""
-
-
 def _solve(method: Callable[..., ClosedForm], readings: BenchReadings, side: Array, signals: Array) -> ClosedForm:
     return method(signals, *readings.dials, sign_hint=side)
 
@@ -419,7 +410,14 @@ def _closed(
     whole = np.zeros((len(joint) + 2 * len(forms),) * 2)
     whole[: len(joint), : len(joint)] = joint
     fitted = Fitted(weights, state, whole, float("nan"), weights.linearise(state))
-    warnings += [_ASSUMED[method]] if method in _ASSUMED else []
+    # what a method assumes beyond what its uncertainties contain
+    beyond = {
+        "rotations": "method rotations takes the rig for level and pointed as stated: its uncertainties leave a tilt "
+        "of the base out, and 1 deg of tilt moves inclination by about 0.5 and toolface by 1 deg",
+        "classical": "method classical takes conversion factors from a nameplate and the rig for level: its "
+        "uncertainties leave these errors out, which are often ten times as large; it is here for comparison only",
+    }
+    warnings += [beyond[method]] if method in beyond else []
     return closed_calibration(readings, fitted, method, name, [*readings.warnings, *warnings, *roll_warnings(readings)])
 
 

@@ -40,7 +40,7 @@ def null_space(model: Model, state: State) -> NullSpace:
     at = bare.linearise(still)
     tool, tangent, extra, width = bare.columns()
     # 1 rad for 1 rad where an angle is known at all
-    known = bare.field_rows(still).rows[:, : extra.start]
+    known = bare.field_rows(still)[1][:, : extra.start]
     rows = at.jacobian.reshape(-1, width)
     scale = _column_scale(bare, still)
     scales = [np.linalg.norm(c[0, :, :3], axis=1).max() * np.ones(c.shape[1]) for c in still.coefficients.values()]
@@ -71,8 +71,7 @@ def null_space(model: Model, state: State) -> NullSpace:
             left = direction - part @ np.linalg.lstsq(part, direction, rcond=None)[0]
         what = " together with ".join(names[i] for i in chosen)
         sentences.append(f"this plan cannot see {what}")
-    sentences = tuple(dict.fromkeys(sentences))
-    return NullSpace(rank, design.shape[1], sentences)
+    return NullSpace(rank, design.shape[1], tuple(dict.fromkeys(sentences)))
 
 
 def constant_errors(fitted: Fitted) -> dict[str, tuple[float, float]]:

@@ -27,7 +27,7 @@ def unit(vectors: Array) -> Array:
 
 
 def distinct(directions: Array, limit: int = 1000) -> int:
-    """Number of directions (K, 3) at least `DISTINCT` apart, counted greedily up to `limit`."""
+    """Number of directions (K, 3) at least 5 deg apart, counted greedily up to `limit`."""
     left, cosine, count = unit(directions), np.cos(np.radians(5.0)), 0  # directions closer than this count as one
     while len(left) and count < limit:
         left = left[left @ left[0] < cosine]
@@ -424,9 +424,9 @@ def calibrate_norms(
         for column, (i, j) in enumerate(_UPPER):
             jacobian[:, :3, column] = -sign * fit.strength * np.outer(inverse[:, i], inverse[j])
         jacobian[:, 3, 6:] = np.eye(3)
-        jacobian = jacobian.reshape(12, 9)
         here = slice(12 * place, 12 * place + 12)
-        covariance[here, here] = jacobian @ fit.covariance @ jacobian.T
+        to_tensor = jacobian.reshape(12, 9)
+        covariance[here, here] = to_tensor @ fit.covariance @ to_tensor.T
     heat = readings.temperature
     span = None if heat is None else (float(heat.min()), float(heat.max()))
     tool = Tool(name, triads, covariance, noise, span)

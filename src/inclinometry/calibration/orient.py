@@ -329,7 +329,7 @@ def fit_base(
     Parameters
     ----------
     kinds : as of `leading_kinds`.
-    zeros : names of `ZEROS` to fit beside tilt and north.
+    zeros : names of the constant errors of dials to fit beside tilt and north.
     setting_sd : of each dial, rad; found when None.
     level : (base (3, 3), sd), optional
         The base is level, its azimuth axis vertical to this standard deviation, rad: only north is fitted.
@@ -382,7 +382,14 @@ def fit_base(
         latent = rows @ common
         if level is not None:
             latent = np.concatenate([latent, level[1] * (rows @ wanted[:, :, :2])], axis=2)
-        _refuse_blind(design)
+        told = np.einsum("kri,krj->ij", design, design)
+        scale = np.sqrt(np.maximum(np.diagonal(told), 1e-300))
+        # least eigenvalue of the scaled information with which two angles count as told apart
+        if np.linalg.eigvalsh(told / np.outer(scale, scale))[0] < 1e-6:
+            raise IdentifiabilityError(
+                f"{len(design)} settings do not tell the orientation of the base: take readings at other inclinations "
+                "and azimuths"
+            )
         system = _System(design, latent, rows @ noise @ np.swapaxes(rows, 1, 2), rows @ np.stack(own_turns, axis=2))
         sd = system.setting_sd((rows @ residual[..., None])[..., 0]) if setting_sd is None else setting_sd
         step, covariance = system.solve((rows @ residual[..., None])[..., 0], sd)
@@ -493,14 +500,3 @@ def _by_direction(fields: Array) -> Array:
 def _vee(generators: Array) -> Array:
     """Vectors (K, 3) of antisymmetric matrices [v x]."""
     return np.stack([generators[:, 2, 1], generators[:, 0, 2], generators[:, 1, 0]], axis=1)
-
-
-def _refuse_blind(design: Array) -> None:
-    information = np.einsum("kri,krj->ij", design, design)
-    scale = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
-    # least eigenvalue of the scaled information with which two angles count as told apart
-    if np.linalg.eigvalsh(information / np.outer(scale, scale))[0] < 1e-6:
-        raise IdentifiabilityError(
-            f"{len(design)} settings do not tell the orientation of the base: take readings at other inclinations "
-            "and azimuths"
-        )

@@ -73,11 +73,11 @@ def check_plan(
         )
     values, vectors = np.linalg.svd(matrix, full_matrices=False)[1:]
     if values[-1] < BLIND * values[0]:
-        vector = vectors[-1]
+        vector = np.abs(vectors[-1])
         mixed = [
             word
-            for word, share in zip(names(degree, gravity is not None), np.abs(vector), strict=True)
-            if share > 0.2 * np.abs(vector).max()
+            for word, share in zip(names(degree, gravity is not None), vector, strict=True)
+            if share > 0.2 * vector.max()
         ]
         raise IdentifiabilityError(
             f"these steps cannot tell apart: {', '.join(mixed)}; add steps at other rates, both ways, about every axis"
@@ -143,10 +143,9 @@ def scaled_design(w: Array, g: Array | None, heat: Array | None, reference: floa
     size = np.abs(matrix).max(axis=0)
     # one size for the three rates, or rounding about an axis that never turns would look like a rate
     each = np.where(size > 0.0, size, 1.0)
-    levelled = each.copy()
+    size = each.copy()
     for power in range(degree + 1):
-        levelled[4 * power : 4 * power + 3] = each[4 * power : 4 * power + 3].max()
-    size = levelled
+        size[4 * power : 4 * power + 3] = each[4 * power : 4 * power + 3].max()
     return matrix / size, size
 
 
@@ -213,11 +212,6 @@ class Suspect(NamedTuple):
     off: dict[int, float]
 
 
-class _Pass(NamedTuple):
-    t: Array  # (n, m) externally studentised residuals
-    dof: int  # of their t distribution
-
-
 def suspects(u: Array, plain: Array, fuller: Array, spread: Array | None) -> list[Suspect]:
     """Steps to be suspected, worst first.
 
@@ -240,18 +234,19 @@ def suspects(u: Array, plain: Array, fuller: Array, spread: Array | None) -> lis
         found = _studentised(u[kept], matrix[kept], None if spread is None else spread[kept])
         if found is None:
             break
-        place = int(np.argmax(np.abs(found.t).max(axis=1)))
+        t, dof = found
+        place = int(np.argmax(np.abs(t).max(axis=1)))
         order.append(int(kept[place]))
         kept = np.delete(kept, place)
-        if 2.0 * stdtr(found.dof, -np.abs(found.t[place]).max()) * count * gyros < SIGNIFICANCE:
+        if 2.0 * stdtr(dof, -np.abs(t[place]).max()) * count * gyros < SIGNIFICANCE:
             last = len(order)
     bad = order[:last]
     rest = np.setdiff1d(np.arange(count), bad)
     return [_described(u, matrix, spread, rest, row) for row in bad]
 
 
-def _studentised(u: Array, matrix: Array, spread: Array | None) -> _Pass | None:
-    """Of each step against a fit without it; None without redundancy.
+def _studentised(u: Array, matrix: Array, spread: Array | None) -> tuple[Array, int] | None:
+    """Externally studentised residuals (n, m) and the degrees of freedom of their t; None without redundancy.
 
     Stated noise is a lower limit: where the others scatter more than it, their scatter counts.
     """
@@ -273,7 +268,7 @@ def _studentised(u: Array, matrix: Array, spread: Array | None) -> _Pass | None:
         )
         others = np.sqrt(np.maximum(np.sum(residual**2) - own**2, 0.0) / dof)
         t[:, gyro] = np.where(judged, own / np.maximum(others, least), 0.0)
-    return _Pass(t, dof)
+    return t, dof
 
 
 def _described(u: Array, matrix: Array, spread: Array | None, rest: Index, row: int) -> Suspect:
@@ -284,9 +279,9 @@ def _described(u: Array, matrix: Array, spread: Array | None, rest: Index, row: 
     found = _studentised(u[rows], matrix[rows], None if spread is None else spread[rows])
     if found is None:
         return Suspect(row, {})
-    t = np.abs(found.t[-1])
+    t, dof = np.abs(found[0][-1]), found[1]
     off = {}
-    for gyro in np.flatnonzero((2.0 * stdtr(found.dof, -t) * u.size < SIGNIFICANCE) | (t == t.max())).tolist():
+    for gyro in np.flatnonzero((2.0 * stdtr(dof, -t) * u.size < SIGNIFICANCE) | (t == t.max())).tolist():
         weight = np.ones(len(rest)) if spread is None else 1.0 / spread[rest, gyro]
         fit = np.linalg.lstsq(matrix[rest] * weight[:, None], u[rest, gyro] * weight, rcond=None)[0]
         off[gyro] = float(u[row, gyro] - matrix[row] @ fit)

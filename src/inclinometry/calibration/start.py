@@ -16,20 +16,8 @@ from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import dip_angle
 from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
 
-STATED_SD = float(np.radians(2.0))
-"""Standard deviation of a stated dip or latitude, rad: a field model indoors, or a latitude seen with g-sensitivity."""
-
-_CONTRADICTS = 3.0  # standard deviations between the found angle and the stated one
-# how far from north and south a field must point for the side of the rig's zero to decide, as a cosine: a magnetic
-# field by the uncertainty of the zero, the Earth rate by a declination of up to 30 deg besides
-_SIDE = {"magnetometer": float(np.sin(np.radians(5.0))), "gyro": 0.5}
 FIELD_ANGLE = {"magnetometer": "dip", "gyro": "latitude"}
 """What the angle between a triad's field and the horizon is called; a latitude has the other sign."""
-_STATE = {
-    "magnetometer": "the dip of the stand (--dip-deg, dip_deg in --site, the column reference_dip_deg, or the form of "
-    "the bench)",
-    "gyro": "the latitude of the stand (latitude_deg in --site)",
-}
 _NORTH = {"magnetometer": "magnetic north", "gyro": "north"}
 
 
@@ -191,15 +179,31 @@ def _invariant_sign(
     # the cosine of the zero's azimuth, as far as the field and the rig's zero are level at all
     level = min(np.cos(elevation), np.sqrt(max(1.0 - down[0] ** 2, 0.0)))
     side = 0.0 if north is None or level < 5.0 * np.sin(min(u, 0.3)) else float(np.cos(zero - north))
-    clear = side if abs(side) > _SIDE[kind] else 0.0
+    # how far from north and south a field must point for the side of the rig's zero to decide, as a cosine: a magnetic
+    # field by the uncertainty of the zero, the Earth rate by a declination of up to 30 deg besides
+    least_side = {"magnetometer": float(np.sin(np.radians(5.0))), "gyro": 0.5}[kind]
+    clear = side if abs(side) > least_side else 0.0
     if stated is not None:
-        spread = float(np.hypot(u, STATED_SD))
+        # of a stated dip or latitude, rad: a field model indoors, or a latitude seen with g-sensitivity
+        stated_sd = float(np.radians(2.0))
+        spread = float(np.hypot(u, stated_sd))
         chi = [((found * sign - stated) / spread) ** 2 for sign in (1.0, -1.0)]
         # difference of chi-square between the two signs: five standard deviations
         decided = abs(chi[1] - chi[0]) > 25.0
         sign = 1.0 if chi[0] < chi[1] or (chi[0] == chi[1] and direction[0] > 0.0) else -1.0
-        if final and min(chi) > _CONTRADICTS**2:
-            raise InputError(_contradiction(kind, sign * found, u, stated))
+        contradicts = 3.0  # standard deviations between the found angle and the stated one
+        if final and min(chi) > contradicts**2:
+            remedy = {
+                "magnetometer": "check the sign of its channels, iron near the stand, and the dip that is stated for "
+                "it",
+                "gyro": "check the sign of its channels, a g-sensitivity of the gyros, and the latitude that is stated",
+            }[kind]
+            raise InputError(
+                f"the {kind} finds {FIELD_ANGLE[kind]} {np.degrees(sign * found):+.2f} deg at the stand, stated is "
+                f"{np.degrees(stated):+.2f} deg: {abs(np.degrees(sign * found - stated)):.1f} deg apart, allowed "
+                f"{contradicts * float(np.degrees(spread)):.1f} ({contradicts:g} standard uncertainties, "
+                f"{np.degrees(u):.2f} deg of the fit and {np.degrees(stated_sd):g} deg of what is stated); {remedy}"
+            )
         if decided:
             if final and sign * clear < 0.0 and north is not None:
                 raise InputError(
@@ -212,21 +216,6 @@ def _invariant_sign(
     if clear:
         return float(np.sign(clear)), []
     return _assumed(kind, down, direction, found, zero, stated, north, axes)
-
-
-def _contradiction(kind: str, found: float, u: float, stated: float) -> str:
-    name = FIELD_ANGLE[kind]
-    spread = float(np.degrees(np.hypot(u, STATED_SD)))
-    remedy = {
-        "magnetometer": "check the sign of its channels, iron near the stand, and the dip that is stated for it",
-        "gyro": "check the sign of its channels, a g-sensitivity of the gyros, and the latitude that is stated",
-    }[kind]
-    return (
-        f"the {kind} finds {name} {np.degrees(found):+.2f} deg at the stand, stated is {np.degrees(stated):+.2f} deg: "
-        f"{abs(np.degrees(found - stated)):.1f} deg apart, allowed {_CONTRADICTS * spread:.1f} ({_CONTRADICTS:g} "
-        f"standard uncertainties, {np.degrees(u):.2f} deg of the fit and {np.degrees(STATED_SD):g} deg of what is "
-        f"stated); {remedy}"
-    )
 
 
 def _turn(zero: float, sign: float) -> float:
@@ -260,7 +249,12 @@ def _assumed(
     missing = f"no {name} is stated" if stated is None else f"a {name} of {np.degrees(stated):+.1f} deg cannot tell"
     if north is not None:
         missing += f" and the zero's stated azimuth of {np.degrees(north):.0f} deg cannot either"
-    cure = "the side of the rig's zero (--north-deg)" if stated is not None else _STATE[kind]
+    state = {
+        "magnetometer": "the dip of the stand (--dip-deg, dip_deg in --site, the column reference_dip_deg, or the form "
+        "of the bench)",
+        "gyro": "the latitude of the stand (latitude_deg in --site)",
+    }
+    cure = "the side of the rig's zero (--north-deg)" if stated is not None else state[kind]
     return sign, [
         f"the sign of the {what} is assumed, {why}, as {missing}: {name} {np.degrees(sign * found):+.1f} deg, the "
         f"rig's zero {_turn(zero, sign):.1f} deg from {_NORTH[kind]}; if that is wrong it is "
