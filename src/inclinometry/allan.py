@@ -36,8 +36,6 @@ from inclinometry.errors import InputError
 # G gives the mean as well: v_m = (6 G(0) - 8 G(m) + 2 G(2 m)) / (2 m^2), the usual terms of IEEE Std 952-1997, annex C.
 
 _WEIGHTS = np.array([1.0, -2.0, 1.0])
-_FAR = 20.0
-"""Distance, in longer differences, from which flicker follows its asymptote; nearer, digits are not yet lost."""
 _STEPS = np.unique(np.concatenate([np.arange(9), np.round(9.0 * 1.15 ** np.arange(90))]).astype(np.int64))
 
 
@@ -96,7 +94,8 @@ def _cross(lag: Index, m: int, other: int) -> Array:
     parts = (-size / 2.0, flicker, size**3 / 12.0, (size == 0.0).astype(np.float64))
     c = np.stack([np.tensordot(weights, part, 2) for part in parts]) / (2.0 * m * other)
     middle = lag + float(other - m)
-    far = np.abs(middle) > _FAR * max(m, other)
+    # distance, in longer differences, from which flicker follows its asymptote; nearer, digits are not yet lost
+    far = np.abs(middle) > 20.0 * max(m, other)
     # fourth derivative of t^2 ln|t|; the other terms end where the differences no longer overlap
     c[:, far] = 0.0
     c[1, far] = -m * other / (2.0 * np.pi * middle[far] ** 2)
@@ -108,12 +107,7 @@ FLAT = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
 SHORTEST = 64
 """Samples below which nothing is fitted."""
 _NAMES = ("angle_random_walk", "bias_instability", "rate_random_walk", "quantisation", "ramp")
-_TIME_POWER = (0.5, 0.0, -0.5, 1.0, -1.0)
-"""Power of the sampling interval that takes a coefficient from samples to seconds."""
-_APART = 1.5
-"""Ratio of neighbouring averaging times in the fit: nearer ones say the same twice."""
 _SEEN = 2.0
-_ONE_SIDED_95 = 1.6448536269514722
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,7 +318,9 @@ def fit_noise(curve: AllanCurve, *, quantisation: bool = False, ramp: bool = Fal
     spread = gain @ covariance @ gain.T
     left = variance / unit - functions @ squares
     chi_square = float(left @ _inverse(covariance) @ left)
-    scale = np.sqrt(unit) * np.array([curve.dt ** _TIME_POWER[term] for term in terms])
+    # power of the sampling interval that takes a coefficient from samples to seconds
+    time_power = (0.5, 0.0, -0.5, 1.0, -1.0)
+    scale = np.sqrt(unit) * np.array([curve.dt ** time_power[term] for term in terms])
     found = [
         _coefficient(place, squares, gain, tensor, float(spread[place, place]), float(scale[place]))
         for place in range(len(terms))
@@ -379,7 +375,8 @@ def _coefficient(place: int, squares: Array, gain: Array, tensor: Array, varianc
     # what a coefficient adds to the scatter of its own square: by itself, as degrees of freedom, and with the others
     own = max(float(row @ _covariance(tensor, alone) @ row), 1e-12)
     lost = 1.0 - float(chi2.ppf(0.05, 2.0 / own)) * own / 2.0
-    least, room, z2 = max(square, 0.0), 1.0 - lost**2, _ONE_SIDED_95**2
+    one_sided_95 = 1.6448536269514722
+    least, room, z2 = max(square, 0.0), 1.0 - lost**2, one_sided_95**2
     # (limit - square)^2 = z^2 (null + crossed limit) + (lost limit)^2
     half = least + z2 * max(both - null - own, 0.0) / 2.0
     limit = scale * float(np.sqrt((half + np.sqrt(half**2 - room * (least**2 - z2 * null))) / room))
@@ -422,7 +419,8 @@ def _spread(factor: Index) -> Index:
     """Rows of a curve that are fitted: averaging times so far apart that each adds something."""
     kept = [0]
     for row in range(1, len(factor)):
-        if factor[row] >= _APART * factor[kept[-1]]:
+        # ratio of neighbouring averaging times in the fit: nearer ones say the same twice
+        if factor[row] >= 1.5 * factor[kept[-1]]:
             kept.append(row)
     return np.array(kept, dtype=np.intp)
 

@@ -16,13 +16,10 @@ from inclinometry.arrays import Array, finite
 from inclinometry.errors import InputError
 from inclinometry.rotations import wrap_positive
 
-KERNEL_MODULE: Final = "inclinometry.compiled"
 WORTH_LOADING: Final = 20_000
 """Samples below which numpy answers sooner than numba can be imported."""
 WORTH_THREADS: Final = 1_000_000
 """Samples above which several threads share the work."""
-PLAIN_BLOCK: Final = 16_384
-WHOLE: Final = 1024
 
 Channels: TypeAlias = tuple[Array, ...]
 
@@ -100,7 +97,8 @@ def angles_from_channels(
     coefficients = _coefficients(matrix_g, offset_g, matrix_b, offset_b)
     result = ChannelAngles(*(np.empty(count) for _ in range(3))) if out is None else _checked_out(out, count, source)
     workers = _workers(threads)
-    if (count < WORTH_LOADING and KERNEL_MODULE not in sys.modules) or not _compiled():
+    kernel_module = "inclinometry.compiled"
+    if (count < WORTH_LOADING and kernel_module not in sys.modules) or not _compiled():
         _plain(source, coefficients, result)
     elif count <= WORTH_THREADS or workers == 1:
         _kernel(source, coefficients, result)
@@ -198,7 +196,8 @@ def _shared(source: Array | Channels, coefficients: Array, result: ChannelAngles
     """One piece per thread; the kernel releases the interpreter lock."""
     count = result.inclination.size
     # whole vectors in every piece but the last, so that the digits do not depend on the number of threads
-    edges = [count * k // workers // WHOLE * WHOLE for k in range(workers)] + [count]
+    whole = 1024
+    edges = [count * k // workers // whole * whole for k in range(workers)] + [count]
 
     def piece(start: int, stop: int) -> None:
         part = slice(start, stop)
@@ -218,31 +217,30 @@ def _part(source: Array | Channels, part: slice) -> Array | Channels:
 def _plain(source: Array | Channels, coefficients: Array, result: ChannelAngles) -> None:
     """The same in numpy, block by block: a second implementation for short arrays."""
     matrices, offsets = coefficients[:18].reshape(2, 3, 3), coefficients[18:].reshape(2, 3, 1)
-    for start in range(0, result.inclination.size, PLAIN_BLOCK):
-        part = slice(start, start + PLAIN_BLOCK)
+    plain_block = 16_384
+    for start in range(0, result.inclination.size, plain_block):
+        part = slice(start, start + plain_block)
         piece = _part(source, part)
         u = np.stack(piece, axis=-1).T if isinstance(piece, tuple) else piece.T
         with np.errstate(invalid="ignore", over="ignore"):
-            angles = _plain_angles(matrices[0] @ (u[:3] - offsets[0]), matrices[1] @ (u[3:] - offsets[1]))
+            g = matrices[0] @ (u[:3] - offsets[0])
+            b = matrices[1] @ (u[3:] - offsets[1])
+            level = g[0] ** 2 + g[1] ** 2
+            vertical = level == 0.0
+            hand = np.copysign(1.0, g[2])
+            sine = (g[0] * b[1] - g[1] * b[0]) * np.sqrt(level + g[2] ** 2)
+            cosine = np.where(vertical, 1.0, b[2] * level - g[2] * (g[0] * b[0] + g[1] * b[1]))
+            toolface_sine = np.where(vertical, -hand * b[1], g[1])
+            toolface_cosine = np.where(vertical, hand * b[0], -g[0])
+            inclination = np.arctan2(np.sqrt(level), g[2])
+            azimuth = wrap_positive(np.arctan2(sine, cosine))
+            toolface = wrap_positive(np.arctan2(toolface_sine, toolface_cosine))
+            undefined = (
+                (vertical & (g[2] == 0.0))
+                | ((sine == 0.0) & (cosine == 0.0))
+                | ((toolface_sine == 0.0) & (toolface_cosine == 0.0))
+            )
+            spoilt = np.where(undefined, np.nan, (inclination + azimuth + toolface) * 0.0)
+            angles = inclination + spoilt, azimuth + spoilt, toolface + spoilt
         for into, angle in zip(result, angles, strict=True):
             into[part] = angle
-
-
-def _plain_angles(g: Array, b: Array) -> tuple[Array, Array, Array]:
-    level = g[0] ** 2 + g[1] ** 2
-    vertical = level == 0.0
-    hand = np.copysign(1.0, g[2])
-    sine = (g[0] * b[1] - g[1] * b[0]) * np.sqrt(level + g[2] ** 2)
-    cosine = np.where(vertical, 1.0, b[2] * level - g[2] * (g[0] * b[0] + g[1] * b[1]))
-    toolface_sine = np.where(vertical, -hand * b[1], g[1])
-    toolface_cosine = np.where(vertical, hand * b[0], -g[0])
-    inclination = np.arctan2(np.sqrt(level), g[2])
-    azimuth = wrap_positive(np.arctan2(sine, cosine))
-    toolface = wrap_positive(np.arctan2(toolface_sine, toolface_cosine))
-    undefined = (
-        (vertical & (g[2] == 0.0))
-        | ((sine == 0.0) & (cosine == 0.0))
-        | ((toolface_sine == 0.0) & (toolface_cosine == 0.0))
-    )
-    spoilt = np.where(undefined, np.nan, (inclination + azimuth + toolface) * 0.0)
-    return inclination + spoilt, azimuth + spoilt, toolface + spoilt

@@ -188,10 +188,6 @@ def to_native(convention: Convention, accelerometer: ArrayLike, magnetometer: Ar
     )
 
 
-RATIO: Final = 3.0
-"""A rival must scatter this many times more: 95 % point of sqrt(F(3, 3)), four attitudes of equal quality."""
-
-
 @dataclass(frozen=True)
 class Mapping:
     """One signed permutation: the magnetometer channels that lie along the accelerometer's x, y, z."""
@@ -311,7 +307,8 @@ def _judge(pairs: list[tuple[Mapping, Mapping]], dip: float | None, tolerance: f
     if best.scatter > tolerance:
         text += f" No mapping keeps the dip constant to {degrees(tolerance):.3g} deg: calibrate, or look for magnetic "
         return True, text + "disturbance or readings out of order."
-    if rival.scatter < max(RATIO * best.scatter, tolerance):
+    # a rival must scatter this many times more: 95 % point of sqrt(F(3, 3)), four attitudes of equal quality
+    if rival.scatter < max(3.0 * best.scatter, tolerance):
         return True, text + " The attitudes do not tell these apart: add some at other inclinations and toolfaces."
     if dip is None:
         text += f" The same channels reversed give dip {degrees(-best.dip):.2f} deg: the site's dip tells which."

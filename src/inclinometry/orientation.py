@@ -15,8 +15,6 @@ from inclinometry.arrays import Array, finite
 from inclinometry.errors import InputError
 from inclinometry.rotations import cross_matrix, dcm, wrap_positive
 
-PARALLEL = 1e-14
-"""Sine of the angle between g and b below which rounding alone decides the azimuth."""
 PLUMB = 1e-290
 """Sine of the inclination below which products of components run out of digits: taken as exactly vertical."""
 
@@ -299,8 +297,9 @@ def _triad(g: ArrayLike, b: ArrayLike) -> _Triad:
     (d, strength), (m, length) = _unit(g, "g"), _unit(b, "b")
     cross = np.cross(d, m)
     sine = np.linalg.norm(cross, axis=-1)
-    if (sine < PARALLEL).any():
-        at = [int(i) for i in np.argwhere(sine < PARALLEL)[0]]
+    parallel = 1e-14  # sine of the angle between g and b below which rounding alone decides the azimuth
+    if (sine < parallel).any():
+        at = [int(i) for i in np.argwhere(sine < parallel)[0]]
         raise InputError(
             f"g and b{at if at else ''} are parallel; azimuth needs a second field that is not vertical "
             "(are the accelerometer and magnetometer columns the same?)"

@@ -88,18 +88,16 @@ class Triad:
         if self.field_strength is not None and not self.field_strength > 0.0:
             raise InputError(f"{self.kind}: field strength is {self.field_strength}; it must be positive")
         if self.g_sensitivity is not None:
-            object.__setattr__(self, "g_sensitivity", self._checked_sensitivity(tensor.shape[1]))
+            count = tensor.shape[1]
+            if self.kind != "gyro":
+                raise InputError(f"{self.kind}: g_sensitivity is given; only gyros have one, leave it out")
+            sensitivity = finite(self.g_sensitivity, "g_sensitivity", (count, 3))
+            if sensitivity.ndim != 2:
+                raise InputError(f"g_sensitivity has shape {sensitivity.shape}; expected ({count}, 3)")
+            object.__setattr__(self, "g_sensitivity", frozen(sensitivity))
         object.__setattr__(self, "tensor", frozen(tensor))
         object.__setattr__(self, "offset", frozen(offset))
         object.__setattr__(self, "_inverse", frozen(np.linalg.pinv(tensor[0])))
-
-    def _checked_sensitivity(self, count: int) -> Array:
-        if self.kind != "gyro":
-            raise InputError(f"{self.kind}: g_sensitivity is given; only gyros have one, leave it out")
-        sensitivity = finite(self.g_sensitivity, "g_sensitivity", (count, 3))  # type: ignore[arg-type]
-        if sensitivity.ndim != 2:
-            raise InputError(f"g_sensitivity has shape {sensitivity.shape}; expected ({count}, 3)")
-        return frozen(sensitivity)
 
     @property
     def count(self) -> int:

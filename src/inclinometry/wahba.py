@@ -7,7 +7,6 @@ q and the SVD both give the maximum-likelihood attitude of any number of directi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +15,6 @@ from inclinometry.arrays import Array, finite, frozen
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import Angles, angles
 from inclinometry.rotations import dcm_from_quaternion
-
-SMALLEST: Final = 1e-10
-"""Observability below which rounding, divided by it, reaches a microradian: refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,9 +224,10 @@ def _frame(pair: Array) -> Array:
 
 
 def _require(observability: Array) -> None:
-    if observability.size and float(observability.min()) < SMALLEST:
+    smallest = 1e-10  # observability below which rounding, divided by it, reaches a microradian: refused
+    if observability.size and float(observability.min()) < smallest:
         raise IdentifiabilityError(
-            f"observability is {max(float(observability.min()), 0.0):.2g} (at least {SMALLEST:g} needed): the "
+            f"observability is {max(float(observability.min()), 0.0):.2g} (at least {smallest:g} needed): the "
             "directions are parallel or opposite, or contradict each other, and the turn about their common line is "
             "not determined; add a direction well away from it"
         )

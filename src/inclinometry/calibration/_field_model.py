@@ -165,24 +165,21 @@ class FieldProblem:
                 shared[:, rows.start + i, at_column : at_column + 3] = a * weight[:, i, None]
                 shared[:, rows.start + i, at_column + 3] = weight[:, i]
             shared[:, rows, shots.tool] = (at.attitude @ slope @ at.tensors[j].T) * weight
-        self._pointing(at, residual, latent, shared)
+        # tool axis of each station of a set against the set's direction, in the two tangent directions
+        pointed = np.flatnonzero(self.shots.member >= 0)
+        sets = self.shots.member[pointed]
+        back = np.swapaxes(tangent(at.pointing)[sets], 1, 2)
+        weight = self.levels.used[pointed, -1, None] / self.levels.pointing
+        axis = at.attitude[pointed, 2, :]
+        residual[pointed, -2:] = (back @ axis[..., None])[..., 0] * weight
+        turn = cross_matrices(np.array([0.0, 0.0, 1.0]))
+        latent[pointed, -2:] = back @ np.swapaxes(at.attitude[pointed], 1, 2) @ turn * weight[..., None]
+        first = self.shots.tool + 1 + 2 * sets
+        for i in range(2):
+            shared[pointed, residual.shape[1] - 2 + i, first + i] = -weight[:, 0]
         linear = Linear(residual, latent, shared)
         self._last = (at, linear)
         return linear
-
-    def _pointing(self, at: Unknowns, residual: Array, latent: Array, shared: Array) -> None:
-        """Tool axis of each station of a set against the set's direction, in the two tangent directions."""
-        rows = np.flatnonzero(self.shots.member >= 0)
-        sets = self.shots.member[rows]
-        back = np.swapaxes(tangent(at.pointing)[sets], 1, 2)
-        weight = self.levels.used[rows, -1, None] / self.levels.pointing
-        axis = at.attitude[rows, 2, :]
-        residual[rows, -2:] = (back @ axis[..., None])[..., 0] * weight
-        turn = cross_matrices(np.array([0.0, 0.0, 1.0]))
-        latent[rows, -2:] = back @ np.swapaxes(at.attitude[rows], 1, 2) @ turn * weight[..., None]
-        first = self.shots.tool + 1 + 2 * sets
-        for i in range(2):
-            shared[rows, residual.shape[1] - 2 + i, first + i] = -weight[:, 0]
 
     def normal(self, at: Unknowns) -> Normal:
         """Normal equations of the shared parameters."""
@@ -200,18 +197,17 @@ class FieldProblem:
         extra = np.arange(self.shots.tool, self.size)
         hessian[extra, extra] += RIDGE
         if len(self.shots.kinds) == 1:
-            self._pin_headings(at, hessian)
+            # one field alone shows no heading: keep each set's direction from wandering about the vertical
+            sideways = np.cross(np.array([0.0, 0.0, 1.0]), at.pointing)
+            for s, direction in enumerate(sideways):
+                own = slice(self.shots.tool + 1 + 2 * s, self.shots.tool + 3 + 2 * s)
+                heading = tangent(at.pointing[s]).T @ direction
+                hessian[own, own] += (
+                    np.outer(heading, heading)
+                    * float(np.trace(hessian[own, own]))
+                    / max(float(heading @ heading), 1e-6)
+                )
         return Normal(cost, gradient, hessian)
-
-    def _pin_headings(self, at: Unknowns, hessian: Array) -> None:
-        """One field alone shows no heading: keep each set's direction from wandering about the vertical."""
-        sideways = np.cross(np.array([0.0, 0.0, 1.0]), at.pointing)
-        for s, direction in enumerate(sideways):
-            own = slice(self.shots.tool + 1 + 2 * s, self.shots.tool + 3 + 2 * s)
-            heading = tangent(at.pointing[s]).T @ direction
-            hessian[own, own] += (
-                np.outer(heading, heading) * float(np.trace(hessian[own, own])) / max(float(heading @ heading), 1e-6)
-            )
 
     def gauge(self, at: Unknowns) -> Array:
         """Unit direction in which all readings stay the same: the tool axes turned about the tool axis."""
@@ -296,22 +292,6 @@ NOISE: Final = 0.002
 POINTING: Final = np.radians(0.3)
 """Expected error of pointing a tool by hand at the same target, rad."""
 
-SPREAD: Final = 1.0
-"""Standard deviation of the logarithm of a noise level about its expected value: a factor of e either way. Against the
-forty degrees of freedom of a usual campaign this moves a level by a few per cent; it keeps a component that has hardly
-any from falling to zero, which would trust it without limit."""
-
-FREEDOM: Final = 8.0
-"""Degrees of freedom of Student's t for one triad's reading (or pointing) at one station: Lange, Little, Taylor,
-"Robust statistical modeling using the t distribution", JASA 84 (1989). Light enough that normal readings lose about two
-per cent, heavy enough that one wild shot in sixteen does not lead."""
-
-FLOOR: Final = 1e-5
-"""Least noise, of full field, and least pointing error, rad: what even exact simulated readings are given."""
-
-RAREST: Final = 0.01
-"""A shot is named as bad when a clean campaign would name one less often than this."""
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -336,16 +316,20 @@ def estimate(problem: FieldProblem, at: Unknowns, rounds: int = 100) -> Estimate
     """Fit, noise levels and weights together: iteratively reweighted least squares for Student's t.
 
     A block (one triad's reading at one station, or its pointing) with squared residual s on q degrees of freedom has
-    weight (FREEDOM + q) / (FREEDOM + s). A level is where its weighted squares equal its redundancy (restricted maximum
-    likelihood, Foerstner 1979), with the log-normal prior of `SPREAD`.
+    weight (8 + q) / (8 + s). A level is where its weighted squares equal its redundancy (restricted maximum
+    likelihood, Foerstner 1979), with a log-normal prior.
     """
+    # degrees of freedom of Student's t: Lange, Little, Taylor, "Robust statistical modeling using the t distribution",
+    # JASA 84 (1989). Light enough that normal readings lose about two per cent, heavy enough that one wild shot in
+    # sixteen does not lead
+    t_freedom = 8.0
     present = problem.levels.used > 0.0
     weight = np.ones_like(problem.levels.used)
     expected = np.array([*[NOISE] * len(problem.shots.kinds), POINTING])
     for count in range(rounds):
         at = problem.solve(at, 1e-4).estimate
         square, free = _sums(problem, at, np.where(present, weight, 1.0))
-        updated = np.where(present, (FREEDOM + free) / (FREEDOM + square), 0.0)
+        updated = np.where(present, (t_freedom + free) / (t_freedom + square), 0.0)
         total, freedom = np.sum(updated * square, axis=0), free.sum(axis=0)
         old = np.array([*problem.levels.noise, problem.levels.pointing])
         new = np.where(present.any(axis=0), _levels(old, total, freedom, expected), old)
@@ -359,7 +343,7 @@ def estimate(problem: FieldProblem, at: Unknowns, rounds: int = 100) -> Estimate
     at = problem.solve(at).estimate
     square, free = _sums(problem, at, np.where(present, weight, 1.0))
     # information of t against a normal of the same scale; a block thrown far out tells nothing
-    share = np.where(present & (weight > 0.1), (FREEDOM + free) / (FREEDOM + free + 2.0), 0.0)
+    share = np.where(present & (weight > 0.1), (t_freedom + free) / (t_freedom + free + 2.0), 0.0)
     informed = problem.with_levels(replace(problem.levels, used=np.sqrt(share)))
     names = (*problem.shots.kinds, "pointing")
     freedom = free.sum(axis=0)
@@ -378,17 +362,22 @@ def _sums(problem: FieldProblem, at: Unknowns, weight: Array) -> tuple[Array, Ar
 
 
 def _levels(old: Array, total: Array, freedom: Array, expected: Array) -> Array:
-    """Standard deviations where freedom - total (old/sd)^2 + log(sd / expected) / SPREAD^2 = 0, by Newton in log sd."""
+    """Standard deviations where freedom - total (old/sd)^2 + log(sd / expected) / spread^2 = 0, by Newton in log sd."""
     start = np.log(old)
     log = start.copy()
+    # standard deviation of the logarithm of a noise level about its expected value: a factor of e either way. Against
+    # the forty degrees of freedom of a usual campaign this moves a level by a few per cent; it keeps a component that
+    # has hardly any from falling to zero, which would trust it without limit
+    spread = 1.0
     for _ in range(100):
         ratio = total * np.exp(2.0 * (start - log))
-        value = freedom - ratio + (log - np.log(expected)) / SPREAD**2
-        step = np.clip(value / (2.0 * ratio + 1.0 / SPREAD**2), -1.0, 1.0)
+        value = freedom - ratio + (log - np.log(expected)) / spread**2
+        step = np.clip(value / (2.0 * ratio + 1.0 / spread**2), -1.0, 1.0)
         log = log - step
         if np.all(np.abs(step) < 1e-10):
             break
-    return np.maximum(np.exp(log), FLOOR)
+    # least noise, of full field, and least pointing error, rad: what even exact simulated readings are given
+    return np.maximum(np.exp(log), 1e-5)
 
 
 def bad_shots(found: Estimate) -> list[tuple[int, int]]:
@@ -404,7 +393,8 @@ def bad_shots(found: Estimate) -> list[tuple[int, int]]:
     ratio = np.where(judged, 0.82 * found.square / np.maximum(found.free, 0.1) / usual, 0.0)
     chance = np.where(judged, fdtrc(np.maximum(found.free, 0.1), np.maximum(left, 1.0), ratio), 1.0)
     order = np.argsort(chance, axis=None)
-    limit = RAREST / max(int(np.count_nonzero(judged)), 1)
+    # a shot is named as bad when a clean campaign would name one less often than this
+    limit = 0.01 / max(int(np.count_nonzero(judged)), 1)
     rows, groups = np.unravel_index(order, chance.shape)
     return [(int(k), int(g)) for k, g in zip(rows, groups, strict=True) if chance[k, g] < limit]
 
@@ -418,24 +408,14 @@ def canonical(found: Estimate, flip: bool) -> tuple[Unknowns, Array]:
     """
     sign = -1.0 if flip else 1.0
     axes = sign * unit(found.at.tensors[0])
-    weights = _carriers(axes)
+    # weights of the first two sensors in the convention
+    size = np.hypot(axes[0, 0] + axes[1, 1], axes[0, 1] - axes[1, 0])
+    weights = np.ones(2) if size > 0.3 else np.asarray(np.eye(2)[int(np.argmax(np.linalg.norm(axes[:2, :2], axis=1)))])
     # the sum after a turn by t is cos t (n0x + n1y) + sin t (n0y - n1x)
     along = weights[0] * axes[0, 0] + weights[1] * axes[1, 1]
     across = weights[0] * axes[0, 1] - weights[1] * axes[1, 0]
     at = turned(found.at, float(np.arctan2(across, along)))
-    return at, _projection(found, at, sign, weights)
-
-
-def _carriers(axes: Array) -> Array:
-    """Weights of the first two sensors in the convention."""
-    size = np.hypot(axes[0, 0] + axes[1, 1], axes[0, 1] - axes[1, 0])
-    if size > 0.3:
-        return np.ones(2)
-    return np.asarray(np.eye(2)[int(np.argmax(np.linalg.norm(axes[:2, :2], axis=1)))])
-
-
-def _projection(found: Estimate, at: Unknowns, sign: float, weights: Array) -> Array:
-    """I - g c' / (c' g): changes of the parameters with the convention h = n0y - n1x = 0 kept; c is the slope of h."""
+    # I - g c' / (c' g): changes of the parameters with the convention h = n0y - n1x = 0 kept; c is the slope of h
     problem, tensor = found.problem, at.tensors[0]
     length = np.linalg.norm(tensor, axis=1)
     axes = tensor / length[:, None]
@@ -444,7 +424,7 @@ def _projection(found: Estimate, at: Unknowns, sign: float, weights: Array) -> A
         gradient = (np.eye(3)[axis] - axes[sensor] * axes[sensor, axis]) / length[sensor]
         slope[4 * sensor : 4 * sensor + 3] = sign * factor * gradient
     gauge = problem.gauge(at)
-    return np.asarray(np.eye(problem.size) - np.outer(gauge, slope) / (slope @ gauge))
+    return at, np.asarray(np.eye(problem.size) - np.outer(gauge, slope) / (slope @ gauge))
 
 
 def warn_axes(kinds: Sequence[str], at: Unknowns, flip: bool) -> list[str]:

@@ -22,7 +22,6 @@ from inclinometry.rotations import cross_matrix, wrap_signed
 from inclinometry.sensors import field_sensitivity
 
 GUARDS = ("none", "expanded-uncertainty")
-FEW_POSITIONS = 6
 NEAR_VERTICAL = np.radians(1.0)
 """Azimuth and toolface are never judged nearer to the vertical than this, rad."""
 DERIVED: Final = (
@@ -30,8 +29,6 @@ DERIVED: Final = (
     "times a k with which 99 % of tools as good as that pass at all positions"
 )
 """Where limits come from when none are given."""
-PLUMB = 10.0
-"""Inclinations below so many standard uncertainties are lengths of a tilt in two directions."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +187,8 @@ def verify(
         if _single(readings, calibration):
             return _verify_single(readings, calibration, limits, stand)
         raise
-    names = ANGLES if kinds[0] == "accelerometer" else _FIELD_ANGLES
+    of_field = ("angle of the tool axis to the field", "azimuth", "toolface to the field")
+    names = ANGLES if kinds[0] == "accelerometer" else of_field
     if limits is not None and names is not ANGLES:
         raise InputError(
             f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a {kinds[0]} alone gives none "
@@ -221,8 +219,12 @@ def verify(
         from scipy.special import ndtri
 
         k = float(ndtri(1.0 - 0.005 / max(judged, 1)))
-    plumb = np.minimum(inclination, np.pi - inclination) < PLUMB * tilt
-    u[plumb, 0] = tilt[plumb] * _two_directions(k)
+    # inclinations below so many standard uncertainties are lengths of a tilt in two directions
+    plumb = np.minimum(inclination, np.pi - inclination) < 10.0 * tilt
+    # by how much the error of a tilt in two directions is wider than that of one, for the coverage of k
+    from scipy.special import erfc
+
+    u[plumb, 0] = tilt[plumb] * float(np.sqrt(-2.0 * np.log(erfc(k / np.sqrt(2.0)))) / k)
     bounds = k * u
     if limits is not None:
         for column, name in enumerate(ANGLES):
@@ -238,9 +240,6 @@ def verify(
     if stand is None and found.verdict == "fail":
         notes += _elsewhere(readings, calibration, limits, second, found)
     return replace(found, notes=notes)
-
-
-_FIELD_ANGLES: Final = ("angle of the tool axis to the field", "azimuth", "toolface to the field")
 
 
 def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:
@@ -570,6 +569,26 @@ def _decided(
     verdict = "fail" if any(d in ("fail", "inconclusive") for row in decision for d in row) else "pass"
     if all(d == "not judged" for row in decision for d in row) and limits is None:
         raise InputError("none of these positions can be judged: take others, inclined ones")
+    # the worst position of each angle that did not pass, a word when everything did, and what was not judged
+    sentences = []
+    for column, name in enumerate(names):
+        bad = [row for row in range(len(errors)) if decision[row][column] in ("fail", "inconclusive")]
+        if bad:
+            worst = max(bad, key=lambda row: abs(errors[row, column]) / bounds[row, column])
+            sentences.append(
+                f"{name}: {len(bad)} of {len(errors)} positions not accepted; worst at station "
+                f"{readings.station[worst]}, error {np.degrees(errors[worst, column]):+.3f} deg, "
+                f"limit {np.degrees(bounds[worst, column]):.3f} deg"
+            )
+    if not sentences:
+        sentences.append("every judged angle is within its limit at every position")
+    idle = [
+        name
+        for column, name in enumerate(names)
+        if name != "-" and all(row[column] == "not judged" for row in decision)
+    ]
+    if idle:
+        sentences.append(f"not judged at any position, the verdict does not cover: {', '.join(idle)}")
     return Verification(
         readings.station,
         dials,
@@ -580,7 +599,7 @@ def _decided(
         decision,
         k,
         verdict,
-        _reasons(readings, errors, bounds, decision, names),
+        tuple(sentences),
         limits.name if limits else "certificate",
         limits.source if limits else DERIVED,
         calibration.tool.name,
@@ -606,22 +625,13 @@ def _largest_tilt(readings: BenchReadings, calibration: Calibration, where: _Whe
     length, up = np.linalg.norm(g, axis=1), np.where(g[:, 2] < 0.0, -1.0, 1.0)
     found = []
     # the derivatives of a tool that leans hardly at all, toward x, y and between: they give the whole covariance
+    lean = 1e-3
     for x, y in ((1.0, 0.0), (0.0, 1.0), (np.sqrt(0.5), np.sqrt(0.5))):
-        leaning = np.stack([_LEAN * x * length, _LEAN * y * length, up * length], axis=1)
+        leaning = np.stack([lean * x * length, lean * y * length, up * length], axis=1)
         found.append(_variance(readings, calibration, where, {**where.fields, kinds[0]: leaning})[:, 0])
     xx, yy, between = found
     middle, xy = (xx + yy) / 2.0, between - (xx + yy) / 2.0
     return np.asarray(middle + np.hypot((xx - yy) / 2.0, xy))
-
-
-_LEAN = 1e-3
-
-
-def _two_directions(k: float) -> float:
-    """By how much the error of a tilt in two directions is wider than that of one, for the coverage of k."""
-    from scipy.special import erfc
-
-    return float(np.sqrt(-2.0 * np.log(erfc(k / np.sqrt(2.0)))) / k)
 
 
 def _variance(readings: BenchReadings, calibration: Calibration, where: _Where, seen: Mapping[str, Array]) -> Array:
@@ -674,32 +684,6 @@ def _judge(error: float, limit: float, guard: float) -> str:
     return "inconclusive" if error > limit - guard else "pass"
 
 
-def _reasons(
-    readings: BenchReadings, errors: Array, bounds: Array, decision: list[list[str]], names: Sequence[str]
-) -> tuple[str, ...]:
-    """The worst position of each angle that did not pass, a word when everything did, and what was not judged."""
-    sentences = []
-    for column, name in enumerate(names):
-        bad = [row for row in range(len(errors)) if decision[row][column] in ("fail", "inconclusive")]
-        if bad:
-            worst = max(bad, key=lambda row: abs(errors[row, column]) / bounds[row, column])
-            sentences.append(
-                f"{name}: {len(bad)} of {len(errors)} positions not accepted; worst at station "
-                f"{readings.station[worst]}, error {np.degrees(errors[worst, column]):+.3f} deg, "
-                f"limit {np.degrees(bounds[worst, column]):.3f} deg"
-            )
-    if not sentences:
-        sentences.append("every judged angle is within its limit at every position")
-    idle = [
-        name
-        for column, name in enumerate(names)
-        if name != "-" and all(row[column] == "not judged" for row in decision)
-    ]
-    if idle:
-        sentences.append(f"not judged at any position, the verdict does not cover: {', '.join(idle)}")
-    return tuple(sentences)
-
-
 def _too_narrow(expanded: Array, bounds: Array, limits: Limits | None) -> list[str]:
     """A limit narrower than the comparison's own uncertainty cannot be decided, whatever the tool does."""
     if limits is None:
@@ -739,9 +723,10 @@ def _worth(calibration: Calibration, inclination: Array, u: Array, bounds: Array
 
 def _warnings(readings: BenchReadings, calibration: Calibration) -> list[str]:
     sentences = list(readings.warnings)
-    if len(readings) < FEW_POSITIONS:
+    few_positions = 6
+    if len(readings) < few_positions:
         sentences.append(
-            f"{len(readings)} positions verify little; take at least {FEW_POSITIONS}, spread over the range of use"
+            f"{len(readings)} positions verify little; take at least {few_positions}, spread over the range of use"
         )
     span, heat = calibration.tool.temperature_range, readings.temperature
     if span and heat is not None and (heat.min() < span[0] - 5.0 or heat.max() > span[1] + 5.0):

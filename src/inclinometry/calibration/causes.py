@@ -16,8 +16,6 @@ from inclinometry.orientation import fields
 from inclinometry.sensors import angle_sensitivity
 from inclinometry.uncertainty import Budget
 
-DIALS = ("azimuth dial", "inclination dial", "toolface dial")
-
 
 def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str, Array], Array]:
     """`Calibration.causes` and `Calibration.response` of a joint fit; the causes add up to the whole covariance.
@@ -42,7 +40,8 @@ def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str,
     for name, variance in (("converter", converter), ("sensor noise", model.noise_sd**2 - converter)):
         spread = weighted * np.sqrt(variance)[..., None]
         found[name] = brought((spread.swapaxes(1, 2) @ spread).sum(axis=0))
-    for dial, name in enumerate(DIALS):
+    dials = ("azimuth dial", "inclination dial", "toolface dial")
+    for dial, name in enumerate(dials):
         moved = model.rig_sd[dial] * np.einsum("kmp,km->kp", weighted, at.by_setting[..., dial])
         found[name] = brought(moved.T @ moved)
     found["what is assumed of the stand"] = brought(prior)
@@ -118,28 +117,22 @@ def error_budget(
     rounding = np.minimum(rounding, noise)
     parts["reading: converter"] = mean(sensitivity.by_signal, np.diag(rounding**2))
     parts["reading: sensor noise"] = mean(sensitivity.by_signal, np.diag(noise**2 - rounding**2))
-    bent = _non_linearity(calibration, readings, seen, sensitivity.by_signal, sensitivity.by_parameter)
+    # errors (..., 4) of the angles by the square laws that the roll sets show; None where they show none
+    second = second_harmonics(readings)
+    if second is None or not any("not linear" in sentence for sentence in second.sentences):
+        bent = None
+    else:
+        tool, kept = calibration.tool, [readings.station.index(name) for name in calibration.residuals.station]
+        wrong, signals = [], []
+        for kind, triad in tool.triads.items():
+            clear = np.abs(second.square[kind]) > 4.0 * second.u_square[kind]
+            law = np.where(clear, second.square[kind] / np.maximum(second.swing[kind], np.finfo(float).tiny), 0.0)
+            wrong.append(law * (readings.channels[kind][kept] - triad.offset[0]) ** 2)
+            if kind in seen:
+                signals.append(law * (seen[kind] @ triad.tensor[0].T) ** 2)
+        moved = calibration.response @ np.concatenate(wrong, axis=1).ravel()
+        angles = np.einsum("nabim,nabm->nabi", sensitivity.by_signal, np.concatenate(signals, axis=-1))
+        bent = np.asarray(angles + sensitivity.by_parameter @ moved)
     if bent is not None:
         parts["non-linearity"] = np.einsum("nabi,nabj->nij", bent, bent) / steps**2
     return Budget(ALL_ANGLES, {name: part for name, part in parts.items() if part.any()})
-
-
-def _non_linearity(
-    calibration: Calibration, readings: BenchReadings, seen: dict[str, Array], by_signal: Array, by_parameter: Array
-) -> Array | None:
-    """Errors (..., 4) of the angles by the square laws that the roll sets show; None where they show none."""
-    second = second_harmonics(readings)
-    if second is None or not any("not linear" in sentence for sentence in second.sentences):
-        return None
-    tool, kept = calibration.tool, [readings.station.index(name) for name in calibration.residuals.station]
-    wrong, signals = [], []
-    for kind, triad in tool.triads.items():
-        clear = np.abs(second.square[kind]) > 4.0 * second.u_square[kind]
-        law = np.where(clear, second.square[kind] / np.maximum(second.swing[kind], np.finfo(float).tiny), 0.0)
-        wrong.append(law * (readings.channels[kind][kept] - triad.offset[0]) ** 2)
-        if kind in seen:
-            signals.append(law * (seen[kind] @ triad.tensor[0].T) ** 2)
-    moved = calibration.response @ np.concatenate(wrong, axis=1).ravel()
-    angles = np.einsum("nabim,nabm->nabi", by_signal, np.concatenate(signals, axis=-1))
-    # by_parameter is of the reading's own angles: a parameter too large makes the field too small
-    return np.asarray(angles + by_parameter @ moved)

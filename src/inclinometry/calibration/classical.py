@@ -17,8 +17,6 @@ from inclinometry.calibration.twelve import DOWN, unit_direction
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.rotations import dcm
 
-_MOST_DEGREES = 20.0
-
 
 def solve_classical(
     signals: ArrayLike,
@@ -99,7 +97,7 @@ def solve_classical(
     return ClosedForm(fit[..., :3], fit[..., 3], np.broadcast_to(a, (*fit.shape[:-2], 3)))
 
 
-def nominal_axes(tensor: ArrayLike, most_degrees: float = _MOST_DEGREES) -> Array:
+def nominal_axes(tensor: ArrayLike, most_degrees: float = 20.0) -> Array:
     """The axis of the tool nearest to each sensitive axis, in either sense, as unit vectors (..., m, 3).
 
     Raises

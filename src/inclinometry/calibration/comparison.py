@@ -16,8 +16,6 @@ from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
 
-AXES = ("x", "y", "z")
-
 
 @dataclass(frozen=True)
 class Coefficient:
@@ -144,7 +142,8 @@ def _coefficients(kind: str, first: Tool, second: Tool) -> list[Coefficient]:
     found, spread = zip(*(_classical(tool, kind, s) for tool, s in zip((first, second), per, strict=True)), strict=True)
     unit = first.triads[kind].unit
     of_k = f"{unit} per field of the stand" if None in strengths else f"{unit} per {FIELD_UNITS[kind]}"
-    columns = [("K", of_k), *((f"cos {axis}", "") for axis in AXES), ("bias", unit)]
+    axes = ("x", "y", "z")
+    columns = [("K", of_k), *((f"cos {axis}", "") for axis in axes), ("bias", unit)]
     return [
         Coefficient(
             kind,

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations, product
-from typing import Final, Literal, NamedTuple, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -32,11 +32,6 @@ Counts: TypeAlias = Literal["clockwise", "counterclockwise"]
 
 MOST_NOISE = 0.15
 """Share of the field beyond which what a fit leaves is no noise: 5 % of noise and a rig good to 3 deg leave 0.07."""
-
-_SUSPICIOUS = 0.05  # share of the field from which inclination from the horizontal, which leaves 0.3, is tried
-_BETTER = 25.0  # log-likelihood ratio beyond which another convention fits better
-_TIMES = 2.0  # and how many times smaller what it leaves must be for a refusal
-_LEAST = 1e-6  # share of the field below which a residual is rounding
 
 
 @dataclass(frozen=True)
@@ -192,14 +187,15 @@ def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[s
     own = _left(signals, readings.dials)
     shares = {kind: float(np.sqrt(left / signals[kind].size)) for kind, left in own.items()}
     keys = [(level, not odd)] if _spans(readings.dials) else []  # else a reversed dial is a mirror image and no more
-    if max(shares.values()) > _SUSPICIOUS:
+    # share of the field from which inclination from the horizontal, which leaves 0.3, is tried
+    if max(shares.values()) > 0.05:
         keys += [(not level, False), (not level, True)]
     best: tuple[float, float, str, tuple[bool, bool]] | None = None
     for key in keys:
         better, times, worst = _compare(signals, own, _left(signals, _CLASSES[key][0].settings(*dials)))
         if best is None or better > best[0]:
             best = better, times, worst, key
-    if best is None or best[0] < _BETTER:
+    if best is None or best[0] < 25.0:  # log-likelihood ratio beyond which another convention fits better
         return []
     _, times, kind, key = best
     ways = _CLASSES[key]
@@ -210,7 +206,7 @@ def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[s
     likely, others = _single_out(readings, dials, ways, left_handed=left_handed)
     alike = f" The readings alone cannot tell it from {'; or '.join(w.words() for w in others)}." if others else ""
     left = f"as given they leave {100.0 * shares[kind]:.2g} % of the field unexplained in the {kind}"
-    if times < _TIMES:
+    if times < 2.0:  # and how many times smaller what it leaves must be for a refusal
         return [f"the readings fit {times:.1f} times better with {likely.words()} ({left}): do the dials count so?"]
     raise InputError(
         f"the dials seem to count in another way: with {likely.words()} the readings fit {figure(times)} times better "
@@ -243,7 +239,7 @@ def _compare(
     better, times, worst = 0.0, 0.0, ""
     for kind, values in signals.items():
         freedom = max(values.size - 4 * values.shape[1] - 2, 1)
-        least = values.size * _LEAST**2
+        least = values.size * 1e-6**2  # share of the field below which a residual is rounding
         ratio = (own[kind] + least) / (other[kind] + least)
         better += 0.5 * freedom * float(np.log(ratio))
         if np.sqrt(ratio) > times:
@@ -388,7 +384,8 @@ def check_axes(
     # the handedness of a field whose sign was assumed shows nothing: an accelerometer of its own hand may be mirrored
     gravity = axes.get("accelerometer")
     mirrored = assumed and gravity is not None and volume["accelerometer"] < -0.2 and float(gravity.sum()) > -2.5
-    look = _MIRROR if mirrored and not left_handed else _TURNED
+    turned = Dials("other-end", toolface_counts="counterclockwise")
+    look = _MIRROR if mirrored and not left_handed else turned
     field = "dip" if "magnetometer" in axes else "latitude" if "gyro" in axes else "north"
     missing = [name for name in ("north", field) if name not in stated]
     plain: list[float] = []
@@ -407,10 +404,11 @@ def check_axes(
         usual = along is not None and bool(in_turn) and not against and in_turn == sorted(in_turn)
         plain.append(min(abs(cosine) for _, cosine in along.values()) if along is not None and usual else 0.0)
     # one triad alone that stands as usual by 25 deg does so by chance where the others stand anyhow
-    if min(plain) > 0.0 or max(plain) > _CLEARLY_ALONG or warnings:
+    clearly_along = float(np.cos(np.radians(10.0)))
+    if min(plain) > 0.0 or max(plain) > clearly_along or warnings:
         return warnings
     handed = left_handed or any(v > 0.2 for v in others)
-    ways = [_TURNED] * bool(missing) + [_MIRROR] * (not handed)
+    ways = [turned] * bool(missing) + [_MIRROR] * (not handed)
     ways += [_CROSSED] * bool("dip" in missing or (missing and not handed))
     if ways:
         # a mirror image of four skewed channels is as good a tool, whatever is stated of the stand
@@ -432,14 +430,12 @@ def _other_sign(state: State, kind: str) -> str:
     return f"with a {name} of {-found:+.2f} deg instead of {found:+.2f} the {kind} is right-handed"
 
 
-_CLEARLY_ALONG = float(np.cos(np.radians(10.0)))
 _STATE = {
     "north": "where the rig's zero points (--north-deg)",
     "dip": "the dip (--dip-deg)",
     "latitude": "the latitude (latitude_deg in --site)",
 }
 _MIRROR = Dials(azimuth_counts="counterclockwise", toolface_counts="counterclockwise")
-_TURNED = Dials("other-end", toolface_counts="counterclockwise")
 _CROSSED = Dials("other-end", azimuth_counts="counterclockwise")
 
 
@@ -476,15 +472,6 @@ def _along(rows: Array) -> dict[int, tuple[int, float]] | None:
 # signals. What a reversed dial does, a reversed or exchanged channel may do too at few positions: flipped y channels
 # are
 # reversed azimuth and toolface on a rig whose zero is at north. Then the tool is at fault until the dials are stated.
-
-FAR: Final = 0.05
-"""Share of the field, about 3 deg, from which a comparison is far off: less no dial that counts otherwise leaves."""
-BETTER: Final = 5.0
-"""How many times smaller a convention must make it to be the cause."""
-ALIKE: Final = 1.5
-"""Conventions that leave less than so many times what the best one leaves fit alike."""
-_NOISY = 0.01  # share of the field from which a triad's noise makes it count less
-_MOST_WIRED = 4  # sensors of a triad up to which every order and sign is tried
 
 
 class MisreadError(InputError):
@@ -544,25 +531,28 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
     stated, dials = stated_dials(readings)
     channels = {kind: _Seen.of(readings, calibration, kind) for kind in fields}
     given = _unexplained(channels, fields, _turns(calibration, readings.dials))
-    if not fields or _size(channels, given) < FAR:
+    # share of the field, about 3 deg, from which a comparison is far off: less no dial that counts otherwise leaves
+    far = 0.05
+    if not fields or _size(channels, given) < far:
         return []
     found = {
         way: _unexplained(channels, fields, _turns(calibration, way.settings(*dials))) for way in WAYS if way != stated
     }
     sizes = {way: _size(channels, left) for way, left in found.items()}
     least = min(sizes.values())
-    if least > min(_size(channels, given) / BETTER, MOST_NOISE):
+    # how many times smaller a convention must make it to be the cause
+    if least > min(_size(channels, given) / 5.0, MOST_NOISE):
         return []
-    # fewest changes first; what fits as well with as few options is named beside it
-    alike = [way for way, size in sizes.items() if size <= ALIKE * least + 1e-9]
+    # fewest changes first; what fits as well (within half as much again) with as few options is named beside it
+    alike = [way for way, size in sizes.items() if size <= 1.5 * least + 1e-9]
     likely = alike[0]
     others = [w for w in alike[1:] if w.words().count("--") == likely.words().count("--")]
     kind = max(given, key=lambda k: given[k])
     times = _size(channels, given) / max(least, 1e-6)
     said = f"{figure(times)} times better (as given {100.0 * given[kind]:.2g} % of the field of the {kind} is missed)"
-    also = f" {_options(others)} would fit as well." if others else ""
+    also = f" {' or '.join(way.words() for way in others)} would fit as well." if others else ""
     wired = _size(channels, _unexplained(channels, fields, _turns(calibration, readings.dials), wired=True))
-    if wired < max(3.0 * least, FAR) and wired < 0.5 * _size(channels, given):
+    if wired < max(3.0 * least, far) and wired < 0.5 * _size(channels, given):
         return [
             f"the dials may count in another way: with {likely.words()} the readings fit {said}.{also} Channels that "
             "are reversed or exchanged since the calibration would look so too at these positions, so that the tool "
@@ -572,10 +562,6 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
         f"the dials seem to count in another way: with {likely.words()} the readings fit {said}. State it, or put the "
         f"column right.{also}"
     )
-
-
-def _options(ways: list[Dials]) -> str:
-    return " or ".join(way.words() for way in ways)
 
 
 class _Seen(NamedTuple):
@@ -604,7 +590,8 @@ class _Seen(NamedTuple):
         count = 1.0 if readings.count is None else float(np.mean(readings.count))
         noise = tool.noise.get(kind)
         share = 0.0 if noise is None else float(np.sqrt(np.mean((np.asarray(noise) / length) ** 2) / count))
-        return cls(signals, axes, powers @ triad.offset, length, min(1.0, _NOISY / max(share, 1e-300)))
+        # share of the field from which a triad's noise makes it count less
+        return cls(signals, axes, powers @ triad.offset, length, min(1.0, 0.01 / max(share, 1e-300)))
 
 
 def _turns(calibration: Calibration, dials: tuple[Array, Array, Array]) -> Array:
@@ -642,7 +629,7 @@ def _rms(design: Array, wanted: Array, field: StandField) -> float:
 
 def _wirings(count: int) -> list[tuple[tuple[int, ...], Array]]:
     """Orders and signs of channels; of many sensors the single faults: up to two reversed, two exchanged."""
-    if count <= _MOST_WIRED:
+    if count <= 4:  # sensors of a triad up to which every order and sign is tried
         orders = list(permutations(range(count)))
         return [(order, np.array(signs)) for order in orders for signs in product((1.0, -1.0), repeat=count)]
     straight = tuple(range(count))

@@ -29,12 +29,6 @@ from inclinometry.sensors import Tool, Triad, angle_sensitivity
 #
 # Parameters are the tool's, relative to the full field of their triad, then two angles of each field direction.
 
-DIRECTION_SD = np.radians(5.0)
-"""Prior standard uncertainty of the direction of each field at the stand, rad."""
-_STEP = np.radians(15.0)
-_TURNS = 12
-"""Steps over azimuth and toolface: variances are trigonometric polynomials of degree 4 in toolface."""
-
 
 @dataclass(frozen=True, eq=False)
 class Information:
@@ -66,6 +60,7 @@ class Information:
         }
         triads = self.tool.triads
         size = len(settings)
+        direction_sd = np.radians(5.0)  # prior standard uncertainty of the direction of each field at the stand, rad
         model = Model(
             {kind: np.zeros((size, triad.count)) for kind, triad in triads.items()},
             settings,
@@ -73,7 +68,7 @@ class Information:
             np.broadcast_to(self.noise * self.full, (size, len(self.full))),
             self.rig_sd,
             np.zeros(4),
-            {kind: (direction, np.eye(3) / DIRECTION_SD**2) for kind, direction in directions.items()},
+            {kind: (direction, np.eye(3) / direction_sd**2) for kind, direction in directions.items()},
         )
         coefficients = {k: np.concatenate([t.tensor, t.offset[..., None]], axis=2) for k, t in triads.items()}
         return model, State(coefficients, directions, np.zeros((size, 3)), np.zeros(4))
@@ -99,7 +94,8 @@ class Information:
 
     def gradients(self, rows: tuple[int, ...], inclination: Array) -> Array:
         """Derivatives (G, R, p) of the angles `rows` by the parameters, over attitudes at these inclinations."""
-        turn = 2.0 * np.pi * np.arange(_TURNS) / _TURNS
+        turns = 12  # steps over azimuth and toolface: variances are trigonometric polynomials of degree 4 in toolface
+        turn = 2.0 * np.pi * np.arange(turns) / turns
         grid = [x.ravel() for x in np.meshgrid(inclination, turn, turn, indexing="ij")]
         g, b = fields(grid[1], grid[0], grid[2], self.dip)
         found = angle_sensitivity(self.tool, {"accelerometer": g, "magnetometer": b}).by_parameter[:, rows, :]
@@ -130,14 +126,10 @@ def information(rig_sd: float | Array, noise: Mapping[str, float], dip: float, t
 
 def inclination_grid(low: float, high: float) -> Array:
     """Inclinations at which a criterion is judged: both ends, at most 15 degrees apart."""
-    return np.linspace(low, high, max(int(np.ceil((high - low) / _STEP - 1e-9)) + 1, 3) if high > low else 1)
+    step = np.radians(15.0)
+    return np.linspace(low, high, max(int(np.ceil((high - low) / step - 1e-9)) + 1, 3) if high > low else 1)
 
 
-_NEGLIGIBLE = 1e-7
-"""Share of the objective that may be left out of a comparison."""
-_FEW = 64
-_BLOCK = 200_000
-"""Multiplications in a product that OpenBLAS does in one thread: up to 2^18."""
 _PASSES, _LAST_PASSES = 12, 4
 """Passes of an exchange at power 32, which finds its way, and at power 128, which is the worst to within a percent."""
 
@@ -213,14 +205,15 @@ def best_addition(problem: Problem, information: Array, taken: list[int], doubli
     def after(chosen: Index, attitudes: Index) -> Array:
         return before[attitudes] - reductions(white[chosen], problem.gradients[attitudes])
 
-    few = after(candidates, order[:_FEW])
+    first_few = 64
+    few = after(candidates, order[:first_few])
     reference = few.max(axis=1).min()
     bound = _powers(few / reference, doublings)
     ranked = np.argsort(bound, kind="stable")
-    first, rest = ranked[:_FEW], ranked[_FEW:]
+    first, rest = ranked[:first_few], ranked[first_few:]
     # no addition raises a variance: attitudes that matter little even without it are left out
     tail = np.cumsum(_power(before[order] / reference, doublings)[::-1])[::-1]
-    order = order[tail > _NEGLIGIBLE * bound.min()]
+    order = order[tail > 1e-7 * bound.min()]  # share of the objective that may be left out of a comparison
     whole = _powers(after(candidates[first], order) / reference, doublings)
     more = rest[bound[rest] < whole.min()]
     whole = np.concatenate([whole, _powers(after(candidates[more], order) / reference, doublings)])
@@ -319,7 +312,8 @@ def _own(problem: Problem, candidate: int) -> Array:
 
 def _product(rows: Array, matrix: Array) -> Array:
     """rows @ matrix in blocks for which BLAS starts no threads: waiting for them costs more."""
-    block = max(_BLOCK // matrix.size, 1)
+    # multiplications in a product that OpenBLAS does in one thread: up to 2^18
+    block = max(200_000 // matrix.size, 1)
     out = np.empty((len(rows), matrix.shape[1]))
     for start in range(0, len(rows), block):
         np.matmul(rows[start : start + block], matrix, out=out[start : start + block])
@@ -365,7 +359,6 @@ NOISE: Final[Mapping[str, float]] = MappingProxyType(
 """Noise of one reading relative to the full field: 0.3 mg; 20 nT of 50 uT; 12 bits over +-1.25 g and +-65 uT."""
 
 RIG_SD: Final = float(np.radians(0.1))
-_NEAREST_PLUMB = np.radians(0.1)
 
 Settings: TypeAlias = Plan | ArrayLike
 """Rig settings: a plan, or (K, 3) azimuth, inclination, toolface in rad."""
@@ -465,7 +458,15 @@ def optimal_plan(
     found = search(problem, n, seed, restarts, progress)
     chosen = candidates[found.chosen]
     _determined(about, np.concatenate([captured, chosen]), f"{n} such stations")
-    return _ordered(chosen)
+    # in the operator's order, roll sets named
+    # rounded, so that settings equal but for the last digit sort and group together
+    rounded = chosen.round(9)
+    order = np.lexsort((rounded[:, 2], rounded[:, 0], rounded[:, 1]))
+    _, group, size = np.unique(rounded[order][:, [1, 0]], axis=0, return_inverse=True, return_counts=True)
+    number = np.cumsum(size > 1)
+    names = tuple(str(number[g]) if size[g] > 1 else "" for g in np.ravel(group))
+    azimuth, inclination, toolface = chosen[order].T
+    return Plan("optimal", azimuth, inclination, toolface, names if any(names) else ())
 
 
 def next_position(
@@ -617,7 +618,8 @@ def _range(inclination_range: tuple[float, float], criterion: Criterion) -> Arra
     low, high = within(finite(inclination_range, "inclination_range", (2,)), "inclination_range", 0.0, np.pi, "rad")
     if low > high:
         raise InputError(f"inclination_range is {low:g} to {high:g} rad; the first must not exceed the second")
-    if criterion.rows != INCLINATION.rows and (low < _NEAREST_PLUMB or high > np.pi - _NEAREST_PLUMB):
+    nearest_plumb = np.radians(0.1)
+    if criterion.rows != INCLINATION.rows and (low < nearest_plumb or high > np.pi - nearest_plumb):
         raise InputError(
             f"inclination_range is {np.degrees(low):g} to {np.degrees(high):g} deg; azimuth is undefined in a vertical "
             "tool, keep 0.1 deg or more away from 0 and 180, or take the criterion inclination"
@@ -663,15 +665,3 @@ def _determined(about: Information, settings: Array, what: str) -> None:
     if not blind.complete:
         words = "; ".join(blind.sentences)
         raise IdentifiabilityError(f"{what}: {words}; add stations, or allow further inclinations and toolfaces")
-
-
-def _ordered(settings: Array) -> Plan:
-    """In the operator's order, roll sets named."""
-    # rounded, so that settings equal but for the last digit sort and group together
-    rounded = settings.round(9)
-    order = np.lexsort((rounded[:, 2], rounded[:, 0], rounded[:, 1]))
-    _, group, size = np.unique(rounded[order][:, [1, 0]], axis=0, return_inverse=True, return_counts=True)
-    number = np.cumsum(size > 1)
-    names = tuple(str(number[g]) if size[g] > 1 else "" for g in np.ravel(group))
-    azimuth, inclination, toolface = settings[order].T
-    return Plan("optimal", azimuth, inclination, toolface, names if any(names) else ())

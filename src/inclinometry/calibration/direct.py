@@ -87,18 +87,14 @@ def _tool(used: BenchReadings, fitted: Fitted, name: str, reference_temperature:
             used.reference.get(FIELD_NAME.get(kind, "")),
             reference_temperature,
         )
-        noise[kind] = _single_reading_noise(used, model.noise_sd[:, start : start + coefficients.shape[1]])
+        noise_sd = model.noise_sd[:, start : start + coefficients.shape[1]]
+        count = np.ones(len(noise_sd)) if used.count is None else used.count
+        noise[kind] = np.asarray(np.sqrt(np.mean(noise_sd**2 * count[:, None], axis=0)))
         start += coefficients.shape[1]
     size = max(columns.stop for columns in model.columns()[0].values())
     span = used.temperature
     heat = None if span is None else (float(span.min()), float(span.max()))
     return Tool(name, triads, fitted.covariance[:size, :size], noise, heat)
-
-
-def _single_reading_noise(readings: BenchReadings, noise_sd: Array) -> Array:
-    """Typical standard deviation (m,) of one reading, the stations' means undone."""
-    count = np.ones(len(noise_sd)) if readings.count is None else readings.count
-    return np.asarray(np.sqrt(np.mean(noise_sd**2 * count[:, None], axis=0)))
 
 
 def _rig(fitted: Fitted) -> Rig:
@@ -238,10 +234,6 @@ def axis_warnings(state: State) -> list[str]:
 ClosedSolver = Callable[[Array], ClosedForm]
 
 
-NEAR_START = 0.1
-"""Standard deviation of the fields' directions about their start while the variances are looked for, rad."""
-
-
 class KnownAngles(TypedDict, total=False):
     """What may be known of a run; as for `calibrate_joint`."""
 
@@ -318,14 +310,16 @@ def calibrate_classical(
     """
     dials = readings.dials
     factors = {kind: _conversion_factor(kind, readings, nameplate) for kind in readings.channels}
+    nameplate_off = 4.0  # a plan at few attitudes lets a channel swing by half or by a fifth more
     for kind, factor in factors.items():
-        if len(readings) < _FEWEST or factor.size not in (1, readings.channels[kind].shape[1]):
+        # stations that show a swing at all
+        if len(readings) < 4 or factor.size not in (1, readings.channels[kind].shape[1]):
             continue  # refused below
         swing = float(np.median(np.sqrt(3.0) * readings.channels[kind].std(axis=0) / factor))
-        if not 1.0 / _NAMEPLATE_OFF < swing < _NAMEPLATE_OFF:
+        if not 1.0 / nameplate_off < swing < nameplate_off:
             raise InputError(
                 f"the {kind} swings {figure(swing)} times as far as its nameplate says ({figure(float(factor.mean()))} "
-                f"for the field at the stand): allowed 1/{_NAMEPLATE_OFF:g} to {_NAMEPLATE_OFF:g}; are readings and "
+                f"for the field at the stand): allowed 1/{nameplate_off:g} to {nameplate_off:g}; are readings and "
                 "nameplate in one unit?"
             )
 
@@ -366,17 +360,6 @@ def _conversion_factor(kind: str, readings: BenchReadings, nameplate: Tool | Non
             "(--site) or the column reference_b_nT"
         )
     return np.asarray(length * (strength / triad.field_strength))
-
-
-_FEWEST = 4  # stations that show a swing at all
-_NAMEPLATE_OFF = 4.0  # a plan at few attitudes lets a channel swing by half or by a fifth more
-_ASSUMED = {
-    "rotations": "method rotations takes the rig for level and pointed as stated: its uncertainties leave a tilt of "
-    "the base out, and 1 deg of tilt moves inclination by about 0.5 and toolface by 1 deg",
-    "classical": "method classical takes conversion factors from a nameplate and the rig for level: its uncertainties "
-    "leave these errors out, which are often ten times as large; it is here for comparison only",
-}
-"""What a method assumes beyond what its uncertainties contain."""
 
 
 def _solve(method: Callable[..., ClosedForm], readings: BenchReadings, side: Array, signals: Array) -> ClosedForm:
@@ -427,7 +410,14 @@ def _closed(
     whole = np.zeros((len(joint) + 2 * len(forms),) * 2)
     whole[: len(joint), : len(joint)] = joint
     fitted = Fitted(weights, state, whole, float("nan"), weights.linearise(state))
-    warnings += [_ASSUMED[method]] if method in _ASSUMED else []
+    # what a method assumes beyond what its uncertainties contain
+    beyond = {
+        "rotations": "method rotations takes the rig for level and pointed as stated: its uncertainties leave a tilt "
+        "of the base out, and 1 deg of tilt moves inclination by about 0.5 and toolface by 1 deg",
+        "classical": "method classical takes conversion factors from a nameplate and the rig for level: its "
+        "uncertainties leave these errors out, which are often ten times as large; it is here for comparison only",
+    }
+    warnings += [beyond[method]] if method in beyond else []
     return closed_calibration(readings, fitted, method, name, [*readings.warnings, *warnings, *roll_warnings(readings)])
 
 
@@ -453,7 +443,8 @@ def _joint_model(
     start = starting_state(model)
     start, _ = fix_signs(start, readings.reference, {})
     # a plan may leave a direction free (rotations at 45 and 135): it stays where the start has it
-    near = {kind: (direction, np.eye(3) / NEAR_START**2) for kind, direction in start.directions.items()}
+    # standard deviation of the fields' directions about their start while the variances are looked for, rad
+    near = {kind: (direction, np.eye(3) / 0.1**2) for kind, direction in start.directions.items()}
     model = replace(model, field_prior=near)
     noise, free = noise_guess(readings, noise_sd, model.linearise(start).residual)
     return model.with_weights(noise, rig), start, free

@@ -64,7 +64,11 @@ def rotations_between(a: Array, b: Array, keep: int = 3) -> list[Array]:
 
     Gauss-Newton on the rotation group from all 24 rotations of the cube at once, and from the linear solution.
     """
-    candidates = np.concatenate([cube(), _linear_rotation(a, b)[None]])
+    # the rotation nearest to the matrix M of least |a'Mb - s|, linear in M and s
+    design = np.column_stack([np.einsum("ki,kj->kij", a, b).reshape(len(a), 9), -np.ones(len(a))])
+    left, _, right = np.linalg.svd(np.linalg.svd(design)[2][-1][:9].reshape(3, 3))
+    nearest = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    candidates = np.concatenate([cube(), nearest[None]])
     for _ in range(30):
         turned = b @ np.swapaxes(candidates, 1, 2)  # (c, K, 3)
         value = np.einsum("ki,cki->ck", a, turned)
@@ -84,14 +88,6 @@ def rotations_between(a: Array, b: Array, keep: int = 3) -> list[Array]:
         if len(chosen) == keep:
             break
     return chosen
-
-
-def _linear_rotation(a: Array, b: Array) -> Array:
-    """Rotation nearest to the matrix M of least |a'Mb - s|, linear in M and s."""
-    design = np.column_stack([np.einsum("ki,kj->kij", a, b).reshape(len(a), 9), -np.ones(len(a))])
-    matrix = np.linalg.svd(design)[2][-1][:9].reshape(3, 3)
-    left, _, right = np.linalg.svd(matrix)
-    return np.asarray(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
 
 
 def tool_axis(directions: Sequence[Array], member: Array, sets: int) -> tuple[Array, Array]:
@@ -211,13 +207,6 @@ def _residuals(
     return Residuals(tuple(readings.station), values, standardised, frozen(leverage))
 
 
-DIRECTIONS_NEEDED = 6
-"""Distinct field directions below which nothing is tried; the information of the fit is judged besides."""
-
-WEAKEST = 0.05
-"""Standard deviation, as a share of the full field, beyond which a parameter counts as not determined by the shots."""
-
-
 def calibrate_field(
     readings: BenchReadings,
     *,
@@ -296,7 +285,17 @@ def calibrate_field(
     found = estimate(problem, begin)
     _require_information(found, names)
     at, projection = canonical(found, flip)
-    notes += _name_bad(found, readings.station)
+    # sentences that name the shots that do not fit, and the components the shots cannot tell
+    out = []
+    for k, group in bad_shots(found):
+        if group < len(found.problem.shots.kinds):
+            what = f"its {found.problem.shots.kinds[group]} reading does not fit (disturbed field, moved, or mistyped)"
+        else:
+            what = "it was not pointed like the others of its roll set"
+        out.append(f"station {readings.station[k]}: {what}; its weight is {found.weight[k, group]:.2f}, repeat it")
+    for component in found.blind:
+        out.append(f"too few shots to estimate the noise of {component}; an expected value is used")
+    notes += out
     notes += warn_axes(shots.kinds, at, flip)
     return assemble(readings, name, found, at, projection, scales, notes)
 
@@ -335,15 +334,11 @@ def _shots(readings: BenchReadings, notes: list[str]) -> tuple[Shots, list[float
             notes.append(f"{kind}: the readings lie on no algebraic ellipsoid, started from a sphere; add attitudes")
         scales.append(float(np.linalg.norm(tensor) / np.sqrt(3.0)))
         signals.append(y / scales[-1])
-        relative.append(_relative(readings.sd.get(kind), y.shape))
+        sd = readings.sd.get(kind)
+        relative.append(
+            np.ones(y.shape) if sd is None or not np.any(sd > 0.0) else np.clip(sd / np.median(sd[sd > 0.0]), 0.5, 2.0)
+        )
     return Shots(kinds, signals, relative, member, len(sets)), scales, tuple(sets)
-
-
-def _relative(sd: Array | None, shape: tuple[int, ...]) -> Array:
-    """Standard deviations over their median, within a factor of two: errors common to a shot do not average out."""
-    if sd is None or not np.any(sd > 0.0):
-        return np.ones(shape)
-    return np.clip(sd / np.median(sd[sd > 0.0]), 0.5, 2.0)
 
 
 def _begin(
@@ -354,7 +349,8 @@ def _begin(
     for kind, y in zip(shots.kinds, shots.signals, strict=True):
         tensor, offset, _ = triad_start(y)
         field = unit((y - offset) @ np.linalg.pinv(tensor).T)
-        require_coverage(kind, field, DIRECTIONS_NEEDED)
+        # distinct field directions below which nothing is tried; the information of the fit is judged besides
+        require_coverage(kind, field, 6)
         triads.append((tensor, offset))
         fields.append(field)
     both = len(fields) == 2
@@ -366,7 +362,11 @@ def _begin(
         turned = [fields[0], fields[1] @ between.T] if both else fields
         axis = _axis(shots, turned)
         sine = float(np.mean(np.sum(turned[0] * turned[-1], axis=1)))
-        flip = shots.kinds[0] == "accelerometer" and _reads_force(specific_force, reference, sine, both=both)
+        flip = shots.kinds[0] == "accelerometer" and (
+            bool(specific_force)
+            if specific_force is not None or not both or "dip" not in reference
+            else bool(sine * np.sin(reference["dip"]) < 0.0)
+        )
         start = [(-triads[0][0] if flip else triads[0][0], triads[0][1]), *triads[1:]]
         try:
             fit = problem.solve(unknowns(shots, start, between, axis), 1e-6)
@@ -374,10 +374,28 @@ def _begin(
             trouble = str(error)
             continue
         if best is None or fit.cost < best[0]:
-            best = fit.cost, _leading(fit.estimate, flip), flip
+            # tool z on the side where the third sensor of the first triad points, or the one most along it
+            at = fit.estimate
+            along = unit(at.tensors[0])[:, 2] * (-1.0 if flip else 1.0)
+            leader = 2 if abs(along[2]) > 0.3 else int(np.argmax(np.abs(along)))
+            best = fit.cost, reversed_z(at) if along[leader] < 0.0 else at, flip
     if best is None:
         raise IdentifiabilityError(f"no start leads to a fit ({trouble}); check the axes and that the dip was constant")
-    _note_sign(best[2], best[1].dip, reference, specific_force, notes, both=both, kinds=shots.kinds)
+    # say how the sign was decided where it could be doubted
+    dip = best[1].dip
+    if specific_force is None and not (both and "dip" in reference) and "accelerometer" in shots.kinds:
+        notes.append(
+            "the accelerometer is taken to read gravity, positive downwards, as nothing says otherwise: if it reads "
+            "+1 g upwards (specific force) say so, or inclinations come out as 180 deg minus themselves"
+        )
+    if both and "dip" in reference:
+        if specific_force is None and best[2]:
+            notes.append("the accelerometer is taken to read specific force, because of the sign of the reference dip")
+        if abs(dip - reference["dip"]) > np.radians(10.0):
+            notes.append(
+                f"dip comes out as {np.degrees(dip):.1f} deg, the reference is {np.degrees(reference['dip']):.1f} deg; "
+                "check the axes of the magnetometer (one mirrored?) and the accelerometer's sign"
+            )
     return best[1], best[2]
 
 
@@ -393,47 +411,6 @@ def _axis(shots: Shots, fields: Sequence[Array]) -> Array:
     return axis
 
 
-def _leading(at: Unknowns, flip: bool) -> Unknowns:
-    """Tool z on the side where the third sensor of the first triad points, or the one most along it."""
-    along = unit(at.tensors[0])[:, 2] * (-1.0 if flip else 1.0)
-    leader = 2 if abs(along[2]) > 0.3 else int(np.argmax(np.abs(along)))
-    return reversed_z(at) if along[leader] < 0.0 else at
-
-
-def _reads_force(given: bool | None, reference: Mapping[str, float], sine: float, *, both: bool) -> bool:
-    """Whether the accelerometer reads specific force: as told, or by the sign of the reference dip, or no."""
-    if given is not None or not both or "dip" not in reference:
-        return bool(given)
-    return bool(sine * np.sin(reference["dip"]) < 0.0)
-
-
-def _note_sign(
-    flip: bool,
-    dip: float,
-    reference: Mapping[str, float],
-    given: bool | None,
-    notes: list[str],
-    *,
-    both: bool,
-    kinds: Sequence[str],
-) -> None:
-    """Say how the sign was decided where it could be doubted."""
-    if given is None and not (both and "dip" in reference) and "accelerometer" in kinds:
-        notes.append(
-            "the accelerometer is taken to read gravity, positive downwards, as nothing says otherwise: if it reads "
-            "+1 g upwards (specific force) say so, or inclinations come out as 180 deg minus themselves"
-        )
-    if not both or "dip" not in reference:
-        return
-    if given is None and flip:
-        notes.append("the accelerometer is taken to read specific force, because of the sign of the reference dip")
-    if abs(dip - reference["dip"]) > np.radians(10.0):
-        notes.append(
-            f"dip comes out as {np.degrees(dip):.1f} deg, the reference is {np.degrees(reference['dip']):.1f} deg; "
-            "check the axes of the magnetometer (one mirrored?) and the accelerometer's sign"
-        )
-
-
 def _require_information(found: Estimate, sets: Sequence[str]) -> None:
     """Raise in words when, priors aside, the shots leave a direction of the tool's parameters open."""
     problem, shots = found.problem, found.problem.shots
@@ -443,7 +420,8 @@ def _require_information(found: Estimate, sets: Sequence[str]) -> None:
     clear = np.eye(shots.tool) - np.outer(gauge, gauge)
     values, vectors = np.linalg.eigh(clear @ covariance @ clear)
     sd = float(np.sqrt(max(values[-1], 0.0)))
-    if sd <= WEAKEST:
+    # standard deviation, as a share of the full field, beyond which a parameter counts as not determined by the shots
+    if sd <= 0.05:
         return
     index = int(np.argmax(np.abs(vectors[:, -1])))
     kind = next(k for k, c in zip(shots.kinds, shots.columns, strict=True) if c.start <= index < c.stop)
@@ -453,17 +431,3 @@ def _require_information(found: Estimate, sets: Sequence[str]) -> None:
         f"{len(shots.member)} shots and roll sets {', '.join(sets)} leave a parameter open ({kind}, mostly {what}): "
         f"known to {100 * sd:.0f} % of the full field only; add free shots in other attitudes and another roll set"
     )
-
-
-def _name_bad(found: Estimate, station: Sequence[str]) -> list[str]:
-    """Sentences that name the shots that do not fit, and the components the shots cannot tell."""
-    out = []
-    for k, group in bad_shots(found):
-        if group < len(found.problem.shots.kinds):
-            what = f"its {found.problem.shots.kinds[group]} reading does not fit (disturbed field, moved, or mistyped)"
-        else:
-            what = "it was not pointed like the others of its roll set"
-        out.append(f"station {station[k]}: {what}; its weight is {found.weight[k, group]:.2f}, repeat it")
-    for component in found.blind:
-        out.append(f"too few shots to estimate the noise of {component}; an expected value is used")
-    return out

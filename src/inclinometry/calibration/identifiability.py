@@ -14,9 +14,6 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import NUISANCE, Model, State, tangent_basis
 from inclinometry.calibration.variance import Fitted
 
-_TOLERANCE = 1e-7
-"""A direction whose scaled singular value is below this share of the largest is unseen: rounding, not weak data."""
-
 
 @dataclass(frozen=True, eq=False)
 class NullSpace:
@@ -43,19 +40,38 @@ def null_space(model: Model, state: State) -> NullSpace:
     at = bare.linearise(still)
     tool, tangent, extra, width = bare.columns()
     # 1 rad for 1 rad where an angle is known at all
-    known = bare.field_rows(still).rows[:, : extra.start]
+    known = bare.field_rows(still)[1][:, : extra.start]
     rows = at.jacobian.reshape(-1, width)
     scale = _column_scale(bare, still)
-    row_scale = np.tile(_row_scale(still), len(model.settings))
+    scales = [np.linalg.norm(c[0, :, :3], axis=1).max() * np.ones(c.shape[1]) for c in still.coefficients.values()]
+    row_scale = np.tile(np.concatenate(scales), len(model.settings))
     design = rows[:, : extra.start] * scale[: extra.start] / row_scale[:, None]
     _, values, right = np.linalg.svd(np.concatenate([design, known]), full_matrices=False)
-    seen = values > _TOLERANCE * values[0]
-    null = np.concatenate([right[~seen], _complement(right, design.shape[1])])
+    # a direction whose scaled singular value is below this share of the largest is unseen: rounding, not weak data
+    seen = values > 1e-7 * values[0]
+    width = design.shape[1]
+    null = np.concatenate(
+        [right[~seen], (np.zeros((0, width)) if len(right) >= width else np.linalg.svd(right)[2][len(right) :])]
+    )
     rank = int(seen.sum())
     names, dictionary = _dictionary(bare, still, tool, tangent)
     dictionary = dictionary / scale[: extra.start]
-    sentences = _explain(null, names, dictionary)
-    return NullSpace(rank, design.shape[1], sentences)
+    # for each unseen direction the fewest named changes that reproduce it, by orthogonal matching pursuit
+    sentences = []
+    lengths = np.linalg.norm(dictionary, axis=1)
+    unit = dictionary / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    for direction in null:
+        chosen: list[int] = []
+        left = direction
+        while len(chosen) < 4 and np.linalg.norm(left) > 0.1:
+            match = np.abs(unit @ left) * np.where(np.arange(len(unit)) < 6, 1.2, 1.0)
+            match[chosen] = 0.0
+            chosen.append(int(np.argmax(match)))
+            part = unit[chosen].T
+            left = direction - part @ np.linalg.lstsq(part, direction, rcond=None)[0]
+        what = " together with ".join(names[i] for i in chosen)
+        sentences.append(f"this plan cannot see {what}")
+    return NullSpace(rank, design.shape[1], tuple(dict.fromkeys(sentences)))
 
 
 def constant_errors(fitted: Fitted) -> dict[str, tuple[float, float]]:
@@ -90,12 +106,6 @@ def constant_errors(fitted: Fitted) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _row_scale(state: State) -> Array:
-    """Full scale (M,) of each sensor."""
-    scales = [np.linalg.norm(c[0, :, :3], axis=1).max() * np.ones(c.shape[1]) for c in state.coefficients.values()]
-    return np.concatenate(scales)
-
-
 def _column_scale(model: Model, state: State) -> Array:
     """Natural size of each parameter: full scale over the spread of its power of temperature, one radian for angles."""
     _, _, _, width = model.columns()
@@ -108,13 +118,6 @@ def _column_scale(model: Model, state: State) -> Array:
         scale[start : start + len(block)] = block
         start += len(block)
     return scale
-
-
-def _complement(right: Array, width: int) -> Array:
-    """Directions no row touches at all when there are fewer rows than parameters, (n, width)."""
-    if len(right) >= width:
-        return np.zeros((0, width))
-    return np.linalg.svd(right)[2][len(right) :]
 
 
 def _dictionary(
@@ -163,22 +166,3 @@ def _dictionary(
                 what = f"tensor element along {axes[column]}" if column < 3 else "offset"
                 add(f"{what} of {kind} sensor {sensor + 1}", {kind: (change, np.zeros(3))})
     return names, np.array(rows)
-
-
-def _explain(null: Array, names: list[str], dictionary: Array) -> tuple[str, ...]:
-    """For each unseen direction the fewest named changes that reproduce it, by orthogonal matching pursuit."""
-    sentences = []
-    lengths = np.linalg.norm(dictionary, axis=1)
-    unit = dictionary / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-    for direction in null:
-        chosen: list[int] = []
-        left = direction
-        while len(chosen) < 4 and np.linalg.norm(left) > 0.1:
-            match = np.abs(unit @ left) * np.where(np.arange(len(unit)) < 6, 1.2, 1.0)
-            match[chosen] = 0.0
-            chosen.append(int(np.argmax(match)))
-            part = unit[chosen].T
-            left = direction - part @ np.linalg.lstsq(part, direction, rcond=None)[0]
-        what = " together with ".join(names[i] for i in chosen)
-        sentences.append(f"this plan cannot see {what}")
-    return tuple(dict.fromkeys(sentences))

@@ -40,12 +40,6 @@ pass for a turn of the stand: with 5 degrees rotations at 45 and 135 degrees los
 LEAST_SD = 1e-7
 """What is stated to be known exactly enters with this standard deviation, rad: far below what any reading shows."""
 
-VAGUE_NORTH = np.radians(30.0)
-"""A north known no better than this decides signs but does not enter the fit, rad."""
-
-FAR = np.radians(10.0)
-"""No compass is as wrong as this: where the readings put the rig's zero farther from north, north is not assumed."""
-
 
 def calibrate_joint(
     readings: BenchReadings,
@@ -218,28 +212,25 @@ def _field_prior(
     for kind, (direction, sd) in (given or {}).items():
         spread = max(float(within(sd, f"sd of the field_prior of the {kind}", 0.0, np.pi, "rad")), LEAST_SD)
         if kind in readings.channels:
-            priors[kind] = (_unit(direction, kind), np.eye(3) / spread**2)
+            stated = finite(direction, f"field_prior of the {kind}", (3,))
+            length = float(np.linalg.norm(stated))
+            if length == 0.0:
+                raise InputError(f"field_prior of the {kind} is the zero vector; give a direction")
+            priors[kind] = (stated / length, np.eye(3) / spread**2)
     return priors
-
-
-def _unit(value: ArrayLike, kind: str) -> Array:
-    direction = finite(value, f"field_prior of the {kind}", (3,))
-    length = float(np.linalg.norm(direction))
-    if length == 0.0:
-        raise InputError(f"field_prior of the {kind} is the zero vector; give a direction")
-    return direction / length
 
 
 def _stand_angles(readings: BenchReadings, given: Mapping[str, float] | None) -> list[StandAngle]:
     """The angles of the stand that are known well enough for the fit."""
     angles = []
+    vague_north = np.radians(30.0)  # a north known no better than this decides signs but does not enter the fit, rad
     for name, value in (given or {}).items():
         if name not in ("dip", "north"):
             raise InputError(f"reference_sd names {name!r}; allowed: dip, north")
         if name not in readings.reference:
             raise InputError(f"reference_sd gives the uncertainty of the {name}, but the readings' reference has none")
         sd = float(within(value, f"reference_sd of the {name}", 0.0, np.pi, "rad"))
-        if "magnetometer" in readings.channels and not (name == "north" and sd >= VAGUE_NORTH):
+        if "magnetometer" in readings.channels and not (name == "north" and sd >= vague_north):
             angles.append(StandAngle(name, readings.reference[name], max(sd, LEAST_SD)))
     return angles
 
@@ -285,14 +276,14 @@ def _contradicted(model: Model, start: State, free_noise: Set[str], free_rig: bo
         for far, apart, sentence in held
         if far > _DOUBTED
     ]
+    small = float(np.radians(0.25))  # a constant error of the rig may look like as much
     for far, apart, sentence in named:
-        if far > _REFUSED and abs(apart) > _SMALL:
+        if far > _REFUSED and abs(apart) > small:
             raise InputError(f"{sentence}, {_REFUSED:g} allowed; correct what is stated of the stand, or leave it out")
     return [f"{sentence}; check what is stated of the stand" for *_, sentence in named]
 
 
 _DOUBTED, _REFUSED = 3.0, 5.0  # standard uncertainties between the stand as found and as stated
-_SMALL = float(np.radians(0.25))  # a constant error of the rig may look like as much
 
 
 def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Mapping[str, float]) -> tuple[Model, str]:
@@ -311,7 +302,9 @@ def _cure(model: Model, start: State, sentences: tuple[str, ...], reference: Map
         if "north" not in known:
             north = StandAngle("north", reference.get("north", 0.0), NORTH)
             off = _north_off(replace(model, field_prior=prior, stand=stand), start, north)
-            if abs(off) <= FAR:
+            # no compass is as wrong as this: where the readings put the rig's zero farther from north, north is not
+            # assumed
+            if abs(off) <= np.radians(10.0):
                 stand.append(north)
                 said.append(
                     f"its zero at {np.degrees(north.value):g} deg from magnetic north within {np.degrees(NORTH):g} deg"

@@ -113,14 +113,6 @@ class StandAngle(NamedTuple):
         return float(wrap_signed(np.arctan2(east, north) - self.value)), by_down / length, by_field / length
 
 
-class PriorRows(NamedTuple):
-    """Known angles of the fields: found minus known (n,), derivatives (n, p), standard deviation (n,), rad."""
-
-    off: Array
-    rows: Array
-    sd: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Linear:
     """The model linearised at a state.
@@ -250,8 +242,8 @@ class Model:
         across = weighted.swapaxes(1, 2)
         gradient = (across @ residual[..., None])[..., 0].sum(axis=0)
         hessian = (across @ weighted).sum(axis=0)
-        prior = self.field_rows(state)
-        known, rows = prior.off / prior.sd, prior.rows / prior.sd[:, None]
+        off, prior, sd = self.field_rows(state)
+        known, rows = off / sd, prior / sd[:, None]
         cost += float(known @ known)
         gradient += rows.T @ known
         hessian += rows.T @ rows
@@ -303,8 +295,8 @@ class Model:
         covariance[:, index, index] += self.noise_sd**2
         return np.asarray(covariance)
 
-    def field_rows(self, state: State) -> PriorRows:
-        """What is known of the directions of the fields, one row for each angle that is known."""
+    def field_rows(self, state: State) -> tuple[Array, Array, Array]:
+        """Known angles of the fields: found minus known (n,), derivatives (n, p), standard deviation (n,), rad."""
         _, tangent, _, width = self.columns()
         off: list[float] = []
         sd: list[float] = []
@@ -330,13 +322,13 @@ class Model:
             off.append(difference)
             sd.append(known.sd)
             rows.append(row)
-        return PriorRows(np.array(off), np.reshape(rows, (len(rows), width)), np.array(sd))
+        return np.array(off), np.reshape(rows, (len(rows), width)), np.array(sd)
 
     def prior_information(self, state: State) -> Array:
         """Information (p, p) from the priors on field directions and nuisance parameters."""
         _, _, extra, _ = self.columns()
-        prior = self.field_rows(state)
-        information = np.asarray((prior.rows / prior.sd[:, None] ** 2).T @ prior.rows)
+        _, rows, sd = self.field_rows(state)
+        information = np.asarray((rows / sd[:, None] ** 2).T @ rows)
         information[extra, extra] = np.diag(1.0 / self.nuisance_sd[self.fitted_nuisance] ** 2)
         return information
 

@@ -19,12 +19,6 @@ from inclinometry.sensors import Tool, Triad, parameter_names
 
 # How well a set of field directions covers the sphere: distinct ones, and whether they all lie on one side.
 
-DISTINCT = np.radians(5.0)
-"""Directions closer than this count as one."""
-
-ONE_SIDED = 0.05
-"""Distance of the origin from the hull of the unit directions beyond which they lie in one open half of the sphere."""
-
 
 def unit(vectors: Array) -> Array:
     """Vectors divided by their lengths; a zero vector stays zero."""
@@ -33,8 +27,8 @@ def unit(vectors: Array) -> Array:
 
 
 def distinct(directions: Array, limit: int = 1000) -> int:
-    """Number of directions (K, 3) at least `DISTINCT` apart, counted greedily up to `limit`."""
-    left, cosine, count = unit(directions), np.cos(DISTINCT), 0
+    """Number of directions (K, 3) at least 5 deg apart, counted greedily up to `limit`."""
+    left, cosine, count = unit(directions), np.cos(np.radians(5.0)), 0  # directions closer than this count as one
     while len(left) and count < limit:
         left = left[left @ left[0] < cosine]
         count += 1
@@ -56,7 +50,8 @@ def one_sided(directions: Array) -> Array | None:
     weights, _ = nnls(np.vstack([points.T, np.full(len(points), 1e3)]), np.array([0.0, 0.0, 0.0, 1e3]))
     nearest = weights @ points / max(float(weights.sum()), 1e-12)
     distance = float(np.linalg.norm(nearest))
-    return np.asarray(nearest / distance) if distance > ONE_SIDED else None
+    # distance of the origin from the hull of the unit directions beyond which they lie in one open half of the sphere
+    return np.asarray(nearest / distance) if distance > 0.05 else None
 
 
 def require_coverage(kind: str, directions: Array, needed: int) -> int:
@@ -151,9 +146,6 @@ def _from_quadric(coefficients: Array, centre: Array, radius: float) -> Ellipsoi
 DIRECTIONS_NEEDED = 9
 """An ellipsoid has nine parameters; each distinct field direction gives one equation."""
 
-LARGEST_SCATTER = 0.1
-"""Rms deviation of the length of the field, as a share of it, beyond which the readings lie on no ellipsoid: noise
-about one attitude, which fits a small ellipsoid of its own, scatters by 0.42 in three dimensions."""
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
@@ -346,9 +338,12 @@ def _result(
     field = (y - theta[6:]) @ inverse.T
     residual = np.linalg.norm(field, axis=1) - strength
     scatter = float(np.sqrt(np.mean(residual**2))) / strength
-    if scatter > LARGEST_SCATTER:
+    # rms deviation of the length of the field, as a share of it, beyond which the readings lie on no ellipsoid: noise
+    # about one attitude, which fits a small ellipsoid of its own, scatters by 0.42 in three dimensions
+    largest_scatter = 0.1
+    if scatter > largest_scatter:
         raise IdentifiabilityError(
-            f"the lengths of the field scatter by {100.0 * scatter:.0f} % of it (allowed {100.0 * LARGEST_SCATTER:g} "
+            f"the lengths of the field scatter by {100.0 * scatter:.0f} % of it (allowed {100.0 * largest_scatter:g} "
             "%): this is the noise of a tool at rest in one attitude, or of a field that was not constant, no "
             f"ellipsoid of {DIRECTIONS_NEEDED} or more directions; turn the tool into attitudes all over the sphere"
         )
@@ -423,9 +418,15 @@ def calibrate_norms(
     covariance = np.zeros((size, size))
     for place, (kind, fit) in enumerate(fits.items()):
         sign = -1.0 if specific_force and kind == "accelerometer" else 1.0
-        jacobian = _to_tensor(fit, sign)
+        # derivatives (12, 9) of tensor and offset by the fit's parameters: N = s B^-1, dN = -s B^-1 dB B^-1
+        inverse = np.linalg.inv(fit.inverse)
+        jacobian = np.zeros((3, 4, 9))
+        for column, (i, j) in enumerate(_UPPER):
+            jacobian[:, :3, column] = -sign * fit.strength * np.outer(inverse[:, i], inverse[j])
+        jacobian[:, 3, 6:] = np.eye(3)
         here = slice(12 * place, 12 * place + 12)
-        covariance[here, here] = jacobian @ fit.covariance @ jacobian.T
+        to_tensor = jacobian.reshape(12, 9)
+        covariance[here, here] = to_tensor @ fit.covariance @ to_tensor.T
     heat = readings.temperature
     span = None if heat is None else (float(heat.min()), float(heat.max()))
     tool = Tool(name, triads, covariance, noise, span)
@@ -448,16 +449,6 @@ def calibrate_norms(
         (*readings.warnings, *warnings),
         notes=(*readings.notes, *coverage),
     )
-
-
-def _to_tensor(fit: NormFit, sign: float) -> Array:
-    """Derivatives (12, 9) of tensor and offset by the fit's parameters: N = s B^-1, dN = -s B^-1 dB B^-1."""
-    inverse = np.linalg.inv(fit.inverse)
-    jacobian = np.zeros((3, 4, 9))
-    for column, (i, j) in enumerate(_UPPER):
-        jacobian[:, :3, column] = -sign * fit.strength * np.outer(inverse[:, i], inverse[j])
-    jacobian[:, 3, 6:] = np.eye(3)
-    return jacobian.reshape(12, 9)
 
 
 def _residuals(readings: BenchReadings, fits: dict[str, NormFit]) -> Residuals:

@@ -26,17 +26,6 @@ from inclinometry.rotations import cross_matrix, dcm, rotation_exp, rotation_log
 from inclinometry.sensors import field_sensitivity
 
 DOWN: Final = np.array([0.0, 0.0, 1.0])
-ZEROS: Final = NUISANCE[:2]
-"""Constant errors of dials that a calibrated tool can tell."""
-
-LARGEST_SETTING_SD: Final = np.radians(3.0)
-"""Dials that scatter by more are not read in the conventions of this program."""
-
-LARGEST_ZERO: Final = np.radians(20.0)
-"""A dial that is off by more counts from somewhere else."""
-
-_SEPARATE: Final = 1e-6  # least eigenvalue of the scaled information with which two angles count as told apart
-_FLOOR: Final = 1e-7  # rad: noise-free readings of trusted dials must not weigh infinitely
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +126,7 @@ def orient_rig(
             f"these readings have no accelerometer, which the tilt and the zeros are found by (there is a {kinds[0]}): "
             "put its columns in"
         )
-    zeros = list(ZEROS)
+    zeros = list(NUISANCE[:2])  # constant errors of dials that a calibrated tool can tell
     fit = None
     ratio, ratio_sd, said = gravity_elsewhere(readings, calibration, gravity_sd)
     warnings = [*readings.warnings, *said]
@@ -153,8 +142,10 @@ def orient_rig(
                 "the base: it is taken to be 0; add settings at other azimuths and inclinations"
             )
     tilt = described(fit.matrix)[0]
-    far = [(np.abs(fit.nuisance).max(), LARGEST_ZERO, "zero of a dial"), (tilt, np.pi / 2.0, "tilt of the base")]
-    for value, largest, what in [*far, (fit.setting_sd, LARGEST_SETTING_SD, "scatter from setting to setting")]:
+    # a dial that is off by more counts from somewhere else
+    far = [(np.abs(fit.nuisance).max(), np.radians(20.0), "zero of a dial"), (tilt, np.pi / 2.0, "tilt of the base")]
+    largest_setting_sd = np.radians(3.0)  # dials that scatter by more are not read in the conventions of this program
+    for value, largest, what in [*far, (fit.setting_sd, largest_setting_sd, "scatter from setting to setting")]:
         if value > largest:
             raise InputError(
                 f"tool and dials agree only with a {what} of {np.degrees(value):.1f} deg (allowed to "
@@ -338,7 +329,7 @@ def fit_base(
     Parameters
     ----------
     kinds : as of `leading_kinds`.
-    zeros : names of `ZEROS` to fit beside tilt and north.
+    zeros : names of the constant errors of dials to fit beside tilt and north.
     setting_sd : of each dial, rad; found when None.
     level : (base (3, 3), sd), optional
         The base is level, its azimuth axis vertical to this standard deviation, rad: only north is fitted.
@@ -372,7 +363,8 @@ def fit_base(
     blind = ~np.isfinite(sensitivity.by_signal).all(axis=(1, 2))
     count = np.ones(len(dials)) if readings.count is None else readings.count
     spread = np.nan_to_num(sensitivity.by_signal) * np.concatenate([tool.noise[k] for k in kinds])
-    noise = spread @ np.swapaxes(spread, 1, 2) / count[:, None, None] + _FLOOR**2 * np.eye(3)
+    # rad: noise-free readings of trusted dials must not weigh infinitely
+    noise = spread @ np.swapaxes(spread, 1, 2) / count[:, None, None] + 1e-7**2 * np.eye(3)
     noise[blind] += np.pi**2 * np.eye(3)
     values, vectors = np.linalg.eigh(tool.covariance)
     common = np.nan_to_num(sensitivity.by_parameter) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
@@ -381,7 +373,7 @@ def fit_base(
     for _ in range(50):
         matrix, by_setting, by_nuisance = orientation(dials, nuisance)
         wanted = matrix @ base
-        rows = _rows(wanted, both=both)
+        rows = np.broadcast_to(np.eye(3), wanted.shape) if both else np.swapaxes(wanted[:, :, :2], 1, 2)
         residual = _turns(measured, wanted, both=both)
         own_turns = [_vee(by_setting[:, d] @ np.swapaxes(matrix, 1, 2)) for d in range(3)]
         moved = [wanted[:, :, k] for k in turns]
@@ -390,7 +382,14 @@ def fit_base(
         latent = rows @ common
         if level is not None:
             latent = np.concatenate([latent, level[1] * (rows @ wanted[:, :, :2])], axis=2)
-        _refuse_blind(design)
+        told = np.einsum("kri,krj->ij", design, design)
+        scale = np.sqrt(np.maximum(np.diagonal(told), 1e-300))
+        # least eigenvalue of the scaled information with which two angles count as told apart
+        if np.linalg.eigvalsh(told / np.outer(scale, scale))[0] < 1e-6:
+            raise IdentifiabilityError(
+                f"{len(design)} settings do not tell the orientation of the base: take readings at other inclinations "
+                "and azimuths"
+            )
         system = _System(design, latent, rows @ noise @ np.swapaxes(rows, 1, 2), rows @ np.stack(own_turns, axis=2))
         sd = system.setting_sd((rows @ residual[..., None])[..., 0]) if setting_sd is None else setting_sd
         step, covariance = system.solve((rows @ residual[..., None])[..., 0], sd)
@@ -492,13 +491,6 @@ def _turns(measured: Array, wanted: Array, *, both: bool) -> Array:
     return np.asarray(cross * (angle / np.maximum(sine, 1e-300))[:, None])
 
 
-def _rows(wanted: Array, *, both: bool) -> Array:
-    """The components (K, r, 3) of a turn that are seen: all, or the two across the one field."""
-    if both:
-        return np.broadcast_to(np.eye(3), wanted.shape)
-    return np.swapaxes(wanted[:, :, :2], 1, 2)
-
-
 def _by_direction(fields: Array) -> Array:
     """Turn (K, 3, 3) of the direction of a field by its components."""
     length = np.linalg.norm(fields, axis=1)[:, None, None]
@@ -508,13 +500,3 @@ def _by_direction(fields: Array) -> Array:
 def _vee(generators: Array) -> Array:
     """Vectors (K, 3) of antisymmetric matrices [v x]."""
     return np.stack([generators[:, 2, 1], generators[:, 0, 2], generators[:, 1, 0]], axis=1)
-
-
-def _refuse_blind(design: Array) -> None:
-    information = np.einsum("kri,krj->ij", design, design)
-    scale = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
-    if np.linalg.eigvalsh(information / np.outer(scale, scale))[0] < _SEPARATE:
-        raise IdentifiabilityError(
-            f"{len(design)} settings do not tell the orientation of the base: take readings at other inclinations "
-            "and azimuths"
-        )

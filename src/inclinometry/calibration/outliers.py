@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Set
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with_variances
 from inclinometry.constants import DIALS
 from inclinometry.errors import InclinometryError
-
-SIGNIFICANCE = 0.001
-"""Chance of calling any station of a clean run an outlier (Bonferroni over the stations)."""
 
 
 @dataclass(frozen=True)
@@ -61,28 +57,18 @@ def deletion_statistics(fitted: Fitted) -> Array:
     return np.asarray(np.einsum("ki,kij,kj->k", share, unit_inverse, share))
 
 
-class _Prediction(NamedTuple):
-    """One station as the others predict it."""
+def _predict(fitted: Fitted, full: Model, row: int) -> tuple[Linear, Array, Array, float]:
+    """A station of the full model against a fit made without it.
 
-    model: Model  # of this station alone
-    at: Linear
-    residual: Array  # (M,) model minus reading
-    covariance: Array  # (M, M) of the residual: station and parameters
-
-    @property
-    def statistic(self) -> float:
-        """Misfit, chi-square."""
-        return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
-
-
-def _predict(fitted: Fitted, full: Model, row: int) -> _Prediction:
-    """A station of the full model against a fit made without it."""
+    Its linearisation, (M,) model minus reading, (M, M) covariance of that from station and parameters, chi-square.
+    """
     alone = full.take(np.array([row])).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
     at = alone.linearise(
         State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
     )
     covariance = alone.station_covariance(at)[0] + at.jacobian[0] @ fitted.covariance @ at.jacobian[0].T
-    return _Prediction(alone, at, at.residual[0], covariance)
+    residual = at.residual[0]
+    return at, residual, covariance, float(residual @ np.linalg.solve(covariance, residual))
 
 
 def _chance(fitted: Fitted, full: Model, row: int, enough: float) -> float:
@@ -93,18 +79,18 @@ def _chance(fitted: Fitted, full: Model, row: int, enough: float) -> float:
     The misfit is shared out to noises and rig by what they add to its covariance: each share is held against what
     its own variance makes likely, so that one hardly known variance does not excuse everything.
     """
-    found = _predict(fitted, full, row)
-    white = np.linalg.solve(found.covariance, found.residual)
-    noise, start = (white * found.model.noise_sd[0]) ** 2, 0
+    at, residual, covariance, statistic = _predict(fitted, full, row)
+    white = np.linalg.solve(covariance, residual)
+    noise, start = (white * fitted.model.noise_sd[0]) ** 2, 0
     shares = []
     for signals in full.signals.values():
         shares.append(noise[start : start + signals.shape[1]].sum())
         start += signals.shape[1]
-    shares.append(np.sum((found.at.by_setting[0].T @ white * found.model.rig_sd) ** 2))
+    shares.append(np.sum((at.by_setting[0].T @ white * fitted.model.rig_sd) ** 2))
     if not np.any(shares):
         return 1.0  # exact readings: nothing misfits
     # what the parameters' own uncertainty takes up belongs to the same causes
-    parts = np.array(shares) * (found.statistic / np.sum(shares))
+    parts = np.array(shares) * (statistic / np.sum(shares))
     freedom = np.full(len(parts), 1e6) if fitted.variance_freedom is None else fitted.variance_freedom
     # with variances known for certain the chance is less still, and its series needs no library that takes longer to
     # load than the fit: most runs are found clean by it
@@ -134,6 +120,7 @@ def find_outliers(
     found: list[Outlier] = []
     here = fitted
     channels = full.noise_sd.shape[1]
+    significance = 0.001  # chance of calling any station of a clean run an outlier (Bonferroni over the stations)
     while len(found) < most and here.degrees_of_freedom > 2 * channels:
         best: tuple[float, int, Fitted] | None = None
         for place in np.argsort(deletion_statistics(here))[::-1][:3]:
@@ -144,15 +131,15 @@ def find_outliers(
                 trial = fit_with_variances(full.take(kept[rest]), state, free_noise, free_rig)
             except InclinometryError:
                 continue
-            statistic = _predict(trial, full, int(kept[place])).statistic
+            statistic = _predict(trial, full, int(kept[place]))[3]
             if best is None or statistic > best[0]:
                 best = (statistic, int(place), trial)
         if best is None:
             break
         _, place, trial = best
         cautious = fit_with_caution(trial, free_noise, free_rig)
-        probability = _chance(cautious, full, int(kept[place]), SIGNIFICANCE / len(kept))
-        if probability * len(kept) > SIGNIFICANCE:
+        probability = _chance(cautious, full, int(kept[place]), significance / len(kept))
+        if probability * len(kept) > significance:
             break
         found.append(_explain(trial, full, int(kept[place]), probability))
         kept, here = np.delete(kept, place), trial
@@ -161,18 +148,18 @@ def find_outliers(
 
 def _explain(fitted: Fitted, full: Model, row: int, probability: float) -> Outlier:
     """What single mistake accounts for the station: one dial, one channel, or neither."""
-    found = _predict(fitted, full, row)
-    enough = max(0.05 * found.statistic, 4.0 * full.noise_sd.shape[1])
+    _, residual, covariance, statistic = _predict(fitted, full, row)
+    enough = max(0.05 * statistic, 4.0 * full.noise_sd.shape[1])
     scans = [_scan_dial(fitted, full, row, dial) for dial in range(3)]
     dial = int(np.argmin([cost for cost, _ in scans]))
     if scans[dial][0] < enough:
         # upright, azimuth and toolface turn the tool about the same axis: nothing tells which of them was misread
         alike = [i for i in range(3) if scans[i][0] < scans[dial][0] + 30.0]
         return Outlier(row, probability, " or ".join(DIALS[i] for i in alike), scans[dial][1])
-    for channel in range(len(found.residual)):
-        others = np.delete(np.arange(len(found.residual)), channel)
-        rest = found.residual[others]
-        if rest @ np.linalg.solve(found.covariance[np.ix_(others, others)], rest) < enough:
+    for channel in range(len(residual)):
+        others = np.delete(np.arange(len(residual)), channel)
+        rest = residual[others]
+        if rest @ np.linalg.solve(covariance[np.ix_(others, others)], rest) < enough:
             return Outlier(row, probability, channel=channel)
     return Outlier(row, probability)
 
@@ -183,19 +170,15 @@ def _scan_dial(fitted: Fitted, full: Model, row: int, dial: int) -> tuple[float,
     width = np.radians(1.0)
     cost, best = np.inf, 0.0
     for _ in range(4):
-        costs = _dial_costs(fitted, full, row, dial, steps)
+        # misfit, chi-square, of one station for each error of a dial; what the fit itself is unsure of is no misfit
+        settings = np.repeat(full.settings[row][None], len(steps), axis=0)
+        settings[:, dial] += steps
+        here = full.take(np.full(len(steps), row)).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
+        state = State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
+        at = replace(here, settings=settings).linearise(state)
+        covariance = here.station_covariance(at) + at.jacobian @ fitted.covariance @ at.jacobian.swapaxes(1, 2)
+        costs = np.asarray((at.residual[:, None, :] @ np.linalg.solve(covariance, at.residual[..., None]))[:, 0, 0])
         place = int(np.argmin(costs))
         cost, best = float(costs[place]), float(steps[place])
         steps, width = best + np.linspace(-width, width, 41), width / 20.0
     return cost, best
-
-
-def _dial_costs(fitted: Fitted, full: Model, row: int, dial: int, errors: Array) -> Array:
-    """Misfit, chi-square, of one station for each error of a dial; what the fit itself is unsure of is no misfit."""
-    settings = np.repeat(full.settings[row][None], len(errors), axis=0)
-    settings[:, dial] += errors
-    here = full.take(np.full(len(errors), row)).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
-    state = State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
-    at = replace(here, settings=settings).linearise(state)
-    covariance = here.station_covariance(at) + at.jacobian @ fitted.covariance @ at.jacobian.swapaxes(1, 2)
-    return np.asarray((at.residual[:, None, :] @ np.linalg.solve(covariance, at.residual[..., None]))[:, 0, 0])

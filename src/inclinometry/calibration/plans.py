@@ -63,7 +63,6 @@ def twelve(rolls: int = 3, azimuths: int = 3) -> Plan:
 # Azimuth, inclination, toolface of the first station of each group of four +90 degree rolls: each group starts with x
 # up when z lies along north-south, otherwise with x pointing north. Vertical groups carry azimuth 0.
 _CUBE = [(0, 90, 0), (180, 90, 0), (0, 0, 0), (0, 180, 180), (90, 90, 270), (270, 90, 90)]
-HALF_ROWS = (1, 3, 5, 7, 10, 12, 14, 16, 17, 19, 21, 23)
 
 
 def orthogonal() -> Plan:
@@ -75,7 +74,8 @@ def orthogonal() -> Plan:
 def half() -> Plan:
     """Twelve of the 24 (the tetrahedral group): half the time, the same immunity to a constant error of the frame."""
     full = orthogonal()
-    rows = np.array(HALF_ROWS) - 1
+    half_rows = (1, 3, 5, 7, 10, 12, 14, 16, 17, 19, 21, 23)
+    rows = np.array(half_rows) - 1
     return Plan("half", full.azimuth[rows], full.inclination[rows], full.toolface[rows])
 
 

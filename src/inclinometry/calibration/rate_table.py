@@ -24,10 +24,6 @@ from inclinometry.sensors import Triad, parameter_names
 
 SIGNIFICANT = 0.01
 """Probability of a chance result below which a g-sensitivity, or a misfit, is called real."""
-SPARE = 3
-"""Readings beyond the unknowns from which a noise estimated with them has an uncertainty to speak of."""
-ALIKE = 0.9
-"""Share of a g-sensitivity that is common to all gyros along their own axes from which the rates are in doubt."""
 BLIND = 1e-6
 """Share of the largest change below which a change of rate or of gravity counts as none."""
 
@@ -77,15 +73,16 @@ def check_plan(
         )
     values, vectors = np.linalg.svd(matrix, full_matrices=False)[1:]
     if values[-1] < BLIND * values[0]:
-        _name_what_is_mixed(vectors[-1], names(degree, gravity is not None))
-
-
-def _name_what_is_mixed(vector: Array, words: list[str]) -> None:
-    mixed = [word for word, share in zip(words, np.abs(vector), strict=True) if share > 0.2 * np.abs(vector).max()]
-    raise IdentifiabilityError(
-        f"these steps cannot tell apart: {', '.join(mixed)}; add steps at other rates, both ways, about every axis"
-        + (", at every temperature" if any("T^" in word for word in mixed) else "")
-    )
+        vector = np.abs(vectors[-1])
+        mixed = [
+            word
+            for word, share in zip(names(degree, gravity is not None), vector, strict=True)
+            if share > 0.2 * vector.max()
+        ]
+        raise IdentifiabilityError(
+            f"these steps cannot tell apart: {', '.join(mixed)}; add steps at other rates, both ways, about every axis"
+            + (", at every temperature" if any("T^" in word for word in mixed) else "")
+        )
 
 
 def _unseen(vectors: Array) -> str | None:
@@ -118,7 +115,8 @@ def fit_rates(
 ) -> Fit:
     """One regression for each gyro, in columns of like size; the steps are checked first."""
     matrix, size = scaled_design(w, g, heat, reference, degree)
-    check_plan(w, g, heat, degree, matrix, 0 if spread is not None else SPARE)
+    # readings beyond the unknowns from which a noise estimated with them has an uncertainty to speak of
+    check_plan(w, g, heat, degree, matrix, 0 if spread is not None else 3)
     dof = len(u) - matrix.shape[1]
     weights = np.ones_like(u) if spread is None else 1.0 / spread
     coefficients, covariances = [], []
@@ -144,15 +142,11 @@ def scaled_design(w: Array, g: Array | None, heat: Array | None, reference: floa
     matrix = design(w / EARTH_RATE, g, heat, reference, degree)
     size = np.abs(matrix).max(axis=0)
     # one size for the three rates, or rounding about an axis that never turns would look like a rate
-    size = _levelled(np.where(size > 0.0, size, 1.0), degree)
-    return matrix / size, size
-
-
-def _levelled(size: Array, degree: int) -> Array:
-    levelled = size.copy()
+    each = np.where(size > 0.0, size, 1.0)
+    size = each.copy()
     for power in range(degree + 1):
-        levelled[4 * power : 4 * power + 3] = size[4 * power : 4 * power + 3].max()
-    return levelled
+        size[4 * power : 4 * power + 3] = each[4 * power : 4 * power + 3].max()
+    return matrix / size, size
 
 
 def joint_covariance(covariances: Array, degree: int, g_sensitive: bool) -> Array:
@@ -194,7 +188,8 @@ def chance_unasked(
         return chance, ""
     response, pull = fit.coefficients[:3], fit.coefficients[-3:]
     common = float(np.sum(response * pull) / np.sum(response**2))
-    if common**2 * np.sum(response**2) > ALIKE * np.sum(pull**2):
+    # share of a g-sensitivity that is common to all gyros along their own axes from which the rates are in doubt
+    if common**2 * np.sum(response**2) > 0.9 * np.sum(pull**2):
         return chance, (
             f"the signals change with attitude as if the Earth turned {-common * np.degrees(3600.0) * EARTH_RATE:+.2g} "
             f"deg/h faster upwards (probability by chance {chance:.1g}): check the latitude, the table's rate and its "
@@ -208,7 +203,6 @@ def chance_unasked(
 SIGNIFICANCE = 0.001
 """Chance of naming any step of a clean run (Bonferroni over steps and gyros)."""
 _FREE = 1e-6  # a step of less redundancy than this cannot be judged by the others
-_ENOUGH = 4  # degrees of freedom from which a test within the fuller model is worth having
 
 
 class Suspect(NamedTuple):
@@ -216,11 +210,6 @@ class Suspect(NamedTuple):
 
     row: int
     off: dict[int, float]
-
-
-class _Pass(NamedTuple):
-    t: Array  # (n, m) externally studentised residuals
-    dof: int  # of their t distribution
 
 
 def suspects(u: Array, plain: Array, fuller: Array, spread: Array | None) -> list[Suspect]:
@@ -237,29 +226,27 @@ def suspects(u: Array, plain: Array, fuller: Array, spread: Array | None) -> lis
     from scipy.special import stdtr
 
     count, gyros = u.shape
-    matrix = fuller if _allows(fuller) else plain
+    values = np.linalg.svd(fuller, compute_uv=False)
+    # degrees of freedom from which a test within the fuller model is worth having
+    matrix = fuller if (fuller.shape[0] - fuller.shape[1] >= 4 and bool(values[-1] > _FREE * values[0])) else plain
     kept, order, last = np.arange(count), [], 0
     for _ in range(max(1, count // 6)):
         found = _studentised(u[kept], matrix[kept], None if spread is None else spread[kept])
         if found is None:
             break
-        place = int(np.argmax(np.abs(found.t).max(axis=1)))
+        t, dof = found
+        place = int(np.argmax(np.abs(t).max(axis=1)))
         order.append(int(kept[place]))
         kept = np.delete(kept, place)
-        if 2.0 * stdtr(found.dof, -np.abs(found.t[place]).max()) * count * gyros < SIGNIFICANCE:
+        if 2.0 * stdtr(dof, -np.abs(t[place]).max()) * count * gyros < SIGNIFICANCE:
             last = len(order)
     bad = order[:last]
     rest = np.setdiff1d(np.arange(count), bad)
     return [_described(u, matrix, spread, rest, row) for row in bad]
 
 
-def _allows(matrix: Array) -> bool:
-    values = np.linalg.svd(matrix, compute_uv=False)
-    return matrix.shape[0] - matrix.shape[1] >= _ENOUGH and bool(values[-1] > _FREE * values[0])
-
-
-def _studentised(u: Array, matrix: Array, spread: Array | None) -> _Pass | None:
-    """Of each step against a fit without it; None without redundancy.
+def _studentised(u: Array, matrix: Array, spread: Array | None) -> tuple[Array, int] | None:
+    """Externally studentised residuals (n, m) and the degrees of freedom of their t; None without redundancy.
 
     Stated noise is a lower limit: where the others scatter more than it, their scatter counts.
     """
@@ -281,7 +268,7 @@ def _studentised(u: Array, matrix: Array, spread: Array | None) -> _Pass | None:
         )
         others = np.sqrt(np.maximum(np.sum(residual**2) - own**2, 0.0) / dof)
         t[:, gyro] = np.where(judged, own / np.maximum(others, least), 0.0)
-    return _Pass(t, dof)
+    return t, dof
 
 
 def _described(u: Array, matrix: Array, spread: Array | None, rest: Index, row: int) -> Suspect:
@@ -292,17 +279,13 @@ def _described(u: Array, matrix: Array, spread: Array | None, rest: Index, row: 
     found = _studentised(u[rows], matrix[rows], None if spread is None else spread[rows])
     if found is None:
         return Suspect(row, {})
-    t = np.abs(found.t[-1])
+    t, dof = np.abs(found[0][-1]), found[1]
     off = {}
-    for gyro in np.flatnonzero((2.0 * stdtr(found.dof, -t) * u.size < SIGNIFICANCE) | (t == t.max())).tolist():
+    for gyro in np.flatnonzero((2.0 * stdtr(dof, -t) * u.size < SIGNIFICANCE) | (t == t.max())).tolist():
         weight = np.ones(len(rest)) if spread is None else 1.0 / spread[rest, gyro]
         fit = np.linalg.lstsq(matrix[rest] * weight[:, None], u[rest, gyro] * weight, rcond=None)[0]
         off[gyro] = float(u[row, gyro] - matrix[row] @ fit)
     return Suspect(row, off)
-
-
-UNEVEN = 3.0
-"""A gyro that scatters as many times more than the others is named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -556,7 +539,8 @@ def _uneven(fit: Fit) -> list[str]:
     floor = 1e-12  # of the Earth rate: a run without noise says nothing of the gyros
     found = []
     for gyro, ratio in enumerate(spread / max(usual, floor)):
-        if ratio > UNEVEN and len(spread) * float(fdtrc(fit.dof, fit.dof, ratio**2)) < SIGNIFICANT / 10.0:
+        # a gyro that scatters as many times more than the others is named
+        if ratio > 3.0 and len(spread) * float(fdtrc(fit.dof, fit.dof, ratio**2)) < SIGNIFICANT / 10.0:
             found.append(
                 f"gyro {gyro + 1} scatters {ratio:.2g} times as much as the others: look at it and at its connections"
             )
@@ -597,7 +581,17 @@ def g_sensitivity_at_stand(readings: BenchReadings, calibration: Calibration, la
     found = calibration.field_directions
     if not {"gyro", "accelerometer"} <= set(found) or "gyro" not in readings.channels:
         raise InputError("a g-sensitivity needs gyro and accelerometer in the readings and in their calibration")
-    rows = _rows(readings, calibration)
+    # rows of the readings that the calibration used, in its order
+    place = {name: row for row, name in enumerate(readings.station)}
+    kept = calibration.residuals.station
+    if len(kept) == len(readings):
+        rows = list(range(len(readings)))
+    else:
+        if len(place) < len(readings) or not set(kept) <= set(place):
+            raise InputError(
+                "the stations of the calibration are not found in the readings; give those it was made from"
+            )
+        rows = [place[name] for name in kept]
     used = readings.take(rows)
     errors = calibration.rig.errors
     settings = np.stack(used.dials, axis=1) + (0.0 if errors is None else errors)
@@ -617,14 +611,3 @@ def g_sensitivity_at_stand(readings: BenchReadings, calibration: Calibration, la
         g_sensitive=True,
         unit=old.unit,
     )
-
-
-def _rows(readings: BenchReadings, calibration: Calibration) -> list[int]:
-    """Rows of the readings that the calibration used, in its order."""
-    place = {name: row for row, name in enumerate(readings.station)}
-    kept = calibration.residuals.station
-    if len(kept) == len(readings):
-        return list(range(len(readings)))
-    if len(place) < len(readings) or not set(kept) <= set(place):
-        raise InputError("the stations of the calibration are not found in the readings; give those it was made from")
-    return [place[name] for name in kept]

@@ -181,13 +181,6 @@ class BenchReadings:
         return np.asarray(step * np.sqrt(equal / 12.0))
 
 
-_LEVELS = 64
-"""Steps that readings must span before they are taken for those of a converter."""
-
-_DIFFERENT = 7
-"""Different values from which a common step is no coincidence; a perfect tool in the cube shows three."""
-
-
 def converter_steps(values: Array) -> Array:
     """Step (m,), a power of ten, of a converter or a printed table on which each channel lies; 0 where none shows.
 
@@ -209,7 +202,9 @@ def converter_steps(values: Array) -> Array:
         alike, step = values[:, fits], 10.0**-digits
         if not fits.any():
             continue
-        clear = len(np.unique(alike)) >= _DIFFERENT and np.ptp(alike, axis=0).max() >= _LEVELS * step
+        # steps that readings must span before they are taken for those of a converter
+        # different values from which a common step is no coincidence; a perfect tool in the cube shows three
+        clear = len(np.unique(alike)) >= 7 and np.ptp(alike, axis=0).max() >= 64 * step
         steps[fits] = step if clear else np.nan
         if steps.all():
             break

@@ -197,7 +197,25 @@ def second_harmonics(readings: BenchReadings) -> SecondHarmonics | None:
     u_square = {kind: sd[columns[kind]] for kind in c1}
     uneven, u_uneven = complex(solution[0], solution[1]), float(np.hypot(sd[0], sd[1]) / np.sqrt(2.0))
     if told:
-        sentences = _meaning(readings, uneven, u_uneven, square, u_square, swing, freedom)
+        from scipy.special import fdtri, stdtrit
+
+        count = 1 + sum(len(v) for v in square.values())
+        sentences = []
+        if abs(uneven) > u_uneven * np.sqrt(2.0 * fdtri(2, freedom, 1.0 - FALSE_ALARM / count)):
+            sentences.append(
+                f"second harmonic of the rolls: the tool turns unevenly against the toolface dial, by "
+                f"{np.degrees(abs(uneven)):.3f} +- {np.degrees(u_uneven):.3f} deg once a turn, most at toolface "
+                f"{np.degrees(np.angle(uneven)) % 360.0:.0f} deg: an eccentric dial, or a tool loose in its clamp"
+            )
+        most = float(stdtrit(freedom, 1.0 - FALSE_ALARM / (2 * count)))
+        for kind, shares in square.items():
+            for sensor, (share, sd) in enumerate(zip(shares, u_square[kind], strict=True)):
+                if abs(share) > most * sd:
+                    sentences.append(
+                        f"second harmonic of the rolls: {kind} {sensor + 1} is not linear: a square law of "
+                        f"{100.0 * share:+.3f} +- {100.0 * sd:.3f} % at its swing of {swing[kind][sensor]:.5g} "
+                        f"{readings.units[kind]}, which the parameters of a linear sensor cannot take up"
+                    )
     else:
         sentences = _untold(readings, c2, spread, freedom)
     return SecondHarmonics(
@@ -278,37 +296,6 @@ def _untold(readings: BenchReadings, second: Mapping[str, Array], u: Mapping[str
                 f"{u[kind][worst, sensor]:.2g} {readings.units[kind]}: it is not linear, or the tool turns unevenly "
                 "against the toolface dial; sensors across each other would tell which"
             )
-    return sentences
-
-
-def _meaning(
-    readings: BenchReadings,
-    uneven: complex,
-    u_uneven: float,
-    square: Mapping[str, Array],
-    u_square: Mapping[str, Array],
-    swing: Mapping[str, Array],
-    freedom: int,
-) -> list[str]:
-    from scipy.special import fdtri, stdtrit
-
-    count = 1 + sum(len(v) for v in square.values())
-    sentences = []
-    if abs(uneven) > u_uneven * np.sqrt(2.0 * fdtri(2, freedom, 1.0 - FALSE_ALARM / count)):
-        sentences.append(
-            f"second harmonic of the rolls: the tool turns unevenly against the toolface dial, by "
-            f"{np.degrees(abs(uneven)):.3f} +- {np.degrees(u_uneven):.3f} deg once a turn, most at toolface "
-            f"{np.degrees(np.angle(uneven)) % 360.0:.0f} deg: an eccentric dial, or a tool loose in its clamp"
-        )
-    most = float(stdtrit(freedom, 1.0 - FALSE_ALARM / (2 * count)))
-    for kind, shares in square.items():
-        for sensor, (share, sd) in enumerate(zip(shares, u_square[kind], strict=True)):
-            if abs(share) > most * sd:
-                sentences.append(
-                    f"second harmonic of the rolls: {kind} {sensor + 1} is not linear: a square law of "
-                    f"{100.0 * share:+.3f} +- {100.0 * sd:.3f} % at its swing of {swing[kind][sensor]:.5g} "
-                    f"{readings.units[kind]}, which the parameters of a linear sensor cannot take up"
-                )
     return sentences
 
 

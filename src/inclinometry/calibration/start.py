@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inclinometry.arrays import Array, Mask, finite, frozen, within
+from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.calibration.dials import ANGLE_TOLERANCE
 from inclinometry.calibration.likelihood import Model, State, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
@@ -16,24 +16,8 @@ from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import dip_angle
 from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
 
-STATED_SD = float(np.radians(2.0))
-"""Standard deviation of a stated dip or latitude, rad: a field model indoors, or a latitude seen with g-sensitivity."""
-
-_START_SD = float(np.radians(3.0))  # of a direction before the fit, rad
-_RIG_LEVEL = float(np.radians(5.0))  # how level the rig is taken to be where the tool has no accelerometer
-_CLEAR = np.sin(np.radians(3.0))  # a component smaller than this says nothing about a sign
-_DECIDES = 25.0  # difference of chi-square between the two signs: five standard deviations
-_CONTRADICTS = 3.0  # standard deviations between the found angle and the stated one
-# how far from north and south a field must point for the side of the rig's zero to decide, as a cosine: a magnetic
-# field by the uncertainty of the zero, the Earth rate by a declination of up to 30 deg besides
-_SIDE = {"magnetometer": float(np.sin(np.radians(5.0))), "gyro": 0.5}
 FIELD_ANGLE = {"magnetometer": "dip", "gyro": "latitude"}
 """What the angle between a triad's field and the horizon is called; a latitude has the other sign."""
-_STATE = {
-    "magnetometer": "the dip of the stand (--dip-deg, dip_deg in --site, the column reference_dip_deg, or the form of "
-    "the bench)",
-    "gyro": "the latitude of the stand (latitude_deg in --site)",
-}
 _NORTH = {"magnetometer": "magnetic north", "gyro": "north"}
 
 
@@ -80,6 +64,8 @@ def fix_signs(
     directions, coefficients = dict(state.directions), dict(state.coefficients)
     warnings: list[str] = []
     north = reference.get("north")
+    start_sd = float(np.radians(3.0))  # of a direction before the fit, rad
+    rig_level = float(np.radians(5.0))  # how level the rig is taken to be where the tool has no accelerometer
     for kind in ("accelerometer", "magnetometer", "gyro"):
         if kind not in directions:
             continue
@@ -88,7 +74,7 @@ def fix_signs(
             sign = float(direction @ priors[kind][0])
         elif kind == "accelerometer":
             sign = float(direction[2])
-            if abs(sign) < np.sin(_RIG_LEVEL):
+            if abs(sign) < np.sin(rig_level):
                 warnings.append(
                     f"gravity lies {np.degrees(np.arccos(abs(sign))):.1f} deg from the rig's vertical axis: the rig's "
                     "down is taken to be the side nearer to it; if it is not, inclinations come out as 180 deg minus "
@@ -96,9 +82,9 @@ def fix_signs(
                 )
         else:
             down = directions.get("accelerometer", np.array([0.0, 0.0, 1.0]))
-            u = _START_SD if tangents is None else _elevation_sd(state.directions, kind, tangents)
+            u = start_sd if tangents is None else _elevation_sd(state.directions, kind, tangents)
             if "accelerometer" not in directions:
-                u = float(np.hypot(u, _RIG_LEVEL))
+                u = float(np.hypot(u, rig_level))
             axes = None if left_handed else nearest_axes(coefficients[kind][0, :, :3])
             sign, sentences = _invariant_sign(
                 kind, down, direction, u, reference.get(FIELD_ANGLE[kind]), north, axes, final=tangents is not None
@@ -193,14 +179,31 @@ def _invariant_sign(
     # the cosine of the zero's azimuth, as far as the field and the rig's zero are level at all
     level = min(np.cos(elevation), np.sqrt(max(1.0 - down[0] ** 2, 0.0)))
     side = 0.0 if north is None or level < 5.0 * np.sin(min(u, 0.3)) else float(np.cos(zero - north))
-    clear = side if abs(side) > _SIDE[kind] else 0.0
+    # how far from north and south a field must point for the side of the rig's zero to decide, as a cosine: a magnetic
+    # field by the uncertainty of the zero, the Earth rate by a declination of up to 30 deg besides
+    least_side = {"magnetometer": float(np.sin(np.radians(5.0))), "gyro": 0.5}[kind]
+    clear = side if abs(side) > least_side else 0.0
     if stated is not None:
-        spread = float(np.hypot(u, STATED_SD))
+        # of a stated dip or latitude, rad: a field model indoors, or a latitude seen with g-sensitivity
+        stated_sd = float(np.radians(2.0))
+        spread = float(np.hypot(u, stated_sd))
         chi = [((found * sign - stated) / spread) ** 2 for sign in (1.0, -1.0)]
-        decided = abs(chi[1] - chi[0]) > _DECIDES
+        # difference of chi-square between the two signs: five standard deviations
+        decided = abs(chi[1] - chi[0]) > 25.0
         sign = 1.0 if chi[0] < chi[1] or (chi[0] == chi[1] and direction[0] > 0.0) else -1.0
-        if final and min(chi) > _CONTRADICTS**2:
-            raise InputError(_contradiction(kind, sign * found, u, stated))
+        contradicts = 3.0  # standard deviations between the found angle and the stated one
+        if final and min(chi) > contradicts**2:
+            remedy = {
+                "magnetometer": "check the sign of its channels, iron near the stand, and the dip that is stated for "
+                "it",
+                "gyro": "check the sign of its channels, a g-sensitivity of the gyros, and the latitude that is stated",
+            }[kind]
+            raise InputError(
+                f"the {kind} finds {FIELD_ANGLE[kind]} {np.degrees(sign * found):+.2f} deg at the stand, stated is "
+                f"{np.degrees(stated):+.2f} deg: {abs(np.degrees(sign * found - stated)):.1f} deg apart, allowed "
+                f"{contradicts * float(np.degrees(spread)):.1f} ({contradicts:g} standard uncertainties, "
+                f"{np.degrees(u):.2f} deg of the fit and {np.degrees(stated_sd):g} deg of what is stated); {remedy}"
+            )
         if decided:
             if final and sign * clear < 0.0 and north is not None:
                 raise InputError(
@@ -213,21 +216,6 @@ def _invariant_sign(
     if clear:
         return float(np.sign(clear)), []
     return _assumed(kind, down, direction, found, zero, stated, north, axes)
-
-
-def _contradiction(kind: str, found: float, u: float, stated: float) -> str:
-    name = FIELD_ANGLE[kind]
-    spread = float(np.degrees(np.hypot(u, STATED_SD)))
-    remedy = {
-        "magnetometer": "check the sign of its channels, iron near the stand, and the dip that is stated for it",
-        "gyro": "check the sign of its channels, a g-sensitivity of the gyros, and the latitude that is stated",
-    }[kind]
-    return (
-        f"the {kind} finds {name} {np.degrees(found):+.2f} deg at the stand, stated is {np.degrees(stated):+.2f} deg: "
-        f"{abs(np.degrees(found - stated)):.1f} deg apart, allowed {_CONTRADICTS * spread:.1f} ({_CONTRADICTS:g} "
-        f"standard uncertainties, {np.degrees(u):.2f} deg of the fit and {np.degrees(STATED_SD):g} deg of what is "
-        f"stated); {remedy}"
-    )
 
 
 def _turn(zero: float, sign: float) -> float:
@@ -247,12 +235,13 @@ def _assumed(
     """The sign where nothing that is stated decides, named."""
     ahead = float(direction[0] - (direction @ down) * down[0])
     below = float(direction @ down)
+    clear = np.sin(np.radians(3.0))  # a component smaller than this says nothing about a sign
     if axes is not None:
         # channels that lie along the tool's axes are right-handed on one side only
         sign, why = float(np.sign(np.linalg.det(axes))), "so that its channels are right-handed"
-    elif kind == "gyro" or stated is not None or ahead * below > 0.0 or abs(below) < _CLEAR:
+    elif kind == "gyro" or stated is not None or ahead * below > 0.0 or abs(below) < clear:
         sign, why = float(np.sign(ahead)) or 1.0, "towards the rig's azimuth 0"
-    elif abs(ahead) < _CLEAR or abs(below) > abs(ahead):
+    elif abs(ahead) < clear or abs(below) > abs(ahead):
         sign, why = float(np.sign(below)), "downwards"
     else:
         sign, why = float(np.sign(ahead)), "towards the rig's azimuth 0"
@@ -260,7 +249,12 @@ def _assumed(
     missing = f"no {name} is stated" if stated is None else f"a {name} of {np.degrees(stated):+.1f} deg cannot tell"
     if north is not None:
         missing += f" and the zero's stated azimuth of {np.degrees(north):.0f} deg cannot either"
-    cure = "the side of the rig's zero (--north-deg)" if stated is not None else _STATE[kind]
+    state = {
+        "magnetometer": "the dip of the stand (--dip-deg, dip_deg in --site, the column reference_dip_deg, or the form "
+        "of the bench)",
+        "gyro": "the latitude of the stand (latitude_deg in --site)",
+    }
+    cure = "the side of the rig's zero (--north-deg)" if stated is not None else state[kind]
     return sign, [
         f"the sign of the {what} is assumed, {why}, as {missing}: {name} {np.degrees(sign * found):+.1f} deg, the "
         f"rig's zero {_turn(zero, sign):.1f} deg from {_NORTH[kind]}; if that is wrong it is "
@@ -313,7 +307,24 @@ class Stand:
         """
         grid = np.meshgrid(self.azimuth, self.inclination, self.toolface, indexing="ij")
         settings = np.stack([x.ravel() for x in grid], axis=1)
-        return np.asarray(settings[_first_of_each(settings)])
+        # which settings are the first of their orientation
+        azimuth, inclination, toolface = settings.T
+        plumb = np.abs(np.sin(inclination)) < ANGLE_TOLERANCE
+        turned = np.where(np.cos(inclination) > 0.0, toolface + azimuth, toolface - azimuth)
+        key = np.stack(
+            [
+                np.where(plumb, 0.0, wrap_positive(azimuth)),
+                wrap_positive(inclination),
+                np.where(plumb, turned, toolface),
+            ],
+            axis=1,
+        )
+        # in units of the tolerance, a turn taken off again where rounding reached it
+        turn = round(TAU / ANGLE_TOLERANCE)
+        whole = np.mod(np.round(wrap_positive(key) / ANGLE_TOLERANCE), turn)
+        keep = np.zeros(len(settings), dtype=bool)
+        keep[np.unique(whole, axis=0, return_index=True)[1]] = True
+        return np.asarray(settings[keep])
 
 
 def stand_within(
@@ -378,36 +389,7 @@ def _grid(limits: Range, step: float) -> Array:
     return np.linspace(low, high, count + 1)
 
 
-def _first_of_each(settings: Array) -> Mask:
-    """Which settings are the first of their orientation."""
-    azimuth, inclination, toolface = settings.T
-    plumb = np.abs(np.sin(inclination)) < ANGLE_TOLERANCE
-    turned = np.where(np.cos(inclination) > 0.0, toolface + azimuth, toolface - azimuth)
-    key = np.stack(
-        [np.where(plumb, 0.0, wrap_positive(azimuth)), wrap_positive(inclination), np.where(plumb, turned, toolface)],
-        axis=1,
-    )
-    # in units of the tolerance, a turn taken off again where rounding reached it
-    turn = round(TAU / ANGLE_TOLERANCE)
-    whole = np.mod(np.round(wrap_positive(key) / ANGLE_TOLERANCE), turn)
-    keep = np.zeros(len(settings), dtype=bool)
-    keep[np.unique(whole, axis=0, return_index=True)[1]] = True
-    return keep
-
-
 DOWN = np.array([0.0, 0.0, 1.0])
-
-
-MOST_STATIONS = 20_000
-"""Stations a fit takes, for the memory and the patience of a laptop."""
-
-_ABSURD = 1e3
-"""Times the usual spread of its channel beyond which a reading is refused: no attitude can give it."""
-
-_NEAREST = 3  # guesses of a field's direction that are refined
-_REFINEMENTS = 12
-_HALVINGS = 4
-_LARGEST_STEP = 0.3  # rad, of a refinement
 
 
 def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
@@ -415,7 +397,8 @@ def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
     middle = np.median(values, axis=0)
     # the upper tenth, since in a cube two thirds of a channel's readings may be all but equal
     usual = np.quantile(np.abs(values - middle), 0.9, axis=0, method="lower")
-    far = np.abs(values - middle) > _ABSURD * np.where(usual > 0.0, usual, np.inf)
+    # times the usual spread of its channel beyond which a reading is refused: no attitude can give it
+    far = np.abs(values - middle) > 1e3 * np.where(usual > 0.0, usual, np.inf)
     if far.any():
         row, sensor = (int(i) for i in np.argwhere(far)[0])
         raise InputError(
@@ -426,9 +409,10 @@ def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
 
 def enough(readings: BenchReadings) -> None:
     """Raise IdentifiabilityError for fewer readings than parameters, InputError for more than can be handled."""
-    if len(readings) > MOST_STATIONS:
+    most_stations = 20_000  # stations a fit takes, for the memory and the patience of a laptop
+    if len(readings) > most_stations:
         raise InputError(
-            f"{len(readings)} stations; a fit takes up to {MOST_STATIONS}: average readings taken at the same settings "
+            f"{len(readings)} stations; a fit takes up to {most_stations}: average readings taken at the same settings "
             "(give them one station name), or find the still stations of a log first"
         )
     for kind, values in readings.channels.items():
@@ -466,7 +450,8 @@ def linear_start(kind: str, matrix: Array, powers: Array, readings: Array) -> tu
     direction = guesses[int(np.argmin(costs))]
     if kind != "accelerometer":
         # the points lie 14 deg apart: what that leaves, up to 8 % of the field, would look like wrong dials
-        nearest = [_refined(matrix, powers, readings, guesses[i]) for i in np.argsort(costs)[:_NEAREST]]
+        # guesses of a field's direction that are refined
+        nearest = [_refined(matrix, powers, readings, guesses[i]) for i in np.argsort(costs)[:3]]
         direction = min(nearest, key=lambda a: _linear_fit(matrix, powers, readings, a)[1])
     return direction, *_linear_fit(matrix, powers, readings, direction)
 
@@ -499,7 +484,7 @@ def _refined(matrix: Array, powers: Array, readings: Array, direction: Array) ->
     """The direction (3,) of least squares near a given one: Gauss-Newton, the coefficients projected out."""
     a = direction
     coefficients, left = _linear_fit(matrix, powers, readings, a)
-    for _ in range(_REFINEMENTS):
+    for _ in range(12):
         seen = np.concatenate([matrix @ a, np.ones((len(matrix), 1))], axis=1)
         design = (powers[:, :, None] * seen[:, None, :]).reshape(len(seen), -1)
         basis = np.linalg.svd(design, full_matrices=False)
@@ -509,8 +494,8 @@ def _refined(matrix: Array, powers: Array, readings: Array, direction: Array) ->
         slopes = (slopes - space @ (space.T @ slopes)).reshape(-1, 2)
         off = readings - design @ coefficients.transpose(0, 2, 1).reshape(design.shape[1], -1)
         step = np.linalg.lstsq(slopes, off.ravel(), rcond=1e-8)[0]
-        step *= min(1.0, _LARGEST_STEP / max(float(np.linalg.norm(step)), 1e-300))
-        for _ in range(_HALVINGS):
+        step *= min(1.0, 0.3 / max(float(np.linalg.norm(step)), 1e-300))  # rad, of a refinement
+        for _ in range(4):
             tried = a + tangent_basis(a) @ step
             tried /= np.linalg.norm(tried)
             found, less = _linear_fit(matrix, powers, readings, tried)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,20 +61,18 @@ def moving_variance(x: Array, windows: Windows) -> Array:
             continue
         for channel in range(x.shape[1]):
             piece = x[start:stop, channel]
-            out[start + windows.half : stop - windows.half, channel] = _running(piece - piece.mean(), width)
+            # variance of every whole window of a centred series, by cumulative sums
+            centred = piece - piece.mean()
+            first = np.concatenate([[0.0], np.cumsum(centred)])
+            second = np.concatenate([[0.0], np.cumsum(centred * centred)])
+            total = first[width:] - first[:-width]
+            square = second[width:] - second[:-width]
+            out[start + windows.half : stop - windows.half, channel] = np.asarray(
+                np.maximum(square - total * total / width, second[-1] * 1e-15) / (width - 1)
+            )
         out[start : start + windows.half] = out[start + windows.half]
         out[stop - windows.half : stop] = out[stop - windows.half - 1]
     return out
-
-
-def _running(x: Array, width: int) -> Array:
-    """Variance of every whole window of a centred series, by cumulative sums."""
-    first = np.concatenate([[0.0], np.cumsum(x)])
-    second = np.concatenate([[0.0], np.cumsum(x * x)])
-    total = first[width:] - first[:-width]
-    square = second[width:] - second[:-width]
-    # cumulative sums of a long log lose digits: a variance below their rounding is not distinguishable from zero
-    return np.asarray(np.maximum(square - total * total / width, second[-1] * 1e-15) / (width - 1))
 
 
 def noise_floor(variance: Array, ratio: float) -> Array:
@@ -119,13 +117,6 @@ def runs(flags: NDArray[np.bool_], gaps: NDArray[np.int64]) -> list[Run]:
         cuts = [int(g) for g in gaps[(gaps > start) & (gaps < stop)]]
         out += list(zip([start, *cuts], [*cuts, stop], strict=True))
     return out
-
-
-CREEP: Final = 0.01
-"""Change of a channel's mean during a shaky rest, as a share of its range over the log, beyond which it is a motion."""
-
-KNOCK: Final = 0.003
-"""Change of a channel's mean across a short disturbance, as a share of its range, up to which it is one station."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,64 +228,53 @@ def still_intervals(
     activity = np.mean(variance / floor, axis=1)
     noise = np.zeros(x.shape[1])
     noise[alive] = np.sqrt(floor)
-    found, dropped = _judge(_Log(t, x, noise, gaps), activity, ratio, shortest)
+    found, dropped = _judge(t, x, noise, gaps, activity, ratio, shortest)
     return StillIntervals(np.array(found, dtype=np.int64).reshape(-1, 2), tuple(dropped), frozen(noise), period, len(t))
 
 
-class _Log(NamedTuple):
-    time: Array
-    signals: Array
-    noise: Array
-    gaps: NDArray[np.int64]
-
-    def seconds(self, run: Run) -> float:
-        return float(self.time[run[1] - 1] - self.time[run[0]])
-
-
-def _judge(log: _Log, activity: Array, ratio: float, shortest: float) -> tuple[list[Run], list[tuple[int, int, str]]]:
+def _judge(
+    time: Array,
+    signals: Array,
+    noise: Array,
+    gaps: NDArray[np.int64],
+    activity: Array,
+    ratio: float,
+    shortest: float,
+) -> tuple[list[Run], list[tuple[int, int, str]]]:
     """Rests at the noise of rest; then rests that only shake (a hand); what remains is dropped with a reason."""
-    calm = [run for run in runs(activity < ratio, log.gaps) if log.seconds(run) >= shortest]
-    largest = np.ptp(log.signals, axis=0)
-    found = _join_knocks(log, calm, largest)
+    calm = [run for run in runs(activity < ratio, gaps) if time[run[1] - 1] - time[run[0]] >= shortest]
+    largest = np.ptp(signals, axis=0)
+    # join neighbouring rests parted by less than a second whose means agree: a knock, not a move.
+    # a change of 0.003 makes the joint mean shorter than its parts by less than its square / 2 only
+    found: list[Run] = []
+    for rest in calm:
+        if found and time[rest[0]] - time[found[-1][1] - 1] < 1.0 and not np.isin(rest[0], gaps):
+            before, after = (signals[a:b].mean(axis=0) for a, b in (found[-1], rest))
+            # change of a channel's mean across a short disturbance, as a share of its range, up to which it is one
+            # station
+            if np.all(np.abs(after - before) <= np.maximum(0.5 * noise, 0.003 * largest)):
+                found[-1] = (found[-1][0], rest[1])
+                continue
+        found.append(rest)
     dropped: list[tuple[int, int, str]] = []
     limit = max(ratio, otsu(activity))
-    for run in runs(activity < limit, log.gaps):
+    for run in runs(activity < limit, gaps):
         if any(start < run[1] and stop > run[0] for start, stop in calm):
             continue
-        lasts, moved = log.seconds(run), _creep(log, run, largest)
+        begin, end = run
+        lasts, third = float(time[end - 1] - time[begin]), max((end - begin) // 3, 1)
+        # from the first to the last third
+        change = signals[end - third : end].mean(axis=0) - signals[begin : begin + third].mean(axis=0)
+        moved = float(np.max(np.abs(change) / np.maximum(largest, np.finfo(float).tiny)))
         if lasts < 0.25 * shortest:
             continue  # a flicker: the turning point of a motion, not a rest
         if lasts < shortest:
             dropped.append((*run, f"quiet for {lasts:.2f} s only; at least {shortest:g} s are needed"))
-        elif moved > CREEP:
+        elif moved > 0.01:  # of a channel's range over the log: more is a motion, no shaky rest
             dropped.append((*run, f"turning slowly: a channel moves by {100 * moved:.1f} % of its range"))
         else:
             found.append(run)
     return sorted(found), dropped
-
-
-def _join_knocks(log: _Log, calm: list[Run], largest: Array) -> list[Run]:
-    """Join neighbouring rests parted by less than a second whose means agree: a knock, not a move.
-
-    A change of `KNOCK` makes the joint mean shorter than its parts by less than KNOCK^2 / 2 only.
-    """
-    joined: list[Run] = []
-    for run in calm:
-        if joined and log.time[run[0]] - log.time[joined[-1][1] - 1] < 1.0 and not np.isin(run[0], log.gaps):
-            before, after = (log.signals[a:b].mean(axis=0) for a, b in (joined[-1], run))
-            if np.all(np.abs(after - before) <= np.maximum(0.5 * log.noise, KNOCK * largest)):
-                joined[-1] = (joined[-1][0], run[1])
-                continue
-        joined.append(run)
-    return joined
-
-
-def _creep(log: _Log, run: Run, largest: Array) -> float:
-    """Largest change of a channel's mean from the first to the last third of a run, as a share of its range."""
-    start, stop = run
-    third = max((stop - start) // 3, 1)
-    change = log.signals[stop - third : stop].mean(axis=0) - log.signals[start : start + third].mean(axis=0)
-    return float(np.max(np.abs(change) / np.maximum(largest, np.finfo(float).tiny)))
 
 
 def stations_from_log(

@@ -10,14 +10,11 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.variance import fit_with_variances
 from inclinometry.errors import IdentifiabilityError, InputError
 
-SOAK_GAP = 2.5
-"""Readings whose temperatures differ by less belong to one soak, degC."""
-
 HIGHEST_DEGREE = 3
 
 
 def soaks(temperature: Array) -> int:
-    """Number of distinct temperatures, those closer than `SOAK_GAP` to their neighbour being one.
+    """Number of distinct temperatures, those closer than 2.5 degC to their neighbour being one.
 
     Examples
     --------
@@ -25,7 +22,8 @@ def soaks(temperature: Array) -> int:
     3
     """
     ordered = np.sort(temperature)
-    return 1 + int(np.sum(np.diff(ordered) > SOAK_GAP))
+    # readings whose temperatures differ by less belong to one soak, degC
+    return 1 + int(np.sum(np.diff(ordered) > 2.5))
 
 
 def choose_powers(readings: BenchReadings, model: Model, start: State, degree: int | None) -> tuple[Array, float]:
@@ -53,16 +51,7 @@ def choose_powers(readings: BenchReadings, model: Model, start: State, degree: i
     most = min(most, (model.signals[next(iter(model.signals))].shape[0] * sensors - 8) // (4 * sensors) - 1)
     if most < 1:
         return np.ones((len(readings), 1)), reference
-    return powers_of(temperature, reference, _least_criterion(model, start, temperature, reference, most)), reference
-
-
-def powers_of(temperature: Array, reference: float, degree: int) -> Array:
-    """Powers 0..degree of (T - reference), shape (K, degree + 1)."""
-    return np.asarray((temperature - reference)[:, None] ** np.arange(degree + 1))
-
-
-def _least_criterion(model: Model, start: State, temperature: Array, reference: float, most: int) -> int:
-    """Degree with the least chi-square plus p log n, the variances being those of the highest degree."""
+    # degree with the least chi-square plus p log n, the variances being those of the highest degree
     highest = model.with_powers(start, powers_of(temperature, reference, most))
     full = fit_with_variances(*highest, frozenset(model.signals), bool(model.rig_sd.any()))
     criteria = []
@@ -72,4 +61,9 @@ def _least_criterion(model: Model, start: State, temperature: Array, reference: 
             trial.with_weights(full.model.noise_sd, full.model.rig_sd), state, frozenset(), False
         )
         criteria.append(fitted.cost + fitted.at.jacobian.shape[2] * np.log(fitted.at.residual.size))
-    return int(np.argmin(criteria))
+    return powers_of(temperature, reference, int(np.argmin(criteria))), reference
+
+
+def powers_of(temperature: Array, reference: float, degree: int) -> Array:
+    """Powers 0..degree of (T - reference), shape (K, degree + 1)."""
+    return np.asarray((temperature - reference)[:, None] ** np.arange(degree + 1))

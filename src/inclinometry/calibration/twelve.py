@@ -40,10 +40,6 @@ from inclinometry.rotations import dcm
 DOWN = (0.0, 0.0, 1.0)
 """Down in rig axes: the field of gravity, and a hint that holds for the magnetic field where the dip is positive."""
 
-_BLOCK = 4096  # calibrations at a time: their moments stay in the cache
-_SQUARINGS = 5
-_LEAST_SHARE = 0.9  # of the power along one direction; less is not a calibration but a mix-up
-
 
 @dataclass(frozen=True, eq=False)
 class Moments:
@@ -113,11 +109,19 @@ def solve_moments(
     hint = unit_direction(sign_hint, "sign_hint")
     known = None if known_direction is None else unit_direction(known_direction, "known_direction")
     tensor, offset, direction = np.empty((len(flat), count, 3)), np.empty((len(flat), count)), np.empty((len(flat), 3))
-    for first in range(0, len(flat), _BLOCK):
-        rows = slice(first, first + _BLOCK)
+    block = 4096  # calibrations at a time: their moments stay in the cache
+    for first in range(0, len(flat), block):
+        rows = slice(first, first + block)
         moment = spread @ flat[rows].T
         products, level = moment[: 9 * count].reshape(3, 3, count, -1), moment[9 * count :]
-        sums = _sums(products)
+        # sums of squares and products xx, yy, zz, xy, xz, yz (6, B) of all vectors of products, with xx + yy + zz = 1
+        vectors = products.reshape(3, -1, products.shape[-1])
+        pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        sums = np.stack([np.einsum("rb,rb->b", vectors[i], vectors[j]) for i, j in pairs])
+        total = sums[:3].sum(axis=0)
+        if not (total > 0.0).all():
+            raise IdentifiabilityError("the signals do not change over the plan; are the sensors connected?")
+        sums = np.asarray(sums / total)
         a = signed(_leading(sums), hint) if known is None else np.repeat(known[:, None], level.shape[1], axis=1)
         _check_share(sums, a)
         n, u0 = _project(products, level, a, moments)
@@ -142,27 +146,17 @@ def signed(a: Array, hint: Array) -> Array:
     return np.asarray(np.where(along < 0.0, -a, a))
 
 
-def _sums(products: Array) -> Array:
-    """Sums of squares and products xx, yy, zz, xy, xz, yz (6, B) of all vectors of products, with xx + yy + zz = 1."""
-    rows = products.reshape(3, -1, products.shape[-1])
-    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    sums = np.stack([np.einsum("rb,rb->b", rows[i], rows[j]) for i, j in pairs])
-    total = sums[:3].sum(axis=0)
-    if not (total > 0.0).all():
-        raise IdentifiabilityError("the signals do not change over the plan; are the sensors connected?")
-    return np.asarray(sums / total)
-
-
 def _check_share(sums: Array, a: Array) -> None:
     """Refuse products of which much is not along the direction a (3, B)."""
     (xx, yy, zz, xy, xz, yz), (x, y, z) = sums, a
     share = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
     worst = int(np.argmin(share))
-    if share[worst] < _LEAST_SHARE:
+    least_share = 0.9  # of the power along one direction; less is not a calibration but a mix-up
+    if share[worst] < least_share:
         raise IdentifiabilityError(
             f"the signals do not follow one field along {a[:, worst].round(3).tolist()} in rig axes: "
             f"{100.0 * (1.0 - share[worst]):.0f} % of their power is elsewhere (allowed "
-            f"{100.0 * (1.0 - _LEAST_SHARE):.0f}); check the dial settings, the order of the stations, the channels "
+            f"{100.0 * (1.0 - least_share):.0f}); check the dial settings, the order of the stations, the channels "
             "and the direction if one was given"
         )
 
@@ -174,7 +168,7 @@ def _leading(sums: Array) -> Array:
     the result is exact to rounding, at a fraction of the cost of a batch of decompositions.
     """
     xx, yy, zz, xy, xz, yz = sums
-    for _ in range(_SQUARINGS):
+    for _ in range(5):
         xx, yy, zz, xy, xz, yz = (
             xx * xx + xy * xy + xz * xz,
             xy * xy + yy * yy + yz * yz,
@@ -275,7 +269,13 @@ def _moments(layout: _Layout) -> Moments:
     level = np.zeros((3, count))  # A, B, C of the upright set
     # turning upright is one angle: azimuth and toolface add
     level[:, layout.upright] = harmonic_weights((layout.azimuth + layout.toolface)[layout.upright])
-    (aa, ba, ca), (ab, bb, cb), (ac, bc, cc) = _double_harmonics(layout)
+    # weights (3, 3, K) of the signals in A_A, B_A, C_A (cosine of the roll), A_B, B_B, C_B (sine), A_C, B_C, C_C
+    result = np.zeros((3, 3, len(layout.azimuth)))
+    over_azimuth = harmonic_weights(np.array([layout.azimuth[rows[0]] for rows in layout.rolls]))
+    for weight, rows in zip(over_azimuth.T, layout.rolls, strict=True):
+        over_roll = harmonic_weights(layout.toolface[rows])
+        result[:, :, rows] = over_roll[:, None, :] * weight[None, :, None]
+    (aa, ba, ca), (ab, bb, cb), (ac, bc, cc) = result
     n1 = np.stack([-bb, ab, -ca])
     n2 = np.stack([-ba, aa, cb])
     n3 = np.stack([ac, bc, level[2] - cc])
@@ -286,16 +286,6 @@ def _moments(layout: _Layout) -> Moments:
     n1, n2 = n1 + np.stack([plus, minus, 0.0 * plus]), n2 + np.stack([-minus, plus, 0.0 * plus])
     products = np.stack([n1, n2, n3], axis=1).reshape(9, count)  # row 3 j + l
     return Moments(np.concatenate([products, cc[None]]))
-
-
-def _double_harmonics(layout: _Layout) -> Array:
-    """Weights (3, 3, K) of the signals in A_A, B_A, C_A (cosine of the roll), A_B, B_B, C_B (sine), A_C, B_C, C_C."""
-    result = np.zeros((3, 3, len(layout.azimuth)))
-    over_azimuth = harmonic_weights(np.array([layout.azimuth[rows[0]] for rows in layout.rolls]))
-    for weight, rows in zip(over_azimuth.T, layout.rolls, strict=True):
-        over_roll = harmonic_weights(layout.toolface[rows])
-        result[:, :, rows] = over_roll[:, None, :] * weight[None, :, None]
-    return result
 
 
 def _layout(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> _Layout | str:
@@ -421,11 +411,6 @@ def _orientations(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLik
     return dcm(*three_dials(azimuth, inclination, toolface))
 
 
-_LEAST_AXIAL = 0.2  # |Hc - Hz|: axial errors grow by sqrt2 over this number
-_MOST_MISFIT = 0.05  # share of the harmonics' power: 13 degrees, more than any rig stands wrong
-_LEAST_SEPARATION = 0.05  # second of the singular values over the first, where the direction is to be found
-
-
 class _Turns(NamedTuple):
     """The two turns: rows and rolls of each, and the setting (azimuth, first inclination) of the first."""
 
@@ -484,10 +469,11 @@ def solve_rotations(
     turns = _checked(azimuth, inclination, toolface)
     a = unit_direction(known_direction, "known_direction")
     hc, hr, hz = dcm(turns.azimuth, turns.inclination, 0.0) @ a
-    if abs(hc - hz) < _LEAST_AXIAL:
+    least_axial = 0.2  # |Hc - Hz|: axial errors grow by sqrt2 over this number
+    if abs(hc - hz) < least_axial:
         raise IdentifiabilityError(
             f"the axial field is {hz:.3g} of the full field at inclination {np.degrees(turns.inclination):.8g} degrees "
-            f"and {hc:.3g} in the second turn (allowed: {_LEAST_AXIAL} apart or more); the axial scale cannot be told "
+            f"and {hc:.3g} in the second turn (allowed: {least_axial} apart or more); the axial scale cannot be told "
             "from the offset: turn at 45 and 135 degrees, or at 0 and 90 with azimuth 180"
         )
     values = finite(signals, "signals", (sum(map(len, turns.rows)), None))
@@ -501,10 +487,11 @@ def solve_rotations(
         for w, t, c in ((w1, one, hc), (w2, two, -hz))
     )
     total = sum(w * np.square([t.cosine, t.sine]).sum(axis=(0, -1)) for w, t in ((w1, one), (w2, two)))
-    if not (misfit <= _MOST_MISFIT * total).all():
+    most_misfit = 0.05  # share of the harmonics' power: 13 degrees, more than any rig stands wrong
+    if not (misfit <= most_misfit * total).all():
         raise IdentifiabilityError(
             f"{100.0 * np.max(misfit / total):.0f} % of the signals' harmonics do not follow the known direction "
-            f"{a.round(3).tolist()} (allowed {100.0 * _MOST_MISFIT:.0f}); check it, the dial settings and the channels"
+            f"{a.round(3).tolist()} (allowed {100.0 * most_misfit:.0f}); check it, the dial settings and the channels"
         )
     n3 = (two.mean - one.mean) / (hc - hz)
     offset = (one.mean * hc - two.mean * hz) / (hc - hz)
@@ -565,10 +552,11 @@ def find_direction(
     z1, z2 = one.cosine - 1j * one.sine, two.cosine - 1j * two.sine
     system = np.stack([z2, 1j * (z1 - z2), z1], axis=-1)
     _, strength, axes = np.linalg.svd(np.concatenate([system.real, system.imag]))
-    if strength[1] <= _LEAST_SEPARATION * strength[0]:
+    least_separation = 0.05  # second of the singular values over the first, where the direction is to be found
+    if strength[1] <= least_separation * strength[0]:
         raise IdentifiabilityError(
             f"the two turns do not show the field's direction: singular value ratio {strength[1] / strength[0]:.2g}, "
-            f"allowed {_LEAST_SEPARATION} or more; give the dip (and the azimuth of the rig's zero), or turn at "
+            f"allowed {least_separation} or more; give the dip (and the azimuth of the rig's zero), or turn at "
             "another inclination"
         )
     a = dcm(turns.azimuth, turns.inclination, 0.0).T @ axes[2]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,16 +30,6 @@ class Components:
     relative_sd: Array  # (n,) standard uncertainty of each factor relative to the factor
 
 
-class _Solution(NamedTuple):
-    """Generalised least squares at one set of factors."""
-
-    value: float  # twice the negative restricted log likelihood
-    inner: Array  # (p, p) covariance of the parameters
-    shift: Array  # (p,) parameters of the linearisation minus estimate
-    inverse: Array  # (K, M, M) V^-1
-    weighted: Array  # (K, M, p) V^-1 J
-
-
 class _Restricted:
     """Restricted likelihood of one linearised model; everything is done station by station."""
 
@@ -52,28 +41,8 @@ class _Restricted:
 
     def evaluate(self, factors: Array) -> tuple[float, Array, Array]:
         """Twice the negative log likelihood, its gradient by factor, and the expected information (n, n)."""
-        at = self.solve(factors)
-        white = (at.inverse @ self.residual[..., None])[..., 0]
-        gradient, information = self._derivatives(at.inverse, at.weighted, at.inner, white - at.weighted @ at.shift)
-        return at.value, gradient, information
-
-    def solve(self, factors: Array) -> _Solution:
-        """Generalised least squares for given factors, with twice its negative restricted log likelihood."""
-        covariance = np.tensordot(factors, self.stacked, axes=1) + self.fixed
-        inverse = np.asarray(np.linalg.inv(covariance))
-        spread = np.linalg.slogdet(covariance)[1].sum()
-        weighted = inverse @ self.jacobian  # V^-1 J
-        normal = np.tensordot(self.jacobian, weighted, axes=([0, 1], [0, 1])) + self.prior
-        scale = 1.0 / np.sqrt(np.diagonal(normal))
-        unit = normal * np.outer(scale, scale)
-        inner = np.asarray(np.linalg.pinv(unit, rcond=1e-13, hermitian=True) * np.outer(scale, scale))
-        shift = inner @ np.tensordot(weighted, self.residual, axes=([0, 1], [0, 1]))
-        eigen = np.linalg.eigvalsh(unit)
-        log_normal = np.log(eigen[eigen > 1e-13 * eigen[-1]]).sum() - 2.0 * np.log(scale).sum()
-        misfit = np.sum(self.residual * ((inverse @ self.residual[..., None])[..., 0] - weighted @ shift))
-        return _Solution(float(spread + log_normal + misfit), inner, shift, inverse, weighted)
-
-    def _derivatives(self, inverse: Array, weighted: Array, inner: Array, projected: Array) -> tuple[Array, Array]:
+        value, inner, shift, inverse, weighted = self.solve(factors)
+        projected = (inverse @ self.residual[..., None])[..., 0] - weighted @ shift
         whitened = [inverse @ part for part in self.parts]  # V^-1 V_i
         middles = [np.tensordot(weighted, part @ weighted, axes=([0, 1], [0, 1])) for part in self.parts]
         gradient = np.array(
@@ -93,7 +62,27 @@ class _Restricted:
                 cross = np.tensordot(weighted, product @ weighted, axes=([0, 1], [0, 1]))
                 both = np.sum((inner @ middles[i]) * (inner @ middles[j]).T)
                 information[i, j] = information[j, i] = 0.5 * (pair - 2.0 * np.sum(inner * cross) + both)
-        return gradient, information
+        return value, gradient, information
+
+    def solve(self, factors: Array) -> tuple[float, Array, Array, Array, Array]:
+        """Generalised least squares for given factors.
+
+        Twice the negative restricted log likelihood, covariance (p, p) of the parameters, parameters (p,) of the
+        linearisation minus estimate, V^-1 (K, M, M), V^-1 J (K, M, p).
+        """
+        covariance = np.tensordot(factors, self.stacked, axes=1) + self.fixed
+        inverse = np.asarray(np.linalg.inv(covariance))
+        spread = np.linalg.slogdet(covariance)[1].sum()
+        weighted = inverse @ self.jacobian  # V^-1 J
+        normal = np.tensordot(self.jacobian, weighted, axes=([0, 1], [0, 1])) + self.prior
+        scale = 1.0 / np.sqrt(np.diagonal(normal))
+        unit = normal * np.outer(scale, scale)
+        inner = np.asarray(np.linalg.pinv(unit, rcond=1e-13, hermitian=True) * np.outer(scale, scale))
+        shift = inner @ np.tensordot(weighted, self.residual, axes=([0, 1], [0, 1]))
+        eigen = np.linalg.eigvalsh(unit)
+        log_normal = np.log(eigen[eigen > 1e-13 * eigen[-1]]).sum() - 2.0 * np.log(scale).sum()
+        misfit = np.sum(self.residual * ((inverse @ self.residual[..., None])[..., 0] - weighted @ shift))
+        return float(spread + log_normal + misfit), inner, shift, inverse, weighted
 
 
 def estimate_components(model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool) -> Components:
@@ -123,24 +112,12 @@ def raised_components(model: Model, at: Linear, state: State, free_noise: Set[st
     return _components(model, factors, _relative_sd(likelihood.evaluate(factors)[2], factors, free))
 
 
-DRAWS = 128
-"""Sets of variances over which a covariance is averaged."""
-
-_WELL_KNOWN = 0.03
-"""Relative uncertainty of the variances below which averaging over them changes nothing worth its time."""
-
-
-class Average(NamedTuple):
-    """Means over what the readings leave open about the variances."""
-
-    covariance: Array  # (p, p) of the parameters
-    factors: Array  # (n,) on the present variances: noise of each kind, rig
-
-
 def average_over_variances(
     model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool
-) -> Average | None:
-    """Covariance of the parameters averaged over what the readings leave open about the variances.
+) -> tuple[Array, Array] | None:
+    """Covariance (p, p) of the parameters averaged over what the readings leave open about the variances.
+
+    Beside it the mean factors (n,) on the present variances: noise of each kind, rig.
 
     An estimated variance put in as if it were known makes a short run look better than it is: in twelve positions one
     run in three would be off by more than its 95 % region. The covariance is averaged over the variances' posterior
@@ -154,32 +131,29 @@ def average_over_variances(
     ones = np.ones(len(free))
     index = np.flatnonzero(free)
     information = likelihood.evaluate(ones)[2][np.ix_(index, index)]
+    open_sd = 2.0  # of the prior on the logarithm of a variance about its estimate
     # a variance the readings say nothing of may be anything within a factor of e^2 or so, not everything
-    spread = np.linalg.inv(information + np.eye(len(index)) / _OPEN**2)
-    if np.sqrt(spread.diagonal().max()) < _WELL_KNOWN:
+    spread = np.linalg.inv(information + np.eye(len(index)) / open_sd**2)
+    # relative uncertainty of the variances below which averaging over them changes nothing worth its time
+    if np.sqrt(spread.diagonal().max()) < 0.03:
         return None
     generator = np.random.default_rng(0)
-    normal = generator.standard_normal((DRAWS, len(index)))
-    tail = np.sqrt(_TAIL / generator.chisquare(_TAIL, DRAWS))
+    dof = 4.0  # of the sampling density, heavier in the tails than the posterior
+    draws = 128  # sets of variances over which a covariance is averaged
+    normal = generator.standard_normal((draws, len(index)))
+    tail = np.sqrt(dof / generator.chisquare(dof, draws))
     steps = (normal * tail[:, None]) @ np.linalg.cholesky(spread).T
-    density = -0.5 * (_TAIL + len(index)) * np.log1p(np.sum((normal * tail[:, None]) ** 2, axis=1) / _TAIL)
+    density = -0.5 * (dof + len(index)) * np.log1p(np.sum((normal * tail[:, None]) ** 2, axis=1) / dof)
     floors = _floors(model)
-    total, means, weight, best = 0.0, np.zeros(len(free)), 0.0, likelihood.solve(ones).value
+    total, means, weight, best = 0.0, np.zeros(len(free)), 0.0, likelihood.solve(ones)[0]
     for step, log_density in zip(steps, density, strict=True):
         factors = ones.copy()
         factors[index] = np.maximum(np.exp(step), floors[index])
-        found = likelihood.solve(factors)
-        share = np.exp(np.clip(-0.5 * (found.value - best) - log_density - 0.5 * np.sum((step / _OPEN) ** 2), -700, 50))
-        total = total + share * (found.inner + np.outer(found.shift, found.shift))
+        value, inner, shift, _, _ = likelihood.solve(factors)
+        share = np.exp(np.clip(-0.5 * (value - best) - log_density - 0.5 * np.sum((step / open_sd) ** 2), -700, 50))
+        total = total + share * (inner + np.outer(shift, shift))
         means, weight = means + share * factors, weight + share
-    return Average(np.asarray(total / weight), means / weight)
-
-
-_OPEN = 2.0
-"""Standard deviation of the prior on the logarithm of a variance about its estimate."""
-
-_TAIL = 4.0
-"""Degrees of freedom of the sampling density, heavier in the tails than the posterior."""
+    return np.asarray(total / weight), means / weight
 
 
 def _restricted(
@@ -215,29 +189,24 @@ def _relative_sd(information: Array, factors: Array, free: Mask) -> Array:
     return spread
 
 
-_FLOOR = 1e-8
-"""A rig variance this far below its starting value is called perfect."""
-
-LEAST_NOISE = 1e-8
-"""Share of a channel's range below which its noise is rounding; less would leave no digits for the rig's part."""
-
-
 def least_noise(signals: Array) -> Array:
     """Least standard deviation (m,) that channels (K, m) are taken to have."""
-    return np.asarray(np.maximum(LEAST_NOISE * np.ptp(signals, axis=0), np.finfo(float).tiny))
+    # share of a channel's range below which its noise is rounding; less would leave no digits for the rig's part
+    return np.asarray(np.maximum(1e-8 * np.ptp(signals, axis=0), np.finfo(float).tiny))
 
 
 def _floors(model: Model) -> Array:
     """Least factor of each variance: rounding for the noise, what is called perfect for the rig."""
     floors, start = [], 0
     rounding = np.broadcast_to(model.rounding, model.noise_sd.shape)
+    floor = 1e-8  # a rig variance this far below its starting value is called perfect
     for signals in model.signals.values():
         here = slice(start, start + signals.shape[1])
         start += signals.shape[1]
         sd = model.noise_sd[:, here]
         least = max(np.max(least_noise(signals) / sd), np.min(rounding[:, here] / sd))
-        floors.append(max(_FLOOR, min(1.0, float(least**2))))
-    return np.array([*floors, _FLOOR])
+        floors.append(max(floor, min(1.0, float(least**2))))
+    return np.array([*floors, floor])
 
 
 def _maximise(likelihood: _Restricted, factors: Array, free: Mask, floors: Array) -> tuple[Array, Array]:
@@ -273,9 +242,6 @@ def _maximise(likelihood: _Restricted, factors: Array, free: Mask, floors: Array
 
 
 # Fit a joint model and, where they are not known, the variances that weight it.
-
-FIRST_RIG_SD = np.radians(0.1)
-"""Where the search for the rig's standard deviation starts, rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,7 +309,7 @@ def fit_with_caution(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fi
 def with_averaged_covariance(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fitted:
     """The same fit, its covariance averaged over what is not known of the estimated variances."""
     average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
-    return fitted if average is None else replace(fitted, covariance=average.covariance)
+    return fitted if average is None else replace(fitted, covariance=average[0])
 
 
 def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Model:
@@ -351,8 +317,9 @@ def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> 
     average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
     if average is None:
         return fitted.model
-    kinds = dict(zip(fitted.model.signals, average.factors[:-1].tolist(), strict=True))
-    return fitted.model.with_weights(*_scaled(fitted.model, Components(kinds, average.factors[-1], average.factors)))
+    factors = average[1]
+    kinds = dict(zip(fitted.model.signals, factors[:-1].tolist(), strict=True))
+    return fitted.model.with_weights(*_scaled(fitted.model, Components(kinds, factors[-1], factors)))
 
 
 def _scaled(model: Model, parts: Components) -> tuple[Array, Array]:
@@ -367,7 +334,8 @@ def rig_guess(given: ArrayLike | None) -> tuple[Array, Mask]:
     if sd.shape not in ((), (3,)):
         raise InputError(f"rig_sd has shape {sd.shape}; give one value, or three for azimuth, inclination, toolface")
     known = np.broadcast_to(~np.isnan(sd) | (given is not None and sd.ndim == 0), (3,))
-    found = within(np.where(known, sd, FIRST_RIG_SD), "rig_sd", 0.0, np.radians(30.0), "rad")
+    # where the search for the rig's standard deviation starts, rad
+    found = within(np.where(known, sd, np.radians(0.1)), "rig_sd", 0.0, np.radians(30.0), "rad")
     return found, known
 
 

@@ -271,7 +271,12 @@ def simulate_bench(
         temperature=degrees,
         characteristic=characteristic,
     )
-    written = _written(rig, record)
+    # the record (K, 3) with the misreadings in it
+    written = record.copy()
+    for fault in rig.faults:
+        if isinstance(fault, Misread):
+            _check_station(fault, len(record))
+            written[fault.station, DIALS.index(fault.dial)] += fault.size
     return BenchSimulation(
         azimuth=written[:, 0],
         inclination=written[:, 1],
@@ -386,13 +391,3 @@ def _bumped(rig: Rig, streams: Streams, orientation: Array) -> Array:
         axis = streams[f"rig.bump.{number}"].standard_normal(3)
         turned[fault.station] = rotation_exp(fault.size * axis / np.linalg.norm(axis)) @ turned[fault.station]
     return turned
-
-
-def _written(rig: Rig, record: Array) -> Array:
-    """The record (K, 3) with the misreadings in it."""
-    written = record.copy()
-    for fault in rig.faults:
-        if isinstance(fault, Misread):
-            _check_station(fault, len(record))
-            written[fault.station, DIALS.index(fault.dial)] += fault.size
-    return written

@@ -148,7 +148,11 @@ def simulate_gyro_run(
     >>> (run.gyro[:, 0] / EARTH_RATE).round(3) + 0.0
     array([ 0.866, -0.5  , -0.866,  0.5  ])
     """
-    path, index = _path(md, inclination, azimuth, toolface), finite(positions, "positions", (None,))
+    given = {"md": md, "inclination": inclination, "azimuth": azimuth, "toolface": toolface}
+    path = [finite(v, name) for name, v in given.items()]
+    if any(v.ndim != 1 or v.shape != path[0].shape for v in path):
+        raise InputError(f"{', '.join(given)} have shapes {[v.shape for v in path]}; expected (n,)")
+    index = finite(positions, "positions", (None,))
     within([dwell, g], "dwell and g", 1e-9, np.inf)
     within([settle, travel], "settle and travel", 0.0, np.inf)
     size = len(path[0])
@@ -176,14 +180,6 @@ def simulate_gyro_run(
         latitude=latitude,
         clean=clean,
     )
-
-
-def _path(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, toolface: ArrayLike) -> list[Array]:
-    given = {"md": md, "inclination": inclination, "azimuth": azimuth, "toolface": toolface}
-    path = [finite(v, name) for name, v in given.items()]
-    if any(v.ndim != 1 or v.shape != path[0].shape for v in path):
-        raise InputError(f"{', '.join(given)} have shapes {[v.shape for v in path]}; expected (n,)")
-    return path
 
 
 def _accelerometer(use: GyroSensors, gravity: Array, streams: Streams) -> Array:

@@ -155,7 +155,11 @@ def simulate_survey(
     >>> survey.signals["magnetometer"].shape == (len(path.md), 3)
     True
     """
-    path = _stations(md, inclination, azimuth, toolface)
+    path = WellPath(
+        finite(md, "md"), finite(inclination, "inclination"), finite(azimuth, "azimuth"), finite(toolface, "toolface")
+    )
+    if path.md.ndim != 1 or any(v.shape != path.md.shape for v in path):
+        raise InputError(f"md, inclination, azimuth, toolface have shapes {[v.shape for v in path]}; expected (n,)")
     degrees = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), path.md.shape)
     orientation = dcm(path.azimuth, path.inclination, path.toolface)
     local = {"accelerometer": g, "magnetometer": b, "gyro": EARTH_RATE}
@@ -185,15 +189,6 @@ def simulate_survey(
         dip=dip,
         **sensed._asdict(),
     )
-
-
-def _stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, toolface: ArrayLike) -> WellPath:
-    given = WellPath(
-        finite(md, "md"), finite(inclination, "inclination"), finite(azimuth, "azimuth"), finite(toolface, "toolface")
-    )
-    if given.md.ndim != 1 or any(v.shape != given.md.shape for v in given):
-        raise InputError(f"md, inclination, azimuth, toolface have shapes {[v.shape for v in given]}; expected (n,)")
-    return given
 
 
 def field_ratio(tool: Tool, kind: str, local: float | None) -> float:

@@ -100,11 +100,29 @@ def simulate_log(
     >>> log.still
     array([[ 0.,  5.], [ 7., 12.]])
     """
-    poses = _poses(azimuth, inclination, toolface)
-    still = _periods(len(poses), dwell, move)
+    a, i, t = (finite(v, n) for v, n in ((azimuth, "azimuth"), (inclination, "inclination"), (toolface, "toolface")))
+    if a.ndim != 1 or not a.shape == i.shape == t.shape or not a.size:
+        raise InputError(f"poses have shapes {a.shape}, {i.shape}, {t.shape}; expected (P,) for all three")
+    poses = dcm(a, i, t)
+    # start and end of each still period (P, 2)
+    count = len(poses)
+    rests = np.broadcast_to(within(dwell, "dwell", 1e-3, 1e6, "s"), (count,))
+    moves = np.broadcast_to(within(move, "move", 1e-3, 1e6, "s"), (count - 1,))
+    starts = np.concatenate([[0.0], np.cumsum(rests[:-1] + moves)])
+    still = np.stack([starts, starts + rests], axis=-1)
     within(rate, "rate", 1e-3, 1e6, "per second")
     time = np.arange(int(np.floor(still[-1, 1] * rate + 1e-9)) + 1) / rate
-    way = _progress(time, still)
+    # where each sample is on its way
+    leg = np.searchsorted(still[:, 0], time, side="right") - 1
+    end = still[leg, 1]
+    moving = time > end
+    length = np.where(moving, np.append(still[1:, 0], np.inf)[leg] - end, 1.0)
+    # a sample at the very end of the log may lie a rounding error behind it
+    u = np.where(moving & np.isfinite(length), (time - end) / length, 0.0)
+    turned = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    bell = 16.0 * u**2 * (1.0 - u) ** 2
+    pose = np.where(moving & np.isfinite(length), -1, leg).astype(np.int64)
+    way = _Way(leg.astype(np.int64), pose, turned, 1.875 * bell / length, bell)
     steps = np.concatenate([rotation_log(poses[1:] @ poses[:-1].swapaxes(-1, -2)), np.zeros((1, 3))])
     orientation = rotation_exp(way.turned[:, None] * steps[way.leg]) @ poses[way.leg]
     # the rotation is passive: the axes turn against the vector that turns the components
@@ -128,35 +146,6 @@ class _Way(NamedTuple):
     turned: Array  # share of the turn to the next pose that is done
     speed: Array  # its rate, 1/s
     bell: Array  # the same rate with 1 at the middle of the move
-
-
-def _poses(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> Array:
-    a, i, t = (finite(v, n) for v, n in ((azimuth, "azimuth"), (inclination, "inclination"), (toolface, "toolface")))
-    if a.ndim != 1 or not a.shape == i.shape == t.shape or not a.size:
-        raise InputError(f"poses have shapes {a.shape}, {i.shape}, {t.shape}; expected (P,) for all three")
-    return dcm(a, i, t)
-
-
-def _periods(count: int, dwell: ArrayLike, move: ArrayLike) -> Array:
-    """Start and end of each still period (P, 2)."""
-    rests = np.broadcast_to(within(dwell, "dwell", 1e-3, 1e6, "s"), (count,))
-    moves = np.broadcast_to(within(move, "move", 1e-3, 1e6, "s"), (count - 1,))
-    starts = np.concatenate([[0.0], np.cumsum(rests[:-1] + moves)])
-    return np.stack([starts, starts + rests], axis=-1)
-
-
-def _progress(time: Array, still: Array) -> _Way:
-    """Where each sample is on its way."""
-    leg = np.searchsorted(still[:, 0], time, side="right") - 1
-    end = still[leg, 1]
-    moving = time > end
-    length = np.where(moving, np.append(still[1:, 0], np.inf)[leg] - end, 1.0)
-    # a sample at the very end of the log may lie a rounding error behind it
-    u = np.where(moving & np.isfinite(length), (time - end) / length, 0.0)
-    turned = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-    bell = 16.0 * u**2 * (1.0 - u) ** 2
-    pose = np.where(moving & np.isfinite(length), -1, leg).astype(np.int64)
-    return _Way(leg.astype(np.int64), pose, turned, 1.875 * bell / length, bell)
 
 
 def _motion(tool: Tool, kind: str, turning: Array, jolt: Array) -> Array | float:

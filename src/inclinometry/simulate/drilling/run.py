@@ -37,19 +37,6 @@ from inclinometry.simulate.drilling.scenario import (
 )
 from inclinometry.simulate.tool import Seed, Streams
 
-EDGE: Final = 0.1
-"""Softness of a band's edges: standard deviation of the Gaussian edge over the band's lower end."""
-
-SOFTEST: Final = 0.01
-"""The same over the rate of the grid, at most."""
-
-KERNEL: Final = 6.0
-"""Half length of the kernel in standard deviations of its Gaussian window: cut off at 1.5e-8."""
-
-
-FORGOTTEN: Final = 1e-10
-"""Where the impulse response of a filter with skirts is cut off."""
-
 
 class Chunked:
     """White Gaussian noise by sample number, negative numbers too, drawn chunk by chunk."""
@@ -88,11 +75,14 @@ class BandNoise:
 
         self._name, self._noise = name, noise
         # a soft upper edge must end before half the rate of the grid
-        self._band, self._rate, self._width = band, rate, min(EDGE * band.low, SOFTEST * rate)
+        # softness of a band's edges: standard deviation of the Gaussian edge over the band's lower end
+        # the same over the rate of the grid, at most
+        self._band, self._rate, self._width = band, rate, min(0.1 * band.low, 0.01 * rate)
         self._gain = 1.0
         self._skirted = _butterworth(band, rate) if band.order else None
         if self._skirted is None:
-            self._half = int(np.ceil(KERNEL * rate / (2.0 * np.pi * self._width)))
+            # half length of the kernel in standard deviations of its Gaussian window: cut off at 1.5e-8
+            self._half = int(np.ceil(6.0 * rate / (2.0 * np.pi * self._width)))
         else:
             self._half = self._skirted.size // 2
         self._gain = band.rms / float(np.sqrt(np.sum(self._kernel(0, 0.0) ** 2)))
@@ -125,12 +115,13 @@ class BandNoise:
 
 
 def _butterworth(band: Band, rate: float) -> Array:
-    """Impulse response, an odd number of taps, until it has decayed to FORGOTTEN."""
+    """Impulse response, an odd number of taps, until it has decayed to 1e-10."""
     from scipy.signal import butter, sos2zpk, sosfilt
 
     sections = butter(band.order, [band.low, band.high], btype="bandpass", fs=rate, output="sos")
     slowest = float(np.abs(sos2zpk(sections)[1]).max())
-    half = int(np.ceil(0.5 * np.log(FORGOTTEN) / np.log(slowest)))
+    # where the impulse response of a filter with skirts is cut off
+    half = int(np.ceil(0.5 * np.log(1e-10) / np.log(slowest)))
     return np.asarray(sosfilt(sections, np.eye(1, 2 * half + 1)[0]))
 
 
@@ -154,8 +145,6 @@ def _sinc(w: float, t: Array) -> tuple[Array, Array, Array]:
 
 
 WANDERS: Final = 8
-SLOWEST_WANDER: Final = 0.005
-FASTEST_WANDER: Final = 0.05
 
 
 class Angle(NamedTuple):
@@ -177,7 +166,9 @@ class Drive:
         drawn, self._phase = random.uniform(0.0, 2.0 * np.pi, 2)
         self._rotation = rotation
         self._wander_phase = random.uniform(0.0, 2.0 * np.pi, WANDERS)
-        low, high = np.log(SLOWEST_WANDER), np.log(FASTEST_WANDER)
+        slowest_wander = 0.005
+        fastest_wander = 0.05
+        low, high = np.log(slowest_wander), np.log(fastest_wander)
         self._wander_rate = 2.0 * np.pi * np.exp(random.uniform(low, high, WANDERS))
         self._start = 0.0
         first = float(self.at(np.zeros(1)).angle[0])
@@ -338,19 +329,8 @@ class Physics:
         angle = drive if torsion is None else drive.plus(Angle(*torsion))
         turn = np.cos(angle.angle), np.sin(angle.angle)
         path = path_at(self._hole, time)
-        gyro, accel = self._turned(path, angle, turn)
-        accel += _to_tool(_to_hole(self._gravity(), path) - self._shaking.at(start, stop), turn)
-        gyro += _to_tool(_to_hole(self._earth, path), turn)
-        if self._lag:
-            turn, path = self._lagging(time, start, stop)
-        mag = _to_tool(_to_hole(self._field(time - self._lag), path), turn)
-        return Sensed(accel, mag, gyro, angle.angle, drive.rate)
-
-    def _turned(self, path: Path, angle: Angle, turn: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Rate of the tool against the Earth, and what the lever arm adds to apparent gravity.
-
-        w = T' z + I' y_h + A' d, with y_h the level axis across the hole and d down; -(w' x r + w x (w x r)).
-        """
+        # rate of the tool against the Earth, and what the lever arm adds to apparent gravity.
+        # w = T' z + I' y_h + A' d, with y_h the level axis across the hole and d down; -(w' x r + w x (w x r)).
         cosine, sine = turn
         zero = np.zeros_like(cosine)
         axis = np.stack([zero, zero, np.ones_like(cosine)])
@@ -363,9 +343,19 @@ class Physics:
             change = change + path.azimuth_rate * (-_cross(rate + slow, down)) - _cross(rate, slow)
             rate = rate + slow + path.azimuth_rate * down
         lever = np.asarray(self._scenario.instrument.lever)[:, None]
-        if not lever.any():
-            return rate, np.zeros_like(rate)
-        return rate, -(_cross(change, lever) + _cross(rate, _cross(rate, lever)))
+        gyro, accel = (
+            (rate, np.zeros_like(rate))
+            if not lever.any()
+            else (rate, -(_cross(change, lever) + _cross(rate, _cross(rate, lever))))
+        )
+        accel += _to_tool(
+            _to_hole(np.array([[0.0], [0.0], [self._hole.gravity]]), path) - self._shaking.at(start, stop), turn
+        )
+        gyro += _to_tool(_to_hole(self._earth, path), turn)
+        if self._lag:
+            turn, path = self._lagging(time, start, stop)
+        mag = _to_tool(_to_hole(self._field(time - self._lag), path), turn)
+        return Sensed(accel, mag, gyro, angle.angle, drive.rate)
 
     def _twist(self, start: int, stop: int, orders: tuple[int, ...], shift: float = 0.0) -> list[Array] | None:
         return None if self._torsion is None else self._torsion.at(start, stop, orders, shift)
@@ -377,9 +367,6 @@ class Physics:
         if twist is not None:
             angle = angle + twist[0]
         return (np.cos(angle), np.sin(angle)), path_at(self._hole, time - self._lag)
-
-    def _gravity(self) -> Array:
-        return np.array([[0.0], [0.0], [self._hole.gravity]])
 
     def _field(self, time: Array) -> Array:
         """Flux density in NED, nT, (3, 1) or, in casing, (3, n)."""
@@ -529,7 +516,15 @@ class Reading:
         if np.isfinite(errors.reach):
             clipped |= self._under_filter((np.abs(signal) >= errors.reach).any(axis=0))
             signal = np.clip(signal, -errors.reach, errors.reach)
-        rows = self._decimated(signal)
+        # filtered rows (n, 3), each at the middle of its taps
+        if self._taps.size == 1:
+            rows = np.ascontiguousarray(signal[:, :: self._tool.factor].T)
+        else:
+            from scipy.signal import upfirdn
+
+            first = (self.before + self.after) // self._tool.factor
+            filtered = upfirdn(self._taps, signal, up=1, down=self._tool.factor, axis=-1)
+            rows = np.ascontiguousarray(filtered[:, first : first + self._rows].T)
         random = self._streams[f"{name} noise.{index}"]
         if errors.noise:
             rows += errors.noise * random.standard_normal(rows.shape)
@@ -542,16 +537,6 @@ class Reading:
         if errors.step:
             rows = np.round(rows / errors.step) * errors.step
         return np.clip(rows, -errors.reach, errors.reach) if np.isfinite(errors.reach) else rows
-
-    def _decimated(self, signal: Array) -> Array:
-        """Filtered rows (n, 3), each at the middle of its taps."""
-        if self._taps.size == 1:
-            return np.ascontiguousarray(signal[:, :: self._tool.factor].T)
-        from scipy.signal import upfirdn
-
-        first = (self.before + self.after) // self._tool.factor
-        filtered = upfirdn(self._taps, signal, up=1, down=self._tool.factor, axis=-1)
-        return np.ascontiguousarray(filtered[:, first : first + self._rows].T)
 
     def _under_filter(self, bad: Mask) -> Mask:
         """Rows with a bad internal sample within the filter's taps."""
@@ -572,7 +557,14 @@ class Corruption:
         for number, fault in enumerate(self._faults):
             random = self._streams[f"fault {number}.{index}"]
             if isinstance(fault, Stuck):
-                block = self._stick(block, fault, number)
+                name, axis = fault.channel.split("_")
+                column = "xyz".index(axis)
+                rows: Array = getattr(block, name).copy()
+                stuck = np.flatnonzero((block.time >= fault.start) & (block.time < fault.stop))
+                if stuck.size:
+                    rows[stuck, column] = self._shown.setdefault(number, float(rows[stuck[0], column]))
+                changed: dict[str, Any] = {name: rows}
+                block = replace(block, **changed)
             elif isinstance(fault, Jitter):
                 block = replace(block, time=block.time + fault.sd * random.standard_normal(len(block)))
             elif isinstance(fault, Dropped):
@@ -580,20 +572,6 @@ class Corruption:
             elif isinstance(fault, Repeated):
                 block = block.rows(np.repeat(np.arange(len(block)), 1 + (random.random(len(block)) < fault.fraction)))
         return block
-
-    def _stick(self, block: DrillingSimulation, fault: Stuck, number: int) -> DrillingSimulation:
-        name, axis = fault.channel.split("_")
-        column = "xyz".index(axis)
-        rows: Array = getattr(block, name).copy()
-        stuck = np.flatnonzero((block.time >= fault.start) & (block.time < fault.stop))
-        if stuck.size:
-            rows[stuck, column] = self._shown.setdefault(number, float(rows[stuck[0], column]))
-        changed: dict[str, Any] = {name: rows}
-        return replace(block, **changed)
-
-
-CHUNK: Final = 2**15
-"""Internal samples drawn together, and at most simulated together; a constant of the numbers, never an option."""
 
 
 def simulate_drilling(scenario: str | Scenario, seed: Seed, *, duration: float | None = None) -> DrillingSimulation:
@@ -687,9 +665,11 @@ def _chunks(scenario: Scenario, seed: Seed, duration: float | None, endless: boo
 def _generate(scenario: Scenario, streams: Streams, length: float) -> Iterator[DrillingSimulation]:
     """Equal chunks, the last cut: it is simulated whole, so that a longer run begins with the same numbers."""
     tool = scenario.instrument
-    rows = max(1, CHUNK // tool.factor)
+    # internal samples drawn together, and at most simulated together; a constant of the numbers, never an option
+    chunk = 2**15
+    rows = max(1, chunk // tool.factor)
     # draws go by internal samples: two instruments of the same internal rate feel the same vibration
-    noise = Chunked(streams, CHUNK)
+    noise = Chunked(streams, chunk)
     reading = Reading(scenario, streams, rows)
     physics = Physics(scenario, noise, reading.reach)
     corruption = Corruption(scenario.faults, streams)

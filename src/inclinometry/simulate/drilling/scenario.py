@@ -214,13 +214,6 @@ class Instrument:
         return self.factor / self.rate
 
 
-MOST_SPEED: Final = 2000.0 * math.tau / 60.0
-"""rad/s: 2000 rpm, several times what a motor and rotary table reach together."""
-
-LEAST_WIDTH: Final = 1.2
-"""Of a band, upper end over lower: narrower ones ring longer than a chunk of the run."""
-
-
 @dataclass(frozen=True)
 class Hole:
     """Where the tool is.
@@ -305,8 +298,9 @@ class Band:
         inside(self, 0.1, 1e5, low="Hz", high="Hz")
         inside(self, 0.0, 1e5, rms="")
         inside(self, 0, 8, order="")
-        if not self.high >= LEAST_WIDTH * self.low:
-            least = LEAST_WIDTH * self.low
+        least_width = 1.2  # of a band, upper end over lower: narrower ones ring longer than a chunk of the run
+        if not self.high >= least_width * self.low:
+            least = least_width * self.low
             raise InputError(f"the band from {self.low} Hz ends at {self.high} Hz; allowed: {least:g} Hz or more")
 
 
@@ -330,7 +324,9 @@ class Rotation:
     torsion: Band | None = None
 
     def __post_init__(self) -> None:
-        inside(self, -MOST_SPEED, MOST_SPEED, speed="rad/s")
+        # rad/s: 2000 rpm, several times what a motor and rotary table reach together
+        most_speed = 2000.0 * math.tau / 60.0
+        inside(self, -most_speed, most_speed, speed="rad/s")
         inside(self, 0.0, 1.0, ripple="of the mean speed")
         inside(self, 0.1, 100.0, ripple_rate="Hz")
         inside(self, 0.0, math.tau, wander="rad")
