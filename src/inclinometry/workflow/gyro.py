@@ -195,7 +195,15 @@ def north_run(
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
     checks = [replace(c, reason=_labelled(c.reason, readings)) for c in checks]
-    notes = _notes(readings, averages, known, calibration, _remarks(readings, heat, chosen))
+    inherited = [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
+    notes = [
+        *_remarks(readings, heat, chosen),
+        *readings.notes,
+        *averages.gravity.warnings,
+        *averages.rate.warnings,
+        *known.notes,
+        *inherited,
+    ]
     notes += gravity_scale(stations)
     notes += misfit_hint(found.get("joint", north), stations.rate, site.latitude)
     notes += [f"{c.name}: {c.reason}; {c.action}" for c in checks if c.verdict == "fail"]
@@ -210,14 +218,6 @@ def north_run(
     north = replace(north, flags=joined)
     rates = north.scale[:, None] * averages.rate.field
     return GyroRun(survey, north, readings.md, heat, track, found, checks, rates, name, digests)
-
-
-def _notes(
-    readings: GyroReadings, averages: Averages, known: ScalePrior, calibration: Calibration | None, remarks: list[str]
-) -> list[str]:
-    """What reader, averages and calibration have to say."""
-    inherited = [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
-    return [*remarks, *readings.notes, *averages.gravity.warnings, *averages.rate.warnings, *known.notes, *inherited]
 
 
 def _labelled(reason: str, readings: GyroReadings) -> str:

@@ -101,29 +101,7 @@ def make_plan(
         )
     if name != "optimal":
         return plan_named(name)
-    return _optimal(number, inclination_range, criterion, rig_sd, dip, seed, progress)
-
-
-def _refuse_useless(name: str, given: list[str]) -> None:
-    in_degrees = ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
-    for option in given:
-        if option in _USES.get(name, ()):
-            continue
-        flag = option.replace("_", "-") + ("-deg" if option in in_degrees else "")
-        users = ", ".join(plan for plan, uses in _USES.items() if option in uses)
-        raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")
-
-
-def _optimal(
-    number: int | None,
-    inclination_range: tuple[float, float] | None,
-    criterion: str | None,
-    rig_sd: float | None,
-    dip: float | None,
-    seed: int | None,
-    progress: Callable[[float], None] | None,
-) -> Plan:
-    """The optimal plan; what was not said has the values of a usual stand and tool."""
+    # the optimal plan; what was not said has the values of a usual stand and tool
     aim = "azimuth" if criterion is None else criterion
     if aim not in CRITERIA:
         raise InputError(f"criterion {aim!r} is unknown; allowed: {', '.join(CRITERIA)}")
@@ -137,3 +115,13 @@ def _optimal(
         seed=1 if seed is None else seed,
         progress=progress,
     )
+
+
+def _refuse_useless(name: str, given: list[str]) -> None:
+    in_degrees = ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
+    for option in given:
+        if option in _USES.get(name, ()):
+            continue
+        flag = option.replace("_", "-") + ("-deg" if option in in_degrees else "")
+        users = ", ".join(plan for plan, uses in _USES.items() if option in uses)
+        raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")

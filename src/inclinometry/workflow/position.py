@@ -186,6 +186,29 @@ def well_position(
     except InputError as error:
         lacking = "the site" in str(error)
         raise _of_site(error, site_path) if lacking else FileError(str(error), path=stations.path) from None
+    # what is likelier a mistake of the file than a hole
+    found = []
+    severity = dogleg_severity_deg(path)
+    # dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below
+    sharpest = 60.0
+    if severity.max() > sharpest:
+        row = int(np.argmax(severity))
+        found.append(
+            f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
+            "a typing error, or depths in another unit?"
+        )
+    intervals = np.diff(stations.md)
+    # spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft
+    stands = (80.0, 100.0)
+    alike = (intervals >= stands[0]) & (intervals <= stands[1])
+    spacing = float(np.median(intervals[alike])) if alike.any() else 0.0
+    share_of_stands = 0.6  # share of such intervals from which the question is asked
+    # the unit of the file, not the metres it became; a long first interval proves nothing
+    if np.mean(alike) >= share_of_stands:
+        found.append(
+            f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
+            "feet, name their column md_ft"
+        )
     return WellPosition(
         path,
         well,
@@ -194,7 +217,7 @@ def well_position(
         model.code,
         None if calibration is None else _name(calibration),
         [*_notes(stations, tie_on, uncertainty is not None), *model.notes],
-        (*_doubts(stations, path), *_declination_doubt(site), *model.warnings),
+        (*found, *_declination_doubt(site), *model.warnings),
         {"survey": stations.digest},
     )
 
@@ -245,33 +268,6 @@ def _notes(stations: WellStations, tie_on: tuple[float, float, float] | None, mo
     if not modelled:
         notes.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
     return notes
-
-
-def _doubts(stations: WellStations, path: WellPath) -> list[str]:
-    """What is likelier a mistake of the file than a hole."""
-    found = []
-    severity = dogleg_severity_deg(path)
-    # dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below
-    sharpest = 60.0
-    if severity.max() > sharpest:
-        row = int(np.argmax(severity))
-        found.append(
-            f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
-            "a typing error, or depths in another unit?"
-        )
-    intervals = np.diff(stations.md)
-    # spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft
-    stands = (80.0, 100.0)
-    alike = (intervals >= stands[0]) & (intervals <= stands[1])
-    spacing = float(np.median(intervals[alike])) if alike.any() else 0.0
-    share_of_stands = 0.6  # share of such intervals from which the question is asked
-    # the unit of the file, not the metres it became; a long first interval proves nothing
-    if np.mean(alike) >= share_of_stands:
-        found.append(
-            f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
-            "feet, name their column md_ft"
-        )
-    return found
 
 
 def _declination_doubt(site: Site) -> list[str]:

@@ -72,7 +72,9 @@ def plan_named(name: str) -> Plan:
     if Path(name).suffix or Path(name).exists():
         return read_plan(name)
     if name == "optimal":
-        raise InputError("plan optimal is designed for a stand: `inclinometry plan optimal -o plan.csv`, and give plan.csv")
+        raise InputError(
+            "plan optimal is designed for a stand: `inclinometry plan optimal -o plan.csv`, and give plan.csv"
+        )
     raise InputError(f"plan {name!r} is unknown; allowed: {', '.join(PLANS)}, or a CSV file (of `inclinometry plan`)")
 
 
