@@ -379,14 +379,14 @@ def _cave(demo: Demo) -> None:
 
 
 def _bench(demo: Demo, name: str, plan: Plan) -> None:
-    run = simulate.bench(plan, SEED, rig=RIG)
+    readings, truth, extras = simulate.bench(plan, SEED, rig=RIG)
     folder = demo.folder / name
     folder.mkdir(parents=True, exist_ok=True)
-    write_bench(run.readings, folder / "readings.csv")
-    write_truth(run.truth, run.extras, folder / "truth.json")
+    write_bench(readings, folder / "readings.csv")
+    write_truth(truth, extras, folder / "truth.json")
     readings = read_bench(folder / "readings.csv")
-    known = Options(level_sd=RIG.base_tilt, nameplate=run.truth)
-    found = compare(readings, truth=run.truth, options=known)
+    known = Options(level_sd=RIG.base_tilt, nameplate=truth)
+    found = compare(readings, truth=truth, options=known)
     demo.comparisons[name] = found
     best = found.attempts[0].calibration
     if best is None:
@@ -409,8 +409,8 @@ def _store(demo: Demo, name: str, readings: BenchReadings, record: Calibration) 
 def _verify(demo: Demo) -> None:
     folder = demo.folder / "orthogonal"
     stand = simulate.read_truth(folder / "truth.json")
-    run = simulate.bench(plans.twelve(4, 5), SEED + 1, rig=replace(RIG, setting_sd=np.radians(0.02)), truth=stand)
-    write_bench(run.readings, folder / "check.csv")
+    check, *_ = simulate.bench(plans.twelve(4, 5), SEED + 1, rig=replace(RIG, setting_sd=np.radians(0.02)), truth=stand)
+    write_bench(check, folder / "check.csv")
     demo.verification = verify(read_bench(folder / "check.csv"), read_calibration(folder / "tool.json"))
     demo.page("verification at independent positions", "orthogonal/verify.html", verification_report(demo.verification))
 
@@ -515,11 +515,11 @@ def methods_compared(draws: int) -> tuple[Figure, str]:
     squared: dict[str, list[Array]] = {name: [] for name in ("joint", "twelve", "classical")}
     known: dict[str, Any] = {"joint": {"diagnose": False}}
     for seed in range(draws):
-        run = simulate.bench(plans.twelve(), seed, rig=RIG)
-        known["classical"] = {"nameplate": run.truth}  # at its best: each conversion factor is what the nameplate says
+        readings, truth, _ = simulate.bench(plans.twelve(), seed, rig=RIG)
+        known["classical"] = {"nameplate": truth}  # at its best: each conversion factor is what the nameplate says
         for name, values in squared.items():
-            found = method(name)(run.readings, **known.get(name, {}))
-            values.append(true_errors(found.tool, run.truth, RIG.dip, inclination) ** 2)
+            found = method(name)(readings, **known.get(name, {}))
+            values.append(true_errors(found.tool, truth, RIG.dip, inclination) ** 2)
     errors = {name: np.sqrt(np.mean(values, axis=0)) for name, values in squared.items()}
     curves = [MethodCurve(name, inclination, rms[:, 0], rms[:, 1]) for name, rms in errors.items()]
     title = f"12 positions, rig settings good to 0.1 deg: rms error over {draws} simulated tools"

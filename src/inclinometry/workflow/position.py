@@ -18,7 +18,7 @@ from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
 from inclinometry.files.table import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.position.propagation import PositionUncertainty, propagate
+from inclinometry.position.propagation import MatrixSource, PositionUncertainty, propagate
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.rotations import wrap_signed
@@ -26,9 +26,9 @@ from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
 from inclinometry.survey.reduce import SensorCorrection
-from inclinometry.workflow.certificate import CertificateModel, certificate_model
+from inclinometry.workflow.calibration_error_model import calibration_error_model
 from inclinometry.workflow.corrections import matching_correction
-from inclinometry.workflow.field import completed, field_at, model_of
+from inclinometry.workflow.field import completed, model_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,24 +176,29 @@ def well_position(
         path, well = _placed(stations, site, target, tie_on, tie_sigma)
     except InputError as error:
         raise _of_site(error, site_path) from None
-    model = CertificateModel((), tool_code, [], [])
+    sources: Sequence[MatrixSource] = ()
+    code = tool_code
+    notes: list[str] = []
+    warnings: list[str] = []
     uncertainty = None
     try:
         if calibration is not None:
-            model = certificate_model(calibration, well, stations, raw, tool_code, correction)
-        if model.code is not None or model.sources:
-            uncertainty = propagate(well, model.code, model.sources)
+            sources, code, notes, warnings = calibration_error_model(
+                calibration, well, stations, raw, tool_code, correction
+            )
+        if code is not None or sources:
+            uncertainty = propagate(well, code, sources)
     except InputError as error:
         lacking = "the site" in str(error)
         raise _of_site(error, site_path) if lacking else FileError(str(error), path=stations.path) from None
     # what is likelier a mistake of the file than a hole
-    found = []
+    doubts = []
     severity = dogleg_severity_deg(path)
     # dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below
     sharpest = 60.0
     if severity.max() > sharpest:
         row = int(np.argmax(severity))
-        found.append(
+        doubts.append(
             f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
             "a typing error, or depths in another unit?"
         )
@@ -205,7 +210,7 @@ def well_position(
     share_of_stands = 0.6  # share of such intervals from which the question is asked
     # the unit of the file, not the metres it became; a long first interval proves nothing
     if np.mean(alike) >= share_of_stands:
-        found.append(
+        doubts.append(
             f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
             "feet, name their column md_ft"
         )
@@ -214,10 +219,10 @@ def well_position(
         well,
         uncertainty,
         stations.azimuth_reference,
-        model.code,
+        code,
         None if calibration is None else _name(calibration),
-        [*_notes(stations, tie_on, uncertainty is not None), *model.notes],
-        (*found, *_declination_doubt(site), *model.warnings),
+        [*_notes(stations, tie_on, uncertainty is not None), *notes],
+        (*doubts, *_declination_doubt(site), *warnings),
         {"survey": stations.digest},
     )
 
@@ -279,14 +284,14 @@ def _declination_doubt(site: Site) -> list[str]:
     try:
         if date is None:
             return []
-        found = field_at(latitude, longitude, site.height_m or 0.0, date, model_of(date))
+        found = model_of(date)(latitude, longitude, site.height_m or 0.0, date)
     except InputError:
         return []  # a date that no model covers: nothing to hold it against
-    expected, sigma = float(found.magnetic.declination), float(found.magnetic.declination_sigma)
+    expected, sigma = float(found.declination), float(found.declination_sigma)
     away = abs(float(wrap_signed(site.declination - expected)))
     if away <= max(3.0 * sigma, np.radians(1.0)):
         return []
     turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
-    shown = f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.magnetic.model} gives "
+    shown = f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
     shown += f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there"
     return [shown + ("; its sign looks wrong (east is positive)" if turned else "; check it")]
