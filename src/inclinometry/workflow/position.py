@@ -171,9 +171,16 @@ def well_position(
     FileError
         A declination or another value that is lacking, naming the site's file; stations the model is not made for.
     """
-    target = north or _north(site.north_reference, stations.azimuth_reference)
+    grid_or_true = "grid" if stations.azimuth_reference == "grid" else "true"
+    target = north or (grid_or_true if site.north_reference == "magnetic" else site.north_reference)
     try:
-        path, well = _placed(stations, site, target, tie_on, tie_sigma)
+        # the path from the north of the results, and the survey as the error model sees it
+        true = convert_azimuth(stations.azimuth, stations.azimuth_reference, "true", site)
+        start = (0.0, 0.0, float(stations.md[0])) if tie_on is None else tie_on
+        turned = convert_azimuth(true, "true", target, site)
+        path = minimum_curvature(stations.md, stations.inclination, turned, start=start)
+        tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
+        well = well_survey(stations.md, stations.inclination, true, site, "true", tvd=path.tvd, north=target, tie=tie)
     except InputError as error:
         raise _of_site(error, site_path) from None
     sources: Sequence[MatrixSource] = ()
@@ -191,7 +198,38 @@ def well_position(
     except InputError as error:
         lacking = "the site" in str(error)
         raise _of_site(error, site_path) if lacking else FileError(str(error), path=stations.path) from None
-    # what is likelier a mistake of the file than a hole
+    said = []
+    if tie_on is None and stations.md[0] > 0.0:
+        first = f"{stations.md[0]:g} m"
+        said.append(
+            f"the first station stands at {first} and no tie-on was given: its position was taken as north 0, east 0, "
+            f"true vertical depth {first}"
+        )
+    if uncertainty is None:
+        said.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
+    name = None if calibration is None else calibration.tool.name
+    return WellPosition(
+        path,
+        well,
+        uncertainty,
+        stations.azimuth_reference,
+        code,
+        "the tool" if name in ("", "unnamed") else name,
+        [*said, *notes],
+        (*_doubts(stations, path, site), *warnings),
+        {"survey": stations.digest},
+    )
+
+
+def _of_site(error: InputError, path: str | Path | None) -> InputError:
+    """The error with the file in which the remedy belongs."""
+    if path is None:
+        return InputError(f"{error} (there is no site file: name one with --site)")
+    return FileError(str(error), path=path)
+
+
+def _doubts(stations: WellStations, path: WellPath, site: Site) -> list[str]:
+    """What is likelier a mistake of the file than a hole."""
     doubts = []
     severity = dogleg_severity_deg(path)
     # dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below
@@ -214,84 +252,22 @@ def well_position(
             f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
             "feet, name their column md_ft"
         )
-    return WellPosition(
-        path,
-        well,
-        uncertainty,
-        stations.azimuth_reference,
-        code,
-        None if calibration is None else _name(calibration),
-        [*_notes(stations, tie_on, uncertainty is not None), *notes],
-        (*doubts, *_declination_doubt(site), *warnings),
-        {"survey": stations.digest},
-    )
-
-
-def _name(calibration: Calibration) -> str:
-    name = calibration.tool.name
-    return "the tool" if name in ("", "unnamed") else name
-
-
-def _placed(
-    stations: WellStations,
-    site: Site,
-    north: str,
-    tie_on: tuple[float, float, float] | None,
-    tie_sigma: tuple[float, float, float] | None,
-) -> tuple[WellPath, WellSurvey]:
-    """The path from the north of the results, and the survey as the error model sees it."""
-    true = convert_azimuth(stations.azimuth, stations.azimuth_reference, "true", site)
-    start = (0.0, 0.0, float(stations.md[0])) if tie_on is None else tie_on
-    turned = convert_azimuth(true, "true", north, site)
-    path = minimum_curvature(stations.md, stations.inclination, turned, start=start)
-    tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
-    well = well_survey(stations.md, stations.inclination, true, site, "true", tvd=path.tvd, north=north, tie=tie)
-    return path, well
-
-
-def _north(site: str, survey: str) -> str:
-    if site != "magnetic":
-        return site
-    return "grid" if survey == "grid" else "true"
-
-
-def _of_site(error: InputError, path: str | Path | None) -> InputError:
-    """The error with the file in which the remedy belongs."""
-    if path is None:
-        return InputError(f"{error} (there is no site file: name one with --site)")
-    return FileError(str(error), path=path)
-
-
-def _notes(stations: WellStations, tie_on: tuple[float, float, float] | None, modelled: bool) -> list[str]:
-    notes = []
-    if tie_on is None and stations.md[0] > 0.0:
-        first = f"{stations.md[0]:g} m"
-        notes.append(
-            f"the first station stands at {first} and no tie-on was given: its position was taken as north 0, east 0, "
-            f"true vertical depth {first}"
-        )
-    if not modelled:
-        notes.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
-    return notes
-
-
-def _declination_doubt(site: Site) -> list[str]:
-    """A given declination held against the model of the place, where that is known: a wrong sign shows."""
+    # a given declination held against the model of the place, where that is known: a wrong sign shows
     place = (site.latitude, site.longitude, site.date)
     if site.declination is None or site.origin("declination") != "given" or None in place:
-        return []
+        return doubts
     latitude, longitude, date = site.latitude or 0.0, site.longitude or 0.0, site.date
     try:
         if date is None:
-            return []
+            return doubts
         found = model_of(date)(latitude, longitude, site.height_m or 0.0, date)
     except InputError:
-        return []  # a date that no model covers: nothing to hold it against
+        return doubts  # a date that no model covers: nothing to hold it against
     expected, sigma = float(found.declination), float(found.declination_sigma)
     away = abs(float(wrap_signed(site.declination - expected)))
     if away <= max(3.0 * sigma, np.radians(1.0)):
-        return []
+        return doubts
     turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
     shown = f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
     shown += f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there"
-    return [shown + ("; its sign looks wrong (east is positive)" if turned else "; check it")]
+    return [*doubts, shown + ("; its sign looks wrong (east is positive)" if turned else "; check it")]
