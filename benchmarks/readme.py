@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from inclinometry.report.comparison import MethodCurve, comparison_figure
 from inclinometry.report.figure import save_png
-from inclinometry.workflow.demo import BENCHES, INCLINATIONS_PICTURED, PICTURED, picture_title, simulated_errors
+from inclinometry.workflow.demo import methods_compared
 
 START, END = "<!-- bench -->", "<!-- /bench -->"
 PICTURE = Path("docs/_static/comparison.png")
-DRAWS = 200
 WARM_UP = "warm-up 20"
 
 
@@ -22,9 +20,8 @@ def update(results: dict, readme: Path) -> None:
     rows = "\n".join(f"| {what} | {found} | {reference} |" for what, found, reference in table(results))
     block = f"{START}\n| what | found | beside |\n|---|---|---|\n{rows}\n{END}"
     readme.write_text(before + block + after, encoding="utf-8")
-    errors = simulated_errors(PICTURED, BENCHES["twelve"](), INCLINATIONS_PICTURED, DRAWS)
-    curves = [MethodCurve(n, INCLINATIONS_PICTURED, e[:, 0], e[:, 1]) for n, e in errors.items()]
-    save_png(comparison_figure(curves, title=picture_title(DRAWS)), PICTURE)
+    figure, _ = methods_compared(200)
+    save_png(figure, PICTURE)
 
 
 def table(results: dict) -> list[tuple[str, str, str]]:

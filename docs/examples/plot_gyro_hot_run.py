@@ -15,15 +15,15 @@ from inclinometry.gyro.tracking import quadratic_belief, track_scale
 from inclinometry.simulate.gyro import hot_run
 from inclinometry.workflow.hot_run import JOINT, reduce_hot_run, rms_degrees
 
-found = reduce_hot_run(hot_run(8))
-run = found.run
-rms = rms_degrees([found])
+run = hot_run(8)
+stations, errors, track = reduce_hot_run(run)
+rms = rms_degrees([errors])
 figure, (top, low) = plt.subplots(2, 1, figsize=(8, 5.6), sharex=True)
 order = np.argsort(run.temperature)
 heat = run.temperature[order]
-band = 2.0 * np.degrees(found.stations[JOINT].u("azimuth"))[order]
+band = 2.0 * np.degrees(stations[JOINT].u("azimuth"))[order]
 top.fill_between(heat, -band, band, color="0.88", linewidth=0, label="two standard uncertainties of the joint estimate")
-for style, (name, error) in zip(("s", "^", "o"), found.errors.items(), strict=True):
+for style, (name, error) in zip(("s", "^", "o"), errors.items(), strict=True):
     off = np.degrees(error)[order]
     top.plot(heat, off, style, label=f"{name}: rms {rms[name]:.3f} deg")
     lost, beyond = np.isnan(off), np.abs(off) > 1.0
@@ -32,7 +32,6 @@ for style, (name, error) in zip(("s", "^", "o"), found.errors.items(), strict=Tr
 top.set(ylabel="azimuth error, deg", ylim=(-1.0, 1.0), title="red crosses: the closed form gives no azimuth")
 top.legend(fontsize=8, loc="upper left")
 
-track = found.track
 low.plot(heat, 100.0 * (run.scale[order] - 1.0), "x", color="black", label="true")
 low.errorbar(heat, 100.0 * (track.scale[order] - 1.0), 200.0 * track.scale_sd[order], fmt="o", lw=0.8, label="joint")
 low.axhline(0.0, color="0.5", lw=0.8, label="taken for 1")

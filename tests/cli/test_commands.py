@@ -257,7 +257,7 @@ def test_demo_runs_and_leaves_its_pages(run):
 
 
 def test_demo_shows_the_hot_run_side_by_side(capsys):
-    found = reduce_hot_run(hot_run(8))
+    _, found, _ = reduce_hot_run(hot_run(8))
     show_hot_run(Demo(Path("out"), hot_run=found, hot_runs_rms=rms_degrees([found])))
     said = capsys.readouterr().out
     for name, rms in rms_degrees([found]).items():

@@ -121,6 +121,8 @@ def test_tables_and_warnings_do_not_read_markup(capsys):
     ("command", "parts"),
     [
         ("plan optimal --empty-inclination-range-deg", ("Unknown option",)),
+        ("certificate --calibration tool.json", ("--calibration is no option here", "as TOOL")),
+        ("survey --raw=raw.csv", ("--raw is no option here", "as RAW")),
         ("plan optimal --inclination-range-deg 20 10", ("--inclination-range-deg", "20 to 10 degrees")),
         ("plan optimal --inclination-range-deg 20 20", ("lower inclination first",)),
         ("plan optimal --inclination-range-deg 0 200", ("0 to 180 degrees",)),

@@ -26,10 +26,9 @@ def drilled(tmp_path_factory):
 
 
 def test_the_picture_is_written_and_ours_is_far_below_the_others(drilled):
-    found, folder = drilled
+    (_, _, rms), folder = drilled
     assert (folder / PICTURE).read_bytes()[:4] == b"\x89PNG"
     assert {path.name for path in folder.iterdir()} >= {"run.parquet", "truth.parquet", "site.toml", "attitude.csv"}
-    rms = found.rms_deg
     assert list(rms) == [RAW, TEXTBOOK, OURS]
     assert rms[RAW][0] > 40.0  # 5 g of vibration against 1 g of gravity
     assert 0.5 < rms[TEXTBOOK][0] < 30.0
@@ -39,11 +38,11 @@ def test_the_picture_is_written_and_ours_is_far_below_the_others(drilled):
 
 
 def test_the_sentences_carry_the_numbers(drilled):
-    found, _ = drilled
-    head, *lines = drilling_sentences(found)
+    (_, top, rms), _ = drilled
+    head, *lines = drilling_sentences(top, rms)
     assert "609 rpm" in head
     assert len(lines) == 3
-    assert all(name in line for name, line in zip(found.rms_deg, lines, strict=True))
+    assert all(name in line for name, line in zip(rms, lines, strict=True))
 
 
 def test_the_textbook_filter_holds_a_tool_at_rest():

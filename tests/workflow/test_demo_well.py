@@ -14,10 +14,12 @@ from inclinometry.workflow.demo import AXIAL_NT, survey_demo_well, well_sentence
 @pytest.fixture(scope="module")
 def well(tmp_path_factory):
     folder = tmp_path_factory.mktemp("well")
-    bench = simulate.bench(plans.orthogonal(), 5, rig=Rig(dip=np.radians(70.0), setting_sd=np.radians(0.05)))
-    write_calibration(calibrate_joint(bench.readings), folder / "tool.json")
-    run = simulate.well(bench.truth, 6)
-    tensor = bench.truth.triads["magnetometer"].tensor[0]
+    readings, truth, _ = simulate.bench(
+        plans.orthogonal(), 5, rig=Rig(dip=np.radians(70.0), setting_sd=np.radians(0.05))
+    )
+    write_calibration(calibrate_joint(readings), folder / "tool.json")
+    run = simulate.well(truth, 6)
+    tensor = truth.triads["magnetometer"].tensor[0]
     return survey_demo_well(run, tensor, folder / "tool.json", folder / "out")
 
 

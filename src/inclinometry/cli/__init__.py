@@ -52,7 +52,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str]) -> int:
     """The command's exit status; what a user can mend is said in one line."""
-    from cyclopts import CycloptsError, MissingArgumentError
+    from cyclopts import CycloptsError, MissingArgumentError, UnknownOptionError
     from rich.console import Console
 
     from inclinometry.cli.app import app
@@ -79,6 +79,16 @@ def _run(arguments: list[str]) -> int:
         missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
         text = f"{error.argument.name} is needed" if missing_one and error.argument is not None else str(error)
         _say(f"inclinometry: {_one_line(text)} (see --help)")
+        return 2
+    except UnknownOptionError as error:
+        option = (error.token.keyword or error.token.value).partition("=")[0]
+        # other commands name by an option what this one takes as its argument: the tool by --calibration, above all
+        for argument in error.argument_collection:
+            if option in (f"--{argument.name.lower()}", "--calibration" if argument.name == "TOOL" else ""):
+                remedy = f"give the file by itself, as {argument.name} (see --help)"
+                _say(f"inclinometry: {option} is no option here: {remedy}")
+                return 2
+        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
         return 2
     except CycloptsError as error:
         _say(f"inclinometry: {_one_line(str(error))} (see --help)")

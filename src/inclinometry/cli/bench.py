@@ -136,7 +136,7 @@ def show_two(
 
 @Parameter(name="*", group=options.STAND)
 @dataclass(frozen=True)
-class Stand:
+class StandOptions:
     """What is known of a stand, in degrees."""
 
     rig_sd_deg: float | None = None
@@ -169,7 +169,7 @@ class Stand:
         }
 
 
-UNKNOWN: Final = Stand()
+UNKNOWN: Final = StandOptions()
 
 DialFrom: TypeAlias = Annotated[
     InclinationFrom,
@@ -212,7 +212,7 @@ def calibrate(
     site: InputOrNone = None,
     nameplate: Nameplate = None,
     tool: Serial = "unnamed",
-    stand: Stand = UNKNOWN,
+    stand: StandOptions = UNKNOWN,
     accel_step: float | None = None,
     mag_step: float | None = None,
     gyro_step: float | None = None,
@@ -262,7 +262,12 @@ def calibrate(
     output.claim(
         {"--output": output_, "--report": report}, {"the readings": readings, "--site": site, "--nameplate": nameplate}
     )
-    _check_date(created)
+    if created is not None:
+        try:
+            datetime.fromisoformat(created)
+        except ValueError:
+            problem = f"--created is {created!r}; give a date as YYYY-MM-DD or as ISO 8601 with the time"
+            raise InputError(problem) from None
     wishes = Options(
         inclination_zero_sd=options.sd(inclination_zero_sd_deg, "--inclination-zero-sd-deg"),
         nonorthogonality_sd=options.sd(nonorthogonality_sd_deg, "--nonorthogonality-sd-deg"),
@@ -305,16 +310,6 @@ def _step(value: float | None, option: str) -> float | None:
     if value is not None and not 0.0 <= value < np.inf:
         raise InputError(f"{option} is {value:g}; the step of a converter is 0 or more, in the unit of the channels")
     return value
-
-
-def _check_date(created: str | None) -> None:
-    """A date of the record is one a machine can read."""
-    if created is None:
-        return
-    try:
-        datetime.fromisoformat(created)
-    except ValueError:
-        raise InputError(f"--created is {created!r}; give a date as YYYY-MM-DD or as ISO 8601 with the time") from None
 
 
 def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadings) -> dict[str, Any]:
@@ -428,7 +423,7 @@ def compare(
     truth: InputOrNone = None,
     site: InputOrNone = None,
     nameplate: Nameplate = None,
-    stand: Stand = UNKNOWN,
+    stand: StandOptions = UNKNOWN,
     inclination_from: DialFrom = "vertical",
     azimuth_counts: AzimuthCounts = "clockwise",
     toolface_counts: ToolfaceCounts = "clockwise",
@@ -464,15 +459,7 @@ def compare(
     with output.busy("running every method"):
         found = compare_methods(data, truth=known, options=replace(wishes, nameplate=sheet))
     if json:
-        output.print_json(_comparison(found))
-    else:
-        show_comparison(found)
-
-
-def _comparison(found: Comparison) -> dict[str, Any]:
-    return {
-        "inclination_deg": np.degrees(found.inclination).round(9),
-        "methods": [
+        content = [
             {
                 "method": a.method,
                 "applicable": a.calibration is not None,
@@ -480,19 +467,15 @@ def _comparison(found: Comparison) -> dict[str, Any]:
                 "expected_u_deg": None
                 if a.method not in found.uncertainty
                 else named_degrees(found.uncertainty[a.method]),
-                "true_error_deg": _named(found.error.get(a.method)),
+                "true_error_deg": _angles_of(found.error[a.method]) if a.method in found.error else None,
                 "parameters": None if a.calibration is None else asdict_parameters(a.calibration),
                 "warnings": [] if a.calibration is None else list(a.calibration.warnings),
             }
             for a in found.attempts
-        ],
-    }
-
-
-def _named(values: Any) -> dict[str, Any] | None:
-    if values is None:
-        return None
-    return {name: np.degrees(values[:, i]) for i, name in enumerate(("inclination", "azimuth", "toolface"))}
+        ]
+        output.print_json({"inclination_deg": np.degrees(found.inclination).round(9), "methods": content})
+    else:
+        show_comparison(found)
 
 
 def asdict_parameters(found: Calibration) -> dict[str, Any]:

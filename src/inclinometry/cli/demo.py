@@ -16,7 +16,6 @@ from inclinometry.workflow.demo import (
     HOT_RUNS,
     HOT_SEED,
     PICTURE,
-    PUBLISHED_XSENS,
     Demo,
     drilling_sentences,
     steps,
@@ -68,7 +67,7 @@ def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
         for sentence in well_sentences(found.well):
             output.say(f"  {sentence}")
     if found.drilling is not None:
-        head, *lines = drilling_sentences(found.drilling)
+        head, *lines = drilling_sentences(*found.drilling)
         output.say(f"\n{head}")
         for line in lines:
             output.say(f"  {line}")
@@ -85,10 +84,16 @@ def _show_real(found: Demo) -> None:
             "counts per m/s2": 1.0 / found.xsens.scale,
             "misalignment": skew,
         }
+        # imu_tk's own result on this log (Tedaldi, Pretto, Menegatti 2014), from its released calibration file
+        published = {
+            "bias": (33124.2, 33275.2, 32364.4),
+            "counts per m/s2": (414.459, 412.010, 414.649),
+            "misalignment": (-0.0033593, -0.00890639, -0.0213341),
+        }
         u = found.xsens.uncertainty
         spread = {"bias": u["bias"], "counts per m/s2": u["conversion"], "misalignment": u["misalignment"]}
         rows = [
-            [f"{name} {'xyz'[i]}", f"{ours[name][i]:.6g}", f"{spread[name][i]:.2g}", f"{PUBLISHED_XSENS[name][i]:.6g}"]
+            [f"{name} {'xyz'[i]}", f"{ours[name][i]:.6g}", f"{spread[name][i]:.2g}", f"{published[name][i]:.6g}"]
             for name in ours
             for i in range(3)
         ]
@@ -96,7 +101,7 @@ def _show_real(found: Demo) -> None:
         title = f"Xsens MTi, real log: {found.xsens_poses} poses found, rms of the norm {found.xsens.rms:.5f} m/s2"
         output.table(title, ["parameter", "found", "u", "imu_tk"], rows)
     if found.cave is not None:
-        spread, scatter = np.degrees([found.cave.axis_spread, found.cave.dip_scatter])
+        spread, scatter = np.degrees(found.cave)
         output.say(
             "\nSAP6 cave instrument HC, shots 1-16, no rig: over the roll set it has not seen the tool axis spreads by "
             f"{spread:.3f} deg and the dip by {scatter:.3f} deg"
@@ -108,14 +113,14 @@ def show_hot_run(found: Demo) -> None:
     if found.hot_run is None:
         return
     here, many = rms_degrees([found.hot_run]), found.hot_runs_rms
-    lost = {name: int(np.isnan(error).sum()) for name, error in found.hot_run.errors.items()}
+    lost = {name: int(np.isnan(error).sum()) for name, error in found.hot_run.items()}
     rows = [[name, f"{here[name]:.3f}", str(lost[name]), f"{many[name]:.3f}"] for name in here]
     output.say()
     output.table(
         "hot gyro run, 20 to 140 degC, noise 0.015 deg/h: rms azimuth error where there is one, deg",
         ["method", "this run", "no azimuth at", f"{HOT_RUNS} runs"],
         rows,
-        f"this run: {len(found.hot_run.run.scale)} stations, seed {HOT_SEED}, pictured in "
+        f"this run: {len(next(iter(found.hot_run.values())))} stations, seed {HOT_SEED}, pictured in "
         f"{found.folder / 'gyro' / 'hot_run.png'}",
     )
     # ten blocks of 150 runs gave 0.18 to 3.1 for the patent, 0.093 to 0.105 for the joint estimate
@@ -129,8 +134,8 @@ def summary(found: Demo) -> dict[str, object]:
         content["xsens"] = {"poses": found.xsens_poses, "bias": found.xsens.bias, "rms_m_s2": found.xsens.rms}
     if found.cave is not None:
         content["cave"] = {
-            "axis_spread_deg": np.degrees(found.cave.axis_spread),
-            "dip_scatter_deg": np.degrees(found.cave.dip_scatter),
+            "axis_spread_deg": np.degrees(found.cave[0]),
+            "dip_scatter_deg": np.degrees(found.cave[1]),
         }
     content["benches"] = {
         name: {
@@ -149,7 +154,7 @@ def summary(found: Demo) -> dict[str, object]:
             "off_m": found.well.off_m,
         }
     if found.drilling is not None:
-        content["drilling_rms_deg"] = dict(found.drilling.rms_deg)
+        content["drilling_rms_deg"] = dict(found.drilling[1])
     if found.hot_run is not None:
         content["hot_run"] = {"rms_deg": rms_degrees([found.hot_run]), f"rms_deg_{HOT_RUNS}_runs": found.hot_runs_rms}
     if found.survey_error is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -13,7 +13,8 @@ from inclinometry.cli.options import Json
 from inclinometry.errors import InputError
 
 if TYPE_CHECKING:
-    from inclinometry.workflow.field import PlaceField
+    from inclinometry.earth.magnetic import MagneticField
+    from inclinometry.earth.site import Site
 
 
 def field(
@@ -48,7 +49,7 @@ def field(
 
     if not -12e3 <= height_m <= 20e3:
         raise InputError(f"--height-m is {height_m:g} m; allowed -12000 to 20000 m (1 foot is 0.3048 m)")
-    found = field_at(
+    site, field, scale, notes = field_at(
         options.angle(latitude_deg, "--latitude-deg", -90.0, 90.0),
         options.angle(longitude_deg, "--longitude-deg", -180.0, 360.0),
         height_m,
@@ -56,28 +57,40 @@ def field(
         None if model is None else MODELS[model],
         crs,
     )
-    output.warnings(found.notes)
+    output.warnings(notes)
     if json:
-        output.print_json(_content(found, date))
+        shown = {n: {"value": v, "u": u, "unit": unit} for n, v, u, unit, _, _ in _quantities(site, field, scale)}
+        output.print_json(
+            {
+                "model": field.model,
+                "valid_years": list(field.years),
+                "latitude_deg": round(float(np.degrees(site.latitude or 0.0)), 10),
+                "longitude_deg": round(float(np.degrees(site.longitude or 0.0)), 10),
+                "height_m": site.height_m,
+                "date": date,
+                "crs": site.crs,
+                "field": shown,
+                "notes": notes,
+            }
+        )
         return
-    show_field(found, date)
-
-
-def show_field(found: PlaceField, date: str) -> None:
-    """Every quantity with its uncertainty on the terminal."""
     rows = [
         [name.replace("_", " "), f"{value:.{digits}f}", "" if u is None else f"{u:.{u_digits}f}", unit]
-        for name, value, u, unit, digits, u_digits in _quantities(found)
+        for name, value, u, unit, digits, u_digits in _quantities(site, field, scale)
     ]
-    site, valid = found.site, "{:.1f} to {:.1f}".format(*found.magnetic.years)
+    valid = "{:.1f} to {:.1f}".format(*field.years)
     place = f"latitude {np.degrees(site.latitude or 0.0):.6g}, longitude {np.degrees(site.longitude or 0.0):.6g} deg"
-    title = f"{found.magnetic.model} at {place}, height {site.height_m:g} m, {date}"
+    title = f"{field.model} at {place}, height {site.height_m:g} m, {date}"
     output.table(title, ["quantity", "value", "u", "unit"], rows, f"u: one standard deviation; model valid {valid}")
 
 
-def _quantities(found: PlaceField) -> list[tuple[str, float, float | None, str, int, int]]:
+def _quantities(
+    site: Site, field: MagneticField, scale: float | None
+) -> list[tuple[str, float, float | None, str, int, int]]:
     """(name, value, standard uncertainty, unit, digits of both) in the order they are shown."""
-    field, per_hour = found.magnetic, float(np.degrees(3600.0))
+    from inclinometry.earth.rate import earth_rate, horizontal_rate
+
+    latitude, per_hour = site.latitude or 0.0, float(np.degrees(3600.0))
     own = np.sqrt(np.diagonal(field.covariance))
     rows: list[tuple[str, float, float | None, str, int, int]] = [
         ("north", float(field.north), float(own[0]), "nT", 1, 0),
@@ -90,30 +103,14 @@ def _quantities(found: PlaceField) -> list[tuple[str, float, float | None, str, 
         value, u = getattr(field, name), getattr(field, f"{name}_sigma")
         rows.append((name, float(np.degrees(value)), float(np.degrees(u)), "deg", 3, 2))
     rows += [
-        ("gravity", found.gravity, found.gravity_sigma, "m/s2", 5, 5),
-        ("earth_rate", float(np.linalg.norm(found.rate)) * per_hour, None, "deg/h", 4, 0),
-        ("horizontal_earth_rate", found.horizontal_rate * per_hour, None, "deg/h", 4, 0),
+        ("gravity", float(site.gravity or 0.0), float(site.gravity_sigma or 0.0), "m/s2", 5, 5),
+        ("earth_rate", float(np.linalg.norm(earth_rate(latitude))) * per_hour, None, "deg/h", 4, 0),
+        ("horizontal_earth_rate", float(horizontal_rate(latitude)) * per_hour, None, "deg/h", 4, 0),
     ]
-    if found.convergence is not None and found.scale is not None:
-        rows.append(("convergence", float(np.degrees(found.convergence)), None, "deg", 4, 0))
-        rows.append(("scale_factor", found.scale, None, "1", 6, 0))
+    if site.convergence is not None and scale is not None:
+        rows.append(("convergence", float(np.degrees(site.convergence)), None, "deg", 4, 0))
+        rows.append(("scale_factor", scale, None, "1", 6, 0))
     return rows
-
-
-def _content(found: PlaceField, date: str) -> dict[str, Any]:
-    quantities = {name: {"value": value, "u": u, "unit": unit} for name, value, u, unit, _, _ in _quantities(found)}
-    site = found.site
-    return {
-        "model": found.magnetic.model,
-        "valid_years": list(found.magnetic.years),
-        "latitude_deg": round(float(np.degrees(site.latitude or 0.0)), 10),
-        "longitude_deg": round(float(np.degrees(site.longitude or 0.0)), 10),
-        "height_m": site.height_m,
-        "date": date,
-        "crs": site.crs,
-        "field": quantities,
-        "notes": list(found.notes),
-    }
 
 
 def _date(text: str) -> datetime.date | float:

@@ -84,7 +84,10 @@ def position(
     )
     if corrections is not None and raw is None:
         raise InputError("--corrections needs --raw, the raw channels of the run it was made from, and --calibration")
-    _check(tool_code, calibration, raw, sources)
+    if raw is not None and calibration is None:
+        raise InputError("--raw serves --calibration alone; give the tool's calibration too")
+    if sources is not None and tool_code is None and calibration is None:
+        raise InputError("--sources needs an error model: give --tool-code or --calibration")
     with output.reading(survey) as progress, output.busy("positions and their uncertainty"):
         found = read_position(
             survey,
@@ -108,13 +111,6 @@ def position(
     show_position(found)
     written = f"{output.counted(len(found.path), 'station')} written to {output_}"
     output.say(written + (f", report to {report}" if report else "") + (f", sources to {sources}" if sources else ""))
-
-
-def _check(tool_code: str | None, calibration: Path | None, raw: Path | None, sources: Path | None) -> None:
-    if raw is not None and calibration is None:
-        raise InputError("--raw serves --calibration alone; give the tool's calibration too")
-    if sources is not None and tool_code is None and calibration is None:
-        raise InputError("--sources needs an error model: give --tool-code or --calibration")
 
 
 def _metres(values: Metres, option: str, low: float = -1e8) -> Metres:

@@ -8,7 +8,6 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.arrays import Array
 from inclinometry.calibration.rate_table import RateCalibration
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
@@ -17,7 +16,7 @@ from inclinometry.constants import EARTH_RATE
 from inclinometry.files.gyro_csv import read_rate_steps
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.tool_json import write_calibration
-from inclinometry.workflow.rate_table import RateTable, calibrate_on_table
+from inclinometry.workflow.rate_table import calibrate_on_table
 
 
 def table(
@@ -55,7 +54,7 @@ def table(
     place = read_site(site)
     with output.reading(steps) as progress:
         data = read_rate_steps(steps, progress=progress)
-    found = calibrate_on_table(
+    rates, calibrated, notes, used = calibrate_on_table(
         data,
         place,
         calibration=calibration,
@@ -63,33 +62,29 @@ def table(
         g_sensitive=g_sensitivity,
         name=tool,
     )
-    write_calibration(found.calibration, output_, created=created)
-    output.warnings(found.notes)
+    write_calibration(calibrated, output_, created=created)
+    output.warnings(notes)
     if json:
-        output.print_json(_summary(found, output_))
+        content = {
+            "tool": calibrated.tool.name,
+            "unit": rates.triad.unit,
+            "steps_used": used,
+            "tensor_per_earth_rate": rates.triad.tensor[0],
+            "offset": rates.triad.offset[0],
+            "noise": rates.sd,
+            "chi_square": rates.chi_square,
+            "degrees_of_freedom": rates.dof,
+            "g_sensitivity": rates.g_sensitivity,
+            "g_sensitivity_by_chance": rates.chance,
+            "uncertainty": rates.uncertainty,
+            "warnings": calibrated.warnings,
+            "output": output_,
+        }
+        output.print_json(content)
     else:
-        show_rates(found.rates)
-        used = f"{found.steps} of {output.counted(len(data), 'step')} used"
-        output.say(f"{used}, tool {found.calibration.tool.name} written to {output_}")
-
-
-def _summary(found: RateTable, path: Path) -> dict[str, object]:
-    rates = found.rates
-    return {
-        "tool": found.calibration.tool.name,
-        "unit": rates.triad.unit,
-        "steps_used": found.steps,
-        "tensor_per_earth_rate": rates.triad.tensor[0],
-        "offset": rates.triad.offset[0],
-        "noise": rates.sd,
-        "chi_square": rates.chi_square,
-        "degrees_of_freedom": rates.dof,
-        "g_sensitivity": rates.g_sensitivity,
-        "g_sensitivity_by_chance": rates.chance,
-        "uncertainty": rates.uncertainty,
-        "warnings": found.calibration.warnings,
-        "output": path,
-    }
+        show_rates(rates)
+        steps_used = f"{used} of {output.counted(len(data), 'step')} used"
+        output.say(f"{steps_used}, tool {calibrated.tool.name} written to {output_}")
 
 
 def show_rates(found: RateCalibration) -> None:
@@ -117,12 +112,8 @@ def show_rates(found: RateCalibration) -> None:
     header = ["gyro", "nearest axis", f"scale, {unit} per deg/s", f"offset, {unit}", f"noise, {unit}"]
     output.table("gyros, with standard uncertainty", header, rows)
     if found.g_sensitivity is not None:
-        _show_sensitivity(found.g_sensitivity, sd, unit)
-
-
-def _show_sensitivity(sensitivity: Array, sd: dict[str, float], unit: str) -> None:
-    cells = []
-    for gyro, row in enumerate(sensitivity.tolist()):
-        spread = [sd[f"gyro.g_sensitivity[{gyro},{axis}]"] for axis in range(3)]
-        cells.append([f"{gyro + 1}", *(rounded(v, u) for v, u in zip(row, spread, strict=True))])
-    output.table(f"g-sensitivity, {unit} per g", ["gyro", "along x", "along y", "along z"], cells)
+        cells = []
+        for gyro, row in enumerate(found.g_sensitivity.tolist()):
+            spread = [sd[f"gyro.g_sensitivity[{gyro},{axis}]"] for axis in range(3)]
+            cells.append([f"{gyro + 1}", *(rounded(v, u) for v, u in zip(row, spread, strict=True))])
+        output.table(f"g-sensitivity, {unit} per g", ["gyro", "along x", "along y", "along z"], cells)

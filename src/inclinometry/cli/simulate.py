@@ -138,7 +138,7 @@ def bench(
         if again is None:
             raise InputError("--other-stand is for a tool visited again: give --tool truth.json")
         again = (again[0], rig)
-    found = use.bench(
+    readings, drawn, extras = use.bench(
         places,
         seed,
         rig=rig,
@@ -151,14 +151,14 @@ def bench(
         truth=again,
         characteristic=sensors.characteristics(),
     )
-    write_bench(found.readings, output_)
+    write_bench(readings, output_)
     if truth is not None:
-        write_truth(found.truth, found.extras, truth)
-    output.warnings(found.readings.warnings)
+        write_truth(drawn, extras, truth)
+    output.warnings(readings.warnings)
     if json:
-        output.print_json({"stations": len(found.readings), "output": output_, "truth": truth})
+        output.print_json({"stations": len(readings), "output": output_, "truth": truth})
     else:
-        output.say(f"{output.counted(len(found.readings), 'station')} written to {output_}")
+        output.say(f"{output.counted(len(readings), 'station')} written to {output_}")
 
 
 def well(

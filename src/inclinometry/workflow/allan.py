@@ -14,12 +14,6 @@ from inclinometry.calibration.stillness import still_intervals
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.log_csv import EvenLog, read_even_log
 
-STRETCHES = 200
-MOVED = 10.0
-"""Scatter outside the rests, over that at rest, which is motion whatever the noise."""
-STILL = 0.9
-"""Share of a log at rest from which the rest of it may be knocks; below it the tool was moved."""
-
 
 def noise_of_log(
     path: str | Path,
@@ -92,14 +86,14 @@ def _longest_rest(log: EvenLog, path: str | Path) -> str:
     times = [log.start + place * log.dt for place in (first, max(last - 1, 0))]
     short = last - first < SHORTEST
     use = f"the longest rest is {times[0]:.6g} to {times[1]:.6g} s: --start-s {times[0]:.6g} --stop-s {times[1]:.6g}"
-    if still >= STILL:
+    if still >= 0.9:  # so much at rest, the remainder may be knocks; below it the tool was moved
         return f"; {use}"
     away = np.ones(len(log), dtype=np.bool_)
     for start, stop in found.pairs():
         away[start:stop] = False
     ratio = np.std(signals[away], axis=0) / np.where(found.noise_sd > 0.0, found.noise_sd, np.inf)
     worst = int(np.argmax(ratio))
-    if ratio[worst] < MOVED:
+    if ratio[worst] < 10.0:  # scatter outside the rests, over that at rest, which is motion whatever the noise
         return ""
     name = [name for kind in log.channels for name in log.names[kind]][worst]
     raise FileError(
@@ -129,7 +123,7 @@ def _moved(values: Array) -> int | None:
     """Sample at which the signal changes by more than noise does, from sample to sample or stretch to stretch."""
     # change from one stretch to the next, in robust standard deviations of such changes, that noise does not make
     jump = 9.0
-    for width in sorted({1, max(1, len(values) // STRETCHES)}):
+    for width in sorted({1, max(1, len(values) // 200)}):
         number = len(values) // width
         change = np.diff(values[: number * width].reshape(number, width).mean(axis=1))
         spread = 1.4826 * float(np.median(np.abs(change - np.median(change))))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import fields as fields_of
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -140,31 +140,49 @@ class Options:
     gyro_step: float | None = None
 
 
-DEFAULTS = Options()
-
-
 def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Calibration:
     """Calibrate with a method by name; an option the method cannot use is refused, never ignored."""
     run = method(method_name)
     given = {f.name for f in fields_of(Options) if getattr(options, f.name) != f.default} - {"name"}
-    _refuse_useless(method_name, given)
-    if method_name in ("field", "norm"):
+    rigless = method_name in ("field", "norm")
+    every_rig = {
+        "rig_sd",
+        "azimuth_sd",
+        "inclination_sd",
+        "toolface_sd",
+        "north",
+        "dip",
+    }  # of use to every rig's method
+    every_rig |= {"accel_step", "mag_step", "gyro_step"}
+    for option in sorted(given):
+        if option == "specific_force":
+            useful, remedy = rigless, "leave it out: the rig tells the sign of the accelerometer"
+        elif option == "left_handed":
+            useful, remedy = not rigless, "leave it out: without a rig no dial can be reversed"
+        elif option == "nameplate":
+            useful, remedy = method_name == "classical", "leave it out: the conversion factors are found"
+        else:
+            useful = method_name == "joint" or (option in every_rig and not rigless)
+            remedy = "leave it out, or use joint"
+        if not useful:
+            in_degrees = option.endswith("_sd") or option in ("north", "dip")
+            flag = option.replace("_", "-") + ("-deg" if in_degrees else "")
+            raise InputError(f"method {method_name} has no use for --{flag}; {remedy}")
+    if rigless:
         return run(readings, specific_force=options.specific_force, name=options.name)
-    stand = known_stand(readings, options)
+    readings, stand = known_stand(readings, options)
     if method_name != "joint":
         plate = {"nameplate": options.nameplate} if method_name == "classical" else {}
-        return run(stand.readings, rig_sd=stand.rig_sd, name=options.name, **plate)
+        return run(readings, rig_sd=stand["rig_sd"], name=options.name, **plate)
     nuisance = {
         "inclination_zero": options.inclination_zero_sd,
         "outer_nonorthogonality": options.nonorthogonality_sd,
         "inner_nonorthogonality": options.nonorthogonality_sd,
     }
     return run(
-        stand.readings,
-        rig_sd=stand.rig_sd,
+        readings,
+        **stand,
         nuisance_sd={name: sd for name, sd in nuisance.items() if sd is not None},
-        field_prior=stand.field_prior,
-        reference_sd=stand.reference_sd,
         temperature_degree=options.temperature_degree,
         robust=options.robust,
         left_handed=options.left_handed,
@@ -172,13 +190,16 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
     )
 
 
-def known_stand(readings: BenchReadings, options: Options) -> Stand:
-    """What the options say of the stand, in the terms of the estimators; `readings` completed by dip and north.
+def known_stand(readings: BenchReadings, options: Options) -> tuple[BenchReadings, dict[str, Any]]:
+    """Readings completed by what the options say of dip and north, and what they say of the stand.
+
+    The latter are arguments of `calibrate_joint`: rig_sd, field_prior, reference_sd; rad, NaN where a dial is to be
+    estimated.
 
     Examples
     --------
     >>> upright = BenchReadings({"magnetometer": [[1.0]]}, [0.0], [0.0], [0.0])
-    >>> known_stand(upright, Options(rig_sd=0.001, toolface_sd=0.01, dip=1.2)).rig_sd
+    >>> known_stand(upright, Options(rig_sd=0.001, toolface_sd=0.01, dip=1.2))[1]["rig_sd"]
     array([0.001, 0.001, 0.01 ])
     """
     reference = dict(readings.reference)
@@ -215,45 +236,11 @@ def known_stand(readings: BenchReadings, options: Options) -> Stand:
         options.rig_sd if own is None else own
         for own in (options.azimuth_sd, options.inclination_sd, options.toolface_sd)
     ]
-    return Stand(
-        replace(readings, reference=reference, step={**readings.step, **steps}),
-        None if dials == [None] * 3 else np.array(dials, dtype=np.float64),
-        None if options.level_sd is None else {"accelerometer": ([0.0, 0.0, 1.0], options.level_sd)},
-        reference_sd,
-    )
-
-
-class Stand(NamedTuple):
-    """What is known of a stand, as the arguments of `calibrate_joint`; rad, NaN where a dial is to be estimated."""
-
-    readings: BenchReadings
-    rig_sd: Array | None
-    field_prior: Mapping[str, tuple[list[float], float]] | None
-    reference_sd: Mapping[str, float]
-
-
-_EVERY_RIG = frozenset(
-    {"rig_sd", "azimuth_sd", "inclination_sd", "toolface_sd", "north", "dip", "accel_step", "mag_step", "gyro_step"}
-)
-"""Options that every method with a rig can use."""
-
-
-def _refuse_useless(method_name: str, given: Set[str]) -> None:
-    rigless = method_name in ("field", "norm")
-    for option in sorted(given):
-        if option == "specific_force":
-            useful, remedy = rigless, "leave it out: the rig tells the sign of the accelerometer"
-        elif option == "left_handed":
-            useful, remedy = not rigless, "leave it out: without a rig no dial can be reversed"
-        elif option == "nameplate":
-            useful, remedy = method_name == "classical", "leave it out: the conversion factors are found"
-        else:
-            useful = method_name == "joint" or (option in _EVERY_RIG and not rigless)
-            remedy = "leave it out, or use joint"
-        if not useful:
-            in_degrees = option.endswith("_sd") or option in ("north", "dip")
-            flag = option.replace("_", "-") + ("-deg" if in_degrees else "")
-            raise InputError(f"method {method_name} has no use for --{flag}; {remedy}")
+    return replace(readings, reference=reference, step={**readings.step, **steps}), {
+        "rig_sd": None if dials == [None] * 3 else np.array(dials, dtype=np.float64),
+        "field_prior": None if options.level_sd is None else {"accelerometer": ([0.0, 0.0, 1.0], options.level_sd)},
+        "reference_sd": reference_sd,
+    }
 
 
 def readings_at(
@@ -264,11 +251,10 @@ def readings_at(
 ) -> BenchReadings:
     """Bench readings of a file, dials converted, completed by what a site file says of the fields at the stand."""
     readings = dials.read(read_bench(path, progress=progress))
-    return readings if site is None else replace(readings, reference={**readings.reference, **_site_fields(site)})
-
-
-def _site_fields(site: Site) -> Mapping[str, float]:
-    return {name: value for name in ("g", "b", "dip", "latitude") if (value := getattr(site, name)) is not None}
+    if site is None:
+        return readings
+    known = {name: value for name in ("g", "b", "dip", "latitude") if (value := getattr(site, name)) is not None}
+    return replace(readings, reference={**readings.reference, **known})
 
 
 def named_degrees(found: ExpectedUncertainty) -> dict[str, Any]:
@@ -299,7 +285,7 @@ class Comparison:
     error: Mapping[str, Array]
 
 
-def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Options = DEFAULTS) -> Comparison:
+def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Options | None = None) -> Comparison:
     """Run every applicable method on the same readings, each with what it can use of the options.
 
     Raises
@@ -307,9 +293,9 @@ def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Opti
     InputError
         Readings with dials that the joint fit refuses: in another convention, or against what is stated of the stand.
     """
-    stand = known_stand(readings, options)
-    known = stand._asdict()
-    attempts = attempt_all(known.pop("readings"), left_handed=options.left_handed, nameplate=options.nameplate, **known)
+    options = options or Options()
+    completed, stand = known_stand(readings, options)
+    attempts = attempt_all(completed, left_handed=options.left_handed, nameplate=options.nameplate, **stand)
     uncertainty, error = {}, {}
     for attempt in attempts:
         if attempt.calibration is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,25 +26,19 @@ def read_p7(
         Several surveys and no number, no survey of that number; else as `files.p7.read_p7`.
     """
     found = p7.read_p7(path, convention=convention, depth_unit=depth_unit, azimuth_reference=azimuth_reference)
-    survey = _one(path, found.surveys, sheet)
+    numbers = ", ".join(map(str, found.surveys))
+    if sheet is None and len(found.surveys) > 1:
+        raise FileError(f"the file holds the surveys {numbers}; say which by --sheet", path=path)
+    wanted = (one for number, one in found.surveys.items() if sheet is None or str(number) == sheet.strip())
+    survey = next(wanted, None)
+    if survey is None:
+        raise FileError(f"there is no survey {sheet!r}; there are: {numbers}", path=path)
     raw = ("M7", "G7")
     others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in raw]
     if not others:
         return survey
     note = f"records other than M7 and G7 are not converted: {', '.join(others)}"
     return replace(survey, notes=(*survey.notes, note))
-
-
-def _one(path: str | Path, surveys: Mapping[int, SurveyFile], wanted: str | None) -> SurveyFile:
-    numbers = ", ".join(map(str, surveys))
-    if wanted is None:
-        if len(surveys) > 1:
-            raise FileError(f"the file holds the surveys {numbers}; say which by --sheet", path=path)
-        return next(iter(surveys.values()))
-    for number, survey in surveys.items():
-        if str(number) == wanted.strip():
-            return survey
-    raise FileError(f"there is no survey {wanted!r}; there are: {numbers}", path=path)
 
 
 def write_p7(file: SurveyFile, path: str | Path) -> None:

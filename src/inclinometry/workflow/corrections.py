@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -160,49 +158,7 @@ def matching_correction(
     return correction, [f"{Path(path).name} {run}: it holds for the same tool in the same run only", *said]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class CorrectionInputs:
-    """What corrections may need: the reference field, the tool's calibration (multi-station priors), the assembly."""
-
-    reference: FieldReference | None = None
-    calibration: Tool | None = None
-    bha: Bha | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class CorrectedStations:
-    """Stations after the corrections, and what each of them returned, by its name."""
-
-    stations: Stations
-    results: Mapping[str, Any]
-
-
-def _axial(stations: Stations, given: CorrectionInputs) -> tuple[Stations, Any]:
-    from inclinometry.survey.axial import axial_correction
-
-    found = axial_correction(stations, _reference(given, "axial"))
-    return found.stations, found
-
-
-def _multistation(stations: Stations, given: CorrectionInputs) -> tuple[Stations, Any]:
-    from inclinometry.survey.multistation import multistation
-
-    found = multistation(stations, _reference(given, "msa"), calibration=given.calibration)
-    return found.corrected, found
-
-
-def _sag(stations: Stations, given: CorrectionInputs) -> tuple[Stations, Any]:
-    from inclinometry.survey.sag import correct_stations
-
-    if given.bha is None:
-        raise InputError("the correction 'sag' needs the assembly; give --bha bha.toml")
-    done = correct_stations(stations, given.bha)
-    return done, None
-
-
-CORRECTIONS: Final[Mapping[str, Callable[[Stations, CorrectionInputs], tuple[Stations, Any]]]] = MappingProxyType(
-    {"axial": _axial, "msa": _multistation, "sag": _sag}
-)
+CORRECTIONS: Final = ("axial", "msa", "sag")
 """The corrections by the names used at the command line."""
 
 
@@ -236,7 +192,14 @@ def correction_names(text: str) -> tuple[str, ...]:
     return names
 
 
-def apply_corrections(stations: Stations, names: Sequence[str], given: CorrectionInputs) -> CorrectedStations:
+def apply_corrections(
+    stations: Stations,
+    names: Sequence[str],
+    *,
+    reference: FieldReference | None = None,
+    calibration: Tool | None = None,
+    bha: Bha | None = None,
+) -> tuple[Stations, dict[str, Any]]:
     """Apply corrections one after the other.
 
     Parameters
@@ -244,26 +207,43 @@ def apply_corrections(stations: Stations, names: Sequence[str], given: Correctio
     stations : Stations
     names : sequence of str
         As `correction_names` returns them.
-    given : CorrectionInputs
+    reference : FieldReference, optional
+        For axial and msa.
+    calibration : Tool, optional
+        For the priors of msa.
+    bha : Bha, optional
+        The assembly, for sag.
 
     Returns
     -------
-    CorrectedStations
-        `results` hold an AxialCorrection, a MultiStation, None for sag; every step leaves a line in the history and its
-        residual as a source of error.
+    Stations, dict
+        The latter holds what each correction returned, by its name: an AxialCorrection, a MultiStation, None for sag;
+        every step leaves a line in the history and its residual as a source of error.
 
     Raises
     ------
     InputError
         As `correction_names`, or means that a correction needs and has not.
     """
-    done, results = stations, {}
+    results: dict[str, Any] = {}
     for name in correction_names(",".join(names)):
-        done, results[name] = CORRECTIONS[name](done, given)
-    return CorrectedStations(done, MappingProxyType(results))
+        if name == "sag":
+            from inclinometry.survey.sag import correct_stations
 
+            if bha is None:
+                raise InputError("the correction 'sag' needs the assembly; give --bha bha.toml")
+            stations, results[name] = correct_stations(stations, bha), None
+            continue
+        if reference is None:
+            raise InputError(f"the correction {name!r} needs g, b and dip of the site; give --site site.toml with them")
+        if name == "axial":
+            from inclinometry.survey.axial import axial_correction
 
-def _reference(given: CorrectionInputs, name: str) -> FieldReference:
-    if given.reference is None:
-        raise InputError(f"the correction {name!r} needs g, b and dip of the site; give --site site.toml with them")
-    return given.reference
+            axial = axial_correction(stations, reference)
+            stations, results[name] = axial.stations, axial
+        else:
+            from inclinometry.survey.multistation import multistation
+
+            found = multistation(stations, reference, calibration=calibration)
+            stations, results[name] = found.corrected, found
+    return stations, results

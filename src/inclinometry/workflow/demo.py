@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -51,21 +51,15 @@ from inclinometry.workflow import simulate
 from inclinometry.workflow.calibrate import Comparison, Options, compare, method, true_errors
 from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run, write_dynamic
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
-from inclinometry.workflow.hot_run import JOINT, HotRunMethods, many_hot_runs, reduce_hot_run, rms_degrees
+from inclinometry.workflow.hot_run import JOINT, reduce_hot_run, rms_degrees
 from inclinometry.workflow.position import WellPosition, read_position
 from inclinometry.workflow.simulate_drilling import DrillingRequest, site_text, write_drilling
 from inclinometry.workflow.six_axis import Analysis, JudgedStations, analyse, judge, read_six_axis, survey_six_axis
 from inclinometry.workflow.survey import survey_raw, write_survey
 
-TEXTBOOK_GAIN: Final = 0.041
-"""rad/s: Madgwick's own gain for gyros, accelerometers and magnetometers."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-SCENARIO: Final = "stick-slip"
-DURATION: Final = 60.0
-"""s"""
-METHOD: Final = "auto"
-WINDOW: Final = 10.0
-"""s"""
 PICTURE: Final = "stick_slip.png"
 RAW, TEXTBOOK, OURS = "single samples", "textbook filter (Madgwick 2010)", "inclinometry"
 
@@ -74,8 +68,10 @@ RAW, TEXTBOOK, OURS = "single samples", "textbook filter (Madgwick 2010)", "incl
 Quaternion = tuple[float, float, float, float]
 
 
-def textbook_filter(run: DrillingSimulation, gain: float = TEXTBOOK_GAIN) -> Array:
+def textbook_filter(run: DrillingSimulation, gain: float = 0.041) -> Array:
     """Attitude by the gradient-descent filter of textbooks: rotations (n, 3, 3) from north-east-down to tool.
+
+    The gain, rad/s, is Madgwick's own for gyros, accelerometers and magnetometers.
 
     Notes
     -----
@@ -84,53 +80,36 @@ def textbook_filter(run: DrillingSimulation, gain: float = TEXTBOOK_GAIN) -> Arr
     turn it by the exact exponential; his first-order step loses 0.8 % of the speed at 600 rpm and 200 Hz.
     """
     start = dcm(run.truth.azimuth[0], run.truth.inclination[0], run.truth.toolface[0])
-    w, x, y, z = (float(v) for v in quaternion_from_dcm(start))
-    q: Quaternion = (w, -x, -y, -z)  # his is the attitude of the tool against the Earth: the inverse
+    q0, q1, q2, q3 = (float(v) for v in quaternion_from_dcm(start))
+    q1, q2, q3 = -q1, -q2, -q3  # his is the attitude of the tool against the Earth: the inverse
+    dt = run.interval
     found = np.empty((len(run), 4))
-    for row, readings in enumerate(zip(_unit(run.accel), _unit(run.mag), run.gyro.tolist(), strict=True)):
-        q = _step(q, *readings, run.interval, gain)
-        found[row] = q
+    unit = [(v / np.linalg.norm(v, axis=1)[:, None]).tolist() for v in (run.accel, run.mag)]
+    for row, (down, m, w) in enumerate(zip(*unit, run.gyro.tolist(), strict=True)):
+        # the magnetic field in Earth axes: its length across the vertical, and along it
+        north = m[0] * (1 - 2 * (q2 * q2 + q3 * q3)) + 2 * m[1] * (q1 * q2 - q0 * q3) + 2 * m[2] * (q1 * q3 + q0 * q2)
+        east = 2 * m[0] * (q1 * q2 + q0 * q3) + m[1] * (1 - 2 * (q1 * q1 + q3 * q3)) + 2 * m[2] * (q2 * q3 - q0 * q1)
+        along = 2 * m[0] * (q1 * q3 - q0 * q2) + 2 * m[1] * (q2 * q3 + q0 * q1) + m[2] * (1 - 2 * (q1 * q1 + q2 * q2))
+        q = q0, q1, q2, q3
+        slopes = _slope(q, 0.0, 1.0, down), _slope(q, math.hypot(north, east), along, m)
+        slope = [a + b for a, b in zip(*slopes, strict=True)]
+        size = math.sqrt(sum(v * v for v in slope)) or 1.0
+        # turned by the gyros: the product of q and exp(w dt / 2)
+        speed = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+        c, s = math.cos(0.5 * speed * dt), math.sin(0.5 * speed * dt) / speed if speed > 0.0 else 0.5 * dt
+        x, y, z = s * w[0], s * w[1], s * w[2]
+        turned = (
+            q0 * c - q1 * x - q2 * y - q3 * z,
+            q1 * c + q0 * x + q2 * z - q3 * y,
+            q2 * c + q0 * y - q1 * z + q3 * x,
+            q3 * c + q0 * z + q1 * y - q2 * x,
+        )
+        # then a step of length gain * dt down the slope of the misfit
+        moved = [a - gain * dt * s / size for a, s in zip(turned, slope, strict=True)]
+        norm = math.sqrt(sum(v * v for v in moved))
+        q0, q1, q2, q3 = moved[0] / norm, moved[1] / norm, moved[2] / norm, moved[3] / norm
+        found[row] = q0, q1, q2, q3
     return dcm_from_quaternion(found * [1.0, -1.0, -1.0, -1.0])
-
-
-def _unit(vectors: Array) -> list[list[float]]:
-    unit: list[list[float]] = (vectors / np.linalg.norm(vectors, axis=1)[:, None]).tolist()
-    return unit
-
-
-def _step(q: Quaternion, down: list[float], field: list[float], w: list[float], dt: float, gain: float) -> Quaternion:
-    """Turned by the gyros, then a step of length gain * dt down the slope of the misfit."""
-    north, east, along = _in_earth(q, field)
-    slopes = _slope(q, 0.0, 1.0, down), _slope(q, math.hypot(north, east), along, field)
-    slope = [a + b for a, b in zip(*slopes, strict=True)]
-    size = math.sqrt(sum(v * v for v in slope)) or 1.0
-    moved = [a - gain * dt * s / size for a, s in zip(_turned(q, w, dt), slope, strict=True)]
-    norm = math.sqrt(sum(v * v for v in moved))
-    return moved[0] / norm, moved[1] / norm, moved[2] / norm, moved[3] / norm
-
-
-def _turned(q: Quaternion, w: list[float], dt: float) -> Quaternion:
-    """The product of q and exp(w dt / 2)."""
-    speed = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-    c, s = math.cos(0.5 * speed * dt), math.sin(0.5 * speed * dt) / speed if speed > 0.0 else 0.5 * dt
-    x, y, z = s * w[0], s * w[1], s * w[2]
-    q0, q1, q2, q3 = q
-    return (
-        q0 * c - q1 * x - q2 * y - q3 * z,
-        q1 * c + q0 * x + q2 * z - q3 * y,
-        q2 * c + q0 * y - q1 * z + q3 * x,
-        q3 * c + q0 * z + q1 * y - q2 * x,
-    )
-
-
-def _in_earth(q: Quaternion, m: list[float]) -> tuple[float, float, float]:
-    """A reading in Earth axes."""
-    q0, q1, q2, q3 = q
-    return (
-        m[0] * (1 - 2 * (q2 * q2 + q3 * q3)) + 2 * m[1] * (q1 * q2 - q0 * q3) + 2 * m[2] * (q1 * q3 + q0 * q2),
-        2 * m[0] * (q1 * q2 + q0 * q3) + m[1] * (1 - 2 * (q1 * q1 + q3 * q3)) + 2 * m[2] * (q2 * q3 - q0 * q1),
-        2 * m[0] * (q1 * q3 - q0 * q2) + 2 * m[1] * (q2 * q3 + q0 * q1) + m[2] * (1 - 2 * (q1 * q1 + q2 * q2)),
-    )
 
 
 def _slope(q: Quaternion, bx: float, bz: float, s: list[float]) -> Quaternion:
@@ -172,25 +151,22 @@ def our_course(found: DynamicRun) -> Found:
     return Found(rows.time[good], rows.inclination[good], rows.azimuth[good], spread)
 
 
-@dataclass(frozen=True, eq=False)
-class DemoDrilling:
-    """The run, what was found, and rms errors (name -> inclination, azimuth, deg)."""
+def drill(folder: Path) -> tuple[DynamicRun, float, dict[str, tuple[float, float]]]:
+    """Simulate into files, find the attitude in three ways, draw them against the truth.
 
-    run: DrillingSimulation
-    found: DynamicRun
-    rms_deg: Mapping[str, tuple[float, float]]
-
-
-def drill(folder: Path) -> DemoDrilling:
-    """Simulate into files, find the attitude in three ways, draw them against the truth."""
+    Returns
+    -------
+    DynamicRun, float, dict
+        What this package found, the highest speed, rpm, and name -> rms errors of inclination and azimuth, deg.
+    """
     from inclinometry.report.figure import save_png
 
     folder.mkdir(parents=True, exist_ok=True)
-    request = DrillingRequest(SCENARIO, SEED, DURATION)
+    request = DrillingRequest("stick-slip", SEED, 60.0)
     write_drilling(request, folder / "run.parquet", folder / "truth.parquet")
     write_text(site_text(request.chosen.hole), folder / "site.toml")
     site = read_site(folder / "site.toml")
-    found = dynamic_run(open_run(folder / "run.parquet"), site, options=DynamicOptions(METHOD, WINDOW))
+    found = dynamic_run(open_run(folder / "run.parquet"), site, options=DynamicOptions("auto", 10.0))
     write_dynamic(found, folder / "attitude.csv")
     run = simulate_drilling(request.chosen, SEED)
     shown = {RAW: raw_course(run), TEXTBOOK: textbook_course(run), OURS: our_course(found)}
@@ -198,16 +174,15 @@ def drill(folder: Path) -> DemoDrilling:
     rpm = 30.0 / np.pi * run.truth.rate
     save_png(methods_figure(truth, rpm, shown), folder / PICTURE)
     errors = {name: errors_of(one, truth) for name, one in shown.items()}
-    return DemoDrilling(run, found, {name: (rms_of(e[0]), rms_of(e[1])) for name, e in errors.items()})
+    return found, float(rpm.max()), {name: (rms_of(e[0]), rms_of(e[1])) for name, e in errors.items()}
 
 
-def drilling_sentences(found: DemoDrilling) -> list[str]:
-    """What the picture shows, for the terminal and the page."""
-    top = 30.0 / np.pi * float(found.run.truth.rate.max())
+def drilling_sentences(top: float, rms_deg: Mapping[str, tuple[float, float]]) -> list[str]:
+    """What the picture shows, for the terminal and the page, from the highest speed, rpm, and the rms errors."""
     lines = [
         f"simulated stick-slip, 0 to {top:.0f} rpm, 5 g rms and a shock a second; rms error of inclination and azimuth:"
     ]
-    for name, (inclination, azimuth) in found.rms_deg.items():
+    for name, (inclination, azimuth) in rms_deg.items():
         lines.append(f"{name}: {significant(inclination)} and {significant(azimuth)} deg")
     return lines
 
@@ -216,8 +191,6 @@ def drilling_sentences(found: DemoDrilling) -> list[str]:
 
 AXIAL_NT: Final = 800.0
 """What the drill string adds to the field along the tool, nT."""
-
-DECLINATION_DEG: Final = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,14 +236,17 @@ def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: P
         tool.json of the tool.
     folder : Path
     """
+    from inclinometry.files.corrections_json import write_corrections
+
     folder.mkdir(parents=True, exist_ok=True)
     share = AXIAL_NT / (run.b or 50_000.0)
     signals = {**run.signals, "magnetometer": run.signals["magnetometer"] + share * tensor[:, 2]}
     write_raw_survey(folder / "raw.csv", run.md, signals, run.temperature)
+    declination_deg = 2.5
     lines = [
         "latitude_deg = 60.0",
         'north_reference = "true"',
-        f"declination_deg = {DECLINATION_DEG}",
+        f"declination_deg = {declination_deg}",
         "sigma_declination_deg = 0.36",
         f"dip_deg = {np.degrees(run.dip):.6f}",
         "sigma_dip_deg = 0.2",
@@ -283,7 +259,8 @@ def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: P
     six = read_six_axis(folder / "raw.csv", folder / "site.toml", tool)
     steel_nt = 500.0  # standard deviation of that, as the analysis expects it, nT
     before, analysis = survey_six_axis(six), analyse(six, axial_sigma=steel_nt)
-    after = survey_six_axis(six, _stored(analysis, folder / "corrections.json"))
+    write_corrections(analysis.correction, folder / "corrections.json")
+    after = survey_six_axis(six, str(folder / "corrections.json"))
     write_survey(after.survey, folder / "survey.csv")
     position = read_position(
         folder / "survey.csv",
@@ -294,8 +271,12 @@ def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: P
         folder / "corrections.json",
     )
     write_position_csv(folder / "position.csv", position.path, position.uncertainty, position.survey.north)
-    errors = {"as it is": _rms(before.survey, run), "multi-station analysis": _rms(after.survey, run)}
-    truth = minimum_curvature(run.md, run.inclination, run.azimuth + _declination(), start=(0.0, 0.0, float(run.md[0])))
+    inclined, declination = run.inclination > np.radians(5.0), float(np.radians(declination_deg))
+    errors = {}
+    for name, found in {"as it is": before.survey, "multi-station analysis": after.survey}.items():
+        wrong = wrap_signed(found.azimuth - run.azimuth - declination)[inclined]
+        errors[name] = float(np.degrees(np.sqrt(np.mean(wrong**2))))
+    truth = minimum_curvature(run.md, run.inclination, run.azimuth + declination, start=(0.0, 0.0, float(run.md[0])))
     path = position.path
     off = np.array([path.north[-1] - truth.north[-1], path.east[-1] - truth.east[-1], path.tvd[-1] - truth.tvd[-1]])
     judged = judge(six.stations, six.site), judge(analysis.found.corrected, six.site)
@@ -318,45 +299,11 @@ def well_sentences(found: DemoWell) -> list[str]:
     ]
 
 
-def _stored(analysis: Analysis, path: Path) -> str:
-    from inclinometry.files.corrections_json import write_corrections
-
-    write_corrections(analysis.correction, path)
-    return str(path)
-
-
-def _declination() -> float:
-    return float(np.radians(DECLINATION_DEG))
-
-
-def _rms(survey: Survey, run: SurveySimulation) -> float:
-    inclined = run.inclination > np.radians(5.0)
-    off = wrap_signed(survey.azimuth - run.azimuth - _declination())[inclined]
-    return float(np.degrees(np.sqrt(np.mean(off**2))))
-
-
-PUBLISHED_XSENS = {
-    "bias": (33124.2, 33275.2, 32364.4),
-    "counts per m/s2": (414.459, 412.010, 414.649),
-    "misalignment": (-0.0033593, -0.00890639, -0.0213341),
-}
-"""imu_tk's own result on this log (Tedaldi, Pretto, Menegatti 2014), from its released calibration file."""
-
-BENCHES = {"twelve": plans.twelve, "orthogonal": plans.orthogonal, "rotations": plans.rotations}
 RIG = Rig(dip=np.radians(70.0), setting_sd=np.radians(0.1), base_tilt=np.radians(0.2))
 SEED = 1
 HOT_SEED = 8
 """A run in which the scale drifts by 1 % and K passes zero, so that every method shows its weakness."""
 HOT_RUNS = 150
-
-
-@dataclass(frozen=True, eq=False)
-class CaveSurvey:
-    """A cave instrument, calibrated on shots 1-16 and judged on the roll set it has not seen."""
-
-    calibration: Calibration
-    axis_spread: float  # rms angle of the tool axis about its mean over the held-out rolls, rad
-    dip_scatter: float  # standard deviation of the dip over them, rad
 
 
 @dataclass(eq=False)
@@ -366,15 +313,16 @@ class Demo:
     folder: Path
     xsens: NormFit | None = None
     xsens_poses: int = 0
-    cave: CaveSurvey | None = None
+    # rms angle of the tool axis about its mean over the held-out rolls, standard deviation of the dip over them, rad
+    cave: tuple[float, float] | None = None
     comparisons: dict[str, Comparison] = field(default_factory=dict)
     verification: Verification | None = None
     survey: Survey | None = None
     survey_error: Array | None = None  # (n, 2) inclination, azimuth, rad
-    hot_run: HotRunMethods | None = None  # the run that is pictured
+    hot_run: Mapping[str, Array] | None = None  # method -> azimuth errors, rad, of the run that is pictured
     hot_runs_rms: dict[str, float] = field(default_factory=dict)  # method -> deg, over HOT_RUNS runs
     well: DemoWell | None = None
-    drilling: DemoDrilling | None = None
+    drilling: tuple[float, Mapping[str, tuple[float, float]]] | None = None  # highest rpm, name -> rms errors, deg
     pages: list[Entry] = field(default_factory=list)
 
     def page(self, title: str, name: str, text: str, picture: str = "") -> None:
@@ -389,8 +337,8 @@ def steps() -> Iterator[tuple[str, Callable[[Demo], None]]]:
     """The steps in order, each with what it does; every file is written whole or not at all."""
     yield "calibrating a real Xsens MTi from its log", _xsens
     yield "calibrating a real cave instrument without a rig", _cave
-    for name in BENCHES:
-        yield f"simulated bench, plan {name}, every method", partial(_bench, name=name)
+    for name, plan in {"twelve": plans.twelve, "orthogonal": plans.orthogonal, "rotations": plans.rotations}.items():
+        yield f"simulated bench, plan {name}, every method", partial(_bench, name=name, plan=plan())
     yield "verifying the tool at independent positions", _verify
     yield "surveying a simulated well with it", _well
     yield "a hot gyro run, 20 to 140 degC", _hot_run
@@ -412,13 +360,8 @@ def _cave(demo: Demo) -> None:
     shots = cave_instrument("HC")
     readings = shots.take(np.arange(16))
     record = calibrate_field(readings, name="SAP6 HC")
-    demo.cave = judge_cave(record, shots.take(np.arange(16, 24)))
-    _store(demo, "cave", readings, record)
-    demo.page("SAP6 cave instrument, real shots", "cave/report.html", calibration_report(record, readings=readings))
-
-
-def judge_cave(record: Calibration, rolls: BenchReadings) -> CaveSurvey:
-    """Spread of the tool axis and of the dip over a roll set the calibration has not seen."""
+    # spread of the tool axis and of the dip over the roll set that the calibration has not seen
+    rolls = shots.take(np.arange(16, 24))
     seen = reduce_survey(np.arange(float(len(rolls))), rolls.channels, record.tool)
     axis = np.stack(
         [
@@ -430,18 +373,20 @@ def judge_cave(record: Calibration, rolls: BenchReadings) -> CaveSurvey:
     )
     mean = axis.mean(axis=0) / np.linalg.norm(axis.mean(axis=0))
     off = np.arctan2(np.linalg.norm(np.cross(axis, mean), axis=1), axis @ mean)
-    return CaveSurvey(record, float(np.sqrt(np.mean(off**2))), float(np.std(seen.dip)))
+    demo.cave = float(np.sqrt(np.mean(off**2))), float(np.std(seen.dip))
+    _store(demo, "cave", readings, record)
+    demo.page("SAP6 cave instrument, real shots", "cave/report.html", calibration_report(record, readings=readings))
 
 
-def _bench(demo: Demo, name: str) -> None:
-    run = simulate.bench(BENCHES[name](), SEED, rig=RIG)
+def _bench(demo: Demo, name: str, plan: Plan) -> None:
+    readings, truth, extras = simulate.bench(plan, SEED, rig=RIG)
     folder = demo.folder / name
     folder.mkdir(parents=True, exist_ok=True)
-    write_bench(run.readings, folder / "readings.csv")
-    write_truth(run.truth, run.extras, folder / "truth.json")
+    write_bench(readings, folder / "readings.csv")
+    write_truth(truth, extras, folder / "truth.json")
     readings = read_bench(folder / "readings.csv")
-    known = Options(level_sd=RIG.base_tilt, nameplate=run.truth)
-    found = compare(readings, truth=run.truth, options=known)
+    known = Options(level_sd=RIG.base_tilt, nameplate=truth)
+    found = compare(readings, truth=truth, options=known)
     demo.comparisons[name] = found
     best = found.attempts[0].calibration
     if best is None:
@@ -464,8 +409,8 @@ def _store(demo: Demo, name: str, readings: BenchReadings, record: Calibration) 
 def _verify(demo: Demo) -> None:
     folder = demo.folder / "orthogonal"
     stand = simulate.read_truth(folder / "truth.json")
-    run = simulate.bench(plans.twelve(4, 5), SEED + 1, rig=replace(RIG, setting_sd=np.radians(0.02)), truth=stand)
-    write_bench(run.readings, folder / "check.csv")
+    check, *_ = simulate.bench(plans.twelve(4, 5), SEED + 1, rig=replace(RIG, setting_sd=np.radians(0.02)), truth=stand)
+    write_bench(check, folder / "check.csv")
     demo.verification = verify(read_bench(folder / "check.csv"), read_calibration(folder / "tool.json"))
     demo.page("verification at independent positions", "orthogonal/verify.html", verification_report(demo.verification))
 
@@ -516,73 +461,66 @@ def _hot_run(demo: Demo) -> None:
 
     folder = demo.folder / "gyro"
     folder.mkdir(parents=True, exist_ok=True)
-    found = reduce_hot_run(hot_run(HOT_SEED))
-    run, joint = found.run, found.stations[JOINT]
+    run = hot_run(HOT_SEED)
+    stations, errors, track = reduce_hot_run(run)
+    joint = stations[JOINT]
     band = {JOINT: joint.u("azimuth")}
-    figure = hot_run_figure(run.temperature, run.inclination, found.errors, band, run.scale, found.track)
+    figure = hot_run_figure(run.temperature, run.inclination, errors, band, run.scale, track)
     save_png(figure, folder / "hot_run.png")
     hot_spacing = 30.0  # m
     depth = hot_spacing * np.arange(1.0, len(joint) + 1.0)
     site = Site(latitude=run.latitude)
     survey = gyro_survey(depth, joint, site=site, tool="a simulated gyro and exact accelerometers")
-    others = {name: other for name, other in found.stations.items() if name != JOINT}
-    page = gyro_report(
-        survey, joint, md=depth, temperature=run.temperature, track=found.track, others=others, site=site
-    )
+    others = {name: other for name, other in stations.items() if name != JOINT}
+    page = gyro_report(survey, joint, md=depth, temperature=run.temperature, track=track, others=others, site=site)
     title = "simulated hot gyro run: survey by the Earth's rotation"
     demo.page(title, "gyro/gyro.html", page, "gyro/hot_run.png")
-    text = scale_report(found.track, md=depth, tool="a simulated gyro")
+    text = scale_report(track, md=depth, tool="a simulated gyro")
     demo.page("simulated hot gyro run: scale factor over temperature", "gyro/scale.html", text)
-    demo.hot_run, demo.hot_runs_rms = found, rms_degrees(many_hot_runs(HOT_RUNS))
+    demo.hot_run = errors
+    demo.hot_runs_rms = rms_degrees(reduce_hot_run(hot_run(seed))[1] for seed in range(HOT_RUNS))
 
 
 def _drilling(demo: Demo) -> None:
     from inclinometry.report.dynamic import dynamic_report
 
-    demo.drilling = drill(demo.folder / "drilling")
-    page = dynamic_report(demo.drilling.found)
+    found, top, rms_deg = drill(demo.folder / "drilling")
+    demo.drilling = top, rms_deg
+    page = dynamic_report(found)
     demo.page("simulated drilling with stick-slip: attitude", "drilling/dynamic.html", page)
-    head, *lines = drilling_sentences(demo.drilling)
+    head, *lines = drilling_sentences(top, rms_deg)
     picture, sentence = f"drilling/{PICTURE}", f"{head} {'; '.join(lines)}"
     title = "simulated drilling: single samples, textbook filter and this package in one picture"
     demo.pages.append(Entry(title, picture, sentence=sentence, picture=picture))
 
 
 def _picture(demo: Demo) -> None:
-    from inclinometry.report.comparison import MethodCurve, comparison_figure
     from inclinometry.report.figure import save_png
 
-    curves = [
-        MethodCurve(name, INCLINATIONS_PICTURED, errors[:, 0], errors[:, 1])
-        for name, errors in simulated_errors(PICTURED, BENCHES["twelve"](), INCLINATIONS_PICTURED, DRAWS).items()
-    ]
-    save_png(comparison_figure(curves, title=picture_title(DRAWS)), demo.folder / "comparison.png")
+    figure, title = methods_compared(40)
+    save_png(figure, demo.folder / "comparison.png")
     found = demo.comparisons["twelve"]
     rms = (f"{name} {np.degrees(error[1, 1]):.3f}" for name, error in found.error.items())
     at = np.degrees(found.inclination[1])
-    sentence = f"{picture_title(DRAWS)}; of the tool above, azimuth at inclination {at:.0f}, deg: {', '.join(rms)}"
+    sentence = f"{title}; of the tool above, azimuth at inclination {at:.0f}, deg: {', '.join(rms)}"
     picture = Entry("the methods side by side", "comparison.png", sentence=sentence, picture="comparison.png")
     write_text(index_page("Demonstration", [*demo.pages, picture]), demo.folder / "index.html")
 
 
-DRAWS = 40
-PICTURED = ("joint", "twelve", "classical")
-INCLINATIONS_PICTURED = np.radians([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
+def methods_compared(draws: int) -> tuple[Figure, str]:
+    """The methods side by side over simulated tools and rigs, what they do and not what they say; and the title."""
+    from inclinometry.report.comparison import MethodCurve, comparison_figure
 
-
-def picture_title(draws: int) -> str:
-    """Title of the picture of the methods side by side."""
-    return f"12 positions, rig settings good to 0.1 deg: rms error over {draws} simulated tools"
-
-
-def simulated_errors(methods: Sequence[str], plan: Plan, inclination: Array, draws: int) -> dict[str, Array]:
-    """Rms errors (n, 3) of angles, rad, over simulated tools and rigs: what a method does, not what it says."""
-    squared: dict[str, list[Array]] = {name: [] for name in methods}
+    inclination = np.radians([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0])
+    squared: dict[str, list[Array]] = {name: [] for name in ("joint", "twelve", "classical")}
     known: dict[str, Any] = {"joint": {"diagnose": False}}
     for seed in range(draws):
-        run = simulate.bench(plan, seed, rig=RIG)
-        known["classical"] = {"nameplate": run.truth}  # at its best: each conversion factor is what the nameplate says
-        for name in methods:
-            found = method(name)(run.readings, **known.get(name, {}))
-            squared[name].append(true_errors(found.tool, run.truth, RIG.dip, inclination) ** 2)
-    return {name: np.sqrt(np.mean(values, axis=0)) for name, values in squared.items()}
+        readings, truth, _ = simulate.bench(plans.twelve(), seed, rig=RIG)
+        known["classical"] = {"nameplate": truth}  # at its best: each conversion factor is what the nameplate says
+        for name, values in squared.items():
+            found = method(name)(readings, **known.get(name, {}))
+            values.append(true_errors(found.tool, truth, RIG.dip, inclination) ** 2)
+    errors = {name: np.sqrt(np.mean(values, axis=0)) for name, values in squared.items()}
+    curves = [MethodCurve(name, inclination, rms[:, 0], rms[:, 1]) for name, rms in errors.items()]
+    title = f"12 positions, rig settings good to 0.1 deg: rms error over {draws} simulated tools"
+    return comparison_figure(curves, title=title), title

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, within
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import DIP
+from inclinometry.constants import DIP, FIELD_UNITS
 from inclinometry.conventions import AXES, Axes, axes_matrix, named
-from inclinometry.earth.site import REFERENCES, Site
+from inclinometry.earth.site import REFERENCES, Site, convert_azimuth
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.attitude_file import write_attitude
-from inclinometry.files.columns import KIND_PREFIX
+from inclinometry.files.columns import KIND_PREFIX, PREFIXES
 from inclinometry.files.run_file import BLOCK, RunFile
 from inclinometry.motion.decimate import unit_warning
 from inclinometry.motion.result import (
@@ -201,20 +201,9 @@ class Rows:
 
 # How a run shook and turned, window by window, beside its attitude; memory does not grow with the run.
 
-UNITS: Final = {"accel": "m/s^2", "mag": "nT", "gyro": "rad/s"}
-SPEED_OVER: Final = 0.1
-"""s over which rotation speed is averaged for its extremes."""
 SEGMENT: Final = 256
 """Samples of a spectrum."""
 Phasor = NDArray[np.complex128]
-
-
-class _Shaking(NamedTuple):
-    """Of one window: rms of a transverse and the axial component, largest magnitude, m/s^2."""
-
-    lateral: float
-    axial: float
-    peak: float
 
 
 class Monitor:
@@ -253,7 +242,7 @@ class Monitor:
         if self._envelopes is None:
             self._names = tuple(name for name in CHANNELS if samples.has(name))
             names = [f"{name}_{axis}" for name in self._names for axis in "xyz"]
-            units = [UNITS[name] for name in self._names for _ in "xyz"]
+            units = [FIELD_UNITS[PREFIXES[name]] for name in self._names for _ in "xyz"]
             self._envelopes = Envelopes(names, units, float(samples.time[0]), samples.interval)
             self._interval = samples.interval
         self._envelopes.push(samples.time, np.concatenate([getattr(samples, n) for n in self._names], axis=1))
@@ -294,10 +283,11 @@ class Monitor:
             phasor = None
         shaking = _shaking(window, phasor)
         self._rows.append((time, *shaking, *_speeds(window, phasor)))
+        lateral = shaking[0]
         if self._first is None:
             self._first = self._excerpt(window, "first seconds")
-        if shaking.lateral > self._most:
-            self._most, self._worst = shaking.lateral, self._excerpt(window, "strongest vibration")
+        if lateral > self._most:
+            self._most, self._worst = lateral, self._excerpt(window, "strongest vibration")
         if window.accel is None or len(window) < SEGMENT or abs(window.interval / self._interval - 1.0) > 1e-3:
             return
         if self._spectra is None:
@@ -313,7 +303,7 @@ class Monitor:
         channels: dict[str, Array] = {}
         for name in self._names:
             channels |= {f"{name}_{axis}": getattr(part, name)[:, k].copy() for k, axis in enumerate("xyz")}
-        units: Mapping[str, str] = {name: UNITS[name.split("_")[0]] for name in channels}
+        units: Mapping[str, str] = {name: FIELD_UNITS[PREFIXES[name.split("_")[0]]] for name in channels}
         return Excerpt(what, part.time.copy(), channels, units)
 
     def finish(self) -> tuple[Vibration, tuple[Envelope, ...], tuple[Excerpt, ...], Spectrogram | None]:
@@ -327,14 +317,16 @@ class Monitor:
         return Vibration(*columns), envelopes, excerpts, None if self._spectra is None else self._spectra.done()
 
 
-def _shaking(window: Samples, phasor: Phasor | None) -> _Shaking:
-    """What is left of the accelerometers without their means and gravity as it turns.
+def _shaking(window: Samples, phasor: Phasor | None) -> tuple[float, float, float]:
+    """Of a window, rms of a transverse and the axial component and largest magnitude, m/s^2.
+
+    What is left of the accelerometers without their means and gravity as it turns.
 
     z = ax + i ay = c0 + c1 exp(-i T) + rest, both constants by least squares: c0 offsets and centripetal acceleration,
     c1 gravity across the hole.
     """
     if window.accel is None:
-        return _Shaking(np.nan, np.nan, np.nan)
+        return np.nan, np.nan, np.nan
     good = slice(None) if window.clipped is None or window.clipped.all() else ~window.clipped
     across = (window.accel[:, 0] + 1j * window.accel[:, 1])[good]
     along = window.accel[good, 2] - window.accel[good, 2].mean()
@@ -347,20 +339,19 @@ def _shaking(window: Samples, phasor: Phasor | None) -> _Shaking:
         if power > 1.0 - fixed**2:
             rest = rest - (np.mean(rest * np.conj(u)) / power) * u
     square = np.abs(rest) ** 2
-    return _Shaking(
-        float(np.sqrt(square.mean() / 2.0)), float(along.std()), float(np.sqrt((square + along**2).max(initial=0.0)))
-    )
+    peak = float(np.sqrt((square + along**2).max(initial=0.0)))
+    return float(np.sqrt(square.mean() / 2.0)), float(along.std()), peak
 
 
 def _speeds(window: Samples, phasor: Phasor | None) -> tuple[float, float, float]:
-    """Slowest, mean and fastest rotation speed over `SPEED_OVER`, rad/s."""
+    """Slowest, mean and fastest rotation speed over 0.1 s, rad/s."""
     if window.gyro is not None:
         rate = window.gyro[:, 2]
     elif phasor is not None and len(window) > 1:
         rate = -np.angle(phasor[1:] * np.conj(phasor[:-1])) / window.interval
     else:
         return np.nan, np.nan, np.nan
-    over = max(1, min(len(rate), round(SPEED_OVER / window.interval)))
+    over = max(1, min(len(rate), round(0.1 / window.interval)))
     means = rate[: len(rate) // over * over].reshape(-1, over).mean(axis=1)
     return float(means.min()), float(rate.mean()), float(means.max())
 
@@ -379,7 +370,6 @@ def _density(window: Samples) -> Array:
 
 
 Progress = Callable[[int], None]
-_REMEDY: Final = "add columns such as accel_x, accel_y, accel_z (m/s^2, gravity minus acceleration)"
 DEFAULT_WINDOW: Final = 10.0
 DELAY_SIGMA: Final = 1e-4
 """s: triads sampled together whose anti-alias filters are alike to a few per cent of their delay."""
@@ -483,11 +473,21 @@ def dynamic_run(
     chosen = options or DynamicOptions()
     method = chosen_method(chosen.method)
     place, said = completed(site)
-    _check_triads(run, chosen.method, method)
-    _check_north(place, run)
+    there = {KIND_PREFIX[kind] for kind in run.names}
+    missing = [prefix for prefix in method.needs if prefix not in there]
+    if missing:
+        able = [other for other, each in METHODS.items() if set(each.needs) <= there]
+        remedy = ": add columns such as accel_x, accel_y, accel_z (m/s^2, gravity minus acceleration)"
+        remedy = f"; it can be reduced with --method {' or '.join(able)}" if able else remedy
+        problem = f"the method {chosen.method!r} needs {', '.join(missing)}, which the run has not{remedy}"
+        raise FileError(problem, path=run.path)
+    # before anything is read: whether azimuths can be turned to the north asked for
+    if "magnetometer" in run.names:
+        convert_azimuth(0.0, "magnetic", place.north_reference, place)
+    elif place.north_reference == "grid":
+        convert_azimuth(0.0, "true", "grid", place)
     setup, known = _setup(run, place, calibration, chosen)
     work = _Pipeline(
-        run,
         Signals(run, place, calibration, _turned(run, calibration, chosen)),
         Rows(place, calibration, chosen.window, chosen.scale_sigma),
         setup,
@@ -497,7 +497,9 @@ def dynamic_run(
         for block in run.blocks(chosen.block):
             fields = work.signals.fields(block)
             work.take(work.cutter.push(block.time, **fields), len(block.time))
-        work.end()
+        work.take(work.cutter.finish(), 0)
+        for found in work.carried.finish():
+            work.rows.add(found)
     except FileError:
         raise
     except InputError as error:
@@ -505,25 +507,39 @@ def dynamic_run(
     if not len(work.rows):
         length = f"the run lasts {work.stop - work.start:.6g} s, and no stretch of it fills a window"
         raise FileError(f"{length} of {chosen.window:g} s; give a longer run or a shorter window", path=run.path)
-    _check_left(work.rows, run)
+    rows = work.rows.done()
+    # single windows are refused in the rows, with their flags; so is a run that has no field at all. Where every window
+    # is refused for a dip that is not the site's, the site or the axes are wrong, not the windows
+    if (rows.refused & (rows.flags & np.uint32(BITS["axes"] | BITS["misfit"]) > 0)).all():
+        wrong = next((note for note in work.rows.notes if "the dip comes out as" in note), None)
+        if wrong is not None:
+            raise FileError(f"no window has an attitude: {wrong}", path=run.path)
     vibration, envelopes, excerpts, spectrogram = work.monitor.finish()
-    heat = temperature_doubts(work.monitor.heat, calibration)
+    report = work.cutter.report
+    counts = RunCounts(
+        work.samples,
+        work.monitor.clipped + report.repeats,
+        round(work.start, 9) + 0.0,
+        round(work.stop, 9) + 0.0,
+        report.intervals[0] if report.intervals else float("nan"),
+        report.stretches,
+    )
     notes = (
         *run.notes,
         *said,
         *known,
         *work.signals.out_of_range.notes(),
-        *work.cutter.report.notes(),
-        *heat,
+        *report.notes(),
+        *temperature_doubts(work.monitor.heat, calibration),
         *work.rows.notes,
     )
     return DynamicRun(
-        work.rows.done(),
+        rows,
         vibration,
         envelopes,
         excerpts,
         spectrogram,
-        work.counts(),
+        counts,
         chosen.method,
         chosen.window,
         place.north_reference,
@@ -606,23 +622,14 @@ def attitude_stream(
     return chosen_method(chosen.method).make(Setup(place, chosen.window, offsets, chosen.delay_sigma, known))
 
 
-@dataclass
 class _Pipeline:
     """The stages a run passes through."""
 
-    run: RunFile
-    signals: Signals
-    rows: Rows
-    setup: Setup
-    method: Method
-    cutter: StretchCutter = field(default_factory=StretchCutter)
-    samples: int = 0
-    start: float = float("nan")
-    stop: float = float("nan")
-
-    def __post_init__(self) -> None:
-        self.monitor = Monitor(self.setup.window)
-        self.carried = CarriedAttitude(self.method, self.setup)
+    def __init__(self, signals: Signals, rows: Rows, setup: Setup, method: Method) -> None:
+        self.signals, self.rows = signals, rows
+        self.cutter, self.monitor = StretchCutter(), Monitor(setup.window)
+        self.carried = CarriedAttitude(method, setup)
+        self.samples, self.start, self.stop = 0, float("nan"), float("nan")
 
     def take(self, pieces: list[Piece], count: int) -> None:
         """Even pieces that became certain, and the rows read for them."""
@@ -642,59 +649,6 @@ class _Pipeline:
             self.monitor.push(piece.number, samples)
             for found in self.carried.push(piece.number, samples):
                 self.rows.add(found)
-
-    def end(self) -> None:
-        """What the stages still hold."""
-        self.take(self.cutter.finish(), 0)
-        for found in self.carried.finish():
-            self.rows.add(found)
-
-    def counts(self) -> RunCounts:
-        """Sizes of the run."""
-        report = self.cutter.report
-        return RunCounts(
-            self.samples,
-            self.monitor.clipped + report.repeats,
-            round(self.start, 9) + 0.0,
-            round(self.stop, 9) + 0.0,
-            report.intervals[0] if report.intervals else float("nan"),
-            report.stretches,
-        )
-
-
-def _check_triads(run: RunFile, name: str, method: Method) -> None:
-    """InputError where the run lacks what a method needs."""
-    there = {KIND_PREFIX[kind] for kind in run.names}
-    missing = [prefix for prefix in method.needs if prefix not in there]
-    if not missing:
-        return
-    able = [other for other, each in METHODS.items() if set(each.needs) <= there]
-    remedy = f"; it can be reduced with --method {' or '.join(able)}" if able else ": " + _REMEDY
-    raise FileError(f"the method {name!r} needs {', '.join(missing)}, which the run has not{remedy}", path=run.path)
-
-
-def _check_north(site: Site, run: RunFile) -> None:
-    """InputError, before anything is read, where magnetic azimuths cannot be turned to the north asked for."""
-    from inclinometry.earth.site import convert_azimuth
-
-    if "magnetometer" in run.names:
-        convert_azimuth(0.0, "magnetic", site.north_reference, site)
-    elif site.north_reference == "grid":
-        convert_azimuth(0.0, "true", "grid", site)
-
-
-def _check_left(rows: Rows, run: RunFile) -> None:
-    """FileError where every window is refused for a dip that is not the site's: the site or the axes, not the windows.
-
-    Single windows are refused in the rows, with their flags; so is a run that has no field at all.
-    """
-    found = rows.done()
-    contradicted = found.flags & np.uint32(BITS["axes"] | BITS["misfit"]) > 0
-    if not (found.refused & contradicted).all():
-        return
-    said = next((note for note in rows.notes if "the dip comes out as" in note), None)
-    if said is not None:
-        raise FileError(f"no window has an attitude: {said}", path=run.path)
 
 
 def write_dynamic(found: DynamicRun, path: str | Path) -> None:

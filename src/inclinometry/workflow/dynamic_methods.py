@@ -32,8 +32,6 @@ from inclinometry.workflow.dynamic_signals import CheckedStream
 
 # Smoothers over runs of any length: piece by piece, each with a lead-in and a tail that are thrown away.
 
-MOST_SAMPLES: Final = 1_000_000
-"""Samples smoothed at a time, some 300 MB."""
 MOST_ROWS: Final = 20_000
 """Windows smoothed at a time."""
 LEAD: Final = 60
@@ -53,10 +51,10 @@ class SampleSmoother:
     window : float
         s.
     most : int
-        Samples of a piece, at the least.
+        Samples of a piece, at the least; a million take some 300 MB.
     """
 
-    def __init__(self, smooth: Smooth, window: float, most: int = MOST_SAMPLES) -> None:
+    def __init__(self, smooth: Smooth, window: float, most: int = 1_000_000) -> None:
         self._smooth, self._window, self._most = smooth, window, most
         self._held: list[Samples] = []
         self._size = 0

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -185,12 +185,6 @@ def _halved(held: Array, half: int) -> None:
     held[half:] = 0.0
 
 
-_MISFIT: Final = (
-    "gravity, field and rate contradict each other. Likely an axis or a sign, a sensor that is late, a scale or the "
-    "site's dip; the method auto looks at each window by itself"
-)
-
-
 class Stream(Protocol):
     """What every recursive method is."""
 
@@ -201,18 +195,6 @@ class Stream(Protocol):
     def finish(self) -> Attitude:
         """The last rows, and what was found."""
         ...
-
-
-class _Verdict(NamedTuple):
-    """What a window from `start` to `stop` (s) means for its rows: flags, refusal, azimuth's uncertainty in rad."""
-
-    start: float
-    stop: float
-    health: WindowHealth
-    flags: int
-    refused: int
-    u_azimuth: float
-    turned: bool
 
 
 class CheckedStream:
@@ -239,7 +221,8 @@ class CheckedStream:
         self._stream, self._site, self._needs, self._carries = stream, site, needs, carries
         self._still, self._moved, self._judged_rows = still, 0, 0
         self._buffer, self._check = WindowBuffer(window), HealthCheck(None, site)
-        self._verdicts: deque[_Verdict] = deque()
+        # what windows mean for their rows: start and stop, s, findings, flags refused for, u of azimuth, rad, turned
+        self._verdicts: deque[tuple[float, float, WindowHealth, int, float, bool]] = deque()
         self._held: list[Attitude] = []
         self._best = np.inf
         self._misfits = 0
@@ -256,7 +239,7 @@ class CheckedStream:
         self._seen.add(samples)
         self._judge(self._buffer.push(samples))
         self._held.append(self._stream.push(samples))
-        return self._released(self._verdicts[-1].stop if self._verdicts else -np.inf)
+        return self._released(self._verdicts[-1][1] if self._verdicts else -np.inf)
 
     def finish(self) -> Attitude:
         """The rows still held, what the method found and what the checks did."""
@@ -266,7 +249,14 @@ class CheckedStream:
         rows = self._released(np.inf)
         said = self._check.notes(besides=() if "mag" in self._needs else ("no-field", "disturbed"))
         if self._misfits and not said:
-            said = (f"{self._misfits} rows were refused for misfit: {self._dip()}{_MISFIT}",)
+            dip, words = expected_dip(self._site)
+            off = dip is not None and abs(self._seen.dip - dip) > FAR_DIP
+            seen = f"the dip comes out as {np.degrees(self._seen.dip):.1f} deg, {words}; " if off else ""
+            said = (
+                f"{self._misfits} rows were refused for misfit: {seen}gravity, field and rate contradict each other. "
+                "Likely an axis or a sign, a sensor that is late, a scale or the site's dip; the method auto looks at "
+                "each window by itself",
+            )
         if self._moved:
             said = (
                 f"the tool was not at rest in {self._moved} of {self._judged_rows} windows, which are refused: means "
@@ -274,12 +264,6 @@ class CheckedStream:
                 *said,
             )
         return replace(rows, notes=tuple(dict.fromkeys((*last.notes, *rows.notes, *said))))
-
-    def _dip(self) -> str:
-        """The dip of the run beside the site's where they differ, to begin a sentence; else nothing."""
-        dip, words = expected_dip(self._site)
-        off = dip is not None and abs(self._seen.dip - dip) > FAR_DIP
-        return f"the dip comes out as {np.degrees(self._seen.dip):.1f} deg, {words}; " if off else ""
 
     def _judge(self, windows: list[Samples]) -> None:
         for window in windows:
@@ -292,7 +276,7 @@ class CheckedStream:
             start, stop = float(window.time[0]) - half, float(window.time[-1]) + half
             lean = replace(health, samples=window.part(0, 0))  # the readings themselves are not kept
             turned = health.turning.span >= TURNING
-            self._verdicts.append(_Verdict(start, stop, lean, health.flags, refused, u_azimuth, turned))
+            self._verdicts.append((start, stop, lean, refused, u_azimuth, turned))
 
     def _forbids(self, one: Finding) -> bool:
         """Whether a finding leaves nothing to be made of the window by this method."""
@@ -314,41 +298,32 @@ class CheckedStream:
         parts = []
         for place in range(len(done)):
             one = _rows(done, np.arange(len(done)) == place)
-            while len(self._verdicts) > 1 and self._verdicts[0].stop < float(one.time[0]):
+            while len(self._verdicts) > 1 and self._verdicts[0][1] < float(one.time[0]):
                 self._verdicts.popleft()
             parts.append(self._judged(one))
         return replace(joined(parts), notes=done.notes) if parts else done
 
     def _judged(self, row: Attitude) -> Attitude:
-        verdict = self._verdicts[0] if self._verdicts else None
-        if verdict is None or not verdict.start <= float(row.time[0]) <= verdict.stop:
+        if not self._verdicts:
             return row
-        row = widened(named(row, verdict.health), verdict.u_azimuth)
-        refused = verdict.refused
+        start, stop, health, refused, u_azimuth, turned = self._verdicts[0]
+        if not start <= float(row.time[0]) <= stop:
+            return row
+        row = widened(named(row, health), u_azimuth)
         if self._still:
-            moved = verdict.turned or bool(int(row.flags[0]) & (BITS["not-still"] | BITS["vibration"]))
+            moved = turned or bool(int(row.flags[0]) & (BITS["not-still"] | BITS["vibration"]))
             self._judged_rows, self._moved = self._judged_rows + 1, self._moved + moved
             refused |= BITS["not-still"] if moved else 0
         if refused:
             blank = np.full_like(row.quaternion, np.nan), np.full_like(row.covariance, np.nan)
             row = replace(row, quaternion=blank[0], covariance=blank[1], quality=np.zeros(1))
-        return replace(row, flags=row.flags | np.uint32(verdict.flags | refused))
+        return replace(row, flags=row.flags | np.uint32(health.flags | refused))
 
 
 def _rows(rows: Attitude, chosen: Any) -> Attitude:
     """Some of the rows."""
     columns = {one.name: getattr(rows, one.name)[chosen] for one in fields(rows) if one.name not in ("north", "notes")}
     return replace(rows, **columns)
-
-
-_ALLOWED: Final = {
-    "accelerometer": ("m/s^2", "g", "mg"),
-    "magnetometer": ("nT", "uT"),
-    "gyro": ("rad/s", "deg/s", "deg/h"),
-}
-_LEAST: Final = {"accelerometer": 4.0, "magnetometer": 200.0}
-"""Median strength that no run falls below unless its unit is another: shaking only adds to gravity, and no casing takes
-all but a hundredth of the field along the hole."""
 
 
 class Signals:
@@ -447,11 +422,14 @@ class Signals:
         where = "column's unit, or the calibration" if self._calibration is None else "calibration"
         if middle == 0.0 and kind != "accelerometer":
             return  # a dead triad is found window by window; the others may do without it
-        if kind in _LEAST and middle < _LEAST[kind]:
+        # median strength that no run falls below unless its unit is another: shaking only adds to gravity, and no
+        # casing takes all but a hundredth of the field along the hole
+        least = {"accelerometer": 4.0, "magnetometer": 200.0}
+        if middle < least.get(kind, 0.0):
             other = "accel_x_g" if kind == "accelerometer" else "mag_x_uT"
             hint = f" (in another unit? then name the columns {other} and so on)" if self._calibration is None else ""
             raise FileError(
-                f"the {kind} reads {middle:.4g} {unit} (median); {_LEAST[kind]:g} or more is expected{hint}: "
+                f"the {kind} reads {middle:.4g} {unit} (median); {least[kind]:g} or more is expected{hint}: "
                 f"check the {where}",
                 path=self._run.path,
             )
@@ -474,9 +452,12 @@ def _factor(kind: str, unit: str, names: tuple[str, ...]) -> float:
         )
     if unit == UNSTATED:
         return 1.0
-    if unit not in _ALLOWED[kind]:
-        allowed = ", ".join(_ALLOWED[kind])
-        raise InputError(f"the {kind} is in {unit}; without a calibration {allowed} are allowed: convert or calibrate")
+    allowed = {"accelerometer": ("m/s^2", "g", "mg"), "magnetometer": ("nT", "uT"), "gyro": ("rad/s", "deg/s", "deg/h")}
+    if unit not in allowed[kind]:
+        raise InputError(
+            f"the {kind} is in {unit}; without a calibration {', '.join(allowed[kind])} are allowed: convert or "
+            "calibrate"
+        )
     inside, factor = TO_SI.get(unit, (unit, 1.0))
     if inside != FIELD_UNITS[kind]:
         raise InputError(f"the {kind} is in {unit}, which is no unit of it")

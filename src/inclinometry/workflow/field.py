@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from inclinometry.arrays import Array
 from inclinometry.earth.magnetic import (
     MagneticField,
     Model,
@@ -17,34 +15,10 @@ from inclinometry.earth.magnetic import (
     igrf14,
     wmm2025,
 )
-from inclinometry.earth.rate import earth_rate, horizontal_rate
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.files.site_toml import grid_convergence, out_of_area
 from inclinometry.rotations import wrap_signed
-
-_FIELD = ("b", "dip", "declination")
-_PLACE = ("latitude", "longitude", "date")
-# the WMM's own limits: caution zone and blackout zone
-_WEAK, _WEAKEST = 6000.0, 2000.0
-# deg: rounding and the place of the origin change a convergence by less than _SAME, along a well by less than _APART
-_SAME, _APART = 0.05, 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class PlaceField:
-    """Reference fields of a place: magnetic field, gravity (m/s^2), Earth rate (3,) (rad/s, NED) and its horizontal
-    part, convergence (rad) and scale factor of the grid where one was named; notes on what is remarkable."""
-
-    site: Site
-    magnetic: MagneticField
-    gravity: float
-    gravity_sigma: float
-    rate: Array
-    horizontal_rate: float
-    convergence: float | None
-    scale: float | None
-    notes: Sequence[str]
 
 
 def field_at(
@@ -54,7 +28,7 @@ def field_at(
     date: datetime.date | float,
     model: Model | None = None,
     crs: str | None = None,
-) -> PlaceField:
+) -> tuple[Site, MagneticField, float | None, list[str]]:
     """Reference fields of a place.
 
     Parameters
@@ -70,6 +44,12 @@ def field_at(
     crs : str, optional
         Grid, e.g. "EPSG:32632".
 
+    Returns
+    -------
+    Site, MagneticField, float or None, list of str
+        The site with gravity and, where a grid was named, its convergence; the field; the grid's scale factor;
+        sentences on what is remarkable.
+
     Raises
     ------
     InputError
@@ -77,29 +57,18 @@ def field_at(
 
     Examples
     --------
-    >>> place = field_at(np.radians(60.0), np.radians(10.0), 0.0, 2026.0, crs="EPSG:32632")
-    >>> np.degrees(place.convergence).round(3), round(place.gravity, 5)
+    >>> site, *_ = field_at(np.radians(60.0), np.radians(10.0), 0.0, 2026.0, crs="EPSG:32632")
+    >>> np.degrees(site.convergence).round(3), round(site.gravity, 5)
     (np.float64(0.866), 9.81918)
     """
     site = Site(latitude=latitude, longitude=longitude, height_m=height_m, crs=crs)
     found = (model or model_of(date))(latitude, longitude, height_m, date)
     notes = _weak(float(found.horizontal), float(found.declination_sigma))
-    convergence = scale = None
-    if crs is not None:
-        grid = grid_convergence(crs, latitude, longitude)
-        convergence, scale = float(grid.convergence), float(grid.scale)
-        notes += _outside(site)
-    return PlaceField(
-        site,
-        found,
-        float(site.gravity or 0.0),
-        float(site.gravity_sigma or 0.0),
-        earth_rate(latitude),
-        float(horizontal_rate(latitude)),
-        convergence,
-        scale,
-        notes,
-    )
+    if crs is None:
+        return site, found, None, notes
+    grid = grid_convergence(crs, latitude, longitude)
+    notes += _outside(site)
+    return replace(site, convergence=float(grid.convergence)), found, float(grid.scale), notes
 
 
 def model_of(date: datetime.date | float) -> Model:
@@ -150,8 +119,8 @@ def completed(site: Site) -> tuple[Site, list[str]]:
 
 
 def _with_field(site: Site) -> tuple[Site, list[str]]:
-    lacking = [name for name in _FIELD if getattr(site, name) is None]
-    unknown = [name for name in _PLACE if getattr(site, name) is None]
+    lacking = [name for name in ("b", "dip", "declination") if getattr(site, name) is None]
+    unknown = [name for name in ("latitude", "longitude", "date") if getattr(site, name) is None]
     if not lacking:
         return site, []
     if site.date is None or unknown:
@@ -171,7 +140,26 @@ def _with_convergence(site: Site) -> tuple[Site, list[str]]:
     if site.crs is None or site.origin("convergence") == site.crs:
         return site, []
     if site.convergence is not None:
-        return site, _doubted(site, site.crs, site.convergence)
+        # a sentence where the convergence stated is not the grid's, or is the grid's with the other sign
+        if site.latitude is None or site.longitude is None:
+            return site, []
+        said = f"convergence {np.degrees(site.convergence):.3f} deg is stated"
+        try:
+            grid = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
+        except InputError as error:
+            return site, [f"{said} and used, unchecked: {error}"]
+        apart, mirrored = (abs(float(np.degrees(wrap_signed(c - grid)))) for c in (site.convergence, -site.convergence))
+        # deg: rounding and the place of the origin change a convergence by less than 0.05, along a well by less than
+        # 0.2
+        flipped = apart > 0.05 and mirrored <= 0.05
+        if not flipped and apart <= 0.2:
+            return site, []
+        said += f", {site.crs} gives {np.degrees(grid):.3f} deg at the site"
+        if flipped:
+            return site, [
+                f"{said}: the sign is opposite; positive is grid north east of true north. The one stated is used"
+            ]
+        return site, [f"{said}: correct the convergence, the place or the crs. The one stated is used"]
     if site.latitude is None or site.longitude is None:
         return site, [f"convergence unknown: {site.crs} gives it only with the site's latitude and longitude"]
     convergence = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
@@ -179,24 +167,6 @@ def _with_convergence(site: Site) -> tuple[Site, list[str]]:
     origins = (*site.origins, ("convergence", site.crs))
     done = replace(site, convergence=convergence, convergence_sigma=0.0, origins=origins)
     return done, [f"{_shown(done, 'convergence')} from {site.crs}", *_outside(done)]
-
-
-def _doubted(site: Site, crs: str, stated: float) -> list[str]:
-    """A sentence where the convergence stated is not the grid's, or is the grid's with the other sign."""
-    if site.latitude is None or site.longitude is None:
-        return []
-    try:
-        grid = float(grid_convergence(crs, site.latitude, site.longitude).convergence)
-    except InputError as error:
-        return [f"convergence {np.degrees(stated):.3f} deg is stated and used, unchecked: {error}"]
-    apart, mirrored = (abs(float(np.degrees(wrap_signed(value - grid)))) for value in (stated, -stated))
-    flipped = apart > _SAME and mirrored <= _SAME
-    if not flipped and apart <= _APART:
-        return []
-    said = f"convergence {np.degrees(stated):.3f} deg is stated, {crs} gives {np.degrees(grid):.3f} deg at the site"
-    if flipped:
-        return [f"{said}: the sign is opposite; positive is grid north east of true north. The one stated is used"]
-    return [f"{said}: correct the convergence, the place or the crs. The one stated is used"]
 
 
 def _shown(site: Site, name: str) -> str:
@@ -208,12 +178,11 @@ def _shown(site: Site, name: str) -> str:
 
 def _weak(horizontal: float, sigma: float) -> list[str]:
     """A sentence where the horizontal field is too weak for a compass."""
-    if horizontal >= _WEAK:
+    weak, weakest = 6000.0, 2000.0  # nT, the WMM's own limits: caution zone and blackout zone
+    if horizontal >= weak:
         return []
-    zone = "blackout" if horizontal < _WEAKEST else "caution"
-    said = (
-        f"the horizontal field is {horizontal:.0f} nT ({zone} zone of the WMM, below {_WEAK:.0f} nT): the declination"
-    )
+    zone = "blackout" if horizontal < weakest else "caution"
+    said = f"the horizontal field is {horizontal:.0f} nT ({zone} zone of the WMM, below {weak:.0f} nT): the declination"
     return [f"{said} is known to {np.degrees(sigma):.1f} deg only; prefer a gyro or in-field referencing"]
 
 

@@ -23,7 +23,6 @@ from inclinometry.gyro.north import to_high_side
 from inclinometry.gyro.result import North
 from inclinometry.gyro.tracking import (
     MOST,
-    ScaleBelief,
     ScaleTrack,
     contradicted,
     quadratic_belief,
@@ -44,9 +43,6 @@ METHODS: Final = ("joint", "patent", "fixed")
 PRIORS: Final = ("calibration", "previous", "both", "run")
 """Where what is known of the scale before a station comes from: the calibration alone; the station before; the
 stations before and the calibration's temperature curve; or all other stations of the run and that curve."""
-
-HOTTEST: Final = 230.0
-"""degC that no gyro tool survives."""
 
 
 @dataclass(frozen=True)
@@ -194,8 +190,20 @@ def north_run(
     if track is not None:
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
-    checks = [replace(c, reason=_labelled(c.reason, readings)) for c in checks]
-    notes = _notes(readings, averages, known, calibration, _remarks(readings, heat, chosen))
+    # stations of a sentence, numbered from 1, as the file calls them
+    labels = [
+        re.sub(r"station (\d+)", lambda m: f"station {readings.labels[int(m[1]) - 1]!r}", c.reason) for c in checks
+    ]
+    checks = [replace(c, reason=reason) for c, reason in zip(checks, labels, strict=True)]
+    inherited = [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
+    notes = [
+        *_remarks(readings, heat, chosen),
+        *readings.notes,
+        *averages.gravity.warnings,
+        *averages.rate.warnings,
+        *known.notes,
+        *inherited,
+    ]
     notes += gravity_scale(stations)
     notes += misfit_hint(found.get("joint", north), stations.rate, site.latitude)
     notes += [f"{c.name}: {c.reason}; {c.action}" for c in checks if c.verdict == "fail"]
@@ -212,23 +220,10 @@ def north_run(
     return GyroRun(survey, north, readings.md, heat, track, found, checks, rates, name, digests)
 
 
-def _notes(
-    readings: GyroReadings, averages: Averages, known: ScalePrior, calibration: Calibration | None, remarks: list[str]
-) -> list[str]:
-    """What reader, averages and calibration have to say."""
-    inherited = [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
-    return [*remarks, *readings.notes, *averages.gravity.warnings, *averages.rate.warnings, *known.notes, *inherited]
-
-
-def _labelled(reason: str, readings: GyroReadings) -> str:
-    """Stations of a sentence, numbered from 1, as the file calls them."""
-    return re.sub(r"station (\d+)", lambda m: f"station {readings.labels[int(m[1]) - 1]!r}", reason)
-
-
 def _remarks(readings: GyroReadings, heat: Array | None, options: GyroOptions) -> list[str]:
     """What a person should know about the input before anything is computed."""
     found = []
-    if heat is not None and heat.max() > HOTTEST:
+    if heat is not None and heat.max() > 230.0:  # no gyro tool survives that
         found.append(f"temperature reaches {heat.max():.0f} degC: is it in kelvin or degrees Fahrenheit?")
     if options.history is not None and options.history.tool == "":
         found.append("the history names no tool: make sure that it is of this one")
@@ -280,7 +275,17 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
     if heat is None and options.history is not None:
         raise InputError("the history gives the scale by temperature; add the column temperature_degC")
     start = 0.0 if heat is None else float(heat[0])
-    stated = _belief(options, own, walking=heat is None or prior == "previous", start=start)
+    sd = float(np.hypot(options.scale_sd, own))
+    if options.history is not None:
+        stated = options.history.belief
+        doubt = np.zeros_like(stated.covariance)
+        doubt[0, 0] = own**2  # the calibration errs in other directions of the tool in the next run
+        stated = replace(stated, covariance=stated.covariance + doubt)
+    elif heat is None or prior == "previous":
+        learning_walk = 5e-4  # wandering of the scale per root of a degC for the prior "previous"
+        stated = walking_belief(1.0, sd, walk=learning_walk, jitter=options.jitter, reference_temperature=start)
+    else:
+        stated = quadratic_belief(1.0, sd, slope_sd=options.slope_sd, bend_sd=options.bend_sd, jitter=options.jitter)
     found = tilt(stations.gravity, stations.g)
     if stations.hole == "up":
         found = upward(found, found.unseen)
@@ -294,20 +299,6 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
     track = (smooth_scale if prior == "run" else track_scale)(*given, heat, stated)
     before = track.prior.predict(track.temperature), stated.predict(track.temperature)
     return ScalePrior(track.expected, track.expected_sd, *before[0], *before[1], track, track.notes)
-
-
-def _belief(options: GyroOptions, own: float, *, walking: bool, start: float) -> ScaleBelief:
-    """What is known before the run: of an earlier run, or of the calibration."""
-    if options.history is not None:
-        belief = options.history.belief
-        doubt = np.zeros_like(belief.covariance)
-        doubt[0, 0] = own**2  # the calibration errs in other directions of the tool in the next run
-        return replace(belief, covariance=belief.covariance + doubt)
-    sd = float(np.hypot(options.scale_sd, own))
-    if walking:
-        learning_walk = 5e-4  # wandering of the scale per root of a degC for the prior "previous"
-        return walking_belief(1.0, sd, walk=learning_walk, jitter=options.jitter, reference_temperature=start)
-    return quadratic_belief(1.0, sd, slope_sd=options.slope_sd, bend_sd=options.bend_sd, jitter=options.jitter)
 
 
 def _flags(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -16,9 +15,6 @@ from inclinometry.survey.flags import Check
 from inclinometry.survey.gyro_quality import rate_checks
 from inclinometry.workflow.gyro_average import LIGHTEST
 from inclinometry.workflow.gyro_methods import ScalePrior, Stations, solve
-
-VAGUE: Final = 0.01
-"""Standard uncertainty of a scale factor while units are still in doubt."""
 
 
 def check_rates(stations: Stations, known: ScalePrior, joint: North, calibration: Array) -> list[Check]:
@@ -111,7 +107,7 @@ def gravity_in_g(stations: Stations) -> str | None:
         gravity=stations.gravity * STANDARD_GRAVITY,
         gravity_covariance=stations.gravity_covariance * STANDARD_GRAVITY**2,
     )
-    ones, vague_sd = np.ones(len(level)), np.full(len(level), VAGUE)
+    ones, vague_sd = np.ones(len(level)), np.full(len(level), 0.01)  # a scale factor while units are in doubt
     vague = ScalePrior(ones, vague_sd, ones, vague_sd, ones, vague_sd, None)
     try:
         given, other = (float(np.sum(solve("joint", s, vague).chi_square)) for s in (stations, larger))

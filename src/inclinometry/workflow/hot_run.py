@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,35 +13,25 @@ from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.result import North
 from inclinometry.gyro.tracking import ScaleTrack, quadratic_belief, smooth_scale
 from inclinometry.rotations import wrap_signed
-from inclinometry.simulate.gyro import HotRun, hot_run
+from inclinometry.simulate.gyro import HotRun
 
 JOINT, FIXED, PATENT = "joint, scale followed", "uncompensated", "patent, closed form"
 
 
-@dataclass(frozen=True, eq=False)
-class HotRunMethods:
-    """What each method makes of one run.
-
-    stations : method -> North; track : the scale factor of `JOINT`.
-    """
-
-    run: HotRun
-    stations: Mapping[str, North]
-    track: ScaleTrack
-
-    @property
-    def errors(self) -> dict[str, Array]:
-        """Method -> azimuth found less true azimuth (n,), rad; NaN where it fails."""
-        return {name: wrap_signed(found.azimuth - self.run.azimuth) for name, found in self.stations.items()}
-
-
-def reduce_hot_run(run: HotRun) -> HotRunMethods:
+def reduce_hot_run(run: HotRun) -> tuple[dict[str, North], dict[str, Array], ScaleTrack]:
     """North by the classical closed form with scale 1, by the patent's, and jointly with the scale followed.
+
+    Returns
+    -------
+    dict, dict, ScaleTrack
+        Method -> North; method -> azimuth found less true azimuth (n,), rad, NaN where it fails; the scale factor of
+        `JOINT`.
 
     Examples
     --------
-    >>> found = reduce_hot_run(hot_run(8))
-    >>> {name: round(value, 2) for name, value in rms_degrees([found]).items()}
+    >>> from inclinometry.simulate.gyro import hot_run
+    >>> _, errors, _ = reduce_hot_run(hot_run(8))
+    >>> {name: round(value, 2) for name, value in rms_degrees([errors]).items()}
     {'uncompensated': 0.25, 'patent, closed form': 0.27, 'joint, scale followed': 0.08}
     """
     size = len(run.a)
@@ -69,18 +58,14 @@ def reduce_hot_run(run: HotRun) -> HotRunMethods:
             scale_sd=track.expected_sd,
         ),
     }
-    return HotRunMethods(run, stations, track)
+    errors = {name: wrap_signed(found.azimuth - run.azimuth) for name, found in stations.items()}
+    return stations, errors, track
 
 
-def rms_degrees(found: Iterable[HotRunMethods]) -> dict[str, float]:
+def rms_degrees(runs: Iterable[Mapping[str, Array]]) -> dict[str, float]:
     """Root mean square azimuth error of each method over all stations at which it gives one, deg."""
     errors: dict[str, list[Array]] = {}
-    for one in found:
-        for name, error in one.errors.items():
+    for run in runs:
+        for name, error in run.items():
             errors.setdefault(name, []).append(error)
     return {name: float(np.degrees(np.sqrt(np.nanmean(np.concatenate(e) ** 2)))) for name, e in errors.items()}
-
-
-def many_hot_runs(runs: int) -> list[HotRunMethods]:
-    """Runs with seeds 0, 1, ... through every method."""
-    return [reduce_hot_run(hot_run(seed)) for seed in range(runs)]

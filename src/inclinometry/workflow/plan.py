@@ -14,21 +14,6 @@ from inclinometry.constants import DIP, INCLINATION_RANGE
 from inclinometry.errors import InputError
 from inclinometry.workflow.simulate import PLANS, plan_named
 
-_USES = {
-    "twelve": {"rolls", "azimuths"},
-    "rotations": {"first_inclination", "azimuth", "rolls"},
-    "optimal": {"number", "inclination_range", "criterion", "rig_sd", "dip", "seed"},
-}
-"""What each plan can be told; the others are fixed."""
-
-_ADVICE = {
-    "rotations": (
-        "two turns at one azimuth hardly tell the zero of the toolface dial from a tilt of the rig across the plane of "
-        "the turns: state what is known of the stand when calibrating (--level-sd-deg, --north-deg and --north-sd-deg, "
-        "--dip-sd-deg), or add turns at a second azimuth",
-    )
-}
-
 
 def aimed_range(inclination_range: tuple[float, float], criterion: str) -> tuple[float, float]:
     """The range a plan is aimed at: the one asked for, kept off the vertical where the criterion is an azimuth."""
@@ -48,7 +33,13 @@ def advice(name: str) -> tuple[str, ...]:
     >>> advice("twelve")
     ()
     """
-    return _ADVICE.get(name, ())
+    if name != "rotations":
+        return ()
+    return (
+        "two turns at one azimuth hardly tell the zero of the toolface dial from a tilt of the rig across the plane of "
+        "the turns: state what is known of the stand when calibrating (--level-sd-deg, --north-deg and --north-sd-deg, "
+        "--dip-sd-deg), or add turns at a second azimuth",
+    )
 
 
 def plan_file(name: str) -> Path | None:
@@ -90,7 +81,18 @@ def make_plan(
         "azimuths": azimuths,
         "seed": seed,
     }
-    _refuse_useless(name, [option for option, value in given.items() if value is not None])
+    # what each plan can be told; the others are fixed
+    uses = {
+        "twelve": {"rolls", "azimuths"},
+        "rotations": {"first_inclination", "azimuth", "rolls"},
+        "optimal": {"number", "inclination_range", "criterion", "rig_sd", "dip", "seed"},
+    }
+    in_degrees = ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
+    for option, value in given.items():
+        if value is not None and option not in uses.get(name, ()):
+            flag = option.replace("_", "-") + ("-deg" if option in in_degrees else "")
+            users = ", ".join(plan for plan, used in uses.items() if option in used)
+            raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")
     if name == "twelve":
         return plans.twelve(3 if rolls is None else rolls, 3 if azimuths is None else azimuths)
     if name == "rotations":
@@ -101,29 +103,7 @@ def make_plan(
         )
     if name != "optimal":
         return plan_named(name)
-    return _optimal(number, inclination_range, criterion, rig_sd, dip, seed, progress)
-
-
-def _refuse_useless(name: str, given: list[str]) -> None:
-    in_degrees = ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
-    for option in given:
-        if option in _USES.get(name, ()):
-            continue
-        flag = option.replace("_", "-") + ("-deg" if option in in_degrees else "")
-        users = ", ".join(plan for plan, uses in _USES.items() if option in uses)
-        raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")
-
-
-def _optimal(
-    number: int | None,
-    inclination_range: tuple[float, float] | None,
-    criterion: str | None,
-    rig_sd: float | None,
-    dip: float | None,
-    seed: int | None,
-    progress: Callable[[float], None] | None,
-) -> Plan:
-    """The optimal plan; what was not said has the values of a usual stand and tool."""
+    # the optimal plan; what was not said has the values of a usual stand and tool
     aim = "azimuth" if criterion is None else criterion
     if aim not in CRITERIA:
         raise InputError(f"criterion {aim!r} is unknown; allowed: {', '.join(CRITERIA)}")

@@ -18,7 +18,7 @@ from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
 from inclinometry.files.table import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.position.propagation import PositionUncertainty, propagate
+from inclinometry.position.propagation import MatrixSource, PositionUncertainty, propagate
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.rotations import wrap_signed
@@ -26,9 +26,9 @@ from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
 from inclinometry.survey.reduce import SensorCorrection
-from inclinometry.workflow.certificate import CertificateModel, certificate_model
+from inclinometry.workflow.calibration_error_model import calibration_error_model
 from inclinometry.workflow.corrections import matching_correction
-from inclinometry.workflow.field import completed, field_at, model_of
+from inclinometry.workflow.field import completed, model_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,60 +171,54 @@ def well_position(
     FileError
         A declination or another value that is lacking, naming the site's file; stations the model is not made for.
     """
-    target = north or _north(site.north_reference, stations.azimuth_reference)
+    grid_or_true = "grid" if stations.azimuth_reference == "grid" else "true"
+    target = north or (grid_or_true if site.north_reference == "magnetic" else site.north_reference)
     try:
-        path, well = _placed(stations, site, target, tie_on, tie_sigma)
+        # the path from the north of the results, and the survey as the error model sees it
+        true = convert_azimuth(stations.azimuth, stations.azimuth_reference, "true", site)
+        start = (0.0, 0.0, float(stations.md[0])) if tie_on is None else tie_on
+        turned = convert_azimuth(true, "true", target, site)
+        path = minimum_curvature(stations.md, stations.inclination, turned, start=start)
+        tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
+        well = well_survey(stations.md, stations.inclination, true, site, "true", tvd=path.tvd, north=target, tie=tie)
     except InputError as error:
         raise _of_site(error, site_path) from None
-    model = CertificateModel((), tool_code, [], [])
+    sources: Sequence[MatrixSource] = ()
+    code = tool_code
+    notes: list[str] = []
+    warnings: list[str] = []
     uncertainty = None
     try:
         if calibration is not None:
-            model = certificate_model(calibration, well, stations, raw, tool_code, correction)
-        if model.code is not None or model.sources:
-            uncertainty = propagate(well, model.code, model.sources)
+            sources, code, notes, warnings = calibration_error_model(
+                calibration, well, stations, raw, tool_code, correction
+            )
+        if code is not None or sources:
+            uncertainty = propagate(well, code, sources)
     except InputError as error:
         lacking = "the site" in str(error)
         raise _of_site(error, site_path) if lacking else FileError(str(error), path=stations.path) from None
+    said = []
+    if tie_on is None and stations.md[0] > 0.0:
+        first = f"{stations.md[0]:g} m"
+        said.append(
+            f"the first station stands at {first} and no tie-on was given: its position was taken as north 0, east 0, "
+            f"true vertical depth {first}"
+        )
+    if uncertainty is None:
+        said.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
+    name = None if calibration is None else calibration.tool.name
     return WellPosition(
         path,
         well,
         uncertainty,
         stations.azimuth_reference,
-        model.code,
-        None if calibration is None else _name(calibration),
-        [*_notes(stations, tie_on, uncertainty is not None), *model.notes],
-        (*_doubts(stations, path), *_declination_doubt(site), *model.warnings),
+        code,
+        "the tool" if name in ("", "unnamed") else name,
+        [*said, *notes],
+        (*_doubts(stations, path, site), *warnings),
         {"survey": stations.digest},
     )
-
-
-def _name(calibration: Calibration) -> str:
-    name = calibration.tool.name
-    return "the tool" if name in ("", "unnamed") else name
-
-
-def _placed(
-    stations: WellStations,
-    site: Site,
-    north: str,
-    tie_on: tuple[float, float, float] | None,
-    tie_sigma: tuple[float, float, float] | None,
-) -> tuple[WellPath, WellSurvey]:
-    """The path from the north of the results, and the survey as the error model sees it."""
-    true = convert_azimuth(stations.azimuth, stations.azimuth_reference, "true", site)
-    start = (0.0, 0.0, float(stations.md[0])) if tie_on is None else tie_on
-    turned = convert_azimuth(true, "true", north, site)
-    path = minimum_curvature(stations.md, stations.inclination, turned, start=start)
-    tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
-    well = well_survey(stations.md, stations.inclination, true, site, "true", tvd=path.tvd, north=north, tie=tie)
-    return path, well
-
-
-def _north(site: str, survey: str) -> str:
-    if site != "magnetic":
-        return site
-    return "grid" if survey == "grid" else "true"
 
 
 def _of_site(error: InputError, path: str | Path | None) -> InputError:
@@ -234,28 +228,15 @@ def _of_site(error: InputError, path: str | Path | None) -> InputError:
     return FileError(str(error), path=path)
 
 
-def _notes(stations: WellStations, tie_on: tuple[float, float, float] | None, modelled: bool) -> list[str]:
-    notes = []
-    if tie_on is None and stations.md[0] > 0.0:
-        first = f"{stations.md[0]:g} m"
-        notes.append(
-            f"the first station stands at {first} and no tie-on was given: its position was taken as north 0, east 0, "
-            f"true vertical depth {first}"
-        )
-    if not modelled:
-        notes.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
-    return notes
-
-
-def _doubts(stations: WellStations, path: WellPath) -> list[str]:
+def _doubts(stations: WellStations, path: WellPath, site: Site) -> list[str]:
     """What is likelier a mistake of the file than a hole."""
-    found = []
+    doubts = []
     severity = dogleg_severity_deg(path)
     # dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below
     sharpest = 60.0
     if severity.max() > sharpest:
         row = int(np.argmax(severity))
-        found.append(
+        doubts.append(
             f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
             "a typing error, or depths in another unit?"
         )
@@ -267,30 +248,26 @@ def _doubts(stations: WellStations, path: WellPath) -> list[str]:
     share_of_stands = 0.6  # share of such intervals from which the question is asked
     # the unit of the file, not the metres it became; a long first interval proves nothing
     if np.mean(alike) >= share_of_stands:
-        found.append(
+        doubts.append(
             f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
             "feet, name their column md_ft"
         )
-    return found
-
-
-def _declination_doubt(site: Site) -> list[str]:
-    """A given declination held against the model of the place, where that is known: a wrong sign shows."""
+    # a given declination held against the model of the place, where that is known: a wrong sign shows
     place = (site.latitude, site.longitude, site.date)
     if site.declination is None or site.origin("declination") != "given" or None in place:
-        return []
+        return doubts
     latitude, longitude, date = site.latitude or 0.0, site.longitude or 0.0, site.date
     try:
         if date is None:
-            return []
-        found = field_at(latitude, longitude, site.height_m or 0.0, date, model_of(date))
+            return doubts
+        found = model_of(date)(latitude, longitude, site.height_m or 0.0, date)
     except InputError:
-        return []  # a date that no model covers: nothing to hold it against
-    expected, sigma = float(found.magnetic.declination), float(found.magnetic.declination_sigma)
+        return doubts  # a date that no model covers: nothing to hold it against
+    expected, sigma = float(found.declination), float(found.declination_sigma)
     away = abs(float(wrap_signed(site.declination - expected)))
     if away <= max(3.0 * sigma, np.radians(1.0)):
-        return []
+        return doubts
     turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
-    shown = f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.magnetic.model} gives "
+    shown = f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
     shown += f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there"
-    return [shown + ("; its sign looks wrong (east is positive)" if turned else "; check it")]
+    return [*doubts, shown + ("; its sign looks wrong (east is positive)" if turned else "; check it")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -187,20 +187,6 @@ def _axes(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Resi
     return [said]
 
 
-@dataclass(frozen=True, eq=False)
-class RateTable:
-    """What a run on a rate table gave: the regression, and the calibration with the gyro triad in it.
-
-    notes : what a person should know, steps left out included.
-    steps : number of steps in the fit.
-    """
-
-    rates: RateCalibration
-    calibration: Calibration
-    notes: tuple[str, ...]
-    steps: int
-
-
 def calibrate_on_table(
     steps: RateSteps,
     site: Site,
@@ -209,7 +195,7 @@ def calibrate_on_table(
     temperature_degree: int = 0,
     g_sensitive: bool = False,
     name: str = "unnamed",
-) -> RateTable:
+) -> tuple[RateCalibration, Calibration, tuple[str, ...], int]:
     """Calibrate the gyro triad of a tool on a rate table.
 
     Parameters
@@ -225,6 +211,12 @@ def calibrate_on_table(
         Fit the g-sensitivity too.
     name : str
         Of the tool, where no calibration gives one.
+
+    Returns
+    -------
+    RateCalibration, Calibration, tuple of str, int
+        The regression, the calibration with the gyro triad in it, what a person should know, steps left out included,
+        and the number of steps in the fit.
 
     Raises
     ------
@@ -244,9 +236,9 @@ def calibrate_on_table(
     odd = check_plausible(used, found, site.latitude, before)
     notes = [*steps.notes, *told, *odd, *found.notes, *_heat_notes(used, temperature_degree)]
     if old is None:
-        return RateTable(found, _alone(found, used, name, notes), tuple(notes), len(used))
+        return found, _alone(found, used, name, notes), tuple(notes), len(used)
     whole = with_gyro(old, found, {"rate table": steps.digest, "tool": digest_file(calibration or "")}, notes)
-    return RateTable(found, whole, tuple(notes), len(used))
+    return found, whole, tuple(notes), len(used)
 
 
 def _fitted(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from inclinometry.files.datasheet_toml import read_nameplate
 from inclinometry.files.survey_csv import write_survey_csv
 from inclinometry.files.tool_json import read_extras, read_tool
 from inclinometry.sensors import Tool
-from inclinometry.simulate.bench import BenchSimulation, Misread, Rig, simulate_bench
+from inclinometry.simulate.bench import Misread, Rig, simulate_bench
 from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
 from inclinometry.simulate.log import LogSimulation, simulate_log
 from inclinometry.simulate.sensing import MAGNETOMETERS, Characteristic, signal_of
@@ -38,15 +38,6 @@ PLANS = {
 
 LAYOUTS = {"realistic": realistic_tool, "random": random_tool}
 """How the sensors sit: near the tool's axes, or anywhere."""
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedBench:
-    """Readings, the tool behind them and what else the simulation knows."""
-
-    readings: BenchReadings
-    truth: Tool
-    extras: Mapping[str, Any]
 
 
 BITS = 12
@@ -72,7 +63,9 @@ def plan_named(name: str) -> Plan:
     if Path(name).suffix or Path(name).exists():
         return read_plan(name)
     if name == "optimal":
-        raise InputError("plan optimal is designed for a stand: write it by `inclinometry plan`, give its file")
+        raise InputError(
+            "plan optimal is designed for a stand: `inclinometry plan optimal -o plan.csv`, and give plan.csv"
+        )
     raise InputError(f"plan {name!r} is unknown; allowed: {', '.join(PLANS)}, or a CSV file (of `inclinometry plan`)")
 
 
@@ -89,7 +82,7 @@ def bench(
     temperature_degree: int = 0,
     truth: tuple[Tool, Rig | None] | None = None,
     characteristic: Mapping[str, Characteristic] | None = None,
-) -> SimulatedBench:
+) -> tuple[BenchReadings, Tool, dict[str, Any]]:
     """Simulate a bench run of a plan.
 
     Parameters
@@ -108,13 +101,22 @@ def bench(
         A tool and, where it is that of an earlier simulation, its stand, to be visited again.
     characteristic : mapping of kind to Characteristic, optional
         Noise and what bends the sensors, as `characteristics` makes them of a user's words.
+
+    Returns
+    -------
+    BenchReadings, Tool, dict
+        Readings, the tool behind them, and what else the simulation knows.
     """
     if layout not in LAYOUTS:
         raise InputError(f"layout {layout!r} is unknown; allowed: {', '.join(LAYOUTS)}")
     if noise < 0.0:
         raise InputError(f"noise factor is {noise:g}; it must be 0 or more")
     tool = LAYOUTS[layout](seed, bits=bits, temperature_degree=temperature_degree) if truth is None else truth[0]
-    stand = rig if truth is None or truth[1] is None else _revisit(rig, truth[1])
+    stand = rig
+    if truth is not None and truth[1] is not None:
+        # the errors of this visit on the base and in the field of the stand
+        names = ("dip", "latitude", "declination", "base_tilt", "tilt_axis", "north_offset")
+        stand = replace(rig, **{name: getattr(truth[1], name) for name in names})
     characteristic = characteristic or {}
     run = simulate_bench(
         tool,
@@ -129,7 +131,37 @@ def bench(
         characteristic=characteristic,
         seed=seed,
     )
-    return SimulatedBench(_readings(run, plan), run.tool, _extras(run, seed))
+    readings = BenchReadings(
+        run.signals,
+        run.azimuth,
+        run.inclination,
+        run.toolface,
+        sd=run.sd,
+        count=run.count,
+        temperature=run.temperature,
+        roll_set=plan.roll_set,
+        units=run.units,
+        reference=run.reference,
+        warnings=[
+            f"{kind} saturated in {int(hit.any(axis=1).sum())} stations"
+            for kind, hit in run.saturated.items()
+            if hit.any()
+        ],
+    )
+    extras = {
+        "seed": seed,
+        "field_directions": dict(run.field_directions),
+        "setting_errors_deg": np.degrees(run.setting_errors),
+        "rig": {
+            "dip_deg": float(np.degrees(run.rig.dip)),
+            "latitude_deg": float(np.degrees(run.rig.latitude)),
+            "declination_deg": float(np.degrees(run.rig.declination)),
+            "base_tilt_deg": float(np.degrees(run.rig.base_tilt)),
+            "tilt_axis_deg": 0.0 if run.rig.tilt_axis is None else float(np.degrees(run.rig.tilt_axis)),
+            "north_offset_deg": float(np.degrees(run.rig.north_offset)),
+        },
+    }
+    return readings, run.tool, extras
 
 
 def characteristics(
@@ -155,49 +187,6 @@ def _noise(tool: Tool, factor: float, characteristic: Mapping[str, Characteristi
         stated = characteristic[kind].noise if kind in characteristic else None
         found[kind] = factor * own if stated is None else signal_of(tool.triads[kind], stated)
     return found
-
-
-def _revisit(rig: Rig, stand: Rig) -> Rig:
-    """The errors of `rig` on the base and in the field of `stand`."""
-    names = ("dip", "latitude", "declination", "base_tilt", "tilt_axis", "north_offset")
-    return replace(rig, **{name: getattr(stand, name) for name in names})
-
-
-def _readings(run: BenchSimulation, plan: Plan) -> BenchReadings:
-    return BenchReadings(
-        run.signals,
-        run.azimuth,
-        run.inclination,
-        run.toolface,
-        sd=run.sd,
-        count=run.count,
-        temperature=run.temperature,
-        roll_set=plan.roll_set,
-        units=run.units,
-        reference=run.reference,
-        warnings=[
-            f"{kind} saturated in {int(hit.any(axis=1).sum())} stations"
-            for kind, hit in run.saturated.items()
-            if hit.any()
-        ],
-    )
-
-
-def _extras(run: BenchSimulation, seed: int) -> dict[str, Any]:
-    rig = run.rig
-    return {
-        "seed": seed,
-        "field_directions": dict(run.field_directions),
-        "setting_errors_deg": np.degrees(run.setting_errors),
-        "rig": {
-            "dip_deg": float(np.degrees(rig.dip)),
-            "latitude_deg": float(np.degrees(rig.latitude)),
-            "declination_deg": float(np.degrees(rig.declination)),
-            "base_tilt_deg": float(np.degrees(rig.base_tilt)),
-            "tilt_axis_deg": 0.0 if rig.tilt_axis is None else float(np.degrees(rig.tilt_axis)),
-            "north_offset_deg": float(np.degrees(rig.north_offset)),
-        },
-    }
 
 
 def read_visited(path: str | Path) -> tuple[Tool, Rig | None]:

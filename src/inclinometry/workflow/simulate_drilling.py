@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,33 +10,20 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.arrays import Array
+from inclinometry.constants import FIELD_UNITS
 from inclinometry.errors import InputError
+from inclinometry.files.columns import KIND_PREFIX, PREFIXES
 from inclinometry.files.run_file import OutField, writing
 from inclinometry.files.writing import degrees, number
-from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, drilling_blocks
+from inclinometry.simulate.drilling import SCENARIOS, Scenario, drilling_blocks
 from inclinometry.simulate.drilling.scenario import Hole
 
-BLOCK: Final = 1 << 16
-LONGEST: Final = 1e7
-"""s; at 200 Hz a run of 2e9 samples."""
-
-_TRIADS: Final = {"accel": "m/s^2", "mag": "nT", "gyro": "rad/s"}
 RUN: Final = (
     OutField("time_s", "s", double=True),
-    *(OutField(f"{prefix}_{axis}", unit) for prefix, unit in _TRIADS.items() for axis in "xyz"),
+    *(OutField(f"{KIND_PREFIX[kind]}_{axis}", unit) for kind, unit in FIELD_UNITS.items() for axis in "xyz"),
     OutField("temperature_degC", "degC"),
 )
 """Columns of a run: field vectors in tool axes, in the units that need no calibration."""
-TRUTH: Final = (
-    OutField("time_s", "s", double=True),
-    OutField("inclination_deg", "deg", double=True),
-    OutField("azimuth_deg", "deg", double=True),
-    OutField("toolface_deg", "deg", double=True),
-    OutField("rpm", "1/min"),
-    OutField("md_m", "m", double=True),
-)
-"""Columns of the truth; azimuth is magnetic."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +45,9 @@ class DrillingRequest:
     def __post_init__(self) -> None:
         if self.scenario not in SCENARIOS:
             raise InputError(f"scenario is {self.scenario!r}; allowed: {', '.join(SCENARIOS)}")
-        if self.duration is not None and not 0.0 < self.duration <= LONGEST:
-            raise InputError(f"the duration is {self.duration:g} s; allowed: more than 0, up to {LONGEST:g} s")
+        longest = 1e7  # s; at 200 Hz a run of 2e9 samples
+        if self.duration is not None and not 0.0 < self.duration <= longest:
+            raise InputError(f"the duration is {self.duration:g} s; allowed: more than 0, up to {longest:g} s")
 
     @property
     def chosen(self) -> Scenario:
@@ -97,34 +85,40 @@ def write_drilling(
     """
     scenario = request.chosen
     header = {"scenario": request.scenario, "seed": str(request.seed), "azimuth_reference": "magnetic"}
+    columns = (
+        OutField("time_s", "s", double=True),
+        OutField("inclination_deg", "deg", double=True),
+        OutField("azimuth_deg", "deg", double=True),
+        OutField("toolface_deg", "deg", double=True),
+        OutField("rpm", "1/min"),
+        OutField("md_m", "m", double=True),
+    )
     count = 0
     with ExitStack() as files:
         write_run = files.enter_context(writing(run, RUN, header))
-        write_truth = None if truth is None else files.enter_context(writing(truth, TRUTH, header))
-        for block in drilling_blocks(scenario, request.seed, block=BLOCK):
+        write_truth = None if truth is None else files.enter_context(writing(truth, columns, header))
+        for block in drilling_blocks(scenario, request.seed, block=1 << 16):
             found = {"time_s": block.time, "temperature_degC": block.temperature}
-            for prefix in _TRIADS:
+            for prefix in PREFIXES:
                 vectors = getattr(block, prefix)
                 found |= {f"{prefix}_{axis}": vectors[:, place] for place, axis in enumerate("xyz")}
             write_run(found)
             if write_truth is not None:
-                write_truth(_truth(block))
+                true = block.truth
+                write_truth(
+                    {
+                        "time_s": block.time,
+                        "inclination_deg": degrees(true.inclination),
+                        "azimuth_deg": degrees(true.azimuth),
+                        "toolface_deg": degrees(true.toolface),
+                        "rpm": true.rate * 30.0 / np.pi,
+                        "md_m": block.depth,
+                    }
+                )
             count += len(block)
             if progress is not None:
                 progress(min(1.0, count * block.interval / scenario.duration))
     return count
-
-
-def _truth(block: DrillingSimulation) -> Mapping[str, Array]:
-    true = block.truth
-    return {
-        "time_s": block.time,
-        "inclination_deg": degrees(true.inclination),
-        "azimuth_deg": degrees(true.azimuth),
-        "toolface_deg": degrees(true.toolface),
-        "rpm": true.rate * 30.0 / np.pi,
-        "md_m": block.depth,
-    }
 
 
 def site_text(hole: Hole) -> str:

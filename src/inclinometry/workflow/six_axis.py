@@ -42,7 +42,6 @@ from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correctio
 from inclinometry.survey.stations import Stations
 from inclinometry.workflow.convert import format_of, read_survey_file
 from inclinometry.workflow.corrections import (
-    CorrectionInputs,
     apply_corrections,
     correction_names,
     matching_correction,
@@ -455,7 +454,6 @@ def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tup
         )
     if run.reference is not None and not {"axial", "msa"}.isdisjoint(names):
         refuse_uncorrectable(run.stations, run.reference)
-    given = CorrectionInputs(reference=run.reference, calibration=run.tool, bha=assembly)
     stations, warned = run.stations, list[str]()
     results: dict[str, Any] = {}
     for part, name in zip(parts, names, strict=True):
@@ -464,10 +462,12 @@ def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tup
             correction, warned = matching_correction(part, tool, run.inputs, run.stations)
             stations = apply_correction(stations, correction)
             continue
-        done = apply_corrections(stations, (name,), given)
-        stations, results = done.stations, {**results, **done.results}
+        stations, found = apply_corrections(
+            stations, (name,), reference=run.reference, calibration=run.tool, bha=assembly
+        )
+        results |= found
         if name == "msa":
-            refuse_beyond(done.results[name].parameters)
+            refuse_beyond(found[name].parameters)
     return stations, results, warned
 
 
