@@ -232,3 +232,28 @@ def test_numbers_read_back_to_the_bit(tmp_path_factory, values):
     path = tmp_path_factory.getbasetemp() / "bits.csv"
     path.write_text("mag_x\n" + "\n".join(map(repr, values)) + "\n")
     assert read_table(path).number("mag_x").tobytes() == np.array(values, dtype=float).tobytes()
+
+
+def test_blocks_taken_by_arrow_are_the_same_to_the_bit(tmp_path, monkeypatch):
+    rng = np.random.default_rng(5)
+    values = rng.normal(size=(60_000, 3)) * 10.0 ** rng.integers(-9, 9, (60_000, 1))
+    lines = [f"{a!r},s {k % 7} ,{b!r},{c!r}" for k, (a, b, c) in enumerate(values.tolist())]
+    lines[50_000] = "1e-3,,+2.5,-.5"  # the careful way for its block
+    (tmp_path / "a.csv").write_text("accel_x,operator,accel_y,accel_z\n" + "\n".join(lines) + "\n")
+    quick = read_table(tmp_path / "a.csv")
+    monkeypatch.setattr("inclinometry.files.table._Body._quick", lambda self, block: False)
+    careful = read_table(tmp_path / "a.csv")
+    for name in ("accel_x", "accel_y", "accel_z"):
+        assert quick.number(name).tobytes() == careful.number(name).tobytes()
+    assert quick.text("operator") == careful.text("operator")
+    assert quick.lines.tolist() == careful.lines.tolist()
+    assert quick.number("accel_y")[50_000] == 2.5
+
+
+@pytest.mark.parametrize("cell", ["x", "nan", "", "1,5"])
+def test_a_bad_cell_far_down_is_named_with_its_line(tmp_path, cell):
+    lines = ["1.5,2.5"] * 400_000
+    lines[390_000] = f"1.5,{cell}"
+    (tmp_path / "a.csv").write_text("accel_x,accel_y\n" + "\n".join(lines) + "\n")
+    with pytest.raises(FileError, match="line 390002"):
+        read_table(tmp_path / "a.csv")

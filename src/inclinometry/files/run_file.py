@@ -22,6 +22,7 @@ from inclinometry.files.profile import current
 from inclinometry.files.table import (
     COLDEST,
     HOTTEST,
+    ArrowNumbers,
     Block,
     LineReader,
     Progress,
@@ -208,9 +209,9 @@ class CsvRun:
         self._nan = re.compile(rf"(^|{mark})[ \t]*[+-]?nan[ \t]*(?={mark}|$)", re.IGNORECASE)
         self._pointed = False
         self._check = RunCheck()
-        self._arrow: _ArrowNumbers | None = None
+        self._arrow: ArrowNumbers | None = None
         with suppress(ModuleNotFoundError):  # without Arrow, an extra, every block goes the careful way
-            self._arrow = _ArrowNumbers(names, self.header.wanted, self._body.delimiter)
+            self._arrow = ArrowNumbers(names, self.header.wanted, self._body.delimiter)
 
     def _opened(self, path: Path) -> tuple[_Body, Block | None]:
         """The header, and what stands behind it in the same block."""
@@ -241,8 +242,8 @@ class CsvRun:
                 # the careful way notes where the first point stands
                 quick = None
             else:
-                quick = self._arrow.convert(text)
-                quick = None if quick is None else self._scaled(quick)
+                found = self._arrow.convert(text)
+                quick = None if found is None else self._scaled(found[0])
             if quick is None or self._check.problem(quick) is not None:
                 yield from self._careful(block)
             elif len(quick["time_s"]):
@@ -274,34 +275,6 @@ class CsvRun:
             raise FileError(problem.text, path=body.path, line=int(places[problem.row]))
         self._check.accept(columns)
         yield columns
-
-
-class _ArrowNumbers:
-    """Converts blocks of regular rows."""
-
-    def __init__(self, names: tuple[str, ...], wanted: tuple[str, ...], delimiter: str) -> None:
-        import pyarrow as pa
-        import pyarrow.csv as pc
-
-        self._names, self._wanted = list(names), wanted
-        self._parse = pc.ParseOptions(delimiter=delimiter)
-        empty = ("", "nan", "NaN", "NAN", "Nan")
-        self._convert = pc.ConvertOptions(
-            column_types=dict.fromkeys(wanted, pa.float64()), include_columns=list(wanted), null_values=list(empty)
-        )
-
-    def convert(self, text: str) -> dict[str, Array] | None:
-        """Column -> values, NaN where empty; None where a row is not as the header says or a cell no number."""
-        import pyarrow as pa
-        import pyarrow.csv as pc
-
-        data = text.encode()
-        reading = pc.ReadOptions(column_names=self._names, use_threads=False, block_size=len(data) + 1)
-        try:
-            table: Any = pc.read_csv(pa.BufferReader(data), reading, self._parse, self._convert)
-        except pa.ArrowInvalid:
-            return None
-        return {name: np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in self._wanted}
 
 
 # A run as Parquet, read in batches of rows so that no row group needs to fit into memory.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,11 @@ class NumberReader:
                 if not (gaps and not cells[row].strip()):
                     raise self._refuse(cells[row].strip(), name, int(lines[row]))
         return values
+
+    @property
+    def pointed(self) -> bool:
+        """Whether a number with a decimal point has been met."""
+        return self._point is not None
 
     def finish(self) -> None:
         """The verdict on the decimal mark, once the whole file is known; never a guess."""
@@ -430,6 +435,7 @@ class _Body:
         self.parts: dict[str, list[Array]] = {name: [] for name, number, _ in self.kinds if number}
         self.texts: dict[str, list[str]] = {name: [] for name, number, _ in self.kinds if not number}
         self.lines: list[NDArray[np.int64]] = []
+        self._arrow: ArrowNumbers | None = None
 
     def _check_names(self, names: list[str]) -> None:
         def error(problem: str) -> FileError:
@@ -454,8 +460,36 @@ class _Body:
                             line=first + _open_quote(lines, self.delimiter))  # fmt: skip
         return rows
 
+    def _quick(self, block: Block) -> bool:
+        """Whether Arrow has taken a block: not the first, regular, of finite numbers with points, or of whole ones."""
+        if not self.lines or not block.plain or not self.parts:
+            return False
+        text = "\n".join(block.lines)
+        if '"' in text or "#" in text or "\n\n" in text or (self.delimiter != "," and "," in text):
+            return False
+        # the careful way notes where the first point stands
+        if not text.strip() or ("." in text and not self.numbers.pointed):
+            return False
+        if self._arrow is None:
+            try:
+                self._arrow = ArrowNumbers(self.names, list(self.parts), self.delimiter, list(self.texts))
+            except ModuleNotFoundError:  # an extra
+                return False
+        found = self._arrow.convert(text)
+        rows = len(block.lines) - (block.lines[-1] == "") - (block.lines[0] == "")
+        if found is None or any(len(v) != rows or not np.isfinite(v).all() for v in found[0].values()):
+            return False
+        self.lines.append(np.arange(rows) + block.first + (block.lines[0] == ""))
+        for name, values in found[0].items():
+            self.parts[name].append(values)
+        for name, cells in found[1].items():
+            self.texts[name] += [cell.strip() for cell in cells]
+        return True
+
     def add(self, block: Block) -> None:
         """Convert the rows of a block and keep them."""
+        if self._quick(block):
+            return
         rows: Sequence[Sequence[str]] = self._split(block.lines, block.first)
         lines = np.arange(block.first, block.first + len(rows))
         width = len(self.names)
@@ -522,6 +556,36 @@ def _readings_of(
         stated = name in profile.columns or name.startswith("column ") or bool(profile.axes)
         found.append(reading if stated or reading.name not in names else Reading(name))
     return found
+
+
+class ArrowNumbers:
+    """Converts blocks of regular rows by Arrow, the same to the bit and many times faster."""
+
+    def __init__(self, names: Sequence[str], wanted: Sequence[str], delimiter: str, texts: Sequence[str] = ()) -> None:
+        import pyarrow as pa
+        import pyarrow.csv as pc
+
+        self._names, self._wanted, self._texts = list(names), wanted, texts
+        self._parse = pc.ParseOptions(delimiter=delimiter)
+        types = {**dict.fromkeys(wanted, pa.float64()), **dict.fromkeys(texts, pa.string())}
+        empty = ("", "nan", "NaN", "NAN", "Nan")
+        self._convert = pc.ConvertOptions(
+            column_types=types, include_columns=[*wanted, *texts], null_values=list(empty)
+        )
+
+    def convert(self, text: str) -> tuple[dict[str, Array], dict[str, list[str]]] | None:
+        """Numbers, NaN where empty, and texts; None where a row is not as the header says or a cell no number."""
+        import pyarrow as pa
+        import pyarrow.csv as pc
+
+        data = text.encode()
+        reading = pc.ReadOptions(column_names=self._names, use_threads=False, block_size=len(data) + 1)
+        try:
+            table: Any = pc.read_csv(pa.BufferReader(data), reading, self._parse, self._convert)
+        except pa.ArrowInvalid:
+            return None
+        numbers = {name: np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in self._wanted}
+        return numbers, {name: table.column(name).to_pylist() for name in self._texts}
 
 
 def _open_quote(lines: list[str], delimiter: str) -> int:
