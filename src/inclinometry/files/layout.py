@@ -8,16 +8,18 @@ import json
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError
 from inclinometry.files.profile import Profile
-from inclinometry.files.table import Block
+from inclinometry.files.table import MOST_COLUMNS, Block
 
-MOST_COLUMNS: Final = 1000
+if TYPE_CHECKING:
+    from inclinometry.files.exchange import SurveyFile
+
 MOST_VALUES: Final = 100_000_000
 """Of a file that is held in memory whole."""
 ROWS: Final = 1 << 15
@@ -46,6 +48,10 @@ def opened(path: Path, digest: hashlib._Hash) -> Iterator[Block] | None:
         read = _json
     if read is None and text[:2].upper() == b"~V":
         read = _las
+    if read is None and text[:1] == b"<" and b"trajectorys" in start:
+        read = _witsml
+    if read is None and text[:5] in (b"IOGP,", b"OGP,0", b"OGP,1"):
+        read = _p7
     if read is None:
         return None
     with path.open("rb") as stream:
@@ -250,6 +256,28 @@ def _las(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
         names.append("azimuth_reference")
         columns.append([sheet.north] * len(sheet.rows))
     return names, zip(*columns, strict=True)
+
+
+def _witsml(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
+    from inclinometry.files.witsml import read_witsml
+
+    return _survey(read_witsml(path))
+
+
+def _p7(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
+    from inclinometry.files.p7 import read_p7
+
+    surveys = read_p7(path).surveys
+    if len(surveys) != 1:
+        raise FileError(f"it holds {len(surveys)} surveys; take one out by `inclinometry convert --sheet`", path=path)
+    return _survey(next(iter(surveys.values())))
+
+
+def _survey(file: SurveyFile) -> tuple[list[str], Iterable[Sequence[str]]]:
+    from inclinometry.files.survey_csv import column_texts, columns_of
+
+    columns = columns_of(file)
+    return [column.name for column in columns], zip(*map(column_texts, columns), strict=True)
 
 
 def _cut(line: str, mark: str) -> list[str]:

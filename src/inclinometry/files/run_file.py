@@ -18,7 +18,7 @@ from inclinometry.digest import digest_file
 from inclinometry.errors import FileError
 from inclinometry.files.columns import LOG, UNIT_LABELS, channel, numbers_among
 from inclinometry.files.parquet import _units
-from inclinometry.files.profile import current
+from inclinometry.files.profile import PLAIN, current
 from inclinometry.files.table import (
     COLDEST,
     HOTTEST,
@@ -452,7 +452,7 @@ def _joined(pieces: list[dict[str, Array]]) -> dict[str, Array]:
 
 
 def open_run(path: str | Path, *, progress: Progress | None = None) -> RunFile:
-    """Open a run: Parquet where the name ends in .parquet, otherwise CSV in any of the usual dialects.
+    """Open a run: Parquet where the name ends in .parquet, otherwise any table `read_table` takes.
 
     Columns are `time_s`, `accel_x` .. `accel_z` or `accel_1` .. `accel_m`, likewise `mag` and `gyro`, perhaps with a
     unit (`accel_x_g`), and `temperature_degC`. An empty cell, `nan` or null is a missing value, except in `time_s`.
@@ -481,7 +481,8 @@ def open_run(path: str | Path, *, progress: Progress | None = None) -> RunFile:
     ('uT', array([[20.,  0., 45.], [20., nan, 45.]]))
     """
     where = Path(path)
-    source: Source = (ParquetRun if where.suffix.lower() == ".parquet" else CsvRun)(where, progress)
+    native = where.suffix.lower() == ".parquet" and current() == PLAIN
+    source: Source = (ParquetRun if native else CsvRun)(where, progress)
     return RunFile(where, source.header, source)
 
 

@@ -133,6 +133,7 @@ class NumberReader:
 
 CHUNK = 1 << 20
 LONGEST_LINE = 1 << 20
+MOST_COLUMNS = 1000
 Progress = Callable[[int], None]
 
 _MAGIC = {
@@ -426,6 +427,8 @@ class _Body:
         names = [name.strip() for name in self._split([header], line)[0]]
         while names and not names[-1]:
             names.pop()  # a trailing separator
+        if len(names) > MOST_COLUMNS:
+            raise FileError(f"{len(names):,} columns; allowed {MOST_COLUMNS:,}", path=path, line=line)
         self._check_names(names)
         self.readings = _readings_of(names, numeric, profile, path, line)
         self._check_names([reading.name for reading in self.readings])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gzip
+import hashlib
 import re
 import tempfile
 from collections import Counter
@@ -18,8 +19,9 @@ from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.files import _quantities
 from inclinometry.files.columns import TEXT, channel, is_number
+from inclinometry.files.layout import opened
 from inclinometry.files.profile import PLAIN, SEPARATORS, Profile, current, reading_with
-from inclinometry.files.table import Table, read_table
+from inclinometry.files.table import LONGEST_LINE, Table, read_table
 
 LOOKED_AT: Final = 20_000
 """Rows that are looked at; of a longer file the rest is only counted."""
@@ -81,17 +83,19 @@ def look(path: str | Path) -> Look:
         profile, layout = (given, "as the profile says") if given.lays_out else _layout(lines)
         if not given.lays_out:
             profile = _joined(profile, given)
+        if head.suffix != path.suffix and path.suffix != ".gz":
+            layout = f"{path.suffix.removeprefix('.')}{layout.removeprefix('text, separated by comma')}"
         with reading_with(profile):
             texts = read_table(head, numeric=lambda name: False)
             table = read_table(head, numeric=_numeric(texts), gaps=texts.header)
-            rows = len(table) if whole is None else _rows(path, table)
+            rows = len(table) if whole is None else whole - int(table.lines[0]) + 1
             columns = tuple(_column(table, name, profile) for name in table.header)
             uses = {command: _lacks(head, read) for command, read in _READERS.items()}
     return Look(layout, rows, columns, tuple(_notes(table, columns)), uses, _draft(profile, columns))
 
 
 def _head(path: Path, folder: Path) -> tuple[Path, list[str], int | None]:
-    """The beginning of a text as a file of its own, its lines, and None where that is the whole file."""
+    """A text or table to look at, its lines, and how many the file has where that is not all of it."""
     try:
         with path.open("rb") as stream:
             start = stream.read(4)
@@ -99,31 +103,32 @@ def _head(path: Path, folder: Path) -> tuple[Path, list[str], int | None]:
         raise FileError("there is no such file; check the name", path=path) from None
     except OSError as error:
         raise FileError(f"cannot be read ({error.strerror})", path=path) from None
-    opened: Callable[..., Any] = gzip.open if start.startswith(b"\x1f\x8b") else open
+    blocks = opened(path, hashlib.sha256())
+    if blocks is not None:
+        # another format: its cells as a plain table, whose beginning is looked at
+        texts: list[str] = []
+        rows = 0
+        for block in blocks:
+            texts += block.lines[: LOOKED_AT - len(texts)]
+            rows += sum(bool(line) for line in block.lines)
+        copy = folder / f"{path.stem}.csv"
+        copy.write_text("\n".join(texts) + "\n", encoding="utf-8")
+        return copy, texts, rows
+    unpacked: Callable[..., Any] = gzip.open if start.startswith(b"\x1f\x8b") else open
     lines: list[bytes] = []
-    with contextlib.suppress(EOFError, OSError), opened(path, "rb") as stream:
-        for line in stream:
+    with contextlib.suppress(EOFError, OSError), unpacked(path, "rb") as stream:
+        while len(lines) <= LOOKED_AT and (line := stream.readline(LONGEST_LINE + 2)):
             lines.append(line)
-            if len(lines) > LOOKED_AT or len(line) > 1 << 20:
-                break
-    if start.startswith((b"PK\x03\x04", b"PAR1", b"\x89HDF", b"MATL")) or b"\0" in b"".join(lines[:5]):
-        return path, [], None
+            if len(line) > LONGEST_LINE or b"\0" in line:
+                return path, [], None  # no table; the reader says so
     texts = [line.decode("utf-8-sig", "replace") for line in lines]
-    if texts and (texts[0].lstrip()[:1] in ("{", "[") or texts[0].lstrip()[:2].upper() == "~V"):
-        return path, [], None
     if len(lines) <= LOOKED_AT:
         return path, texts, None
     copy = folder / path.name.removesuffix(".gz")
     copy.write_bytes(b"".join(lines[:LOOKED_AT]))
-    return copy, texts[:LOOKED_AT], len(lines)
-
-
-def _rows(path: Path, table: Table) -> int:
-    """Rows of a long text: its lines but those before the first row."""
-    opened: Callable[..., Any] = gzip.open if path.read_bytes()[:2] == b"\x1f\x8b" else open
-    with opened(path, "rb") as stream:
-        lines = sum(chunk.count(b"\n") for chunk in iter(lambda: stream.read(1 << 20), b""))
-    return int(lines - (table.lines[0] - 1))
+    with unpacked(path, "rb") as stream:
+        rows = sum(chunk.count(b"\n") for chunk in iter(lambda: stream.read(1 << 20), b""))
+    return copy, texts[:LOOKED_AT], rows
 
 
 def _layout(lines: list[str]) -> tuple[Profile, str]:
