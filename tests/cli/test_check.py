@@ -120,3 +120,50 @@ def test_no_file_no_table(run):
     assert "the file is empty" in done.err
     Path("prose.txt").write_text("Dear colleague\nhere are the data\nas promised.\n")
     assert "can take it" not in run("check", "prose.txt").out
+
+
+def test_looking_without_writing(run):
+    run("simulate", "bench", "--plan", "orthogonal", "-o", "readings.csv")
+    before = set(Path().iterdir())
+    assert "nothing was written; -o names a file" in run("calibrate", "readings.csv").out
+    assert "output" not in run("calibrate", "readings.csv", "--json").json
+    assert set(Path().iterdir()) == before
+    Path("a.csv").write_text("MD,INC,AZI\n0,0,0\n1000,10.5,20\n")
+    done = run("position", "a.csv", "--units", "ft,deg", "--azimuth-reference", "true")
+    assert "304.80" in done.out
+    assert "nothing was written" in done.out
+    Path("b.csv").write_text("MD,INC,AZI,azimuth_reference\n0,0,0,grid\n1000,10.5,20,grid\n")
+    done = run("position", "b.csv", "--units", "ft,deg", "--azimuth-reference", "true")
+    assert (done.status, "'azimuth_reference' appears twice" in done.err) == (2, True)
+
+
+@pytest.mark.parametrize("ending", ["las", "xlsx", "parquet", "witsml"])
+def test_a_survey_of_any_format_becomes_positions(run, ending):
+    Path("a.csv").write_text(
+        "md_m,inclination_deg,azimuth_deg,azimuth_reference\n0,0,0,true\n30,1.5,20,true\n60,3,21,true\n"
+    )
+    assert run("convert", "a.csv", f"a.{ending}").status == 0
+    assert run("position", "a.csv", "-o", "plain.csv").status == 0
+    assert run("position", f"a.{ending}", "-o", "other.csv").status == 0
+    with Path("plain.csv").open() as one, Path("other.csv").open() as two:
+        plain, other = (np.genfromtxt(stream, delimiter=",", skip_header=1)[:, :5] for stream in (one, two))
+    np.testing.assert_allclose(other, plain, atol=1e-9)
+
+
+def test_each_file_of_a_folder_one_table_one_exit_status(run):
+    Path("runs").mkdir()
+    Path("out").mkdir()
+    for seed in (1, 2, 3):
+        run("simulate", "bench", "--plan", "orthogonal", "--seed", seed, "-o", f"runs/tool{seed}.csv")
+    done = run("calibrate", "--each", "runs/*.csv", "-o", "out/{stem}.json")
+    assert done.status == 0
+    assert [path.name for path in sorted(Path("out").iterdir())] == ["tool1.json", "tool2.json", "tool3.json"]
+    assert done.out.count("written to out/tool") == 3
+    Path("runs/bad.csv").write_text("accel_x,accel_y\n1,x\n")
+    done = run("calibrate", "--each", "runs")
+    assert done.status == 2
+    assert "4 files" in done.out
+    assert "bad.csv" in done.out
+    assert done.out.count("nothing was written") == 3
+    assert "put {stem} into the name" in run("calibrate", "--each", "runs", "-o", "x.json").err
+    assert "no such file" in run("calibrate", "--each", "none/*.csv").err

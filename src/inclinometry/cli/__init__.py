@@ -59,9 +59,12 @@ def _run(arguments: list[str]) -> int:
     from inclinometry.errors import InclinometryError, InputError
 
     try:
+        if "--each" in arguments and "--help" not in arguments:
+            from inclinometry.cli.each import run_each
+
+            return run_each(arguments, _run)
         with ExitStack() as stack:
-            arguments = _from_stdin(arguments, stack)
-            arguments, stated = _of_tables(arguments)
+            arguments, stated = _of_tables(_from_stdin(arguments, stack))
             used = ["no profile"]
             if stated:
                 from inclinometry.files.profile import reading_with

@@ -33,7 +33,6 @@ from inclinometry.cli.options import (
     Input,
     InputOrNone,
     Json,
-    Output,
     OutputOrNone,
     Report,
     Serial,
@@ -206,7 +205,7 @@ def calibrate(
     readings: Path,
     /,
     *,
-    output_: Output,
+    output_: OutputOrNone = None,
     method: MethodName = "joint",
     report: Report = None,
     site: InputOrNone = None,
@@ -235,7 +234,7 @@ def calibrate(
     readings
         CSV with station, azimuth_deg, inclination_deg, toolface_deg and the channels accel_x ... mag_z, gyro_z.
     output_
-        The calibration, tool.json.
+        The calibration, tool.json; only looked at when not given.
     method
         field needs no angles, only roll_set; norm no roll set either: each triad in its own axes.
     site
@@ -292,17 +291,19 @@ def calibrate(
             from inclinometry.report.calibration import calibration_report
 
             page = calibration_report(found, readings=data)
-    write_calibration(found, output_, created=created)
+    if output_ is not None:
+        write_calibration(found, output_, created=created)
     if page is not None:
         write_text(page, report or "")
     output.notes(found.notes)
     output.warnings(found.warnings)
     expected = expected_uncertainty(found, stated_dip=data.reference.get("dip"))
     if json:
-        output.print_json(_summary(found, expected, data) | {"output": output_, "digest": digest_file(output_)})
+        written = {} if output_ is None else {"output": output_, "digest": digest_file(output_)}
+        output.print_json(_summary(found, expected, data) | written)
         return
     show_calibration(found, expected)
-    output.say(f"written to {output_}" + (f", report to {report}" if report else ""))
+    output.written(output_, report)
 
 
 def _step(value: float | None, option: str) -> float | None:

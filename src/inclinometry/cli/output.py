@@ -114,6 +114,14 @@ def _same(one: Path, other: Path) -> bool:
     return os.path.normcase(one.resolve()) == os.path.normcase(other.resolve())
 
 
+def written(target: Path | None, report: Path | None, *, what: str = "", sources: Path | None = None) -> None:
+    """What went where, or how it would."""
+    done = [f"{what} written to {target}".strip()] if target is not None else []
+    done += [f"report {'to' if done else 'written to'} {report}"] if report is not None else []
+    done += [f"sources {'to' if done else 'written to'} {sources}"] if sources is not None else []
+    say(", ".join(done) or "nothing was written; -o names a file")
+
+
 def print_json(content: Any) -> None:
     """One JSON document on standard output; NaN becomes null."""
     sys.stdout.write(json.dumps(plain(content), ensure_ascii=False, indent=1, allow_nan=False) + "\n")

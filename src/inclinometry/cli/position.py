@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.options import AlsoWritten, InputOrNone, Json, Output, Report
+from inclinometry.cli.options import AlsoWritten, InputOrNone, Json, OutputOrNone, Report
 from inclinometry.errors import InputError
 
 Metres = Annotated[tuple[float, float, float] | None, Parameter(negative="")]
@@ -23,7 +23,7 @@ def position(
     survey: Path,
     /,
     *,
-    output_: Output,
+    output_: OutputOrNone = None,
     site: InputOrNone = None,
     tool_code: Annotated[
         str | None,
@@ -39,6 +39,7 @@ def position(
     tie_on: Metres = None,
     tie_sigma: Metres = None,
     north: Literal["true", "grid"] | None = None,
+    azimuth_reference: Annotated[Literal["magnetic", "true", "grid"] | None, Parameter(group=options.INPUT)] = None,
     report: Report = None,
     sources: AlsoWritten = None,
     json: Json = False,
@@ -50,7 +51,7 @@ def position(
     survey
         CSV with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference.
     output_
-        Position CSV: m and m2; north, east, v down.
+        Position CSV: m and m2; north, east, v down. Only looked at when not given.
     site
         site.toml: declination, convergence and the fields that the error model needs; given or from its models.
     calibration
@@ -66,9 +67,12 @@ def position(
     north
         What positions count from; when not given the site's north_reference where it is true or grid, else grid for
         grid azimuths and true for others.
+    azimuth_reference
+        North of the azimuths, where the survey does not say it.
     sources
         Write every source of error at every station as CSV.
     """
+    from inclinometry.files.profile import reading_with, with_constants
     from inclinometry.workflow.position import read_position
 
     output.claim(
@@ -88,7 +92,11 @@ def position(
         raise InputError("--raw serves --calibration alone; give the tool's calibration too")
     if sources is not None and tool_code is None and calibration is None:
         raise InputError("--sources needs an error model: give --tool-code or --calibration")
-    with output.reading(survey) as progress, output.busy("positions and their uncertainty"):
+    with (
+        reading_with(None if azimuth_reference is None else with_constants(azimuth_reference=azimuth_reference)),
+        output.reading(survey) as progress,
+        output.busy("positions and their uncertainty"),
+    ):
         found = read_position(
             survey,
             site,
@@ -109,8 +117,7 @@ def position(
     for sentence in found.notes:
         output.say(sentence)
     show_position(found)
-    written = f"{output.counted(len(found.path), 'station')} written to {output_}"
-    output.say(written + (f", report to {report}" if report else "") + (f", sources to {sources}" if sources else ""))
+    output.written(output_, report, what=output.counted(len(found.path), "station"), sources=sources)
 
 
 def _metres(values: Metres, option: str, low: float = -1e8) -> Metres:
@@ -121,7 +128,7 @@ def _metres(values: Metres, option: str, low: float = -1e8) -> Metres:
     return values
 
 
-def _write(found: WellPosition, target: Path, report: Path | None, sources: Path | None) -> None:
+def _write(found: WellPosition, target: Path | None, report: Path | None, sources: Path | None) -> None:
     """All files, the report composed before the first is written."""
     from inclinometry.files.position_csv import write_position_csv, write_sources_csv
     from inclinometry.files.writing import write_text
@@ -141,7 +148,8 @@ def _write(found: WellPosition, target: Path, report: Path | None, sources: Path
             warnings=found.warnings,
             inputs=found.inputs,
         )
-    write_position_csv(target, found.path, found.uncertainty, found.survey.north)
+    if target is not None:
+        write_position_csv(target, found.path, found.uncertainty, found.survey.north)
     if sources is not None and found.uncertainty is not None:
         write_sources_csv(sources, found.uncertainty)
     if page is not None:
@@ -177,7 +185,7 @@ def _show_sources(found: WellPosition, most: int = 6) -> None:
     output.table("largest sources at the last station", ["source", "shared", "major axis m", "share %"], rows)
 
 
-def _content(found: WellPosition, target: Path) -> dict[str, Any]:
+def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
     """Everything a machine asks for first: the last station, its covariance, ellipse and sources."""
     from inclinometry.files.position_csv import position_columns
 

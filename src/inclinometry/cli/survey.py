@@ -16,7 +16,7 @@ from inclinometry.cli.options import (
     GravitySd,
     InputOrNone,
     Json,
-    Output,
+    OutputOrNone,
     Report,
     SixAxisForm,
     SwitchAngle,
@@ -36,7 +36,7 @@ def survey(
     raw: Path,
     /,
     *,
-    output_: Output,
+    output_: OutputOrNone = None,
     calibration: InputOrNone = None,
     site: InputOrNone = None,
     correct: Annotated[
@@ -64,7 +64,7 @@ def survey(
         With a calibration: CSV with md_m and the raw channels. Without: gravity and magnetic field in any format of
         convert, units in the column names (md_m, gx_m_s2 .. gz_m_s2, bx_nT .. bz_nT).
     output_
-        Survey CSV.
+        Survey CSV; only looked at when not given.
     calibration
         tool.json; without it the readings are fields already and --site is needed.
     site
@@ -99,7 +99,8 @@ def survey(
             place = None if site is None else done.site
             quality = [None if judged is None else judged.quality for judged in (done.judged, done.before)]
             page = survey_report(found, site=place, quality=quality[0], before=quality[1], notes=done.notes)
-        write_survey(found, output_, switch=switch)
+        if output_ is not None:
+            write_survey(found, output_, switch=switch)
     if page is not None:
         write_text(page, report or "")
     output.warnings(found.warnings)
@@ -109,8 +110,7 @@ def survey(
         for sentence in (*done.notes, *found.history):
             output.say(sentence)
         show_survey(found)
-        where = "" if report is None else f", report to {report}"
-        output.say(f"{output.counted(len(found), 'station')} written to {output_}{where}")
+        output.written(output_, report, what=output.counted(len(found), "station"))
 
 
 def _inputs(
@@ -121,7 +121,7 @@ def _inputs(
     return {"the raw channels": raw, "--calibration": calibration, "--site": site, "--bha": bha, **named}
 
 
-def _summary(done: SixAxisSurvey, path: Path) -> dict[str, object]:
+def _summary(done: SixAxisSurvey, path: Path | None) -> dict[str, object]:
     found = done.survey
     return {
         "stations": len(found),

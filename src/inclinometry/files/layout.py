@@ -303,8 +303,8 @@ def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[
     """
     mark, kept, width = profile.separator, None, 0
     awaited = ["names"] * profile.header + ["units"] * profile.units_row
-    constants = [value if isinstance(value, str) else repr(value) for value in profile.constants.values()]
-    extra = [*profile.constants, *(["time_s"] if profile.rate_hz else [])]
+    constants = list(map(str, profile.constants.values()))
+    extra = [*profile.constants, *["time_s"] * bool(profile.rate_hz)]
     count = 0
     for first, lines, plain in blocks:
         out = [""] * len(lines)

@@ -169,7 +169,7 @@ def reading_with(profile: Profile | str | Path | None, units: str | None = None)
     >>> table.number("md_m"), table.number("inclination_deg")
     (array([30.48]), array([1.5]))
     """
-    found = PLAIN if profile is None else profile if isinstance(profile, Profile) else read_profile(profile)
+    found = _CURRENT.get() if profile is None else profile if isinstance(profile, Profile) else read_profile(profile)
     if units is not None:
         words = tuple(word.strip() for word in units.split(",") if word.strip())
         for word in words:
@@ -178,13 +178,27 @@ def reading_with(profile: Profile | str | Path | None, units: str | None = None)
                     f"unit {word!r} is not known; give units such as m, ft, deg, rad, g, mg, nT, uT, gauss, degC"
                 )
         found = replace(found, units=(*words, *found.units))
-    used: list[str] = []
+    # within another one, that one was of use as well
+    outer = _USED.get()
+    used: list[str] = [] if outer is None else outer
     tokens = _CURRENT.set(found), _USED.set(used)
     try:
         yield used
     finally:
         _CURRENT.reset(tokens[0])
         _USED.reset(tokens[1])
+
+
+def with_constants(**constants: float | str) -> Profile:
+    """The profile tables are read with now, and a column with one value for each name.
+
+    Examples
+    --------
+    >>> dict(with_constants(azimuth_reference="true").constants)
+    {'azimuth_reference': 'true'}
+    """
+    found = _CURRENT.get()
+    return replace(found, constants={**found.constants, **constants})
 
 
 def shipped() -> tuple[str, ...]:
