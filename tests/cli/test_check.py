@@ -150,6 +150,19 @@ def test_a_survey_of_any_format_becomes_positions(run, ending):
     np.testing.assert_allclose(other, plain, atol=1e-9)
 
 
+def test_quiet_and_open(run, monkeypatch):
+    run("simulate", "bench", "--plan", "orthogonal", "-o", "readings.csv")
+    done = run("calibrate", "readings.csv", "-o", "tool.json", "-q")
+    assert (done.status, done.out) == (0, "")
+    assert Path("tool.json").exists()
+    assert run("list", "plans").out  # no longer quiet
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    assert run("calibrate", "readings.csv", "--report", "report.html", "--open").status == 0
+    assert opened == [Path("report.html").resolve().as_uri()]
+    assert "name it with --report" in run("calibrate", "readings.csv", "--open").err
+
+
 def test_each_file_of_a_folder_one_table_one_exit_status(run):
     Path("runs").mkdir()
     Path("out").mkdir()

@@ -59,7 +59,7 @@ def test_every_option_named_in_a_page_exists(capsys):
         "shots": ("rotation", "repeat", "dual-depth"),
         "ledger": ("init", "verify", "export", "import", "backup", "history", "users"),
     }
-    known += "--profile --units"  # of every command that reads a table
+    known += "--profile --units --each --open"  # of every command that reads a table
     for words in [
         ["allan"],
         ["check"],

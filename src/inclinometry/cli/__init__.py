@@ -64,6 +64,7 @@ def _run(arguments: list[str]) -> int:
 
             return run_each(arguments, _run)
         with ExitStack() as stack:
+            arguments, page = _manners(arguments, stack)
             arguments, stated = _of_tables(_from_stdin(arguments, stack))
             used = ["no profile"]
             if stated:
@@ -77,6 +78,10 @@ def _run(arguments: list[str]) -> int:
             )
             if not used:
                 raise InputError(f"{' and '.join(stated)} had no table to be used for; leave it out")
+            if page is not None:
+                import webbrowser
+
+                webbrowser.open(page)
     except MissingArgumentError as error:
         # of a required option that is not there at all the framework says that it "requires an argument"
         missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
@@ -108,6 +113,26 @@ def _run(arguments: list[str]) -> int:
         _say(f"inclinometry: {needed}")
         return 2
     return status if isinstance(status, int) else 0
+
+
+def _manners(arguments: list[str], stack: ExitStack) -> tuple[list[str], str | None]:
+    """The arguments without -q, which keeps tables and sentences to itself, and --open; the page to be opened."""
+    if {"-q", "--quiet"} & set(arguments):
+        from inclinometry.cli.output import console
+
+        console.quiet = True
+        stack.callback(setattr, console, "quiet", False)
+    page = None
+    if "--open" in arguments:
+        from pathlib import Path
+
+        from inclinometry.errors import InputError
+
+        at = arguments.index("--report") + 1 if "--report" in arguments else len(arguments)
+        if at >= len(arguments):
+            raise InputError("--open shows a report; name it with --report")
+        page = Path(arguments[at]).resolve().as_uri()
+    return [word for word in arguments if word not in ("-q", "--quiet", "--open")], page
 
 
 def _of_tables(arguments: list[str]) -> tuple[list[str], dict[str, str]]:

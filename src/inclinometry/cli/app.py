@@ -177,7 +177,7 @@ app = _app(
     "Every table may be text with any separator, .gz, .xlsx, .parquet, .las, .h5, .npz, .mat or .json; - reads "
     "standard input. --profile NAME|FILE says what its columns are, --units ft,deg,mg,gauss what they are in where "
     "their names do not; `inclinometry check FILE` says what was understood. --each 'runs/*.csv' in the place of a "
-    "file does them all, -o out/{stem}.json.\n\n"
+    "file does them all, -o out/{stem}.json. -q says nothing but warnings and errors, --open shows the report.\n\n"
     "Exit status: 0 done, 1 a verification failed, 2 bad input (nothing written), 3 an error of this program, "
     "130 interrupted.",
     version=_version,
