@@ -64,8 +64,7 @@ def _run(arguments: list[str]) -> int:
 
             return run_each(arguments, _run)
         with ExitStack() as stack:
-            arguments, page = _manners(arguments, stack)
-            arguments, stated = _of_tables(_from_stdin(arguments, stack))
+            arguments, stated = _of_tables(_from_stdin(_manners(arguments, stack), stack))
             used = ["no profile"]
             if stated:
                 from inclinometry.files.profile import reading_with
@@ -78,10 +77,6 @@ def _run(arguments: list[str]) -> int:
             )
             if not used:
                 raise InputError(f"{' and '.join(stated)} had no table to be used for; leave it out")
-            if page is not None:
-                import webbrowser
-
-                webbrowser.open(page)
     except MissingArgumentError as error:
         # of a required option that is not there at all the framework says that it "requires an argument"
         missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
@@ -115,15 +110,15 @@ def _run(arguments: list[str]) -> int:
     return status if isinstance(status, int) else 0
 
 
-def _manners(arguments: list[str], stack: ExitStack) -> tuple[list[str], str | None]:
-    """The arguments without -q, which keeps tables and sentences to itself, and --open; the page to be opened."""
+def _manners(arguments: list[str], stack: ExitStack) -> list[str]:
+    """The arguments without -q, which keeps tables and sentences to itself, and --open, which shows the report then."""
     if {"-q", "--quiet"} & set(arguments):
         from inclinometry.cli.output import console
 
         console.quiet = True
         stack.callback(setattr, console, "quiet", False)
-    page = None
     if "--open" in arguments:
+        import webbrowser
         from pathlib import Path
 
         from inclinometry.errors import InputError
@@ -132,7 +127,8 @@ def _manners(arguments: list[str], stack: ExitStack) -> tuple[list[str], str | N
         if at >= len(arguments):
             raise InputError("--open shows a report; name it with --report")
         page = Path(arguments[at]).resolve().as_uri()
-    return [word for word in arguments if word not in ("-q", "--quiet", "--open")], page
+        stack.push(lambda kind, *_: kind is None and webbrowser.open(page))
+    return [word for word in arguments if word not in ("-q", "--quiet", "--open")]
 
 
 def _of_tables(arguments: list[str]) -> tuple[list[str], dict[str, str]]:
