@@ -146,11 +146,16 @@ def test_a_single_run_has_no_check_sums_and_no_random_part_unless_stated():
     assert stated.u[0] == pytest.approx(1e-4 * np.sqrt(N))
 
 
-def test_slope_indicators_figures_for_thirty_metres():
-    # Slope Indicator: 0.16 mm random and 0.11 mm systematic a reading of 0.5 m, added as limits: 1.24 + 6.6 mm of 30 m
-    found = displacement(read(), read(), CasingErrors(step_sd=0.16e-3, bias_shift=0.11e-3)).axes["a"].components
-    assert 1000.0 * found["random"][0] == pytest.approx(1.24, abs=0.005)
-    assert 1000.0 * found["bias shift"][0] == pytest.approx(6.6)
+def test_slope_indicators_figures_for_a_hundred_feet():
+    # Slope Indicator, Inclinometer accuracy: 0.007 inch random and 0.005 inch systematic a reading of 2 ft:
+    # 0.007 x sqrt(50) + 0.005 x 50 = 0.050 + 0.250 inch
+    inch = 0.0254
+    found = (
+        displacement(read(), read(), CasingErrors(step_sd=0.007 * inch, bias_shift=0.005 * inch)).axes["a"].components
+    )
+    lowest_fifty = N - 50
+    assert found["random"][lowest_fifty] / inch == pytest.approx(0.050, abs=0.0006)
+    assert found["bias shift"][lowest_fifty] / inch == pytest.approx(0.250)
 
 
 def test_faces_that_are_reversed():

@@ -178,9 +178,9 @@ def _sines(table: Table, name: str, written: str, stated: str | None, step: floa
 def write_displacements(path: str | Path, found: Sequence[tuple[str, Displacement]]) -> None:
     """Write displacements, one row a reading and point: `survey`, `depth_m`, and of each axis what moved, in mm.
 
-    `step_a_mm` is the change over the step below the point, `a_mm` the displacement since the base reading, `u_a_mm`
-    its standard uncertainty, `check_sum_a_mm` A0 + A180 over the step;
-    `flags` says `spike_a` where the change of the check-sum is a spike, `repeated_a` where the base has the same one.
+    Of each axis, here a: step_a_mm is the change over the step below the point, a_mm the displacement since the base
+    reading, u_a_mm its standard uncertainty, check_sum_a_mm A0 + A180 over the step; flags say spike_a where the change
+    of the check-sum is a spike, repeated_a where the base reading has the same one.
     """
     axes = list(found[0][1].axes)
     names = ["survey", "depth_m"]

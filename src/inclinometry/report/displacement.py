@@ -60,7 +60,7 @@ def displacement_report(
         heading="Displacement of a casing",
         conventions=SIGN,
         state="warn" if warnings else "good",
-        badge=f"{spikes} spikes in the check-sums"
+        badge=f"{spikes} spike{'s' * (spikes != 1)} in the check-sums"
         if spikes
         else "Read the warnings"
         if warnings
