@@ -83,6 +83,23 @@ def test_random_errors_grow_as_the_root_of_the_steps():
     assert u[-2] == pytest.approx(SIGMA * STEP, rel=0.3)
 
 
+def test_check_sums_without_scatter_say_so():
+    assert any("show no random error" in text for text in displacement(read(), read()).warnings)
+    assert displacement(read(), read(), CasingErrors(step_sd=1e-4)).warnings == ()
+
+
+def test_a_bias_that_drifts_during_a_run_is_named():
+    first, second = read(sigma=SIGMA, seed=7), read(sigma=SIGMA, seed=8)
+    assert displacement(first, second).warnings == ()
+    # warming up: ten times the noise over the first run
+    warming = CasingReading(
+        DEPTH,
+        STEP,
+        {axis: runs + [[10.0 * SIGMA, 0.0]] * (DEPTH / DEPTH[-1])[:, None] for axis, runs in second.faces.items()},
+    )
+    assert any("drifts during a run" in text for text in displacement(first, warming).warnings)
+
+
 def test_what_repeats_at_a_depth_is_no_error_of_the_movement():
     couplings = np.where(np.arange(N) % 6 == 0, 0.003, 0.0)
     first, second = (read(sigma=SIGMA, seed=seed) for seed in (3, 4))
@@ -180,6 +197,7 @@ def test_readings_of_other_depths_or_runs():
 def test_a_coarse_probe_that_repeats_itself():
     runs = np.zeros((20, 2))
     runs[3, 0], runs[9, 0] = 1e-4, -1e-4
-    sums = check_sums(runs)
-    assert sums.robust_sd > 0.0
-    assert not sums.spikes.any()
+    for rounding in (0.0, 1e-17):
+        sums = check_sums(runs + rounding * np.random.default_rng(1).normal(size=runs.shape))
+        assert sums.robust_sd > 1e-6
+        assert not sums.spikes.any()

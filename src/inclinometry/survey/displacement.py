@@ -16,10 +16,14 @@ ROBUST: Final = 1.482602218505602
 SPIKE_LIMIT: Final = 5.0
 """How many robust standard deviations from the median make a check-sum a spike: one of 400 sound sets of 60
 normal ones has such a value, as their scatter is estimated too."""
+ROUNDING: Final = 1e-12
+"""Difference of two sines that is rounding and no reading: a probe resolves 1e-5."""
 LEAST_STEPS: Final = 5
 """Steps below which a scatter of check-sums says nothing."""
 STRAIGHT: Final = 0.5
 """Correlation of A0 with -A180 below which the two runs do not show the same casing."""
+DRIFTING: Final = 4.0
+"""Standard deviations of a correlation of neighbours, one over the root of n, beyond which it is no chance."""
 REVERSED: Final = -0.9
 """Correlation of the deviations of two readings below which the faces of one were exchanged."""
 
@@ -79,8 +83,9 @@ def check_sums(faces: Array, limit: float = SPIKE_LIMIT) -> CheckSums:
 def _scatter(values: Array, limit: float) -> CheckSums:
     distance = np.abs(values - np.median(values))
     # a probe that reads in coarse units may repeat itself at more than half of the depths
-    robust = ROBUST * float(np.median(distance)) or float(np.std(values))
-    spikes = distance > limit * robust
+    robust = ROBUST * float(np.median(distance))
+    robust = robust if robust > ROUNDING else float(np.std(values))
+    spikes = distance > max(limit * robust, ROUNDING)
     kept = values[~spikes]
     return CheckSums(
         values, float(kept.mean()), float(np.std(kept, ddof=1)) if len(kept) > 1 else np.nan, robust, spikes
@@ -221,6 +226,19 @@ def displacement(
             random = 0.5 * against.sd * now.step if errors.step_sd is None else random
             if abs(change) > max(4.0 * against.sd, 1e-6):
                 warned.append(_bias_sentence(axis, change, now.step, n))
+            kept = np.where(spikes, 0.0, against.values - change)
+            together = float(kept[1:] @ kept[:-1]) / max(float(kept @ kept), ROUNDING**2)
+            if together > DRIFTING / np.sqrt(n) and errors.step_sd is None:
+                warned.append(
+                    f"axis {axis.upper()}: check-sums of neighbouring depths go together (correlation {together:.2f}), "
+                    "as of a bias that drifts during a run; the random part, the root of the number of steps, is too "
+                    "small"
+                )
+            if against.sd <= ROUNDING and errors.step_sd is None:
+                warned.append(
+                    f"axis {axis.upper()}: the check-sums changed by the same at every depth, so they show no random "
+                    "error; state it by --step-sd-mm"
+                )
         parts = {
             "random": np.sqrt(_summed(random**2 + extra**2, down)),
             "bias shift": _summed(np.full(n, errors.bias_shift), down),
@@ -234,9 +252,9 @@ def displacement(
         elif errors.rotation:
             warned.append(f"axis {axis.upper()}: the other axis was not read; the part of its rotation is not known")
         sign = -1.0 if down else 1.0
-        kept = {name: frozen(part) for name, part in parts.items() if name == "random" or part.any()}
+        known = {name: frozen(part) for name, part in parts.items() if name == "random" or part.any()}
         axes[axis] = AxisDisplacement(
-            frozen(steps), frozen(sign * _summed(steps, down) + 0.0), kept, sums, change, spikes, repeated
+            frozen(steps), frozen(sign * _summed(steps, down) + 0.0), known, sums, change, spikes, repeated
         )
     depth = np.append(now.depth, now.depth[-1] + now.step)
     return Displacement(frozen(depth), now.step, axes, fixed, tuple(warned))
