@@ -59,6 +59,22 @@ def test_what_is_no_hole(depth, last, words):
         drill_hole(depth, np.zeros(len(depth)), np.zeros(len(depth)), last)
 
 
+def test_a_textbooks_ratio_factor_ends_at_the_same_place():
+    rng = np.random.default_rng(3)
+    md = np.concatenate([[0.0], np.cumsum(rng.uniform(5.0, 40.0, 20))])
+    slope, heading = rng.uniform(0.1, 1.5, 21), rng.uniform(0.0, 1.0, 21)
+    place = np.zeros(3)
+    for k in range(20):
+        one, two = (
+            np.array([np.sin(i) * np.cos(a), np.sin(i) * np.sin(a), np.cos(i)])
+            for i, a in ((slope[k], heading[k]), (slope[k + 1], heading[k + 1]))
+        )
+        bend = np.arccos(one @ two)
+        place += 0.5 * (md[k + 1] - md[k]) * (one + two) * 2.0 / bend * np.tan(bend / 2.0)
+    # arccos loses half the digits of a small bend; these are tenths of a radian
+    assert np.allclose(end(drill_hole(md, slope, heading)), place, atol=1e-9)
+
+
 def test_wellpathpy_ends_at_the_same_place():
     wellpathpy = pytest.importorskip("wellpathpy")
     rng = np.random.default_rng(2)
