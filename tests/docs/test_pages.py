@@ -46,7 +46,7 @@ def test_every_option_named_in_a_page_exists(capsys):
     known = capsys.readouterr().out
     commands = (
         "plan", "readings", "verify", "survey", "compare", "quality", "msa", "position", "field", "convert", "dynamic",
-        "certificate", "bench", "datasheet", "coefficients",
+        "certificate", "bench", "datasheet", "coefficients", "displacement", "holes",
     )  # fmt: skip
     for command in commands:
         with pytest.raises(SystemExit):

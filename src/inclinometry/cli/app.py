@@ -46,6 +46,10 @@ shots rotation | shots:rotation | Judge shots at one depth and several toolfaces
 shots repeat | shots:repeat | Judge stations surveyed twice. {EXIT} | first.csv second.csv --site site.toml
 shots dual-depth | shots:dual_depth | Judge two measurements of depth against each other. {EXIT} \
 | pipe.csv wireline.csv --sigma-first-m 0.5 --sigma-second-m 1.1
+displacement | displacement:displacement | Say how a slope inclinometer's casing moved. Check-sums, cumulative profile, \
+uncertainty. | base.csv later.csv --unit digi-25000 -o displacement.csv --report displacement.html
+holes | holes:holes | Positions along many drill holes. From dip and azimuth, with collars; faulty holes are named. \
+| surveys.csv --collars collars.csv --dip-down negative -o positions.csv
 = Gyro
 gyro north | gyro:north | Find north at the stations of a gyro run. \
 | raw.csv --site site.toml -o stations.csv --report gyro.html

@@ -249,6 +249,45 @@ def unit_factor(unit: str, own: str) -> tuple[float, float]:
     raise InputError(f"{unit!r} cannot be converted to {own!r}; give a unit of the same quantity")
 
 
+def factor_of(name: str, names: Collection[str], own: str, stated: Collection[str] = ()) -> float | None:
+    """Factor to the unit `own` of a column that goes by one of `names` (squashed); None for another column.
+
+    The unit is in the name, or one of those `stated` for the whole file.
+
+    Raises
+    ------
+    InputError
+        No unit, or one of something else.
+
+    Examples
+    --------
+    >>> factor_of("End depth (ft)", ["enddepth"], "m"), factor_of("X", ["x"], "m", ["deg", "m"])
+    (0.3048, 1.0)
+    >>> factor_of("X", ["x"], "m")
+    Traceback (most recent call last):
+    inclinometry.errors.InputError: column 'X' has no unit; write x_m or the like, or state --units m
+    """
+    bracketed = _BRACKETED.fullmatch(name)
+    words = [word for word in _BETWEEN.split(name.strip()) if word]
+    splits = [(bracketed["name"], bracketed["unit"])] if bracketed else [
+        ("".join(words[:count]), "_".join(words[count:])) for count in range(len(words), 0, -1)
+    ]  # fmt: skip
+    unit = next((unit for base, unit in splits if _squashed(base) in names), None)
+    if unit is None:
+        return None
+    if not unit:
+        unit = next((word for word in stated if dimension_of(word) == dimension_of(own)), "")
+    if not unit:
+        raise InputError(
+            f"column {name!r} has no unit; write {_BETWEEN.sub('_', name).lower()}_{own} or the like, or state "
+            f"--units {own}"
+        )
+    try:
+        return unit_factor(unit, own)[0]
+    except InputError:
+        raise InputError(f"column {name!r} has the unit {unit!r}; give one such as {own}") from None
+
+
 def _contract(name: str, beside: Collection[str]) -> str | None:
     for start, entry in _data()["contract"].items():
         if (name == start or name.startswith(f"{start}_")) and all(other in beside for other in entry["beside"]):

@@ -330,6 +330,18 @@ def _run(path: Path) -> None:
         pass
 
 
+def _casing(path: Path) -> None:
+    from inclinometry.files.casing_csv import read_casing
+
+    read_casing(path)
+
+
+def _holes(path: Path) -> None:
+    from inclinometry.files.holes_csv import read_shots
+
+    read_shots(path)
+
+
 _READERS: Final[dict[str, Callable[[Path], None]]] = {
     "calibrate, verify": _bench,
     "survey --calibration": _raw,
@@ -337,6 +349,8 @@ _READERS: Final[dict[str, Callable[[Path], None]]] = {
     "position": _well,
     "readings": _log,
     "dynamic, allan": _run,
+    "displacement": _casing,
+    "holes": _holes,
 }
 
 

@@ -1,0 +1,193 @@
+"""The report of a casing: displacement profiles with their band, check-sums, the budget of uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, new_figure, styled
+from inclinometry.report.page import Section, Table, TableRow, cut, picture, render
+from inclinometry.report.words import rounded, significant
+from inclinometry.survey.displacement import AxisDisplacement, CheckSums, Displacement
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SIGN = (
+    "Axes: a displacement is positive towards the groove that a positive A0, or B0, leans to. u: standard "
+    "uncertainty (k = 1); U = k u: expanded."
+)
+
+
+def displacement_report(
+    base: str,
+    base_sums: Mapping[str, CheckSums | None],
+    found: Mapping[str, Displacement],
+    notes: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+    inputs: Mapping[str, str] | None = None,
+) -> str:
+    """Displacements of a casing as one self-contained HTML page.
+
+    Parameters
+    ----------
+    base : str
+        Name of the base reading.
+    base_sums : mapping
+        Axis -> check-sums of the base reading.
+    found : mapping
+        Name of a later reading -> Displacement; all of the same axes.
+    notes, warnings : sequence of str
+    inputs : mapping
+        Name of a file -> digest.
+
+    Returns
+    -------
+    str
+        HTML without any reference outside itself. The same input gives the same text.
+    """
+    last = list(found)[-1]
+    axes = list(found[last].axes)
+    spikes = sum(int(one.spikes.sum()) for each in found.values() for one in each.axes.values())
+    return render(
+        "report.html",
+        about="What was read",
+        title="Displacement of a casing",
+        kind="Displacement report",
+        heading="Displacement of a casing",
+        conventions=SIGN,
+        state="warn" if warnings else "good",
+        badge=f"{spikes} spike{'s' * (spikes != 1)} in the check-sums"
+        if spikes
+        else "Read the warnings"
+        if warnings
+        else "Check-sums agree",
+        verdict=_sentence(last, found[last]),
+        notes=list(notes),
+        warnings=list(warnings),
+        sections=[
+            Section(
+                "Displacement since the base reading",
+                pictures=[
+                    picture(
+                        profile_figure(found, axis),
+                        f"profile{axis}",
+                        f"Axis {axis.upper()}; shaded: expanded uncertainty (k = {COVERAGE_FACTOR:g}) of {last}",
+                    )
+                    for axis in axes
+                ],
+            ),
+            Section(
+                "Check-sums",
+                pictures=[
+                    picture(sums_figure(base, base_sums, found, axis), f"sums{axis}", f"Axis {axis.upper()}: A0 + A180")
+                    for axis in axes
+                    if base_sums[axis] is not None
+                ],
+            ),
+            Section("Where the uncertainty comes from", tables=[_budget(found)]),
+            Section(f"Profile of {last}", tables=[cut(_table(found[last]))]),
+        ],
+        facts=[
+            ("Base reading", base),
+            ("Later readings", ", ".join(found)),
+            ("Step", f"{found[last].step:g} m"),
+            ("Fixed end", found[last].fixed),
+            *((f"Digest of {name}", digest) for name, digest in (inputs or {}).items()),
+        ],
+    )
+
+
+def _free(found: Displacement) -> int:
+    return 0 if found.fixed == "bottom" else -1
+
+
+def _sentence(name: str, found: Displacement) -> str:
+    def words(axis: str, one: AxisDisplacement) -> str:
+        row = int(np.argmax(np.abs(one.displacement)))
+        u = 1000.0 * float(one.u[row])
+        band = f" ± {significant(COVERAGE_FACTOR * u)}" if np.isfinite(u) else ", uncertainty not known"
+        return f"{axis.upper()} {rounded(1000.0 * float(one.displacement[row]), u)}{band} mm at {found.depth[row]:g} m"
+
+    parts = "; ".join(words(axis, one) for axis, one in found.axes.items())
+    return f"{name}: the largest displacements are {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
+
+
+@styled
+def profile_figure(found: Mapping[str, Displacement], axis: str) -> Figure:
+    """Displacement over depth, depth downwards, the last reading with its band of expanded uncertainty."""
+    figure = new_figure(5.6)
+    axes = figure.add_subplot()
+    for n, (name, one) in enumerate(found.items()):
+        moved = 1000.0 * one.axes[axis].displacement
+        colour = SERIES[n % len(SERIES)]
+        if n == len(found) - 1:
+            band = COVERAGE_FACTOR * 1000.0 * one.axes[axis].u
+            axes.fill_betweenx(one.depth, moved - band, moved + band, color=colour, alpha=0.25, linewidth=0.0)
+        few = len(one.depth) <= 80
+        look: dict[str, Any] = {
+            "marker": MARKERS[n % len(MARKERS)] if few else "",
+            "linestyle": DASHES[n // len(SERIES) % len(DASHES)],
+        }
+        axes.plot(moved, one.depth, color=colour, markersize=3.0, label=name, **look)
+    axes.invert_yaxis()
+    axes.set_xlabel(f"displacement {axis.upper()}, mm")
+    axes.set_ylabel("depth, m")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+    return figure
+
+
+@styled
+def sums_figure(
+    base: str, base_sums: Mapping[str, CheckSums | None], found: Mapping[str, Displacement], axis: str
+) -> Figure:
+    """Check-sums over depth in mm a step, spikes marked."""
+    figure = new_figure(4.6)
+    axes = figure.add_subplot()
+    first = next(iter(found.values()))
+    for n, (name, sums) in enumerate(
+        [(base, base_sums[axis]), *((m, one.axes[axis].sums) for m, one in found.items())]
+    ):
+        if sums is not None:
+            axes.plot(1000.0 * first.step * sums.values, first.depth[:-1], color=SERIES[n % len(SERIES)], label=name)
+    for one in found.values():
+        moved = one.axes[axis]
+        if moved.sums is not None and moved.spikes.any():
+            values = 1000.0 * one.step * moved.sums.values[moved.spikes]
+            axes.plot(values, one.depth[:-1][moved.spikes], linestyle="none", marker="X", color=BAD, markersize=6.5)
+    axes.invert_yaxis()
+    axes.set_xlabel(f"check-sum {axis.upper()}, mm")
+    axes.set_ylabel("depth, m")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+    return figure
+
+
+def _budget(found: Mapping[str, Displacement]) -> Table:
+    body = []
+    for name, each in found.items():
+        for axis, one in each.axes.items():
+            parts = {**one.components, "together": one.u}
+            body += [
+                TableRow([f"{name}, {axis.upper()}, {what}", significant(1000.0 * float(part[_free(each)]))])
+                for what, part in parts.items()
+            ]
+    return Table("Standard uncertainty at the end that is free to move", ["reading, axis, source", "u, mm"], body)
+
+
+def _table(found: Displacement) -> Table:
+    rows = []
+    for row, depth in enumerate(found.depth.tolist()):
+        cells = [f"{depth:g}"]
+        spike = False
+        for one in found.axes.values():
+            u = 1000.0 * float(one.u[row])
+            cells += [rounded(1000.0 * float(one.displacement[row]), u), significant(COVERAGE_FACTOR * u)]
+            spike |= row < len(one.spikes) and bool(one.spikes[row])
+        rows.append(TableRow([*cells, "spike" if spike else ""], "warn" if spike else ""))
+    head = ["depth, m"]
+    for axis in found.axes:
+        head += [f"{axis.upper()}, mm", "U, mm"]
+    return Table(f"Displacement; U: k = {COVERAGE_FACTOR:g}", [*head, "check-sum"], rows)

@@ -1,0 +1,203 @@
+"""A simulated casing with a known movement: recovered within its uncertainty, biases without effect, faults seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from inclinometry.errors import InputError
+from inclinometry.survey.displacement import (
+    CasingErrors,
+    CasingReading,
+    check_sums,
+    checked_faces,
+    displacement,
+)
+
+N, STEP, SIGMA = 60, 0.5, 1e-4
+DEPTH = STEP * np.arange(N)
+TILT = {"a": 0.02 + 0.01 * np.sin(DEPTH / 5.0), "b": 0.015 * np.cos(DEPTH / 7.0)}
+SHEAR = np.where((DEPTH > 8.0) & (DEPTH < 10.0), 0.004, 0.0)
+
+
+def read(tilt=TILT, bias=(0.001, 0.001), sigma=0.0, seed=0):
+    """What a probe reads: a sine and its bias in each of the two runs, and noise."""
+    rng = np.random.default_rng(seed)
+    faces = {}
+    for axis, s in tilt.items():
+        runs = np.stack([s + bias[0], -s + bias[1]], axis=1)
+        faces[axis] = runs + sigma * rng.normal(size=runs.shape)
+    return CasingReading(DEPTH, STEP, faces)
+
+
+def moved(extra=SHEAR):
+    return {axis: s + extra for axis, s in TILT.items()}
+
+
+def test_a_known_shear_is_found_at_every_depth():
+    found = displacement(read(), read(moved()))
+    # by hand: what lies below a point moves it
+    truth = [STEP * SHEAR[z - 1e-9 <= DEPTH].sum() for z in found.depth]
+    # sums of sixty numbers of 0.02
+    assert np.allclose(found.axes["a"].displacement, truth, atol=1e-14)
+    assert found.depth[-1] == DEPTH[-1] + STEP
+    assert found.axes["b"].displacement[-1] == 0.0
+    top = displacement(read(), read(moved()), fixed="top")
+    # the same shape, held at the other end
+    shape = found.axes["a"].displacement
+    assert np.allclose(top.axes["a"].displacement, shape - shape[0], atol=1e-14)
+    assert top.axes["a"].displacement[0] == 0.0
+
+
+def test_a_bias_of_both_runs_has_no_effect_and_of_one_run_leans():
+    same = displacement(read(), read(bias=(0.004, 0.004)))
+    assert np.allclose(same.axes["a"].displacement, 0.0, atol=1e-14)
+    assert same.axes["a"].bias_change == pytest.approx(0.006)
+    assert "bias" in same.warnings[0]
+    # (b1 - b2) / 2 a step over 60 steps of 0.5 m: 0.03 m, the bound that the warning states
+    lean = displacement(read(), read(bias=(0.003, 0.001)))
+    assert lean.axes["a"].displacement[0] == pytest.approx(0.001 * STEP * N)
+    assert "30.0 mm" in lean.warnings[0]
+
+
+@pytest.mark.parametrize("fixed", ["bottom", "top"])
+def test_the_movement_is_within_two_u_for_95_of_100(fixed):
+    inside, free, ratios = [], 0 if fixed == "bottom" else -1, []
+    truth = displacement(read(), read(moved()), fixed=fixed).axes["a"].displacement
+    for seed in range(400):
+        one = displacement(read(sigma=SIGMA, seed=2 * seed), read(moved(), sigma=SIGMA, seed=2 * seed + 1), fixed=fixed)
+        found = one.axes["a"]
+        error = found.displacement - truth
+        inside.append(abs(error[free]) <= 2.0 * found.u[free])
+        ratios.append(error[free] / found.u[free])
+    # 95.4 % of 400 draws within three standard deviations of a count, 3 x sqrt(0.046 x 0.954 / 400)
+    assert np.mean(inside) == pytest.approx(0.954, abs=0.032)
+    assert np.std(ratios) == pytest.approx(1.0, abs=0.11)
+
+
+def test_random_errors_grow_as_the_root_of_the_steps():
+    one = displacement(read(sigma=SIGMA), read(sigma=SIGMA, seed=1)).axes["a"]
+    u = one.components["random"]
+    assert np.allclose(u, u[-2] * np.sqrt(np.arange(N, -1, -1)))
+    # two readings of two runs each, halved: sigma x step; the scatter of 60 is known to 9 %
+    assert u[-2] == pytest.approx(SIGMA * STEP, rel=0.3)
+
+
+def test_check_sums_without_scatter_say_so():
+    assert any("show no random error" in text for text in displacement(read(), read()).warnings)
+    assert displacement(read(), read(), CasingErrors(step_sd=1e-4)).warnings == ()
+
+
+def test_a_bias_that_drifts_during_a_run_is_named():
+    first, second = read(sigma=SIGMA, seed=7), read(sigma=SIGMA, seed=8)
+    assert displacement(first, second).warnings == ()
+    # warming up: ten times the noise over the first run
+    warming = CasingReading(
+        DEPTH,
+        STEP,
+        {axis: runs + [[10.0 * SIGMA, 0.0]] * (DEPTH / DEPTH[-1])[:, None] for axis, runs in second.faces.items()},
+    )
+    assert any("drifts during a run" in text for text in displacement(first, warming).warnings)
+
+
+def test_what_repeats_at_a_depth_is_no_error_of_the_movement():
+    couplings = np.where(np.arange(N) % 6 == 0, 0.003, 0.0)
+    first, second = (read(sigma=SIGMA, seed=seed) for seed in (3, 4))
+    plain = displacement(first, second).axes["a"].u[0]
+    rough = [
+        CasingReading(DEPTH, STEP, {axis: runs + couplings[:, None] for axis, runs in one.faces.items()})
+        for one in (first, second)
+    ]
+    found = displacement(*rough).axes["a"]
+    assert found.u[0] == pytest.approx(plain)
+    assert not found.spikes.any()
+    assert (np.flatnonzero(found.repeated) % 6 == 0).all()
+    assert found.repeated.sum() == 10
+
+
+def test_a_spike_is_flagged_and_widens_what_is_above_it():
+    second = read(sigma=SIGMA, seed=6)
+    runs = second.faces["a"].copy()
+    runs[30, 1] += 0.01
+    spiked = CasingReading(DEPTH, STEP, {**second.faces, "a": runs})
+    first = read(sigma=SIGMA, seed=5)
+    found, clean = displacement(first, spiked).axes["a"], displacement(first, second).axes["a"]
+    assert np.flatnonzero(found.spikes).tolist() == [30]
+    assert np.allclose(found.u[31:], clean.u[31:], rtol=0.1)
+    # half of 0.01 over a step of 0.5 m
+    assert np.sqrt(found.u[0] ** 2 - found.u[31] ** 2) == pytest.approx(0.0025, rel=0.05)
+    assert abs(found.displacement[0] - clean.displacement[0]) <= 2.0 * found.u[0]
+
+
+def test_systematic_parts_are_the_first_order_of_their_causes():
+    base, k, shift, turn = read(), 1e-3, 0.01, 1e-3
+    found = displacement(base, base, CasingErrors(0.0, 1e-5, k, shift, turn)).axes["a"].components
+    lean = STEP * np.cumsum(TILT["a"][::-1])[::-1]
+    grown = displacement(base, read({axis: s * (1.0 + k) for axis, s in TILT.items()})).axes["a"].displacement
+    # k times more of k: a thousandth
+    assert np.allclose(found["sensitivity"], np.abs(grown), rtol=2e-3)
+    assert found["sensitivity"][0] == pytest.approx(k * lean[0])
+    assert found["bias shift"][0] == pytest.approx(1e-5 * N)
+    # axes turned: A reads cos A + sin B
+    turned = {"a": np.cos(turn) * TILT["a"] + np.sin(turn) * TILT["b"], "b": TILT["b"]}
+    seen = displacement(base, read(turned)).axes["a"].displacement
+    # the cosine takes 5e-7 of the lean of 0.6 m
+    assert np.allclose(found["rotation"][:-1], np.abs(seen)[:-1], atol=1e-6)
+    shifted = {
+        "a": 0.02 + 0.01 * np.sin((DEPTH + shift) / 5.0),
+        "b": TILT["b"],
+    }
+    seen = displacement(base, read(shifted)).axes["a"].displacement
+    # slopes by differences over 0.5 m of a wave of 31 m: (0.5 / 5)^2 / 6, one-sided at the ends
+    assert np.allclose(found["depth"], np.abs(seen), atol=0.02 * np.abs(seen).max())
+
+
+def test_a_single_run_has_no_check_sums_and_no_random_part_unless_stated():
+    base = CasingReading(DEPTH, STEP, {"a": TILT["a"][:, None]})
+    now = CasingReading(DEPTH, STEP, {"a": (TILT["a"] + SHEAR)[:, None]})
+    found = displacement(base, now).axes["a"]
+    assert found.sums is None
+    assert found.displacement[0] == pytest.approx(STEP * SHEAR.sum())
+    assert np.isnan(found.u[:-1]).all()
+    stated = displacement(base, now, CasingErrors(step_sd=1e-4)).axes["a"]
+    assert stated.u[0] == pytest.approx(1e-4 * np.sqrt(N))
+
+
+def test_slope_indicators_figures_for_a_hundred_feet():
+    # Slope Indicator, Inclinometer accuracy: 0.007 inch random and 0.005 inch systematic a reading of 2 ft:
+    # 0.007 x sqrt(50) + 0.005 x 50 = 0.050 + 0.250 inch
+    inch = 0.0254
+    found = (
+        displacement(read(), read(), CasingErrors(step_sd=0.007 * inch, bias_shift=0.005 * inch)).axes["a"].components
+    )
+    lowest_fifty = N - 50
+    assert found["random"][lowest_fifty] / inch == pytest.approx(0.050, abs=0.0006)
+    assert found["bias shift"][lowest_fifty] / inch == pytest.approx(0.250)
+
+
+def test_faces_that_are_reversed():
+    swapped = CasingReading(DEPTH, STEP, {axis: runs[:, ::-1] for axis, runs in read().faces.items()})
+    with pytest.raises(InputError, match="A0 - A180 has the opposite sign"):
+        displacement(read(), swapped)
+    with pytest.raises(InputError, match="A180 follows A0"):
+        checked_faces("a", np.stack([TILT["a"], TILT["a"]], axis=1))
+    assert checked_faces("a", read(sigma=SIGMA).faces["a"]) is None
+    rng = np.random.default_rng(1)
+    assert "nearly straight" in str(checked_faces("b", rng.normal(size=(N, 2))))
+
+
+def test_readings_of_other_depths_or_runs():
+    other = CasingReading(DEPTH + 0.1, STEP, read().faces)
+    with pytest.raises(InputError, match="depths differ"):
+        displacement(read(), other)
+    with pytest.raises(InputError, match="axes or runs differ"):
+        displacement(read(), CasingReading(DEPTH, STEP, {"a": read().faces["a"]}))
+
+
+def test_a_coarse_probe_that_repeats_itself():
+    runs = np.zeros((20, 2))
+    runs[3, 0], runs[9, 0] = 1e-4, -1e-4
+    for rounding in (0.0, 1e-17):
+        sums = check_sums(runs + rounding * np.random.default_rng(1).normal(size=runs.shape))
+        assert sums.robust_sd > 1e-6
+        assert not sums.spikes.any()
