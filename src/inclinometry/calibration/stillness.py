@@ -14,6 +14,7 @@ from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import KINDS
 from inclinometry.errors import InputError
+from inclinometry.tabular import Column, Tabular
 
 # Moving windows over a log: variances in one pass, the noise floor, runs of quiet samples.
 
@@ -128,8 +129,8 @@ KNOCK: Final = 0.003
 """Change of a channel's mean across a short disturbance, as a share of its range, up to which it is one station."""
 
 
-@dataclass(frozen=True, eq=False)
-class StillIntervals:
+@dataclass(frozen=True, eq=False, repr=False)
+class StillIntervals(Tabular):
     """What was found in a log and what was dropped.
 
     intervals : (n, 2) int, first sample and one past the last of each still interval, in order.
@@ -162,6 +163,11 @@ class StillIntervals:
         ]
         lines += [f"samples {a} to {b} dropped: {reason}" for a, b, reason in self.dropped]
         return tuple(lines)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a still interval: its first sample, one past its last, its length."""
+        first, end = self.intervals.T
+        return {"first_sample": first, "end_sample": end, "length_s": (end - first) * self.period}
 
 
 def still_intervals(
