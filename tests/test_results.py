@@ -127,6 +127,13 @@ def log_files() -> Any:
         }
 
 
+def simulation() -> Any:
+    from inclinometry.simulate.bench import Rig
+
+    plan = im.plans.twelve()
+    return im.simulate_bench(calibration().tool, Rig(DIP), plan.azimuth, plan.inclination, plan.toolface, seed=1)
+
+
 def rates() -> Any:
     triad = im.Triad("gyro", np.eye(3), np.zeros(3), "deg/h")
     names = parameter_names(triad)
@@ -190,12 +197,22 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Comparison of paths": lambda: im.compare_paths(path(), path()),
     "WellSurvey": lambda: well().survey,
     "PositionUncertainty": well,
+    "cut_stretches": lambda: im.cut_stretches(samples().time, samples().accel),
+    "simulate_bench": simulation,
+    "simulate_north_seeking": lambda: im.simulate_north_seeking(np.arange(4.0), latitude=0.5, seed=1),
+    "angles": lambda: im.angles([0.1, 0.0, 1.0], [1.0, 0.0, 1.0]),
+    "propagation": lambda: next(iter(well().sources.values())),
     "interpolate": lambda: im.interpolate(path(), [15.0]),
     "tortuosity": lambda: im.tortuosity(path()),
 }
-"""One object of every result; those without rows are tuples."""
+"""One object of every result."""
 
-TABLES = [name for name in RESULTS if name not in ("interpolate", "tortuosity")]
+WITHOUT_ROWS = (
+    *("cut_stretches", "simulate_bench", "simulate_north_seeking", "angles", "propagation"),
+    *("interpolate", "tortuosity"),
+)
+
+TABLES = [name for name in RESULTS if name not in WITHOUT_ROWS]
 PICTURES = [
     *("BenchReadings", "Calibration", "Verification", "ExpectedUncertainty", "AllanCurve", "NoiseRecord", "GyroRun"),
     *("ScaleTrack", "Attitude", "DynamicRun", "Survey", "Path", "Comparison of paths", "PositionUncertainty"),
@@ -308,6 +325,24 @@ def test_numbers_of_a_table_are_those_of_the_record() -> None:
     names = [n.replace(".tensor", "") for n in tool.parameter_names]
     u = np.sqrt(np.diagonal(tool.covariance))
     assert columns["u_along_y"][4] == u[names.index("magnetometer[1,1]")]
+
+
+def test_sensors_of_two_calibrations_are_named_like_those_of_one() -> None:
+    columns = RESULTS["TwoCalibrations"]().to_dict()
+    assert list(dict.fromkeys(columns["sensor"])) == calibration().tool.to_dict()["sensor"]
+
+
+def test_a_verification_prints_its_verdict() -> None:
+    assert repr(RESULTS["Verification"]()).splitlines()[0].startswith("Verification: 24 rows; verdict pass")
+
+
+def test_errors_that_were_not_judged_are_not_drawn() -> None:
+    ax = pytest.importorskip("matplotlib.figure").Figure().subplots()
+    found = RESULTS["Verification"]()
+    found.plot(ax)
+    drawn = np.stack([np.isfinite(line.get_ydata()) for line in ax.lines], axis=1)
+    np.testing.assert_array_equal(drawn, np.array(found.decision) != "not judged")
+    assert not drawn.all()  # at the vertical there is no azimuth
 
 
 def test_a_tool_that_knows_temperature_has_columns_for_its_powers() -> None:

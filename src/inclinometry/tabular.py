@@ -223,7 +223,9 @@ def _optional(name: str, what: str, module: str = "") -> ModuleType:
 
 def _title(record: object, columns: Mapping[str, Column]) -> str:
     size = len(next(iter(columns.values()), ()))
-    return f"{type(record).__name__}: {size} row{'' if size == 1 else 's'}"
+    # what is one word for the whole record: verdict, method, north
+    said = [f"{name} {value}" for name, value in vars(record).items() if isinstance(value, str) and 0 < len(value) < 30]
+    return "; ".join([f"{type(record).__name__}: {size} row{'' if size == 1 else 's'}", *said])
 
 
 def _chosen(columns: Mapping[str, Column]) -> list[int]:

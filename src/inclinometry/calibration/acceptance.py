@@ -137,9 +137,11 @@ class Verification(Tabular):
         return found
 
     def plot(self, ax: Any = None) -> Any:
-        """Errors of the angles by station on matplotlib axes, which are returned."""
+        """Errors of the angles that were judged, by station, on matplotlib axes, which are returned."""
         number = np.arange(1, len(self.station) + 1)
-        lines = {name: (number, np.degrees(self.errors[:, place])) for place, name in enumerate(self.names)}
+        judged = np.array(self.decision) != "not judged"
+        errors = np.where(judged, np.degrees(self.errors), np.nan)
+        lines = {name: (number, errors[:, place]) for place, name in enumerate(self.names)}
         return draw(ax, lines, "station", "measured minus set, deg", "o")
 
 

@@ -15,7 +15,7 @@ from inclinometry.errors import InputError
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
-from inclinometry.tabular import Column, Tabular
+from inclinometry.tabular import Column, Tabular, axes
 
 AXES = ("x", "y", "z")
 
@@ -70,9 +70,10 @@ class TwoCalibrations(Tabular):
 
     def to_dict(self) -> dict[str, Column]:
         """One row a coefficient of a sensor: both values, their difference and its standard uncertainty."""
-        rows = self.coefficients
+        rows, tool = self.coefficients, self.calibrations[0].tool
+        names = {kind: axes(triad.count) for kind, triad in tool.triads.items()}
         return {
-            "sensor": [f"{KIND_PREFIX[row.kind]}_{row.sensor + 1}" for row in rows],
+            "sensor": [f"{KIND_PREFIX[row.kind]}_{names[row.kind][row.sensor - 1]}" for row in rows],
             "coefficient": [row.name for row in rows],
             "unit": [row.unit for row in rows],
             "first": [row.values[0] for row in rows],

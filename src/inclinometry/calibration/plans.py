@@ -59,6 +59,8 @@ def twelve(rolls: int = 3, azimuths: int = 3) -> Plan:
     --------
     >>> len(twelve()), len(twelve(rolls=8, azimuths=4))
     (12, 40)
+    >>> twelve().to_dict()["toolface_deg"][:4]
+    array([  0., 120., 240.,   0.])
     """
     if rolls < 3 or azimuths < 3:
         raise InputError(f"rolls {rolls} and azimuths {azimuths}: a harmonic needs at least 3 equal steps")

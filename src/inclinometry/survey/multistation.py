@@ -222,8 +222,8 @@ class MultiStation(Tabular):
 
     def __repr__(self) -> str:
         lines = [f"MultiStation: {len(self.corrected)} stations, priors {self.priors}"]
-        for name, p in self.parameters.items():
-            lines.append(f"{name:24} {p.value:+.4g} ± {p.u:.3g} {p.unit} (prior {p.prior:.3g})")
+        for name, value, u, prior, unit in zip(*self.to_dict().values(), strict=True):
+            lines.append(f"{name:24} {value:+.4g} ± {u:.3g} {unit} (prior {prior:.3g})")
         return "\n".join([*lines, *(f"warning: {sentence}" for sentence in self.warnings)])
 
     @property

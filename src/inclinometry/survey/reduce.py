@@ -276,7 +276,7 @@ class Survey(Tabular):
         """Inclination and azimuth by depth on matplotlib axes, which are returned."""
         angles = {"inclination": self.inclination, f"azimuth from {self.azimuth_reference} north": self.azimuth}
         lines = {name: (np.degrees(angle), self.md) for name, angle in angles.items()}
-        return draw(ax, lines, "angle, deg", "measured depth, m", "o-", down=True)
+        return draw(ax, lines, "angle, deg", "measured depth, m", "o", down=True)
 
 
 def reduce_survey(
