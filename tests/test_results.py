@@ -166,6 +166,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Plan": im.plans.twelve,
     "ExpectedUncertainty": lambda: im.evaluate_plan(im.plans.twelve()),
     "Verification": lambda: im.verify(readings(2), calibration()),
+    "Limits": lambda: im.Limits("mine", "contract", 0.01, 0.02, None),
     "RigOrientation": lambda: im.orient_rig(readings(2), calibration()),
     "RollHarmonics": lambda: im.roll_harmonics(np.arange(8.0), np.sin(np.arange(8.0))),
     "StillIntervals": rests,
@@ -261,6 +262,15 @@ def test_it_pickles_and_copies(name: str) -> None:
     same(found, pickle.loads(pickle.dumps(found)))
     same(found, copy.deepcopy(found))
     same(found, copy.copy(found))
+
+
+def test_a_copy_of_a_run_is_the_file_opened_anew(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time_s,accel_x,accel_y,accel_z\n0,1,2,3\n0.1,1,2,3\n")
+    run = im.open_run(tmp_path / "run.csv")
+    for again in (pickle.loads(pickle.dumps(run)), copy.deepcopy(run), run):
+        (block,) = again.blocks()
+        np.testing.assert_array_equal(block.channels["accelerometer"], [[1.0, 2.0, 3.0]] * 2)
+    assert repr(run).endswith("run.csv; accel_x, accel_y, accel_z")
 
 
 def test_it_is_unpickled_where_nothing_is_imported_yet(tmp_path: Path) -> None:

@@ -35,8 +35,8 @@ PLUMB = 10.0
 """Inclinations below so many standard uncertainties are lengths of a tilt in two directions."""
 
 
-@dataclass(frozen=True)
-class Limits:
+@dataclass(frozen=True, repr=False)
+class Limits(Tabular):
     """Largest errors a verified tool may have.
 
     name : of the preset, or the file's without its ending.
@@ -62,6 +62,15 @@ class Limits:
         within(self.min_inclination_for_azimuth, "min_inclination_for_azimuth", 0.0, np.pi / 2, "rad")
         if self.guard not in GUARDS:
             raise InputError(f"guard is {self.guard!r}; allowed: {', '.join(GUARDS)}")
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row an angle: the largest error it may have, and the inclination from which on it is judged."""
+        limits = [getattr(self, name) for name in ANGLES]
+        return {
+            "angle": list(ANGLES),
+            "limit_deg": degrees([np.nan if limit is None else limit for limit in limits]),
+            "from_inclination_deg": degrees([0.0, *[self.min_inclination_for_azimuth] * 2]),
+        }
 
 
 @dataclass(frozen=True)
