@@ -22,6 +22,8 @@ Five lines
 >>> tool = im.calibrate_joint(readings)                                     # doctest: +SKIP
 >>> survey = im.survey_raw(im.read_raw_survey("raw.csv"), tool)                 # doctest: +SKIP
 >>> im.write_survey(survey, "survey.csv")                                   # doctest: +SKIP
+
+Results are tables: `to_dict()`, `to_dataframe()`, `polars.DataFrame(result)`, and where a picture helps `plot()`.
 """
 
 from __future__ import annotations

@@ -13,12 +13,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, frozen
 from inclinometry.errors import InputError
+from inclinometry.tabular import Column, Tabular, draw
 
 # How the points of an overlapping Allan curve vary together.
 #
@@ -110,8 +112,8 @@ _NAMES = ("angle_random_walk", "bias_instability", "rate_random_walk", "quantisa
 _SEEN = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class AllanCurve:
+@dataclass(frozen=True, eq=False, repr=False)
+class AllanCurve(Tabular):
     """Overlapping Allan deviation.
 
     tau : (t,) averaging time, s.
@@ -142,6 +144,25 @@ class AllanCurve:
         """The curve of one channel of several."""
         one = self.deviation if self.deviation.ndim == 1 else self.deviation[:, number]
         return AllanCurve(self.tau, frozen(one), self.edf, self.factor, self.dt, self.samples)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row an averaging time; deviation and its standard uncertainty in the unit of the record."""
+        found: dict[str, Column] = {"tau_s": self.tau, "edf": self.edf}
+        if self.deviation.ndim == 1:
+            return found | {"deviation": self.deviation, "u_deviation": self.u}
+        for place in range(self.deviation.shape[1]):
+            found |= {f"deviation_{place + 1}": self.deviation[:, place], f"u_deviation_{place + 1}": self.u[:, place]}
+        return found
+
+    def plot(self, ax: Any = None, *, unit: str = "unit of the record") -> Any:
+        """Deviation by averaging time, both logarithmic, on matplotlib axes, which are returned."""
+        several = np.atleast_2d(self.deviation.T)
+        names = [str(place + 1) for place in range(len(several))] if len(several) > 1 else [""]
+        lines = {name: (self.tau, one) for name, one in zip(names, several, strict=True)}
+        ax = draw(ax, lines, "averaging time, s", f"Allan deviation, {unit}")
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        return ax
 
 
 @dataclass(frozen=True)
@@ -444,8 +465,8 @@ class ChannelNoise:
     model: NoiseModel
 
 
-@dataclass(frozen=True, eq=False)
-class NoiseRecord:
+@dataclass(frozen=True, eq=False, repr=False)
+class NoiseRecord(Tabular):
     """A log at rest.
 
     channels : in the order of the log's triads.
@@ -468,3 +489,25 @@ class NoiseRecord:
     def of(self, kind: str) -> list[ChannelNoise]:
         """The channels of a triad."""
         return [channel for channel in self.channels if channel.kind == kind]
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a channel and averaging time; deviation and its standard uncertainty in the row's unit."""
+        curves = [(channel, channel.curve) for channel in self.channels]
+        return {
+            "channel": [channel.name for channel, curve in curves for _ in curve.tau],
+            "unit": [channel.unit for channel, curve in curves for _ in curve.tau],
+            "tau_s": np.concatenate([curve.tau for _, curve in curves]),
+            "deviation": np.concatenate([curve.deviation for _, curve in curves]),
+            "u_deviation": np.concatenate([curve.u for _, curve in curves]),
+        }
+
+    def plot(self, ax: Any = None, kind: str | None = None) -> Any:
+        """Deviation of the channels of one triad (else the first) by averaging time; returns the axes."""
+        channels = self.of(kind or self.kinds[0])
+        if not channels:
+            raise InputError(f"no channel is a {kind}; there are: {', '.join(self.kinds)}")
+        for channel in channels:
+            ax = channel.curve.plot(ax, unit=channel.unit)
+            ax.lines[-1].set_label(channel.name)
+        ax.legend()
+        return ax

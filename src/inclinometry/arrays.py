@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copyreg
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -80,3 +82,29 @@ def frozen(value: Any) -> Array:
     array = np.array(value, dtype=np.float64)
     array.flags.writeable = False
     return array
+
+
+def read_only(value: Any) -> Any:
+    """The same array made read-only; anything else as it is."""
+    if isinstance(value, np.ndarray):
+        value.flags.writeable = False
+    return value
+
+
+def is_read_only(value: object) -> bool:
+    """Whether `value` is an array that cannot be written to."""
+    return isinstance(value, np.ndarray) and not value.flags.writeable
+
+
+def _mapping(content: dict[Any, Any], names: frozenset[Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType({name: read_only(value) if name in names else value for name, value in content.items()})
+
+
+def _reduced(mapping: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
+    # a copy of an array is writable: which ones were not goes along
+    return _mapping, (dict(mapping), frozenset(name for name, value in mapping.items() if is_read_only(value)))
+
+
+# the mappings of frozen results: Python itself can neither pickle nor copy them. It stands here because every result
+# comes from a module that imports this one
+copyreg.pickle(MappingProxyType, _reduced)

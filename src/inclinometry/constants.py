@@ -67,3 +67,15 @@ FIELD_NAME: Final = MappingProxyType({"accelerometer": "g", "magnetometer": "b"}
 
 RPM: Final = 30.0 / math.pi
 """One radian a second, turns a minute."""
+
+PREFIXES: Final = {"accel": "accelerometer", "mag": "magnetometer", "gyro": "gyro"}
+"""Beginning of a channel's name (accel_x) -> kind of its triad."""
+
+KIND_PREFIX: Final = {kind: prefix for prefix, kind in PREFIXES.items()}
+"""The same the other way."""
+
+UNIT_LABELS: Final = {
+    "counts": "counts", "V": "V", "mV": "mV", "g": "g", "mg": "mg", "m_s2": "m/s^2", "nT": "nT", "uT": "uT",
+    "rad_s": "rad/s", "deg_s": "deg/s", "deg_h": "deg/h",
+}  # fmt: skip
+"""Units a channel's name may end in (accel_x_m_s2), and what the records call them."""

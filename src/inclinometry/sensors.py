@@ -11,17 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
-from inclinometry.constants import KINDS
+from inclinometry.constants import KIND_PREFIX, KINDS
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles_jacobian
 from inclinometry.rotations import wrap_positive
+from inclinometry.tabular import Column, Tabular, axes
 
 _IN_PLANE = 1e-6
 """Share of the field across the plane of two sensors below which they do not tell how it changes there."""
 
 
-@dataclass(frozen=True, eq=False)
-class Triad:
+@dataclass(frozen=True, eq=False, repr=False)
+class Triad(Tabular):
     """Sensors of one kind: signals U = N(T) a + U0(T), a the unit vector along the field in tool axes.
 
     Parameters
@@ -293,6 +294,11 @@ class Triad:
             return u
         return np.asarray(u - finite(gravity_direction, "gravity_direction", (3,)) @ self.g_sensitivity.T)
 
+    def to_dict(self) -> dict[str, Column]:
+        """One row a sensor: its tensor and offset, in the row's unit; with temperature a column a power more."""
+        columns = Tool("", {self.kind: self}).to_dict()
+        return {name: column for name, column in columns.items() if name != "noise" and not name.startswith("u_")}
+
 
 @dataclass(frozen=True, eq=False)
 class ClassicalView:
@@ -430,8 +436,8 @@ def triad_from_vector(like: Triad, vector: Array) -> Triad:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Tool:
+@dataclass(frozen=True, eq=False, repr=False)
+class Tool(Tabular):
     """Triads of one instrument with the joint covariance of their parameters.
 
     Parameters
@@ -486,6 +492,25 @@ class Tool:
             size = 4 * triad.count * (triad.degree + 1)
             places[kind], start = slice(start, start + size), start + size
         return places
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a sensor: tensor and offset, their standard uncertainties, noise of a reading, in the row's unit."""
+        triads = self.triads.values()
+        names = [f"{KIND_PREFIX[t.kind]}_{axis}" for t in triads for axis in axes(t.count)]
+        found: dict[str, Column] = {"sensor": list(names), "unit": [t.unit for t in triads for _ in range(t.count)]}
+        spread = np.sqrt(np.diagonal(self.covariance))
+        for power in range(max(t.degree for t in triads) + 1):
+            value, u = np.full((len(names), 4), np.nan), np.full((len(names), 4), np.nan)
+            first = 0
+            for t in triads:
+                rows, first = slice(first, first + t.count), first + t.count
+                if power <= t.degree:
+                    value[rows] = np.concatenate([t.tensor[power], t.offset[power][:, None]], axis=1)
+                    u[rows] = spread[self.slices[t.kind]].reshape(t.degree + 1, t.count, 4)[power]
+            for place, name in enumerate(("along_x", "along_y", "along_z", "offset")):
+                tail = f"_T{power}" if power else ""
+                found |= {f"{name}{tail}": value[:, place], f"u_{name}{tail}": u[:, place]}
+        return found | {"noise": np.concatenate(list(self.noise.values()))}
 
 
 GRAVITY: Final = "strength of gravity"

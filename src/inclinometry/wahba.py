@@ -15,10 +15,11 @@ from inclinometry.arrays import Array, finite, frozen
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import Angles, angles
 from inclinometry.rotations import dcm_from_quaternion
+from inclinometry.tabular import Column, Tabular, degrees
 
 
-@dataclass(frozen=True, eq=False)
-class VectorAttitude:
+@dataclass(frozen=True, eq=False, repr=False)
+class VectorAttitude(Tabular):
     """Attitude from directions.
 
     Attributes
@@ -53,6 +54,11 @@ class VectorAttitude:
     def angles(self) -> Angles:
         """Azimuth (from the reference's x axis), inclination and toolface, for a reference with z down."""
         return angles(self.dcm[..., :, 2], self.dcm[..., :, 0])
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row an attitude: its angles, how well the directions agree and how well they determine it."""
+        found: dict[str, Column] = {f"{name}_deg": degrees(a).ravel() for name, a in self.angles._asdict().items()}
+        return found | {"loss": np.ravel(self.loss), "observability": np.ravel(self.observability)}
 
 
 def solve_triad(tool: ArrayLike, reference: ArrayLike, sigmas: ArrayLike) -> VectorAttitude:

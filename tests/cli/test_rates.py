@@ -12,7 +12,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.cli.rates import table
 from inclinometry.constants import EARTH_RATE
 from inclinometry.errors import FileError, IdentifiabilityError, InputError
-from inclinometry.files.bench_csv import axes, write_raw_survey
+from inclinometry.files.bench_csv import write_raw_survey
 from inclinometry.files.survey_csv import read_survey_csv
 from inclinometry.files.tool_json import read_calibration, write_calibration
 from inclinometry.rotations import dcm, wrap_signed
@@ -21,6 +21,7 @@ from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.hole import simulate_survey
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.survey.reduce import reduce_survey
+from inclinometry.tabular import axes
 
 LATITUDE = np.radians(55.0)
 DEG_H = np.radians(1.0 / 3600.0)

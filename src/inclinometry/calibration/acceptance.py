@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -15,11 +15,12 @@ from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_b
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import ANGLES, COVERAGE_FACTOR
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.orientation import angles, angles_jacobian, dip_angle, inclination_toolface
 from inclinometry.rotations import cross_matrix, wrap_signed
 from inclinometry.sensors import field_sensitivity
+from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
 
 GUARDS = ("none", "expanded-uncertainty")
 NEAR_VERTICAL = np.radians(1.0)
@@ -31,8 +32,8 @@ DERIVED: Final = (
 """Where limits come from when none are given."""
 
 
-@dataclass(frozen=True)
-class Limits:
+@dataclass(frozen=True, repr=False)
+class Limits(Tabular):
     """Largest errors a verified tool may have.
 
     name : of the preset, or the file's without its ending.
@@ -58,6 +59,15 @@ class Limits:
         within(self.min_inclination_for_azimuth, "min_inclination_for_azimuth", 0.0, np.pi / 2, "rad")
         if self.guard not in GUARDS:
             raise InputError(f"guard is {self.guard!r}; allowed: {', '.join(GUARDS)}")
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row an angle: the largest error it may have, and the inclination from which on it is judged."""
+        limits = [getattr(self, name) for name in ANGLES]
+        return {
+            "angle": list(ANGLES),
+            "limit_deg": degrees([np.nan if limit is None else limit for limit in limits]),
+            "from_inclination_deg": degrees([0.0, *[self.min_inclination_for_azimuth] * 2]),
+        }
 
 
 @dataclass(frozen=True)
@@ -89,8 +99,8 @@ class OtherStand:
                 raise InputError("the north of the stand is stated and not that it is level: state both, or neither")
 
 
-@dataclass(frozen=True, eq=False)
-class Verification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Verification(Tabular):
     """Errors of a tool at independent positions, judged.
 
     dials : (K, 3) azimuth, inclination, toolface as dialled, rad
@@ -120,6 +130,25 @@ class Verification:
     warnings: Sequence[str] = ()
     names: Sequence[str] = ANGLES
     notes: Sequence[str] = ()
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: settings; of each angle the error, its standard uncertainty, limit and decision."""
+        found: dict[str, Column] = {"station": list(self.station)}
+        found |= {f"{name}_deg": degrees(column) for name, column in zip(DIALS, self.dials.T, strict=True)}
+        for place, name in enumerate(self.names):
+            angle = name.replace(" ", "_")
+            for what, values in (("error", self.errors), ("u", self.u), ("limit", self.limits)):
+                found[f"{what}_{angle}_deg"] = degrees(values[:, place])
+            found[f"decision_{angle}"] = [row[place] for row in self.decision]
+        return found
+
+    def plot(self, ax: Any = None) -> Any:
+        """Errors of the angles that were judged, by station, on matplotlib axes, which are returned."""
+        number = np.arange(1, len(self.station) + 1)
+        judged = np.array(self.decision) != "not judged"
+        errors = np.where(judged, np.degrees(self.errors), np.nan)
+        lines = {name: (number, errors[:, place]) for place, name in enumerate(self.names)}
+        return draw(ax, lines, "station", "measured minus set, deg", "o")
 
 
 def verify(
@@ -176,6 +205,8 @@ def verify(
     s sqrt(-2 ln p) with at least the probability 1 - p (Rayleigh). There u is s sqrt(-2 ln p) / k, with p the
     probability beyond k for a normal error, so that k u has the coverage it has elsewhere.
     """
+    check_record(readings, BenchReadings, "verify")
+    check_record(calibration, Calibration, "verify")
     if readings.digest and readings.digest in calibration.inputs.values():
         raise InputError(
             "these are the readings the tool was calibrated with; verification needs independent positions"

@@ -10,11 +10,12 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.calibration.expected import azimuth_triad, expected_uncertainty, field_dip
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import DIP, FIELD_UNITS, INCLINATIONS, LATITUDE, STEPS
+from inclinometry.constants import DIP, FIELD_UNITS, INCLINATIONS, KIND_PREFIX, LATITUDE, STEPS
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
+from inclinometry.tabular import Column, Tabular, axes
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class Coefficient:
         return self.difference / self.u_difference if self.u_difference > 0.0 else np.nan
 
 
-@dataclass(frozen=True, eq=False)
-class TwoCalibrations:
+@dataclass(frozen=True, eq=False, repr=False)
+class TwoCalibrations(Tabular):
     """Two calibrations of one tool.
 
     names : what they are called in tables.
@@ -64,6 +65,20 @@ class TwoCalibrations:
     uncertainty: tuple[Array, Array]
     difference: Array
     error: tuple[Array, Array] | None
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a coefficient of a sensor: both values, their difference and its standard uncertainty."""
+        rows, tool = self.coefficients, self.calibrations[0].tool
+        names = {kind: axes(triad.count) for kind, triad in tool.triads.items()}
+        return {
+            "sensor": [f"{KIND_PREFIX[row.kind]}_{names[row.kind][row.sensor - 1]}" for row in rows],
+            "coefficient": [row.name for row in rows],
+            "unit": [row.unit for row in rows],
+            "first": [row.values[0] for row in rows],
+            "second": [row.values[1] for row in rows],
+            "difference": [row.difference for row in rows],
+            "u_difference": [row.u_difference for row in rows],
+        }
 
 
 def compare_calibrations(

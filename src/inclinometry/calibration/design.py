@@ -24,6 +24,7 @@ from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS, V
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
+from inclinometry.tabular import check_record
 
 # What a station tells about a tool before any reading is taken: information of the joint model at a nominal tool.
 #
@@ -576,9 +577,10 @@ def evaluate_plan(
     --------
     >>> from inclinometry.calibration import plans
     >>> table = evaluate_plan(plans.twelve(), rig_sd=0.0)
-    >>> np.degrees(table.from_calibration[:, 1]).round(3)  # azimuth at 5, 10, 30, 60, 90 deg
+    >>> table.to_dict()["u_azimuth_from_calibration_deg"].round(3)  # at 5, 10, 30, 60, 90 deg
     array([0.168, 0.104, 0.063, 0.054, 0.057])
     """
+    check_record(plan, (Plan, np.ndarray, list, tuple), "evaluate_plan")
     about = information(rig_sd, noise, dip, tool)
     settings = _settings(plan)
     _determined(about, settings, "this plan")

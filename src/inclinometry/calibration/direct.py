@@ -26,6 +26,7 @@ from inclinometry.calibration.variance import Fitted, expected_variances, fit_wi
 from inclinometry.constants import EARTH_RATE, FIELD_NAME, STANDARD_GRAVITY
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, Triad
+from inclinometry.tabular import check_record
 
 
 def calibration(
@@ -259,11 +260,13 @@ def calibrate_twelve(readings: BenchReadings, **known: Unpack[KnownAngles]) -> C
     InputError
         When the settings are not that plan; the message says what differs.
     """
+    check_record(readings, BenchReadings, "calibrate_twelve")
     return _closed(readings, "twelve", lambda kind, a: partial(_solve, solve_twelve, readings, a), **known)
 
 
 def calibrate_orthogonal(readings: BenchReadings, **known: Unpack[KnownAngles]) -> Calibration:
     """The 24 orthogonal positions, their half or the two-face plan; parameters as `calibrate_twelve`."""
+    check_record(readings, BenchReadings, "calibrate_orthogonal")
     return _closed(readings, "orthogonal", lambda kind, a: partial(_solve, solve_orthogonal, readings, a), **known)
 
 
@@ -273,6 +276,7 @@ def calibrate_rotations(readings: BenchReadings, **known: Unpack[KnownAngles]) -
     The magnetic field's direction comes from the dip of the readings' reference, else from the turns themselves where
     they show it.
     """
+    check_record(readings, BenchReadings, "calibrate_rotations")
 
     def solver(kind: str, direction: Array) -> ClosedSolver:
         if kind == "accelerometer":
@@ -308,6 +312,7 @@ def calibrate_classical(
         a field whose strength at the stand is not stated; readings that swing four times as far as it says, or a
         quarter; sensors that do not lie near the tool's axes.
     """
+    check_record(readings, BenchReadings, "calibrate_classical")
     dials = readings.dials
     factors = {kind: _conversion_factor(kind, readings, nameplate) for kind in readings.channels}
     nameplate_off = 4.0  # a plan at few attitudes lets a channel swing by half or by a fifth more

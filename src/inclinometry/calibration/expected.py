@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from inclinometry.earth.gravity import stated_gravity_sd
 from inclinometry.errors import InputError
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Tool, angle_sensitivity
+from inclinometry.tabular import Column, Tabular, check_record, degrees, draw, in_degrees
 from inclinometry.uncertainty import UNKNOWN
 
 ALL_ANGLES: Final = ("inclination", "azimuth", "toolface", "magnetic_toolface")
@@ -27,8 +28,8 @@ FROM_CALIBRATION: Final = "from the calibration alone"
 OF_ONE_READING: Final = "of one reading"
 
 
-@dataclass(frozen=True, eq=False)
-class ExpectedUncertainty:
+@dataclass(frozen=True, eq=False, repr=False)
+class ExpectedUncertainty(Tabular):
     """Uncertainty of a tool's angles over inclination, azimuth and toolface.
 
     inclination : (n,) rad.
@@ -76,6 +77,19 @@ class ExpectedUncertainty:
         """(n, 4) root mean square over azimuth and toolface, of all causes or one."""
         variance = self.variance if cause is None else self.components[cause]
         return np.asarray(np.sqrt(variance.mean(axis=(1, 2))))
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row an inclination: standard uncertainty at the worst azimuth and toolface of the angles there are."""
+        found: dict[str, Column] = in_degrees(self, "inclination")
+        for tail, u in (("", self.of_one_reading), ("_from_calibration", self.from_calibration)):
+            found |= {f"u_{name}{tail}_deg": degrees(u[:, ALL_ANGLES.index(name)]) for name in self.angles}
+        return found
+
+    def plot(self, ax: Any = None) -> Any:
+        """Standard uncertainty of one reading by inclination on matplotlib axes, which are returned."""
+        u, inclination = np.degrees(self.of_one_reading), np.degrees(self.inclination)
+        lines = {name: (inclination, u[:, ALL_ANGLES.index(name)]) for name in self.angles}
+        return draw(ax, lines, "inclination, deg", "standard uncertainty, deg")
 
 
 def expanded(u: Array) -> Array:
@@ -137,6 +151,7 @@ def expected_uncertainty(
     >>> np.degrees(found.from_calibration[:, 1]).round(3), np.degrees(found.of_one_reading[:, 1]).round(3)
     (array([0.043, 0.033]), array([0.173, 0.171]))
     """
+    check_record(tool, (Calibration, Tool), "expected_uncertainty")
     directions: Mapping[str, Array] = {}
     silent = False
     if isinstance(tool, Calibration):

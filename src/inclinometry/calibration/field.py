@@ -30,6 +30,7 @@ from inclinometry.constants import FIELD_NAME
 from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
 from inclinometry.least_squares import inverse_spd
 from inclinometry.sensors import Tool, Triad
+from inclinometry.tabular import check_record
 
 
 def triad_start(signals: Array) -> tuple[Array, Array, bool]:
@@ -274,6 +275,7 @@ def calibrate_field(
     >>> tool.triads["magnetometer"].offset.round(1)
     array([[-500., -500., -500.]])
     """
+    check_record(readings, BenchReadings, "calibrate_field")
     prior = Prior(
         float(within(axis_angle_sd, "axis_angle_sd", 1e-4, 1.0, "rad")),
         float(within(scale_spread_sd, "scale_spread_sd", 1e-4, 1.0)),

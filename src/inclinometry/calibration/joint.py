@@ -30,6 +30,7 @@ from inclinometry.calibration.variance import (
 )
 from inclinometry.constants import KINDS
 from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.tabular import check_record
 
 LEVEL, NORTH, DIP = np.radians([0.2, 0.5, 0.5])
 """How well a stand is taken to be levelled (spirit level), pointed at north (compass) and its dip known (field model)
@@ -125,6 +126,7 @@ def calibrate_joint(
            [   0., 1000.,    0.],
            [   0.,    0., 1000.]])
     """
+    check_record(readings, BenchReadings, "calibrate_joint")
     azimuth, inclination, toolface = readings.dials
     enough(readings)
     rig, rig_known = rig_guess(rig_sd)

@@ -16,6 +16,7 @@ from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
 from inclinometry.least_squares import Normal, levenberg_marquardt
 from inclinometry.sensors import Tool, Triad, parameter_names
+from inclinometry.tabular import check_record
 
 # How well a set of field directions covers the sphere: distinct ones, and whether they all lie on one side.
 
@@ -404,6 +405,7 @@ def calibrate_norms(
     IdentifiabilityError
         Attitudes that do not determine an ellipsoid.
     """
+    check_record(readings, BenchReadings, "calibrate_norms")
     if set(readings.channels) - {"accelerometer", "magnetometer"}:
         raise InputError("a gyro at rest sees no constant field of use; drop its columns for a norm-only fit")
     fits, triads, noise, size = {}, {}, {}, 0

@@ -24,12 +24,13 @@ from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import angles, attitude_jacobian
 from inclinometry.rotations import cross_matrix, dcm, rotation_exp, rotation_log, wrap_positive, wrap_signed
 from inclinometry.sensors import field_sensitivity
+from inclinometry.tabular import Column, Tabular, check_record, degrees
 
 DOWN: Final = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True, eq=False)
-class RigOrientation:
+@dataclass(frozen=True, eq=False, repr=False)
+class RigOrientation(Tabular):
     """Where a rig stands.
 
     matrix : (3, 3) from north, east, down to rig axes (x = dial zero of the azimuth, z along the azimuth axis, down);
@@ -63,6 +64,17 @@ class RigOrientation:
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row an angle: tilt, where it leans, north and the zeros of the dials, with standard uncertainties."""
+        found = {name: getattr(self, name) for name in ("tilt", "tilt_azimuth", "tilt_dial", "north")} | dict(
+            self.zeros
+        )
+        return {
+            "angle": list(found),
+            "value_deg": degrees(list(found.values())),
+            "u_deg": degrees([self.u.get(name, np.nan) for name in found]),
+        }
 
 
 def orient_rig(
@@ -120,6 +132,8 @@ def orient_rig(
     >>> round(float(np.degrees(found.north)), 6), round(float(np.degrees(found.tilt)), 6)
     (40.0, 0.0)
     """
+    check_record(readings, BenchReadings, "orient_rig")
+    check_record(calibration, Calibration, "orient_rig")
     kinds = leading_kinds(readings, calibration, second)
     if kinds[0] != "accelerometer":
         raise InputError(

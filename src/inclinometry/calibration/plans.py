@@ -9,13 +9,15 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
+from inclinometry.constants import DIALS
 from inclinometry.errors import InputError
+from inclinometry.tabular import Column, Tabular, in_degrees
 
 PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotations"]
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Tabular):
     """Rig settings in order, rad. `roll_set` names stations that differ in toolface only."""
 
     name: str
@@ -32,6 +34,11 @@ class Plan:
 
     def __len__(self) -> int:
         return len(self.azimuth)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: the settings, under the names they have in a file."""
+        found = {"station": [str(i + 1) for i in range(len(self))], **in_degrees(self, *DIALS)}
+        return found | ({"roll_set": list(self.roll_set)} if self.roll_set else {})
 
 
 def _from_degrees(name: str, rows: Sequence[tuple[float, float, float]], roll_set: Sequence[str] = ()) -> Plan:
@@ -52,6 +59,8 @@ def twelve(rolls: int = 3, azimuths: int = 3) -> Plan:
     --------
     >>> len(twelve()), len(twelve(rolls=8, azimuths=4))
     (12, 40)
+    >>> twelve().to_dict()["toolface_deg"][:4]
+    array([  0., 120., 240.,   0.])
     """
     if rolls < 3 or azimuths < 3:
         raise InputError(f"rolls {rolls} and azimuths {azimuths}: a harmonic needs at least 3 equal steps")
@@ -107,3 +116,8 @@ def rotations(first_inclination: float = FIRST_INCLINATION, azimuth: float = 0.0
     first, turn = np.degrees(first_inclination), np.degrees(azimuth)
     rows = [(turn, i, 360.0 * r / rolls) for i in (first, first + 90.0) for r in range(rolls)]
     return _from_degrees("rotations", rows, ["1"] * rolls + ["2"] * rolls)
+
+
+def __dir__() -> list[str]:
+    # the plans alone, for a person who completes the name
+    return ["half", "orthogonal", "rotations", "twelve", "two_face"]

@@ -18,7 +18,8 @@ from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.rotations import dcm
-from inclinometry.sensors import Triad, parameter_names
+from inclinometry.sensors import Tool, Triad, parameter_names
+from inclinometry.tabular import Column, Tabular, check_record
 
 # The regression behind a rate table: its design, what the steps leave undetermined in words, and the fit itself.
 
@@ -288,8 +289,8 @@ def _described(u: Array, matrix: Array, spread: Array | None, rest: Index, row: 
     return Suspect(row, off)
 
 
-@dataclass(frozen=True, eq=False)
-class RateCalibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class RateCalibration(Tabular):
     """A gyro triad identified on known rates.
 
     triad : "gyro", its tensor per Earth rate as elsewhere, its g-sensitivity where one was fitted.
@@ -330,6 +331,11 @@ class RateCalibration:
     def uncertainty(self) -> dict[str, float]:
         """Standard uncertainty of each named parameter."""
         return dict(zip(self.parameter_names, np.sqrt(np.diagonal(self.covariance)).tolist(), strict=True))
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a gyro, as a tool's: parameters, uncertainties and noise, in the row's unit."""
+        size = len(parameter_names(self.triad))
+        return Tool("", {"gyro": self.triad}, self.covariance[:size, :size], {"gyro": self.sd}).to_dict()
 
 
 def calibrate_rates(
@@ -578,6 +584,8 @@ def g_sensitivity_at_stand(readings: BenchReadings, calibration: Calibration, la
     meridian, U = N C (w + c g): north stays right, the latitude found does not. No attitude tells the two apart; the
     latitude of the stand does, and that is why it is asked for here.
     """
+    check_record(readings, BenchReadings, "g_sensitivity_at_stand")
+    check_record(calibration, Calibration, "g_sensitivity_at_stand")
     found = calibration.field_directions
     if not {"gyro", "accelerometer"} <= set(found) or "gyro" not in readings.channels:
         raise InputError("a g-sensitivity needs gyro and accelerometer in the readings and in their calibration")

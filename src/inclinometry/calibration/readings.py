@@ -5,22 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, frozen, within
 from inclinometry.calibration.result import readings_text
-from inclinometry.constants import KINDS
+from inclinometry.constants import DIALS, KINDS
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
+from inclinometry.tabular import Column, Tabular, channel_columns, draw, in_degrees
 
 LARGEST = 1e15
 """No reading may be larger: from here on squares and sums of readings lose the digits a calibration needs."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BenchReadings:
+class BenchReadings(Tabular):
     """One row a station; angles in radians, signals in whatever unit the tool reports.
 
     Parameters
@@ -179,6 +181,29 @@ class BenchReadings:
             _, which, counts = np.unique(column, return_inverse=True, return_counts=True)
             equal[:, sensor] = counts[which]
         return np.asarray(step * np.sqrt(equal / 12.0))
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: settings, temperature, count and channels, under the names they have in a file."""
+        found: dict[str, Column] = {"station": list(self.station)}
+        if self.azimuth is not None:
+            found |= in_degrees(self, *DIALS)
+        if self.temperature is not None:
+            found["temperature_degC"] = self.temperature
+        if self.count is not None:
+            found["count"] = self.count
+        if self.roll_set:
+            found["roll_set"] = list(self.roll_set)
+        return found | channel_columns(self.channels, self.units)
+
+    def plot(self, ax: Any = None, kind: str | None = None) -> Any:
+        """Signals of one triad, the first where none is named, by station on matplotlib axes, which are returned."""
+        kind = kind or next(iter(self.channels))
+        if kind not in self.channels:
+            raise InputError(f"these readings have no {kind}; there are: {', '.join(self.channels)}")
+        columns = channel_columns({kind: self.channels[kind]}, {})
+        number = np.arange(1, len(self) + 1)
+        lines = {name: (number, column) for name, column in columns.items()}
+        return draw(ax, lines, "station", f"{kind}, {self.units[kind]}", "o-")
 
 
 def converter_steps(values: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -12,29 +12,12 @@ from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.orientation import dip_angle
 from inclinometry.sensors import Tool
+from inclinometry.tabular import Column, Tabular, aligned, channel_columns, draw
 
 if TYPE_CHECKING:
     from inclinometry.calibration.readings import BenchReadings
 
 # Results as text, for a notebook or a prompt.
-
-
-def columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of right-aligned columns, the first left-aligned.
-
-    Examples
-    --------
-    >>> print(*columns(["a", "value"], [["x", "1.0"], ["long", "-12"]]), sep="\\n")
-    a     value
-    x       1.0
-    long    -12
-    """
-    table = [list(header), *map(list, rows)]
-    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    return [
-        "  ".join(c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(r, widths, strict=True)))
-        for r in table
-    ]
 
 
 def rounded(value: float, u: float) -> str:
@@ -62,7 +45,7 @@ def calibration_text(found: Calibration) -> str:
     """What `repr` of a calibration says."""
     name = f" of {found.tool.name}" if found.tool.name else ""
     lines = [f"Calibration{name}: method {found.method}, {len(found.residuals.station)} stations"]
-    lines += columns(["sensor", "along x", "along y", "along z", "offset"], tool_rows(found.tool))
+    lines += aligned(["sensor", "along x", "along y", "along z", "offset"], tool_rows(found.tool))
     for kind, direction in found.field_directions.items():
         below = np.degrees(np.arcsin(np.clip(direction[2], -1.0, 1.0)))
         lines.append(
@@ -112,8 +95,8 @@ class Rig:
     nuisance: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
-class Residuals:
+@dataclass(frozen=True, eq=False, repr=False)
+class Residuals(Tabular):
     """Readings minus model, per station.
 
     station : names, K of them.
@@ -128,9 +111,24 @@ class Residuals:
     standardised: Mapping[str, Array]
     leverage: Array
 
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: residuals in the unit of their triad, standardised ones, leverage."""
+        return {
+            "station": list(self.station),
+            **channel_columns(self.values, {}, "_residual"),
+            **channel_columns(self.standardised, {}, "_standardised"),
+            "leverage": self.leverage,
+        }
+
+    def plot(self, ax: Any = None) -> Any:
+        """Residuals, each over its own standard deviation, by station on matplotlib axes, which are returned."""
+        number = np.arange(1, len(self.station) + 1)
+        lines = {name: (number, column) for name, column in channel_columns(self.standardised, {}).items()}
+        return draw(ax, lines, "station", "residual over its standard deviation", "o")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration:
+class Calibration(Tabular):
     """A calibrated tool and everything that speaks for or against it.
 
     tool : triads with joint covariance and noise.
@@ -175,6 +173,14 @@ class Calibration:
 
     def __repr__(self) -> str:
         return calibration_text(self)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a sensor, as the tool's; those of the stations are `residuals`."""
+        return self.tool.to_dict()
+
+    def plot(self, ax: Any = None) -> Any:
+        """Residuals by station on matplotlib axes, which are returned."""
+        return self.residuals.plot(ax)
 
 
 def same_units(units: Mapping[str, str], calibration: Calibration) -> None:

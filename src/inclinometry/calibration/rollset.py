@@ -13,10 +13,11 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.variance import least_noise
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.rotations import wrap_positive
+from inclinometry.tabular import Column, Tabular, degrees
 
 
-@dataclass(frozen=True, eq=False)
-class RollHarmonics:
+@dataclass(frozen=True, eq=False, repr=False)
+class RollHarmonics(Tabular):
     """Harmonics of one signal over one roll set: D = offset + amplitude sin(roll + phase) + residual.
 
     offset, amplitude : in the signal's unit.
@@ -41,6 +42,21 @@ class RollHarmonics:
     offset_sd: float
     amplitude_sd: float
     phase_sd: float
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row: offset, amplitude, phase and what is left, in the signal's unit."""
+        second = np.nan if self.second_amplitude is None else self.second_amplitude
+        return {
+            "offset": [self.offset],
+            "u_offset": [self.offset_sd],
+            "amplitude": [self.amplitude],
+            "u_amplitude": [self.amplitude_sd],
+            "phase_deg": [float(degrees(self.phase))],
+            "u_phase_deg": [float(degrees(self.phase_sd))],
+            "second_amplitude": [second],
+            "residual_rms": [self.residual_rms],
+            "residual_max": [self.residual_max],
+        }
 
 
 def roll_harmonics(roll: ArrayLike, signal: ArrayLike) -> RollHarmonics:

@@ -14,6 +14,7 @@ from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import KINDS
 from inclinometry.errors import InputError
+from inclinometry.tabular import Column, Tabular
 
 # Moving windows over a log: variances in one pass, the noise floor, runs of quiet samples.
 
@@ -119,8 +120,8 @@ def runs(flags: NDArray[np.bool_], gaps: NDArray[np.int64]) -> list[Run]:
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class StillIntervals:
+@dataclass(frozen=True, eq=False, repr=False)
+class StillIntervals(Tabular):
     """What was found in a log and what was dropped.
 
     intervals : (n, 2) int, first sample and one past the last of each still interval, in order.
@@ -153,6 +154,11 @@ class StillIntervals:
         ]
         lines += [f"samples {a} to {b} dropped: {reason}" for a, b, reason in self.dropped]
         return tuple(lines)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a still interval: its first sample, one past its last, its length."""
+        first, end = self.intervals.T
+        return {"first_sample": first, "end_sample": end, "length_s": (end - first) * self.period}
 
 
 def still_intervals(

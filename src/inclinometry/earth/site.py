@@ -13,6 +13,7 @@ from inclinometry.arrays import Array, finite, within
 from inclinometry.earth.gravity import GRAVITY_SIGMA, normal_gravity
 from inclinometry.errors import InputError
 from inclinometry.rotations import wrap_positive
+from inclinometry.tabular import Column, Tabular
 
 REFERENCES: Final = ("magnetic", "true", "grid")
 """The norths an azimuth may be counted from."""
@@ -35,8 +36,8 @@ _RANGES: Final = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Site:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Site(Tabular):
     """What is known of a place; everything is optional, nothing is guessed.
 
     Parameters
@@ -130,6 +131,26 @@ class Site:
         if self.g is not None or self.latitude is None:
             return self.g_sigma
         return GRAVITY_SIGMA
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a quantity that is known: value, standard deviation, unit and where it comes from."""
+        known = [name for name in _RANGES if not name.endswith("_sigma") and getattr(self, name) is not None]
+        angle = {name: np.degrees(1.0) if _RANGES[name][2] == "rad" else 1.0 for name in known}
+        spread = {name: getattr(self, f"{name}_sigma", None) for name in known}
+        return {
+            "quantity": [name.removesuffix("_m") for name in known],
+            "value": [float(np.round(getattr(self, name) * angle[name], 10)) for name in known],
+            "sigma": [np.nan if (s := spread[name]) is None else float(s * angle[name]) for name in known],
+            "unit": ["deg" if _RANGES[name][2] == "rad" else _RANGES[name][2] for name in known],
+            "origin": [self.origin(name) or "" for name in known],
+        }
+
+    def __repr__(self) -> str:
+        columns = self.to_dict()
+        rows = zip(columns["quantity"], columns["value"], columns["sigma"], columns["unit"], strict=True)
+        known = [f"{name} {value:.10g}{'' if np.isnan(s) else f' ± {s:.3g}'} {unit}" for name, value, s, unit in rows]
+        known += [str(self.date)] if self.date else []
+        return f"Site: {', '.join([*known, f'azimuths from {self.north_reference} north'])}"
 
 
 def convert_azimuth(azimuth: ArrayLike, source: str, target: str, site: Site) -> Array:

@@ -26,6 +26,7 @@ from inclinometry.files.table import (
     read_temperature,
 )
 from inclinometry.rotations import dcm, wrap_signed
+from inclinometry.tabular import axes, check_record
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -524,6 +525,7 @@ def write_bench(readings: BenchReadings, path: str | Path) -> None:
     -----
     The unit stands in the channels' names (`accel_x_m_s2`) where it is one the reader knows; counts need none.
     """
+    check_record(readings, BenchReadings, "write_bench")
     names, columns = ["station"], [list(readings.station)]
     if readings.azimuth is not None:
         for name, angle in zip(("azimuth_deg", "inclination_deg", "toolface_deg"), readings.dials, strict=True):
@@ -558,17 +560,6 @@ def _add_channels(readings: BenchReadings, names: list[str], columns: list[list[
         if kind in readings.sd:
             names += [f"{name}_sd" for name in channels]
             columns += [writing.column(column * np.sqrt(repeats)) for column in readings.sd[kind].T]
-
-
-def axes(count: int) -> list[str]:
-    """Names of a triad's axes: x, y, z for two or three, else 1..m.
-
-    Examples
-    --------
-    >>> axes(2), axes(4)
-    (['x', 'y'], ['1', '2', '3', '4'])
-    """
-    return ["x", "y", "z"][:count] if count <= 3 else [str(i + 1) for i in range(count)]
 
 
 def write_raw_survey(

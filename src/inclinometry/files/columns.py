@@ -7,14 +7,9 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-PREFIXES = {"accel": "accelerometer", "mag": "magnetometer", "gyro": "gyro"}
-KIND_PREFIX = {kind: prefix for prefix, kind in PREFIXES.items()}
-
-UNIT_LABELS = {
-    "counts": "counts", "V": "V", "mV": "mV", "g": "g", "mg": "mg", "m_s2": "m/s^2", "nT": "nT", "uT": "uT",
-    "rad_s": "rad/s", "deg_s": "deg/s", "deg_h": "deg/h",
-}  # fmt: skip
-"""Units a channel's name may end in (accel_x_m_s2), and what the records call them."""
+from inclinometry.constants import KIND_PREFIX as KIND_PREFIX
+from inclinometry.constants import PREFIXES as PREFIXES
+from inclinometry.constants import UNIT_LABELS as UNIT_LABELS
 
 TEXT = ("station", "roll_set", "azimuth_reference", "flags")
 ANGLES = ("azimuth_deg", "inclination_deg", "toolface_deg")

@@ -259,6 +259,8 @@ def _check(path: Path) -> None:
         with zipfile.ZipFile(path) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
             packed = sum(entry.compress_size for entry in archive.infolist())
+    except FileError:
+        raise
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
     except (OSError, ValueError, RuntimeError, zipfile.BadZipFile) as error:  # RuntimeError: a version of zip unknown

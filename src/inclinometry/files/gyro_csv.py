@@ -16,6 +16,7 @@ from inclinometry.files import writing
 from inclinometry.files.columns import GYRO_RUN, KIND_PREFIX, UNIT_LABELS, channel, numbers_among
 from inclinometry.files.survey_csv import survey_cells
 from inclinometry.files.table import Progress, Signals, Table, read_kind, read_signals, read_table, read_temperature
+from inclinometry.tabular import Column, Tabular, channel_columns, in_degrees
 
 # Gyro runs: readings at index positions in, stations with scale factor out.
 
@@ -24,8 +25,8 @@ STATION = ("scale", "u_scale", "root", "K", "temperature_degC", *CORRECTED)
 """Columns of a station file beyond those of the survey file."""
 
 
-@dataclass(frozen=True, eq=False)
-class GyroReadings:
+@dataclass(frozen=True, eq=False, repr=False)
+class GyroReadings(Tabular):
     """Readings of one run in the order they were taken; n stations of several index positions, K readings.
 
     station : (K,) number of the station, from 0, of each reading.
@@ -61,6 +62,14 @@ class GyroReadings:
     def mean(self, values: Array) -> Array:
         """Mean (n,) over the readings of each station."""
         return np.asarray(np.bincount(self.station, values) / np.bincount(self.station))
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a reading: station, depth, index position and channels, under the names they have in a file."""
+        found: dict[str, Column] = {"station": [self.labels[place] for place in self.station]}
+        found |= {"md_m": self.md[self.station], **in_degrees(self, "index")}
+        for name, values in (("temperature_degC", self.temperature), ("time_s", self.time)):
+            found |= {} if values is None else {name: values}
+        return found | channel_columns(self.channels, self.units)
 
 
 def read_gyro_run(path: str | Path, *, progress: Progress | None = None) -> GyroReadings:

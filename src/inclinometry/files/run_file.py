@@ -385,7 +385,7 @@ class Source(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RunFile:
     """A run whose header has been read and whose rows have not.
 
@@ -439,6 +439,14 @@ class RunFile:
     def digest(self) -> str:
         """SHA-256 of the file; of a CSV only after `blocks` has been read to its end."""
         return self._source.digest()
+
+    def __repr__(self) -> str:
+        columns = [name for names in self.names.values() for name in names]
+        return f"RunFile: {self.path}; {', '.join(columns)}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # a copy opens the file anew: rows are read once, and what reads them is of this process
+        return open_run, (self.path,)
 
     def _block(self, columns: Mapping[str, Array]) -> RunBlock:
         channels = {kind: np.stack([columns[name] for name in names], axis=1) for kind, names in self.names.items()}

@@ -18,6 +18,7 @@ from inclinometry.files._quantities import EXTRA, Quantity, from_si, meaning, qu
 from inclinometry.files.columns import RAW_SURVEY, SURVEY, numbers_among
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.table import Progress, Table, read_signals, read_table, read_temperature
+from inclinometry.tabular import Column, Tabular, channel_columns
 
 # From a survey to the columns of a table: names with units, numbers in them, texts; what is unknown is left out.
 
@@ -102,8 +103,8 @@ _QUANTITIES = {
 """Name inside the package (SI, rad, nT) -> column of the file."""
 
 
-@dataclass(frozen=True, eq=False)
-class RawSurvey:
+@dataclass(frozen=True, eq=False, repr=False)
+class RawSurvey(Tabular):
     """Raw stations of one run, in the order of depth.
 
     md : (n,) measured depth, m, strictly increasing.
@@ -127,6 +128,11 @@ class RawSurvey:
 
     def __len__(self) -> int:
         return len(self.md)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: depth, channels and temperature, under the names they have in a file."""
+        found: dict[str, Column] = {"md_m": self.md, **channel_columns(self.channels, self.units)}
+        return found | ({} if self.temperature is None else {"temperature_degC": self.temperature})
 
 
 def read_raw_survey(path: str | Path, *, progress: Progress | None = None) -> RawSurvey:

@@ -16,6 +16,7 @@ from inclinometry.files import json_codec
 from inclinometry.files.json_codec import Json, shown
 from inclinometry.files.writing import write_bytes
 from inclinometry.sensors import Tool, Triad
+from inclinometry.tabular import check_record
 
 # What a schema cannot say of a calibration record: shapes that belong together, covariances, unit vectors.
 
@@ -122,6 +123,7 @@ def write_calibration(calibration: Calibration, path: str | Path, *, created: st
     FileError
         The file cannot be written.
     """
+    check_record(calibration, Calibration, "write_calibration")
     write_bytes(json_codec.canonical(calibration_content(calibration, created)), path)
 
 

@@ -11,11 +11,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError
+from inclinometry.tabular import degrees as degrees
 
 
 @contextmanager
@@ -116,12 +114,6 @@ def number(value: float) -> str:
         return ""
     text = repr(float(value))
     return text.removesuffix(".0")
-
-
-def degrees(angle: ArrayLike) -> Array:
-    """Radians to degrees rounded to 1e-10, so that 120 does not print as 119.99999999999999."""
-    # adding zero turns -0.0 into 0.0
-    return np.asarray(np.round(np.degrees(np.asarray(angle, dtype=np.float64)), 10) + 0.0)
 
 
 def column(values: Array) -> list[str]:

@@ -12,6 +12,7 @@ from inclinometry.arrays import Array, Mask, frozen, within
 from inclinometry.constants import EARTH_RATE
 from inclinometry.errors import InputError
 from inclinometry.gyro.closed_form import expected_rates
+from inclinometry.tabular import Column, Tabular, degrees, in_degrees
 from inclinometry.uncertainty import UNKNOWN
 
 VERTICAL = float(np.radians(1.0))
@@ -59,8 +60,8 @@ class GyroSetup:
             raise InputError(f"index positions {shown} deg do not tell two rates from a bias; visit three or more")
 
 
-@dataclass(frozen=True, eq=False)
-class StandstillPlan:
+@dataclass(frozen=True, eq=False, repr=False)
+class StandstillPlan(Tabular):
     """Time of standing still for a wanted azimuth, over azimuths of the hole.
 
     azimuth : (n,) rad.
@@ -82,6 +83,10 @@ class StandstillPlan:
         """Row of the azimuth at a share of the order of times: 0 the best, 0.5 the median, 1 the worst."""
         order = np.lexsort((self.floor, self.time))
         return int(order[round(share * (len(order) - 1))])
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row an azimuth: the time to stand still, and the uncertainty that any time leaves."""
+        return {**in_degrees(self, "azimuth"), "time_s": self.time, "floor_deg": degrees(self.floor)}
 
 
 def standstill_time(

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.errors import InputError
+from inclinometry.tabular import Column, Tabular, degrees, in_degrees
 from inclinometry.uncertainty import angle_sd
 
 
@@ -148,8 +149,8 @@ class IndexAverage:
         return len(self.field)
 
 
-@dataclass(frozen=True, eq=False)
-class North:
+@dataclass(frozen=True, eq=False, repr=False)
+class North(Tabular):
     """Stations with azimuth from true north; angles in rad, one row a station (n).
 
     inclination, azimuth, toolface, gyro_toolface : (n,) gyro_toolface is azimuth + toolface, defined when vertical too.
@@ -189,3 +190,10 @@ class North:
         """
         column = ("inclination", "azimuth", "toolface", "gyro_toolface").index(name)
         return angle_sd(self.components, column)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: angles, their standard uncertainties, scale factor, K, root and flags."""
+        angles = ("inclination", "azimuth", "toolface", "gyro_toolface")
+        found = in_degrees(self, *angles) | {f"u_{name}_deg": degrees(self.u(name)) for name in angles}
+        found |= {"scale": self.scale, "u_scale": self.u_scale, "K": self.k}
+        return found | {"root": list(self.root), "flags": ["|".join(names) for names in self.flags]}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from inclinometry.arrays import Array, Mask, finite, frozen, within
 from inclinometry.errors import InputError
 from inclinometry.gyro.joint import LARGEST, SCALES, JointBatch, solve_joint
 from inclinometry.gyro.result import covariances, one_value, per_station, vectors
+from inclinometry.tabular import Column, Tabular, draw
 
 SPAN = 100.0
 """degC by which temperature is divided, so that coefficients are of one size."""
@@ -137,8 +138,8 @@ def walking_belief(
     return ScaleBelief(np.array([scale]), np.array([[sd**2]]), walk, jitter, reference_temperature)
 
 
-@dataclass(frozen=True, eq=False)
-class ScaleTrack:
+@dataclass(frozen=True, eq=False, repr=False)
+class ScaleTrack(Tabular):
     """The scale factor along a run of n stations.
 
     temperature : (n,) degC; without a thermometer a stand-in, `UNSEEN` degC from one station to the next.
@@ -164,6 +165,22 @@ class ScaleTrack:
 
     def __len__(self) -> int:
         return len(self.scale)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: temperature, the scale factor expected and found, whether something was learnt from it."""
+        return {
+            "temperature_degC": self.temperature,
+            "expected": self.expected,
+            "u_expected": self.expected_sd,
+            "scale": self.scale,
+            "u_scale": self.scale_sd,
+            "learnt": np.asarray(self.learnt),
+        }
+
+    def plot(self, ax: Any = None) -> Any:
+        """Scale factor by temperature on matplotlib axes, which are returned."""
+        lines = {"expected": (self.temperature, self.expected), "found": (self.temperature, self.scale)}
+        return draw(ax, lines, "temperature, degC", "scale factor", "o")
 
 
 class ScaleStep(NamedTuple):

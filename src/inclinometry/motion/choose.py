@@ -21,6 +21,7 @@ from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined,
 from inclinometry.motion.static import StaticSettings, static_attitude
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.motion.window_smoother import LazyStream, single
+from inclinometry.tabular import check_record
 
 TURNING: Final = 2.0 * np.pi
 """Rotation in a window, rad, from which it is called rotating, below it sliding."""
@@ -301,6 +302,7 @@ def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, s
     >>> rows.notes[0], [round(float(x), 6) for x in rows.angles.inclination]
     ('2 windows of 10 s: 2 rotating (2 magnetic)', [0.5, 0.5])
     """
+    check_record(samples, Samples, "choose_attitude")
     chooser = AttitudeChooser(settings, site)
     first, last = chooser.push(samples), chooser.finish()
     return joined([first, last])

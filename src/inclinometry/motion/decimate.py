@@ -13,6 +13,7 @@ from inclinometry.errors import InputError
 from inclinometry.motion.magnetic.demodulate import Held
 from inclinometry.motion.result import CHANNELS, Finding, Samples
 from inclinometry.motion.turning import Turning
+from inclinometry.tabular import check_record
 
 # Sampling too slow for the rotation.
 
@@ -246,6 +247,7 @@ def decimate(samples: Samples, factor: int) -> Samples:
     >>> len(slow), round(float(slow.time[0]), 3), slow.accel[5].round(9)
     (68, 0.16, array([0.  , 0.  , 9.81]))
     """
+    check_record(samples, Samples, "decimate")
     return DecimationStream(factor).push(samples)
 
 

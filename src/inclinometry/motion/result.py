@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, Mask, finite
+from inclinometry.constants import ANGLES, FIELD_UNITS, KIND_PREFIX, RPM
+from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import InputError
 from inclinometry.orientation import SWITCH, Angles, angles
 from inclinometry.rotations import dcm_from_quaternion
+from inclinometry.tabular import Column, Tabular, channel_columns, degrees, draw, in_degrees
 from inclinometry.uncertainty import UNKNOWN
 
 
@@ -40,8 +43,8 @@ LARGEST_BREAK: Final = 2.0 * MOST_JITTER - 1e-3
 """The same of a block's first stamp from the grid of the block before, beyond which it is a gap: both may jitter."""
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
+@dataclass(frozen=True, eq=False, repr=False)
+class Samples(Tabular):
     """An evenly sampled stretch of a run: a block of a stream or a whole record.
 
     Parameters
@@ -139,6 +142,12 @@ class Samples:
             object.__setattr__(cut, name, None if value is None else value[start:stop])
         return cut
 
+    def to_dict(self) -> dict[str, Column]:
+        """One row a sample: time, the channels of the triads there are, temperature."""
+        triads = {kind: getattr(self, prefix) for kind, prefix in KIND_PREFIX.items() if self.has(prefix)}
+        found: dict[str, Column] = {"time_s": self.time, **channel_columns(triads, FIELD_UNITS)}
+        return found | ({} if self.temperature is None else {"temperature_degC": self.temperature})
+
 
 METHODS: Final = (
     "static",  # mean gravity and field of a tool at rest
@@ -178,8 +187,8 @@ FLAGS: Final = {
 BITS: Final = {name: 1 << place for place, name in enumerate(FLAGS)}
 
 
-@dataclass(frozen=True, eq=False)
-class Attitude:
+@dataclass(frozen=True, eq=False, repr=False)
+class Attitude(Tabular):
     """Attitude of a moving tool, one row a window or a sample (k).
 
     Attributes
@@ -261,6 +270,18 @@ class Attitude:
     def names(self, row: int) -> tuple[str, ...]:
         """Names of the flags of one row."""
         return tuple(name for name, bit in BITS.items() if int(self.flags[row]) & bit)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a window or sample: time, angles, their standard uncertainties, speed, quality, method and flags."""
+        found: dict[str, Column] = {"time_s": self.time}
+        for start, three in (("", self.angles), ("u_", self.u)):
+            found |= {f"{start}{name}_deg": degrees(getattr(three, name)) for name in ANGLES}
+        return found | _judged_columns(self)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Inclination, azimuth and toolface by time on matplotlib axes, which are returned."""
+        lines = {name: (self.time, np.degrees(getattr(self.angles, name))) for name in ANGLES}
+        return draw(ax, lines, "time, s", f"angle, deg (azimuth from {self.north} north)", ".")
 
 
 def angle_rows(quaternion: ArrayLike) -> Array:
@@ -350,11 +371,22 @@ def refusals(time: ArrayLike, names: Sequence[str], method: str, north: str) -> 
     )
 
 
+def _judged_columns(rows: Attitude | AttitudeRows) -> dict[str, Column]:
+    """Speed, quality, method and flags of the rows."""
+    names = {code: "|".join(n for n, bit in BITS.items() if code & bit) for code in set(rows.flags.tolist())}
+    return {
+        "rpm": rows.rate * RPM,
+        "quality": rows.quality,
+        "method": [METHODS[place] for place in rows.method],
+        "flags": [names[code] for code in rows.flags.tolist()],
+    }
+
+
 # What is known of a whole run once it has been reduced: for its file, its report and the terminal.
 
 
-@dataclass(frozen=True, eq=False)
-class AttitudeRows:
+@dataclass(frozen=True, eq=False, repr=False)
+class AttitudeRows(Tabular):
     """Windows (k,) of a run in order of time; angles and rates are NaN where refused or unknown.
 
     time : s, the instant a row is valid for.
@@ -414,9 +446,20 @@ class AttitudeRows:
         """Rows that carry a flag."""
         return int(np.count_nonzero(self.flags & np.uint32(BITS[flag])))
 
+    def to_dict(self) -> dict[str, Column]:
+        """One row a window: time, angles, their standard uncertainties, speed, quality, method and flags."""
+        angles = in_degrees(self, *ANGLES, *(f"u_{name}" for name in ANGLES))
+        found: dict[str, Column] = {"time_s": self.time, **angles, **_judged_columns(self)}
+        return found | {"azimuth_reference": [REFERENCES[place] for place in self.north]}
 
-@dataclass(frozen=True, eq=False)
-class Vibration:
+    def plot(self, ax: Any = None) -> Any:
+        """Inclination, azimuth and toolface by time on matplotlib axes, which are returned."""
+        lines = {name: (self.time, np.degrees(getattr(self, name))) for name in ANGLES}
+        return draw(ax, lines, "time, s", "angle, deg", ".")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Vibration(Tabular):
     """How the tool shook and turned, one row (v,) a window; NaN where the channels for it are absent.
 
     time : s, middle of the window.
@@ -448,6 +491,13 @@ class Vibration:
         turning = np.abs(self.mean) > 2.0 * np.pi / 60.0
         return np.where(turning, (self.fastest - self.slowest) / (2.0 * np.where(turning, np.abs(self.mean), 1.0)),
                         np.nan)  # fmt: skip
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a window: rms and peak of the vibration, rotation speeds, stick-slip index."""
+        found: dict[str, Column] = {"time_s": self.time}
+        found |= {f"{name}_m_s2": getattr(self, name) for name in ("lateral", "axial", "peak")}
+        found |= {f"{name}_rpm": getattr(self, name) * RPM for name in ("slowest", "mean", "fastest")}
+        return found | {"stick_slip": self.stick_slip}
 
 
 @dataclass(frozen=True, eq=False)
@@ -514,8 +564,8 @@ class RunCounts:
     stretches: int
 
 
-@dataclass(frozen=True, eq=False)
-class DynamicRun:
+@dataclass(frozen=True, eq=False, repr=False)
+class DynamicRun(Tabular):
     """A reduced run.
 
     rows : attitude, one row a window.
@@ -544,3 +594,11 @@ class DynamicRun:
     inputs: Mapping[str, str] = field(default_factory=dict)
     tool: str = ""
     switch: float = SWITCH
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a window, as `rows`."""
+        return self.rows.to_dict()
+
+    def plot(self, ax: Any = None) -> Any:
+        """Inclination, azimuth and toolface by time on matplotlib axes, which are returned."""
+        return self.rows.plot(ax)

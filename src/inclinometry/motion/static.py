@@ -21,6 +21,7 @@ from inclinometry.motion.window_smoother import batch_means, covariance_of_mean,
 from inclinometry.orientation import dip_angle, dip_jacobian, inclination_toolface
 from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm
 from inclinometry.settings import Range, Settings
+from inclinometry.tabular import check_record
 from inclinometry.uncertainty import UNKNOWN
 from inclinometry.wahba import VectorAttitude, solve_davenport, solve_svd, solve_triad
 
@@ -398,6 +399,7 @@ def static_attitude(samples: Samples, settings: StaticSettings | None = None, si
     >>> [float(np.degrees(x[0]).round(2)) for x in rows.angles[:3]]
     [30.0, 60.0, 99.96]
     """
+    check_record(samples, Samples, "static_attitude")
     return _whole(StaticStream(settings, site), samples)
 
 
@@ -413,6 +415,7 @@ def static_davenport(samples: Samples, settings: StaticSettings | None = None, s
     >>> float(static_davenport(still, StaticSettings(window=64.0)).angles.inclination[0])
     0.0
     """
+    check_record(samples, Samples, "static_davenport")
     return _whole(StaticStream(settings, site, weighted=True), samples)
 
 
@@ -425,6 +428,7 @@ def static_svd(samples: Samples, settings: StaticSettings | None = None, site: S
     >>> float(static_svd(still, StaticSettings(window=64.0)).angles.inclination[0].round(12))
     0.0
     """
+    check_record(samples, Samples, "static_svd")
     return _whole(_Stream(*_parts(settings, site, "mag", by_svd)), samples)
 
 
@@ -463,6 +467,7 @@ def north_seeking_attitude(
     >>> rows.north, float(rows.angles.azimuth[0].round(9)), float(np.degrees(rows.u.azimuth[0]).round(2))
     ('true', 1.0, 0.61)
     """
+    check_record(samples, Samples, "north_seeking_attitude")
     return _whole(NorthSeekingStream(settings, site), samples)
 
 

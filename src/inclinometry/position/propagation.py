@@ -6,15 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from inclinometry.arrays import Array, Mask, finite, frozen
 from inclinometry.errors import InputError
 from inclinometry.position.tool_code import PROPAGATIONS, Evaluator, Levers, ToolCode, Weights, levers
-from inclinometry.position.well import WellSurvey
+from inclinometry.position.well import WellSurvey, hole_sigmas, horizontal_ellipse
 from inclinometry.survey.reduce import Survey
+from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
 from inclinometry.uncertainty import UNKNOWN
 
 
@@ -153,6 +154,8 @@ def gyro_sources(survey: Survey, well: WellSurvey) -> tuple[MatrixSource, ...]:
     >>> {one.name: one.propagation for one in gyro_sources(found, well)}
     {'gyro': 'random', 'accelerometer': 'random', 'scale': 'systematic'}
     """
+    check_record(survey, Survey, "gyro_sources")
+    check_record(well, WellSurvey, "gyro_sources")
     if survey.azimuth_reference == "magnetic":
         raise InputError("the azimuths are from magnetic north; a magnetic tool's errors come from its certificate")
     if len(survey) != len(well) or np.abs(survey.md - well.md).max() > 0.005:
@@ -223,8 +226,8 @@ class SourceUncertainty:
         return own if self.before is None else np.asarray(own + self.before)
 
 
-@dataclass(frozen=True, eq=False)
-class PositionUncertainty:
+@dataclass(frozen=True, eq=False, repr=False)
+class PositionUncertainty(Tabular):
     """Uncertainty of the positions of a well from all sources.
 
     survey : WellSurvey
@@ -239,6 +242,24 @@ class PositionUncertainty:
 
     def __len__(self) -> int:
         return len(self.survey)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: standard deviations, and axes of the horizontal ellipse, one standard deviation each."""
+        ellipse = horizontal_ellipse(self.covariance)
+        sd = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).T
+        across = hole_sigmas(self.covariance, self.survey.inclination, self.survey.result_azimuth).T
+        names = ("north", "east", "vertical", "high_side", "lateral", "along_hole")
+        found: dict[str, Column] = {"md_m": self.survey.md, "tvd_m": self.survey.tvd}
+        found |= {f"sigma_{name}_m": column for name, column in zip(names, (*sd, *across), strict=True)}
+        found |= {"semi_major_m": ellipse.major, "semi_minor_m": ellipse.minor}
+        return found | {"major_azimuth_deg": degrees(ellipse.direction)}
+
+    def plot(self, ax: Any = None) -> Any:
+        """One standard deviation along the horizontal ellipse and vertically, by depth; returns the matplotlib axes."""
+        columns = self.to_dict()
+        named = {"major axis": "semi_major_m", "minor axis": "semi_minor_m", "vertical": "sigma_vertical_m"}
+        lines = {label: (columns[name], self.survey.md) for label, name in named.items()}
+        return draw(ax, lines, "standard deviation of the position, m", "measured depth, m", down=True)
 
 
 def propagate(
@@ -288,6 +309,7 @@ def propagate(
     >>> np.sqrt(found.covariance[:, 2, 2]).round(4)  # lever 15 and 45 m: the first station is known
     array([0.    , 0.0524, 0.1571])
     """
+    check_record(survey, WellSurvey, "propagate")
     return propagate_runs(survey, [Run(0, len(survey) - 1, tool_code, sources, surface_attitude)])
 
 
@@ -469,6 +491,8 @@ def relative_covariance(first: PositionUncertainty, i: int, second: PositionUnce
     >>> bool(np.abs(relative_covariance(well, 1, well, 1)).max() < 1e-12)
     True
     """
+    check_record(first, PositionUncertainty, "relative_covariance")
+    check_record(second, PositionUncertainty, "relative_covariance")
     if first.survey.north != second.survey.north:
         raise InputError(f"one well counts from {first.survey.north}, the other from {second.survey.north} north")
     total = first.covariance[i] + second.covariance[j]

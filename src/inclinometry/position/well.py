@@ -16,6 +16,7 @@ from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, wrap_positive, wrap_signed
 from inclinometry.survey.path import minimum_curvature
+from inclinometry.tabular import Column, Tabular, in_degrees
 from inclinometry.uncertainty import ellipsoid_factor
 
 
@@ -163,8 +164,8 @@ def _covariance(value: ArrayLike, sizes: tuple[int, ...]) -> Array:
     return matrix
 
 
-@dataclass(frozen=True, eq=False)
-class WellSurvey:
+@dataclass(frozen=True, eq=False, repr=False)
+class WellSurvey(Tabular):
     """n stations of a well; see `well_survey`.
 
     md, tvd : (n,) m, from the same datum.
@@ -243,6 +244,10 @@ class WellSurvey:
             "latitude": self.site.latitude,
         }
         return MappingProxyType({**found, **{name: value for name, value in known.items() if value is not None}})
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: depth, direction from true north, vertical depth."""
+        return {"md_m": self.md, **in_degrees(self, "inclination", "azimuth"), "tvd_m": self.tvd}
 
 
 def _before(column: Array) -> Array:

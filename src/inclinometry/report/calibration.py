@@ -18,6 +18,7 @@ from inclinometry.report.calibration_tables import sensor_names
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, station_axis, styled
 from inclinometry.report.page import CONVENTIONS, Picture, cut, picture, render
 from inclinometry.sensors import GRAVITY
+from inclinometry.tabular import check_record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -216,6 +217,7 @@ def calibration_report(
     >>> page.startswith("<!doctype html>"), "One reading of A7 gives inclination within" in page
     (True, True)
     """
+    check_record(calibration, Calibration, "calibration_report")
     tool, name = calibration.tool, calibration.tool.name
     stated = None if readings is None else readings.reference.get("dip")
     grid = np.radians(np.arange(3.0, 178.0, 3.0))

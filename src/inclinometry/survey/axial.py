@@ -14,6 +14,7 @@ from inclinometry.orientation import angles_jacobian
 from inclinometry.survey.flags import Check
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
+from inclinometry.tabular import Column, Tabular
 
 SOURCE: Final = "axial correction"
 """Name of the source of error left by the correction; its two parameters are the reference b (nT) and dip (rad)."""
@@ -29,8 +30,8 @@ Innova, Appendix C, short collar correction; written in I and A it holds at ever
 _STEEP: Final = 1e-12  # sine of inclination below which the axial field does not depend on azimuth
 
 
-@dataclass(frozen=True, eq=False)
-class AxialCorrection:
+@dataclass(frozen=True, eq=False, repr=False)
+class AxialCorrection(Tabular):
     """What the correction did at n stations.
 
     stations : Stations, corrected.
@@ -50,6 +51,16 @@ class AxialCorrection:
     azimuth_by_dip: Array
     misfit: Array
     check: Check
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: the axial interference found and whether it was taken off."""
+        return {
+            "md_m": self.stations.md,
+            "interference_nT": self.interference,
+            "observability": self.observability,
+            "singular": np.asarray(self.singular),
+            "weak": np.asarray(self.weak),
+        }
 
 
 def axial_correction(

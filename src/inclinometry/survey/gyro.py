@@ -16,6 +16,7 @@ from inclinometry.gyro.result import FLAGS, North
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.survey.flags import ROUNDING, Check, summary, worst
 from inclinometry.survey.reduce import Survey
+from inclinometry.tabular import Column, Tabular, in_degrees
 
 
 class Stations(Protocol):
@@ -75,8 +76,8 @@ class Statistics(NamedTuple):
     systematic: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Tabular):
     """Two runs compared at the m depths of the in-run that the out-run covers.
 
     md : (m,) m.  rows : (m,) rows of the in-run, from 0.
@@ -102,6 +103,10 @@ class Comparison:
         """On the whole: "pass", "fail", or "not judged" where no azimuth could be compared."""
         found = worst(self.checks)
         return "not judged" if found == "pass" and worst(self.checks[2:]) == "not judged" else found
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a depth: the out-run less the in-run, and the verdict."""
+        return {"md_m": self.md, **in_degrees(self, "inclination", "azimuth"), "verdict": list(self.verdicts)}
 
 
 def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> Comparison:

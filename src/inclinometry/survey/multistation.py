@@ -21,6 +21,7 @@ from inclinometry.survey.multistation_priors import (
     published_priors,
 )
 from inclinometry.survey.stations import Source, Stations
+from inclinometry.tabular import Column, Tabular
 from inclinometry.uncertainty import chi_square_limit, correlation, standard_deviations
 
 
@@ -192,7 +193,7 @@ class Parameter(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MultiStation:
+class MultiStation(Tabular):
     """Maximum a posteriori estimate of what the sensors and the reference are off by.
 
     parameters : name -> Parameter, in the order of `covariance`; "reference g", "reference b" and "reference dip" are
@@ -221,14 +222,21 @@ class MultiStation:
 
     def __repr__(self) -> str:
         lines = [f"MultiStation: {len(self.corrected)} stations, priors {self.priors}"]
-        for name, p in self.parameters.items():
-            lines.append(f"{name:24} {p.value:+.4g} ± {p.u:.3g} {p.unit} (prior {p.prior:.3g})")
+        for name, value, u, prior, unit in zip(*self.to_dict().values(), strict=True):
+            lines.append(f"{name:24} {value:+.4g} ± {u:.3g} {unit} (prior {prior:.3g})")
         return "\n".join([*lines, *(f"warning: {sentence}" for sentence in self.warnings)])
 
     @property
     def correlation(self) -> Array:
         """Correlation matrix (p, p) of the parameters; near +-1 the run sees only a sum or difference."""
         return correlation(self.covariance)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a parameter: value, standard uncertainty, that before, unit; stations are `corrected`."""
+        turned = [(np.degrees(p[:3]), "deg") if p.unit == "rad" else (p[:3], p.unit) for p in self.parameters.values()]
+        numbers = np.array([values for values, _ in turned], dtype=np.float64).reshape(-1, 3)
+        names = dict(zip(("value", "u", "prior"), numbers.T, strict=True))
+        return {"parameter": list(self.parameters), **names, "unit": [unit for _, unit in turned]}
 
 
 def history_line(parameters: Mapping[str, Parameter], priors: Priors, size: int) -> str:

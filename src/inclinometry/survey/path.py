@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import factorial
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, Mask, finite, frozen, within
 from inclinometry.errors import InputError
 from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
+from inclinometry.tabular import Column, Tabular, check_record, draw, in_degrees
 
 # Weights of the interpolation on an arc and their derivatives by the dogleg, without cancellation at either end.
 #
@@ -85,8 +86,8 @@ REVERSAL: Final = 2e-6
 """How near half a turn a dogleg may come, rad: the plane of its arc is then known to a ten-billionth."""
 
 
-@dataclass(frozen=True, eq=False)
-class Path:
+@dataclass(frozen=True, eq=False, repr=False)
+class Path(Tabular):
     """A well through n stations; between two of them it is an arc of a circle.
 
     md : (n,) measured depth, m, increasing.
@@ -107,6 +108,23 @@ class Path:
 
     def __len__(self) -> int:
         return len(self.md)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: depth, direction, position and the severity of the dogleg above it."""
+        found: dict[str, Column] = {"md_m": self.md, **in_degrees(self, "inclination", "azimuth")}
+        found |= {"tvd_m": self.tvd, "north_m": self.north, "east_m": self.east}
+        return found | {"dls_deg_30m": dogleg_severity_deg(self)}
+
+    def plot(self, ax: Any = None) -> Any:
+        """Plan view on matplotlib axes, or the path in space on three-dimensional ones; the axes are returned."""
+        if getattr(ax, "name", "") == "3d":
+            ax.plot(self.east, self.north, self.tvd)
+            ax.set(xlabel="east, m", ylabel="north, m", zlabel="true vertical depth, m")
+            ax.invert_zaxis()
+            return ax
+        ax = draw(ax, {"": (self.east, self.north)}, "east, m", "north, m")
+        ax.set_aspect("equal", adjustable="datalim")
+        return ax
 
 
 class Tortuosity(NamedTuple):
@@ -285,6 +303,7 @@ def tortuosity(path: Path) -> Tortuosity:
     >>> [float(np.degrees(x[-1]).round(9)) + 0.0 for x in tortuosity(path)[:3]]
     [4.0, 0.0, 4.0]
     """
+    check_record(path, Path, "tortuosity")
     cumulative = np.concatenate([[0.0], np.cumsum(path.dogleg)])
     t = directions(path.inclination, path.azimuth)
     net = 2.0 * np.arctan2(np.linalg.norm(t - t[0], axis=1), np.linalg.norm(t + t[0], axis=1))
@@ -363,6 +382,7 @@ def interpolate(path: Path, md: ArrayLike) -> Points:
     >>> float(np.degrees(half.inclination[0]).round(9)), float(half.east[0].round(6)), float(half.tvd[0].round(6))
     (45.0, 292.893219, 707.106781)
     """
+    check_record(path, Path, "interpolate")
     depth = _depths(md)
     low, high = path.md[0], path.md[-1]
     _refuse((depth < low) | (depth > high), depth, f"{low:.10g} to {high:.10g} m; project the path to go beyond it")
@@ -515,8 +535,8 @@ def _refuse(bad: Mask, depth: Array, allowed: str) -> None:
         raise InputError(f"md[{at}] is {depth[at]:.10g} m; allowed {allowed}")
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Tabular):
     """Differences of two paths at m common depths, second less first.
 
     md : (m,) m.
@@ -537,6 +557,15 @@ class Comparison:
     along_hole: Array
     inclination: Array
     azimuth: Array
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a depth: the second path less the first."""
+        lengths = ("md", "north", "east", "tvd", "separation", "high_side", "lateral", "along_hole")
+        return {**{f"{name}_m": getattr(self, name) for name in lengths}, **in_degrees(self, "inclination", "azimuth")}
+
+    def plot(self, ax: Any = None) -> Any:
+        """Distance of the two paths by depth on matplotlib axes, which are returned."""
+        return draw(ax, {"": (self.separation, self.md)}, "separation, m", "measured depth, m", down=True)
 
 
 def compare_paths(first: Path, second: Path, md: ArrayLike | None = None) -> Comparison:
@@ -564,6 +593,8 @@ def compare_paths(first: Path, second: Path, md: ArrayLike | None = None) -> Com
     >>> float(found.north[0].round(4)), float(found.separation[0].round(4)), float(found.along_hole[0].round(4))
     (1.7452, 1.7453, -0.0152)
     """
+    check_record(first, Path, "compare_paths")
+    check_record(second, Path, "compare_paths")
     if md is None:
         low, high = max(first.md[0], second.md[0]), min(first.md[-1], second.md[-1])
         if low > high:
@@ -630,6 +661,7 @@ def interpolation_jacobian(path: Path, md: ArrayLike) -> Array:
     >>> interpolation_jacobian(path, 50.0)[0, 3, [4, 7]], interpolation_jacobian(path, 50.0)[0, 0, 0]
     (array([0.5, 0.5]), np.float64(1.0))
     """
+    check_record(path, Path, "interpolation_jacobian")
     point = interpolate(path, md)
     return _arc_jacobian(path, point.md, point.inclination, point.azimuth)
 

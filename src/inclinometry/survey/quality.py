@@ -19,6 +19,7 @@ from inclinometry.survey.flags import ROUNDING, Check, worst
 from inclinometry.survey.multistation import STEEP, invariants, invariants_jacobian, toolface_gap
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
+from inclinometry.tabular import Column, Tabular, degrees
 
 
 class Quantity(NamedTuple):
@@ -556,8 +557,8 @@ class FieldLimits:
                 raise InputError(f"limit of {name} is {value:g}; it must be positive and at most {most:g}")
 
 
-@dataclass(frozen=True, eq=False)
-class FieldQuality:
+@dataclass(frozen=True, eq=False, repr=False)
+class FieldQuality(Tabular):
     """n stations judged; columns of the (n, 3) arrays are |g| (m/s^2), |b| (nT), dip (rad).
 
     found : (n, 3) measured.  difference : (n, 3) measured minus reference.
@@ -593,6 +594,14 @@ class FieldQuality:
     def verdict(self) -> str:
         """On the whole: "pass", "not judged" or "fail"."""
         return worst(self.checks)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: |g|, |b| and dip found, their differences from the reference and limits, the verdict."""
+        found: dict[str, Column] = {"md_m": self.md}
+        for start, values in (("", self.found), ("difference_", self.difference), ("limit_", self.limit)):
+            found |= {f"{start}g_m_s2": values[:, 0], f"{start}b_nT": values[:, 1]}
+            found[f"{start}dip_deg"] = degrees(values[:, 2])
+        return found | {"distance": self.distance, "verdict": list(self.verdicts), "reason": list(self.reasons)}
 
 
 def judge_fields(

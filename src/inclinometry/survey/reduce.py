@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +30,7 @@ from inclinometry.survey.flags import (
 from inclinometry.survey.multistation import REPLACED, SOURCE, Model, MultiStation, Parameter
 from inclinometry.survey.multistation_priors import FieldReference, Priors
 from inclinometry.survey.stations import Source, Stations
+from inclinometry.tabular import Column, Tabular, check_record, draw, in_degrees
 from inclinometry.uncertainty import angle_sd
 
 
@@ -195,7 +197,7 @@ BLOCK = 20_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Survey:
+class Survey(Tabular):
     """Stations of a survey; angles in rad.
 
     azimuth_reference : "magnetic", "true" or "grid": the north that azimuth counts from
@@ -260,6 +262,21 @@ class Survey:
     def u_toolface(self) -> Array:
         """Standard uncertainty of toolface, rad."""
         return self.u("toolface")
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: depth, angles and their standard uncertainties, fields and flags."""
+        found: dict[str, Column] = {"md_m": self.md, **in_degrees(self, "inclination", "azimuth")}
+        found["azimuth_reference"] = [self.azimuth_reference] * len(self)
+        found |= in_degrees(self, "toolface", "magnetic_toolface")
+        found |= {"g_total_m_s2": self.g_total, "b_total_nT": self.b_total, **in_degrees(self, "dip")}
+        found |= in_degrees(self, "u_inclination", "u_azimuth", "u_toolface")
+        return found | {"flags": ["|".join(names) for names in self.flags]}
+
+    def plot(self, ax: Any = None) -> Any:
+        """Inclination and azimuth by depth on matplotlib axes, which are returned."""
+        angles = {"inclination": self.inclination, f"azimuth from {self.azimuth_reference} north": self.azimuth}
+        lines = {name: (np.degrees(angle), self.md) for name, angle in angles.items()}
+        return draw(ax, lines, "angle, deg", "measured depth, m", "o", down=True)
 
 
 def reduce_survey(
@@ -328,6 +345,7 @@ def reduce_survey(
     >>> np.degrees(s.inclination).round(4), s.azimuth_reference
     (array([30.]), 'magnetic')
     """
+    check_record(tool, Tool, "reduce_survey")
     depth = finite(md, "md", (None,))
     if not depth.size:
         raise InputError("no stations: md is empty")

@@ -18,6 +18,7 @@ from inclinometry.orientation import inclination_toolface
 from inclinometry.rotations import cross_matrix, rotation_y, rotation_z
 from inclinometry.survey.reduce import Survey
 from inclinometry.survey.stations import Source, Stations
+from inclinometry.tabular import check_record
 
 _TOUCH: Final = 1e-9  # m
 
@@ -458,6 +459,7 @@ def correct_survey(survey: Survey, bha: Bha) -> Survey:
     InputError
         Corrected before; as `deflection`.
     """
+    check_record(survey, Survey, "correct_survey")
     if SOURCE in survey.components:
         raise InputError("this survey has been corrected for sag; give the survey before it")
     found = run_sag(survey.md, survey.inclination, bha)

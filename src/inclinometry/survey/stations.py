@@ -11,6 +11,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.errors import InputError
+from inclinometry.tabular import Column, Tabular
 
 
 class Source(NamedTuple):
@@ -24,8 +25,8 @@ class Source(NamedTuple):
     covariance: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Stations:
+@dataclass(frozen=True, eq=False, repr=False)
+class Stations(Tabular):
     """n stations of one run in tool axes.
 
     md : (n,) m, increasing.
@@ -79,3 +80,10 @@ class Stations:
         for source in self.sources.values():
             total += source.by_field @ source.covariance @ np.swapaxes(source.by_field, 1, 2)
         return total
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station: depth, gravity and magnetic field in tool axes, temperature."""
+        found: dict[str, Column] = {"md_m": self.md}
+        found |= {f"g{axis}_m_s2": column for axis, column in zip("xyz", self.g.T, strict=True)}
+        found |= {f"b{axis}_nT": column for axis, column in zip("xyz", self.b.T, strict=True)}
+        return found | ({} if self.temperature is None else {"temperature_degC": self.temperature})

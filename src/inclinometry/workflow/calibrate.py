@@ -19,13 +19,14 @@ from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, e
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import DIP, KINDS, SHORT_INCLINATIONS, STEPS
+from inclinometry.constants import ANGLES, DIP, KINDS, SHORT_INCLINATIONS, STEPS
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.orientation import angles, fields
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
+from inclinometry.tabular import Column, Tabular, check_record, degrees
 
 if TYPE_CHECKING:
     from inclinometry.earth.site import Site
@@ -269,8 +270,8 @@ def named_degrees(found: ExpectedUncertainty) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Tabular):
     """Methods side by side.
 
     attempts : in the order of the table of methods
@@ -284,6 +285,22 @@ class Comparison:
     uncertainty: Mapping[str, ExpectedUncertainty]
     error: Mapping[str, Array]
 
+    def to_dict(self) -> dict[str, Column]:
+        """One row a method and inclination: uncertainty, error where the truth is known; why a method failed."""
+        rows = [(a, place) for a in self.attempts for place in range(len(self.inclination) if a.calibration else 1)]
+        blank = np.full((len(self.inclination), 4), np.nan)
+        expected = {name: found.of_one_reading for name, found in self.uncertainty.items()}
+        found: dict[str, Column] = {"method": [a.method for a, _ in rows]}
+        inclination = [self.inclination[place] if a.calibration else np.nan for a, place in rows]
+        found["inclination_deg"] = degrees(inclination)
+        for column, name in enumerate(ANGLES):
+            found[f"u_{name}_deg"] = degrees([expected.get(a.method, blank)[place, column] for a, place in rows])
+        if self.error:
+            for column, name in enumerate(ANGLES):
+                errors = [self.error.get(a.method, blank)[place, column] for a, place in rows]
+                found[f"error_{name}_deg"] = degrees(errors)
+        return found | {"reason": [a.reason for a, _ in rows]}
+
 
 def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Options | None = None) -> Comparison:
     """Run every applicable method on the same readings, each with what it can use of the options.
@@ -293,6 +310,7 @@ def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Opti
     InputError
         Readings with dials that the joint fit refuses: in another convention, or against what is stated of the stand.
     """
+    check_record(readings, BenchReadings, "compare")
     options = options or Options()
     completed, stand = known_stand(readings, options)
     attempts = attempt_all(completed, left_handed=options.left_handed, nameplate=options.nameplate, **stand)

@@ -39,6 +39,7 @@ from inclinometry.orientation import SWITCH, Angles, angles_jacobian, fields
 from inclinometry.rotations import TAU, dcm_from_quaternion, quaternion_from_dcm, rotation_z
 from inclinometry.sensors import angle_sensitivity
 from inclinometry.survey.reduce import turned_to_north
+from inclinometry.tabular import check_record
 from inclinometry.uncertainty import UNKNOWN
 from inclinometry.workflow.dynamic_methods import (
     LONGEST,
@@ -470,6 +471,8 @@ def dynamic_run(
         A method whose triads the run has not; a calibration of another tool; a site that lacks what its north
         reference needs.
     """
+    check_record(run, RunFile, "dynamic_run")
+    check_record(site, Site, "dynamic_run")
     chosen = options or DynamicOptions()
     method = chosen_method(chosen.method)
     place, said = completed(site)

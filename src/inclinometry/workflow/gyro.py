@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from inclinometry.survey.flags import HEAT_MARGIN, Check
 from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.gyro_quality import rate_unit_suspect
 from inclinometry.survey.reduce import Survey
+from inclinometry.tabular import Column, Tabular, check_record
 from inclinometry.workflow.gyro_average import Averages, average_run, gravity_suspect
 from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, gravity_scale, misfit_hint, refusal
 from inclinometry.workflow.gyro_methods import ScalePrior, Stations, solve, stations_of
@@ -87,8 +88,8 @@ class GyroOptions:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class GyroRun:
+@dataclass(frozen=True, eq=False, repr=False)
+class GyroRun(Tabular):
     """A reduced run.
 
     survey : stations in order of depth.
@@ -128,6 +129,15 @@ class GyroRun:
             track.scale_sd, tuple(bool(v) for v in track.learnt), dict(self.inputs),
         )  # fmt: skip
 
+    def to_dict(self) -> dict[str, Column]:
+        """One row a station in the order measured: depth, temperature, angles, scale factor and flags."""
+        heat = {} if self.temperature is None else {"temperature_degC": self.temperature}
+        return {"md_m": self.md, **heat, **self.north.to_dict()}
+
+    def plot(self, ax: Any = None) -> Any:
+        """Inclination and azimuth by depth on matplotlib axes, which are returned."""
+        return self.survey.plot(ax)
+
 
 def north_run(
     readings: GyroReadings,
@@ -156,6 +166,8 @@ def north_run(
     InputError
         No latitude; temperatures missing where the prior needs them.
     """
+    check_record(readings, GyroReadings, "north_run")
+    check_record(site, Site, "north_run")
     chosen = options or GyroOptions()
     _check_history(chosen.history, readings, calibration)
     if site.latitude is None or site.gravity is None:

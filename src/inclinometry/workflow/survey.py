@@ -20,6 +20,7 @@ from inclinometry.files.writing import write_columns
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.reduce import Survey, reduce_survey
+from inclinometry.tabular import check_record
 from inclinometry.workflow.field import completed
 from inclinometry.workflow.six_axis import (
     JudgedStations,
@@ -57,6 +58,8 @@ def survey_raw(
     gravity_sd : float, optional
         As `reduce_survey`.
     """
+    check_record(raw, RawSurvey, "survey_raw")
+    check_record(calibration, Calibration, "survey_raw")
     same_units(raw.units, calibration)
     found = reduce_survey(
         raw.md,
@@ -153,6 +156,7 @@ def write_survey(survey: Survey, path: str | Path, *, switch: float = SWITCH) ->
     switch : float
         rad, inclination below which `toolface_type` says magnetic, from there on gravity.
     """
+    check_record(survey, Survey, "write_survey")
     names = ("md", "inclination", "azimuth", "toolface", "magnetic_toolface", "g_total", "b_total", "dip")
     columns = {name: getattr(survey, name) for name in names}
     columns |= {name: getattr(survey, name) for name in ("u_inclination", "u_azimuth", "u_toolface")}

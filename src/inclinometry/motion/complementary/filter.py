@@ -11,6 +11,7 @@ from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.motion.result import METHODS, Attitude, Samples
 from inclinometry.settings import Range, Settings
+from inclinometry.tabular import check_record
 
 # Settings of the filter in the almost-inertial frame.
 
@@ -198,6 +199,7 @@ def complementary_attitude(samples: Samples, settings: ComplementarySettings | N
     >>> bool(found.angles.inclination[-1] < 1e-9), len(found)
     (True, 300)
     """
+    check_record(samples, Samples, "complementary_attitude")
     stream = ComplementaryStream(samples.interval, settings, magnetometer=samples.has("mag"))
     return replace(stream.push(samples), notes=stream.notes())
 

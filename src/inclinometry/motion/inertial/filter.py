@@ -27,6 +27,7 @@ from inclinometry.motion.inertial.window import (
 from inclinometry.motion.result import BITS, LARGEST_BREAK, METHODS, Attitude, Samples, joined, refusals
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.rotations import dcm_from_quaternion
+from inclinometry.tabular import check_record
 
 # A state of the filter as a row of the common result: flags and quality.
 
@@ -348,6 +349,7 @@ def inertial_attitude(
     >>> np.degrees(rows.angles.inclination).round(3), np.degrees(rows.angles.azimuth).round(3)
     (array([30., 30., 30., 30.]), array([60., 60., 60., 60.]))
     """
+    check_record(samples, Samples, "inertial_attitude")
     return _whole(InertialStream(settings, site, start), samples)
 
 
@@ -405,6 +407,7 @@ def gyro_attitude(
     >>> [float(np.degrees(x[-1]).round(2)) for x in (rows.angles.azimuth, rows.u.azimuth)]
     [60.0, 0.28]
     """
+    check_record(samples, Samples, "gyro_attitude")
     return _whole(GyroStream(settings, site, start), samples)
 
 

@@ -40,6 +40,7 @@ from inclinometry.motion.reference import SiteCheck, departure, inflated
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined
 from inclinometry.orientation import angles, dip_angle, dip_jacobian
 from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_z
+from inclinometry.tabular import check_record
 from inclinometry.uncertainty import propagate
 
 # By how much the clocks of magnetometer, accelerometer and gyro differ: phase that grows with the speed of rotation.
@@ -662,6 +663,7 @@ def magnetic_attitude(samples: Samples, settings: MagneticSettings | None = None
     >>> [round(float(column[0]), 6) for column in row.angles[:2]], round(float(row.rate[0]), 6)
     ([0.5, 1.0], 9.0)
     """
+    check_record(samples, Samples, "magnetic_attitude")
     stream = MagneticStream(settings)
     return joined([stream.push(samples), stream.finish()])
 
