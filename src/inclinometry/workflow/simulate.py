@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,6 +69,14 @@ def plan_named(name: str) -> Plan:
     raise InputError(f"plan {name!r} is unknown; allowed: {', '.join(PLANS)}, or a CSV file (of `inclinometry plan`)")
 
 
+class SimulatedBench(NamedTuple):
+    """Readings, the tool behind them and what else the simulation knows."""
+
+    readings: BenchReadings
+    truth: Tool
+    extras: Mapping[str, Any]
+
+
 def bench(
     plan: Plan,
     seed: int,
@@ -82,7 +90,7 @@ def bench(
     temperature_degree: int = 0,
     truth: tuple[Tool, Rig | None] | None = None,
     characteristic: Mapping[str, Characteristic] | None = None,
-) -> tuple[BenchReadings, Tool, dict[str, Any]]:
+) -> SimulatedBench:
     """Simulate a bench run of a plan.
 
     Parameters
@@ -161,7 +169,7 @@ def bench(
             "north_offset_deg": float(np.degrees(run.rig.north_offset)),
         },
     }
-    return readings, run.tool, extras
+    return SimulatedBench(readings, run.tool, extras)
 
 
 def characteristics(
