@@ -83,7 +83,11 @@ def displacement_report(
             Section(
                 "Check-sums",
                 pictures=[
-                    picture(sums_figure(base, base_sums, found, axis), f"sums{axis}", f"Axis {axis.upper()}: A0 + A180")
+                    picture(
+                        sums_figure(base, base_sums, found, axis),
+                        f"sums{axis}",
+                        f"Axis {axis.upper()}: {axis.upper()}0 + {axis.upper()}180",
+                    )
                     for axis in axes
                     if base_sums[axis] is not None
                 ],
