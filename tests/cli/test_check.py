@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import re
 import sys
 import types
 from pathlib import Path
@@ -54,10 +55,17 @@ def test_units_that_the_names_do_not_state(run):
     assert (wrong.status, "unit 'yard' is not known" in wrong.err) == (2, True)
 
 
-def test_a_profile_without_a_table_is_refused(run):
+def test_check_with_the_units_stated(run):
+    Path("a.csv").write_text("MD,INC,AZI\n0,0,0\n1000,10.5,20\n")
+    done = run("check", "a.csv", "--units", "ft,deg")
+    assert re.search(r"MD +│ +md_m", done.out)
+    assert "not known" not in done.out
+
+
+def test_a_profile_without_a_table_is_said(run):
     done = run("list", "plans", "--units", "ft")
-    assert done.status == 2
-    assert "--units had no table to be used for" in done.err
+    assert done.status == 0
+    assert "warning: --units had no table to be used for" in done.err
 
 
 def test_standard_input_and_output(run, monkeypatch):
@@ -118,6 +126,8 @@ def test_no_file_no_table(run):
     done = run("check", "empty.csv")
     assert done.status == 2
     assert "the file is empty" in done.err
+    Path("blank.csv").write_text("\n\n# nothing\n")
+    assert run("check", "blank.csv").status == 2
     Path("prose.txt").write_text("Dear colleague\nhere are the data\nas promised.\n")
     assert "can take it" not in run("check", "prose.txt").out
 
@@ -180,3 +190,7 @@ def test_each_file_of_a_folder_one_table_one_exit_status(run):
     assert done.out.count("nothing was written") == 3
     assert "put {stem} into the name" in run("calibrate", "--each", "runs", "-o", "x.json").err
     assert "no such file" in run("calibrate", "--each", "none/*.csv").err
+    assert "put {stem} into the name" in run("calibrate", "--each=runs", "--output=x.json").err
+    assert "put {stem} into the name" in run("convert", "--each", "runs", "all.las").err
+    Path("runs/bad.txt").write_text("")
+    assert "two files are called 'bad'" in run("calibrate", "--each", "runs", "-o", "out/{stem}.json").err

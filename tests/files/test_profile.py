@@ -119,7 +119,10 @@ def test_a_profile_lays_out_names_converts_and_turns(tmp_path):
 
 def test_a_unit_in_the_name_is_not_talked_away(tmp_path):
     (tmp_path / "a.csv").write_text("MD (ft),inclination_deg\n100,1\n")
-    with reading_with(Profile(columns={"MD (ft)": "md_m"})), pytest.raises(FileError, match="states a unit"):
+    with (
+        reading_with(Profile(columns={"MD (ft)": "md_m"})),
+        pytest.raises(FileError, match="is in 'ft', the profile says 'm'"),
+    ):
         read_table(tmp_path / "a.csv")
     with reading_with(Profile(columns={"MD (ft)": "md_m"}, given={"MD (ft)": "ft"})):
         assert np.isclose(read_table(tmp_path / "a.csv").number("md_m")[0], 30.48)
@@ -198,3 +201,145 @@ def test_what_would_swallow_memory_is_refused(tmp_path):
     pq.write_table(pa.table({"accel_x": zeros, "accel_y": zeros}), tmp_path / "zeros.parquet")
     with pytest.raises(FileError, match="120,000,000 values"):
         read_bench(tmp_path / "zeros.parquet")
+
+
+def test_axes_hold_for_the_columns_of_a_survey_as_for_channels(tmp_path):
+    """As the convention stated to the reader itself."""
+    from inclinometry.files.six_axis import read_six_axis
+
+    text = "MD (m),Gx (g),Gy (g),Gz (g),Bx (nT),By (nT),Bz (nT)\n100,0.2,0.1,0.97,20000,10000,44000\n"
+    (tmp_path / "six.csv").write_text(text)
+    (tmp_path / "up.toml").write_text('convention = "z-up"\n')
+    (tmp_path / "by.toml").write_text('[axes]\naccelerometer = ["-x", "y", "z"]\nmagnetometer = ["x", "-y", "-z"]\n')
+    expected = read_six_axis(tmp_path / "six.csv", convention="z-up")
+    for name in ("up.toml", "by.toml"):
+        with reading_with(tmp_path / name):
+            found = read_six_axis(tmp_path / "six.csv")
+        np.testing.assert_allclose(found.g, expected.g, rtol=1e-12)
+        np.testing.assert_allclose(found.b, expected.b, rtol=1e-12)
+
+
+def test_sets_of_shots_keep_together(tmp_path):
+    nan = [None, None, None]
+    shots = {"mag": [[1, 2, 3], nan, [7, 8, 9], nan], "grav": [[1, 2, 3], [4, 5, 6], [7, 8, 9], nan]}
+    (tmp_path / "a.json").write_text(json.dumps(shots))
+    with reading_with("sap6"), pytest.raises(FileError, match="line 3: column 'mag_x_uT' is empty"):
+        read_bench(tmp_path / "a.json")
+    shots["mag"][1] = [4, 5, 6]
+    (tmp_path / "a.json").write_text(json.dumps(shots))
+    with reading_with("sap6"):
+        assert len(read_bench(tmp_path / "a.json").channels["accelerometer"]) == 3
+    shots["grav"] = shots["grav"][:3]
+    (tmp_path / "a.json").write_text(json.dumps(shots))
+    with reading_with("sap6"), pytest.raises(FileError, match="rows, others"):
+        read_bench(tmp_path / "a.json")
+
+
+WELL = "MD,INC,AZI\n0,0,0\n{}\n2000,20,21\n"
+
+
+def test_a_layout_is_as_strict_as_none(tmp_path):
+    stated = {"constants": {"azimuth_reference": "true"}, "units": ("m", "deg")}
+    (tmp_path / "hash.csv").write_text(WELL.format("#1000,80,90"))
+    with reading_with(Profile(**stated)), pytest.raises(FileError, match="line 3: this comment has as many cells"):
+        read_well(tmp_path / "hash.csv")
+    for rows, wanted in {"1,500;10;20\n2,000;20;21": "may mean", "1.000;10,5;20": "has a decimal comma"}.items():
+        (tmp_path / "comma.csv").write_text(f"MD;INC;AZI\n0;0;0\n{rows}\n")
+        with reading_with(Profile(**stated)), pytest.raises(FileError, match=wanted):
+            read_well(tmp_path / "comma.csv")
+    (tmp_path / "comma.csv").write_text("MD;INC;AZI\n0;0;0\n1500,5;10,25;20\n")
+    with reading_with(Profile(**stated)):
+        assert read_well(tmp_path / "comma.csv").md[1] == 1500.5
+
+
+def test_gzip_of_several_parts(tmp_path):
+    parts = [b"accel_x,accel_y\n1,2\n", b"3,4\n", b"5,6\n"]
+    (tmp_path / "a.csv.gz").write_bytes(b"".join(map(gzip.compress, parts)) + bytes(100))
+    assert read_table(tmp_path / "a.csv.gz").number("accel_x").tolist() == [1.0, 3.0, 5.0]
+
+
+@pytest.mark.parametrize("units", ["m,deg,mG,g", "g,mG,deg,m"])
+def test_the_order_of_units_decides_nothing(tmp_path, units):
+    from inclinometry.files.six_axis import read_six_axis
+
+    (tmp_path / "a.csv").write_text("MD,GX,GY,GZ,BX,BY,BZ\n100,0.2,0.1,0.97,200,100,440\n")
+    with reading_with(None, units):
+        found = read_six_axis(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.g[0], 9.80665 * np.array([0.2, 0.1, 0.97]))
+    np.testing.assert_allclose(found.b[0], [20_000.0, 10_000.0, 44_000.0])
+
+
+def test_a_name_that_may_be_two_things_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("azimuth_deg,inclination_deg,toolface_deg,AX,AY,AZ\n0,0,0,1,2,1000\n")
+    for units in ("deg,mg", "mg,deg"):
+        with reading_with(None, units), pytest.raises(FileError, match="'AZ' may be"):
+            read_bench(tmp_path / "a.csv")
+    with pytest.raises(InputError, match="of two quantities"), reading_with(None, "F"):
+        pass
+
+
+def test_units_below_the_names_and_a_profile(tmp_path):
+    (tmp_path / "a.txt").write_text("Ax;Ay;MD\nmg;mg;ft\n1;2;100\n")
+    swapped = {"Ax": "accel_y_mg", "Ay": "accel_x_mg"}
+    with reading_with(Profile(separator=";", units_row=True, columns=swapped)):
+        table = read_table(tmp_path / "a.txt")
+    assert (table.number("accel_x_mg"), table.number("accel_y_mg")) == (2.0, 1.0)
+    assert np.isclose(table.number("md_m"), 30.48)
+    with (
+        reading_with(Profile(separator=";", units_row=True, columns={"MD": "md_m"})),
+        pytest.raises(FileError, match="line 2: column 'MD' is in 'ft', the profile says 'm'"),
+    ):
+        read_table(tmp_path / "a.txt")
+
+
+def test_a_profile_may_not_contradict_a_unit_by_another_name(tmp_path):
+    (tmp_path / "a.csv").write_text("MD (m),Gx (g)\n100,1\n")
+    for columns in ({"MD (m)": "md_ft"}, {"Gx (g)": "accel_x_mg"}):
+        with reading_with(Profile(columns=columns)), pytest.raises(FileError, match="the profile says"):
+            read_table(tmp_path / "a.csv")
+
+
+def test_the_north_in_a_name_counts(tmp_path):
+    (tmp_path / "a.csv").write_text("MD (m),INC (deg),AZM (deg)\n0,0,0\n100,5,9\n")
+    assert read_well(tmp_path / "a.csv").azimuth_reference == "magnetic"
+    with (
+        reading_with(Profile(constants={"azimuth_reference": "true"})),
+        pytest.raises(FileError, match="count from magnetic north by the name of their column"),
+    ):
+        read_well(tmp_path / "a.csv")
+
+
+def test_hdf5_units_and_names(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as stored:
+        for kind in ("accel", "mag"):
+            for axis in "xyz":
+                stored[f"{kind}/{axis}"] = np.arange(3.0)
+        stored["MD"] = np.array([0.0, 1000.0, 2000.0])
+        stored["MD"].attrs["units"] = "ft"
+    table = read_table(tmp_path / "a.h5")
+    assert {"accel_x", "mag_x"} <= set(table.header)
+    assert np.isclose(table.number("md_m")[-1], 609.6)
+
+
+def test_a_profile_holds_for_every_format(tmp_path):
+    from inclinometry.files.six_axis import read_six_axis
+    from inclinometry.workflow.convert import convert
+
+    (tmp_path / "six.csv").write_text(
+        "MD (m),Gx (g),Gy (g),Gz (g),Bx (nT),By (nT),Bz (nT)\n100,.2,.1,.97,1e4,2e4,4e4\n"
+    )
+    for ending in ("xlsx", "parquet", "las"):
+        convert(tmp_path / "six.csv", tmp_path / f"six.{ending}")
+        with reading_with(Profile(axes={"accelerometer": ("y", "x", "z")})):
+            found = read_six_axis(tmp_path / f"six.{ending}")
+        np.testing.assert_allclose(found.g[0], 9.80665 * np.array([0.1, 0.2, 0.97]), rtol=1e-9)
+
+
+def test_constants_and_axes_that_cannot_be_meant(tmp_path):
+    for text in (
+        "[constants]\nx = [1, 2]", "[constants]\nx = true", "[constants]\nx = nan", "[constants]\nx = 1979-05-27",
+        '[axes]\naccelerometer = ["x", "y", "--z"]', 'convention = "z-up"\n[axes]\naccelerometer = ["x", "y", "z"]',
+    ):  # fmt: skip
+        (tmp_path / "p.toml").write_text(text)
+        with pytest.raises(FileError):
+            read_profile(tmp_path / "p.toml")

@@ -56,10 +56,10 @@ def _run(arguments: list[str]) -> int:
     from rich.console import Console
 
     from inclinometry.cli.app import app
-    from inclinometry.errors import InclinometryError, InputError
+    from inclinometry.errors import InclinometryError
 
     try:
-        if "--each" in arguments and "--help" not in arguments:
+        if any(word.partition("=")[0] == "--each" for word in arguments) and "--help" not in arguments:
             from inclinometry.cli.each import run_each
 
             return run_each(arguments, _run)
@@ -76,7 +76,7 @@ def _run(arguments: list[str]) -> int:
                 arguments, console=console, exit_on_error=False, print_error=False, result_action="return_value"
             )
             if not used:
-                raise InputError(f"{' and '.join(stated)} had no table to be used for; leave it out")
+                _say(f"warning: {' and '.join(stated)} had no table to be used for")
     except MissingArgumentError as error:
         # of a required option that is not there at all the framework says that it "requires an argument"
         missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far

@@ -25,22 +25,33 @@ def run_each(arguments: list[str], run: Callable[[list[str]], int]) -> int:
     InputError
         No file; no pattern; an output that would be written over by each file.
     """
-    place = arguments.index("--each")
-    if place + 1 == len(arguments):
+    words = [part for word in arguments for part in (word.split("=", 1) if word.startswith("--each=") else [word])]
+    place = words.index("--each")
+    if place + 1 == len(words):
         raise InputError("--each needs a pattern in quotes, or a folder")
-    pattern, rest = arguments[place + 1], (arguments[:place], arguments[place + 2 :])
-    files = _files(pattern)
-    for option, value in zip(rest[1], rest[1][1:], strict=False):
-        if option in ("-o", "--output", "--report") and "{stem}" not in value:
-            raise InputError(f"{option} {value}: each file would write over it; put {{stem}} into the name")
+    files, rest = _files(words[place + 1]), (words[:place], words[place + 2 :])
+    stems = [Path(file.name.removesuffix(".gz")).stem for file in files]
+    named = any("{stem}" in word for part in rest for word in part)
+    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    if named and twice is not None:
+        raise InputError(f"--each: two files are called {twice!r}, and one would write over the other; rename one")
+    writes = {"-o", "--output", "--report", "--sources", "--truth", "--path", "--dcc"}
+    outputs = [f"{a} {b}" for a, b in zip(rest[1], rest[1][1:], strict=False) if a in writes]
+    outputs += [word for word in rest[1] if word.partition("=")[0] in writes and "=" in word]
+    outputs += rest[1][:1] if "convert" in rest[0] else []
+    for option in outputs:
+        if "{stem}" not in option and len(files) > 1:
+            raise InputError(f"{option}: each file would write over it; put {{stem}} into the name")
     rows: list[list[str]] = []
     worst = 0
-    for file in files:
-        before, behind = ([word.replace("{stem}", file.name.partition(".")[0]) for word in part] for part in rest)
+    for file, stem in zip(files, stems, strict=True):
+        before, behind = ([word.replace("{stem}", stem) for word in part] for part in rest)
+        # a name that begins with a hyphen is no option
+        name = f"./{file}" if str(file).startswith("-") else str(file)
         said, complained = io.StringIO(), io.StringIO()
         label = f"{len(rows) + 1} of {len(files)}: {file.name}"
         with output.busy(label), redirect_stdout(said), redirect_stderr(complained):
-            status = run([*before, str(file), *behind])
+            status = run([*before, name, *behind])
         lines = (complained if status > 1 else said).getvalue().strip().splitlines() or [""]
         warned = sum("warning" in line for line in complained.getvalue().splitlines())
         rows.append([file.name, str(status), str(warned or ""), lines[-1].removeprefix("inclinometry: ")[:200]])

@@ -222,16 +222,17 @@ def same_unit(one: str, other: str) -> bool:
 
 
 def dimension_of(unit: str) -> str | None:
-    """What is measured in this unit; None where it is not known.
+    """What is measured in this unit; None where it is not known, or may be of two quantities (F: feet or Fahrenheit).
 
     Examples
     --------
-    >>> dimension_of("ft"), dimension_of("gauss"), dimension_of("G"), dimension_of("furlong")
-    ('length', 'magnetic', 'magnetic', None)
+    >>> dimension_of("ft"), dimension_of("gauss"), dimension_of("G"), dimension_of("furlong"), dimension_of("F")
+    ('length', 'magnetic', 'magnetic', None, None)
     """
     known = _data()["units"]
     exact = [dimension for dimension in known if f"={unit.strip()}" in _units(dimension)]
-    return next((d for d in (*exact, *known) if _unit(unit, d) is not None), None)
+    found = exact or [dimension for dimension in known if _unit(unit, dimension) is not None]
+    return found[0] if len(found) == 1 else None
 
 
 def unit_factor(unit: str, own: str) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from inclinometry.digest import digest_file
 from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import is_number
 from inclinometry.files.exchange import Column, Sheet, SurveyFile, row_error, survey_of
+from inclinometry.files.profile import PLAIN, current
 from inclinometry.files.survey_csv import columns_of
 from inclinometry.files.writing import number, replacing
 
@@ -153,6 +154,10 @@ def read_excel(
     >>> survey.tvd, survey.header["well"]
     (array([ 0. , 29.5]), 'A-1')
     """
+    if sheet is None and current() != PLAIN:
+        from inclinometry.files.six_axis import read_csv
+
+        return read_csv(path, convention=convention, azimuth_reference=azimuth_reference)
     where = Path(path)
     with _workbook(where, values=True) as book:
         titles = book.sheetnames

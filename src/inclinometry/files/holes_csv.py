@@ -22,7 +22,7 @@ IDS: Final = (
     "hole", "holeid", "holename", "holeno", "bhid", "dhid", "borehole", "boreholeid", "drillhole", "drillholeid",
 )  # fmt: skip
 DEPTH: Final = ("md", "measureddepth", "depth", "dept", "at", "distance", "surveydepth")
-DIP: Final = ("dip", "dipangle", "plunge")
+_DIP: Final = ("dip", "dipangle", "plunge")
 INCLINATION: Final = ("inclination", "incl", "inc")
 AZIMUTH: Final = ("azimuth", "azim", "azi", "az", "bearing", "brg")
 EAST: Final = ("x", "east", "easting", "xcollar", "collarx")
@@ -67,7 +67,7 @@ def read_shots(path: str | Path, progress: Progress | None = None) -> Shots:
     """
     wanted = {
         "depth": (DEPTH, "m"),
-        "dip": (DIP, "rad"),
+        "dip": (_DIP, "rad"),
         "inclination": (INCLINATION, "rad"),
         "azimuth": (AZIMUTH, "rad"),
     }

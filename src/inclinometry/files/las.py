@@ -19,6 +19,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
 from inclinometry.files._quantities import meaning, same_unit
 from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
+from inclinometry.files.profile import PLAIN, current
 from inclinometry.files.survey_csv import OutColumn, columns_of
 from inclinometry.files.writing import number, write_text
 
@@ -179,6 +180,10 @@ def read_las(path: str | Path, *, convention: str = "native", azimuth_reference:
     >>> survey.tvd
     array([ 0., nan])
     """
+    if current() != PLAIN:
+        from inclinometry.files.six_axis import read_csv
+
+        return read_csv(path, convention=convention, azimuth_reference=azimuth_reference)
     return survey_of(las_sheet(Path(path)), convention=convention, azimuth_reference=azimuth_reference)
 
 

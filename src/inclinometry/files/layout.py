@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, InputError
 from inclinometry.files.profile import Profile
 from inclinometry.files.table import MOST_COLUMNS, Block
 
@@ -78,13 +78,13 @@ def _block(first: int, lines: list[str]) -> Block:
     return Block(first, lines, text.isascii() and "_" not in text)
 
 
-def _line(cells: Sequence[str]) -> str:
-    """Cells between commas, quoted where they hold one."""
-    line = ",".join(cells)
-    if line.count(",") == len(cells) - 1 and '"' not in line and "\n" not in line and "\r" not in line:
+def _line(cells: Sequence[str], mark: str = ",") -> str:
+    """Cells between marks, quoted where they hold one."""
+    line = mark.join(cells)
+    if line.count(mark) == len(cells) - 1 and '"' not in line and "\n" not in line and "\r" not in line:
         return line
     plain = (cell.replace("\n", " ").replace("\r", " ").replace('"', '""') for cell in cells)
-    return ",".join(f'"{cell}"' for cell in plain)
+    return mark.join(f'"{cell}"' for cell in plain)
 
 
 def _arrays(path: Path, found: Mapping[str, Any]) -> tuple[list[str], Iterable[Sequence[str]]]:
@@ -106,6 +106,8 @@ def _arrays(path: Path, found: Mapping[str, Any]) -> tuple[list[str], Iterable[S
     columns: dict[str, Array] = {}
     for name, array in arrays.items():
         if len(array) != rows:
+            if 2 * len(array) > rows:
+                raise FileError(f"{name!r} has {len(array)} rows, others {rows}; make them equal", path=path)
             continue
         if array.ndim == 1:
             columns[name] = array
@@ -157,10 +159,14 @@ def _json(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
             array = np.array([np.nan if v is None else v for v in value])
         except ValueError:
             raise FileError(f"{name!r} has rows of different lengths; make them equal", path=path) from None
-        # instruments fill sets of vectors up with NaN
-        if array.dtype.kind in "if" and array.ndim == 2:
-            array = array[~np.isnan(array.astype(float)).all(axis=1)]
         found[name] = array
+    # instruments fill their sets up with NaN: rows that hold nothing anywhere
+    numbers = [
+        v.astype(float).reshape(len(v), -1) for v in found.values() if v.dtype.kind in "if" and v.ndim and len(v)
+    ]
+    if len({len(v) for v in numbers}) == 1:
+        there = ~np.isnan(np.concatenate(numbers, axis=1)).all(axis=1)
+        found = {name: v[there] if v.ndim and len(v) == len(there) else v for name, v in found.items()}
     return _arrays(path, found)
 
 
@@ -197,16 +203,20 @@ def _hdf5(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     def take(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.ndim in (1, 2) and item.size <= MOST_VALUES:
             # version 7.3 of MATLAB stores arrays transposed
-            matlab = "MATLAB_class" in item.attrs
-            array = item[()].T if matlab else item[()]
-            found[name.rsplit("/", 1)[-1]] = array
+            array = item[()].T if "MATLAB_class" in item.attrs else item[()]
+            unit = next((item.attrs[key] for key in ("unit", "units") if key in item.attrs), "")
+            found[name] = array, unit.decode() if isinstance(unit, bytes) else str(unit)
 
     try:
         with h5py.File(path, "r") as stored:
             stored.visititems(take)
     except (OSError, RuntimeError) as error:
         raise FileError(f"not HDF5, or damaged ({error})", path=path) from None
-    return _arrays(path, found)
+    last = [name.rsplit("/", 1)[-1] for name in found]
+    # by the last part of the name where that tells them apart
+    names = last if len(set(last)) == len(last) else [name.replace("/", "_") for name in found]
+    columns = {_with_unit(name, unit): array for name, (array, unit) in zip(names, found.values(), strict=True)}
+    return _arrays(path, columns)
 
 
 def _parquet(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
@@ -241,9 +251,9 @@ def _parquet(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
 
 def _with_unit(name: str, unit: str | None) -> str:
     """The name with the unit that stands apart from it, unless it says it itself."""
-    from inclinometry.files.profile import describes
+    from inclinometry.files.profile import describes, stated_unit
 
-    return name if not unit or describes(name) or "(" in name or name.endswith(f"_{unit}") else f"{name} ({unit})"
+    return name if not unit or describes(name) or stated_unit(name) else f"{name} ({unit})"
 
 
 def _las(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
@@ -280,38 +290,40 @@ def _survey(file: SurveyFile) -> tuple[list[str], Iterable[Sequence[str]]]:
     return [column.name for column in columns], zip(*map(column_texts, columns), strict=True)
 
 
+def _pointless(value: float) -> str:
+    """A number with an exponent for its point, which goes with points and commas alike: 70.1 is 701e-1."""
+    whole, _, decimals = repr(value).partition(".")
+    return f"{whole}{decimals}e-{len(decimals)}" if decimals and "e" not in decimals else repr(value)
+
+
 def _cut(line: str, mark: str) -> list[str]:
-    """Cells of a line, with points for decimal commas where the comma separates nothing."""
+    """Cells of a line."""
     if mark == " ":
-        cells = line.split()
-    elif '"' in line:
-        cells = next(csv.reader([line], delimiter=mark, skipinitialspace=True))
-    else:
-        cells = line.split(mark)
-    if "," in line and mark != ",":
-        cells = [cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell for cell in cells]
-    return cells
+        return line.split()
+    return next(csv.reader([line], delimiter=mark, skipinitialspace=True)) if '"' in line else line.split(mark)
 
 
 def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[Block]:
-    """Blocks of a plain table, separated by commas, whose rows keep the numbers of their lines.
+    """Blocks of a plain table whose rows keep the numbers of their lines; numbers are left as they are written.
 
     Raises
     ------
     FileError
-        A row of another length than the names, or than the first row where there are none.
+        A row of another length than the names, or than the first row where there are none; a comment that may be one.
     """
     mark, kept, width = profile.separator, None, 0
     awaited = ["names"] * profile.header + ["units"] * profile.units_row
-    constants = list(map(str, profile.constants.values()))
+    constants = [value if isinstance(value, str) else _pointless(value) for value in profile.constants.values()]
     extra = [*profile.constants, *["time_s"] * bool(profile.rate_hz)]
     count = 0
     for first, lines, plain in blocks:
         out = [""] * len(lines)
         for row, line in enumerate(lines):
-            if first + row <= profile.skip or not line.strip() or line.lstrip().startswith("#"):
+            text = line.strip()
+            if first + row <= profile.skip or not text or (text[0] == "#" and kept is None):
                 continue
             mark = mark or next((mark for mark in ("\t", ";", ",") if mark in line), " ")
+            between = "\t" if mark == " " else mark
             cells = _cut(line, mark)
             if kept is None:
                 while cells and not cells[-1].strip():
@@ -320,23 +332,44 @@ def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[
                 names = [cell.strip() if profile.header else f"column {k}" for k, cell in enumerate(cells, 1)]
                 kept = [k for k, name in enumerate(names) if profile.columns.get(name.removeprefix("column ")) != ""]
                 if not profile.header:
-                    yield Block(first + row, [_line([*(names[k] for k in kept), *extra])], False)
+                    yield Block(first + row, [_line([*(names[k] for k in kept), *extra], between)], False)
             if awaited:
                 if awaited.pop(0) == "units":
-                    units = [cell.strip().strip("[]()") for cell in cells] + [""] * width
-                    names = [_with_unit(name, unit) for name, unit in zip(names, units, strict=False)]
+                    names = _with_units(names, cells, profile, path, first + row)
                 if not awaited:
-                    out[row] = _line([*(names[k] for k in kept), *extra])
+                    out[row] = _line([*(names[k] for k in kept), *extra], between)
                 continue
-            if len(cells) < width or any(cell.strip() for cell in cells[width:]):
-                problem = (
-                    f"this row has {len(cells)} cells and the first line of the table {width}; complete or remove it"
-                )
-                raise FileError(problem, path=path, line=first + row)
-            if len(kept) < width or len(cells) > width:
-                cells = [cells[k] for k in kept]
-            time = [repr(count / profile.rate_hz)] if profile.rate_hz else []
-            more = [*cells, *constants, *time]
-            out[row] = _line(more) if "," in line or '"' in line or constants else ",".join(more)
+            _check_row(cells, width, text, path, first + row)
+            if text[0] == "#":
+                continue
+            time = [_pointless(count / profile.rate_hz)] if profile.rate_hz else []
+            more = [*(cells[k] for k in kept), *constants, *time]
+            out[row] = _line(more, between) if '"' in line or constants else between.join(more)
             count += 1
         yield Block(first, out, plain)
+
+
+def _with_units(names: list[str], cells: list[str], profile: Profile, path: Path, line: int) -> list[str]:
+    """Names with the units below them; a column the profile names keeps its name, if the unit agrees."""
+    found = []
+    for name, cell in zip(names, cells + [""] * len(names), strict=False):
+        unit = cell.strip().strip("[]()")
+        if name not in profile.columns:
+            found.append(_with_unit(name, unit))
+            continue
+        try:
+            profile.check_unit(name, unit, name)
+        except InputError as error:
+            raise FileError(str(error), path=path, line=line) from None
+        found.append(name)
+    return found
+
+
+def _check_row(cells: list[str], width: int, text: str, path: Path, line: int) -> None:
+    if text[0] == "#":
+        if len(cells) == width > 1:
+            problem = "this comment has as many cells as a row; delete it, or quote the cell that begins with #"
+            raise FileError(problem, path=path, line=line)
+    elif len(cells) < width or any(cell.strip() for cell in cells[width:]):
+        problem = f"this row has {len(cells)} cells, the first line of the table {width}; complete or remove it"
+        raise FileError(problem, path=path, line=line)

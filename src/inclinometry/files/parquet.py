@@ -13,6 +13,7 @@ from inclinometry.digest import digest_file
 from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import meaning
 from inclinometry.files.exchange import Column, Sheet, SurveyFile, row_error, survey_of
+from inclinometry.files.profile import PLAIN, current
 from inclinometry.files.survey_csv import columns_of
 from inclinometry.files.writing import replacing
 
@@ -45,6 +46,10 @@ def read_parquet(path: str | Path, *, convention: str = "native", azimuth_refere
     >>> survey.tvd, survey.header["well"]
     (array([ 0. , 29.5]), 'A-1')
     """
+    if current() != PLAIN:
+        from inclinometry.files.six_axis import read_csv
+
+        return read_csv(path, convention=convention, azimuth_reference=azimuth_reference)
     where = Path(path)
     table = _table(where)
     try:

@@ -13,18 +13,19 @@ from typing import Any, Final, NamedTuple
 
 from inclinometry.conventions import named
 from inclinometry.errors import FileError, InputError
-from inclinometry.files._quantities import dimension_of, meaning, quantities, unit_factor
+from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, unit_factor
 from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, closest, is_number
 
 SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
 
 class Reading(NamedTuple):
-    """A column as the package takes it: its name here, and value here = factor * value there + offset."""
+    """A column as the package takes it: name here, value here = factor * value there + offset, north by its name."""
 
     name: str
     factor: float = 1.0
     offset: float = 0.0
+    north: str | None = None
 
 
 @dataclass(frozen=True)
@@ -67,74 +68,106 @@ class Profile:
         Raises
         ------
         InputError
-            A unit that is not known, or of something else.
+            A unit that is not known, of something else, or that contradicts the profile; a name that may be two things.
         """
         key = name if name in self.columns else name.removeprefix("column ")
         if key in self.columns:
-            found = _converted(self.columns[key], self.given.get(key))
-            stated = None if key in self.given else self._known(name, numeric)
-            if stated is not None and stated.name == found.name and stated[1:] != found[1:]:
-                raise InputError(
-                    f"column {name!r} states a unit that the profile's {found.name} is not in; "
-                    "leave the column out of the profile, or give its unit there"
-                )
-            return self._turned(found)
+            self.check_unit(name, stated_unit(name), key)
+            return self._turned(_converted(self.columns[key], self.given.get(key)))
         if numeric(name) or name in TEXT:
             return self._turned(Reading(name))
-        known = self._known(name, numeric)
-        return Reading(name) if known is None else self._turned(known)
+        found = {r for stated in (None, *self.units) if (r := self._known(name, stated, numeric)) is not None}
+        if len(found) > 1:
+            names = " or ".join(sorted(reading.name for reading in found))
+            raise InputError(f"column {name!r} may be {names} by the units stated; name it in a profile")
+        return self._turned(found.pop()) if found else Reading(name)
 
-    def _known(self, name: str, numeric: Callable[[str], bool]) -> Reading | None:
-        """A column by the vocabulary of survey files, where its unit is in its name or stated for its dimension."""
-        for stated in (None, *self.units):
-            try:
-                what = meaning(name, stated)
-            except InputError:
-                continue
-            if what is None or what.unit is None:
-                continue
-            quantity = quantities()[what.key]
-            group, _, axis = what.key.partition(".")
-            kind = {"g": "accel", "b": "mag", "w": "gyro"}.get(group)
-            if numeric(quantity.column):
-                own = quantity.unit
-                return Reading(
-                    quantity.column, what.unit.factor / own.factor, (what.unit.offset - own.offset) / own.factor
-                )
-            if kind is not None and axis in ("0", "1", "2"):
-                start = f"{kind}_{'xyz'[int(axis)]}"
-                suffix = {label.replace("^", ""): end for end, label in UNIT_LABELS.items()}.get(what.unit.label)
-                if suffix is not None and numeric(f"{start}_{suffix}"):
-                    return Reading(f"{start}_{suffix}")
-                if numeric(f"{start}_nT") and group == "b":
-                    return Reading(f"{start}_nT", what.unit.factor)
-        return None
+    def check_unit(self, name: str, stated: str | None, key: str) -> None:
+        """InputError where the file states a unit of a column that the profile contradicts."""
+        here = self.given.get(key) or _own_unit(self.columns[key])
+        if stated and here and not same_unit(stated, here):
+            raise InputError(
+                f"column {name!r} is in {stated!r}, the profile says {here!r}: leave the column out of the profile, or "
+                "give its unit there"
+            )
+
+    def _known(self, name: str, stated: str | None, numeric: Callable[[str], bool]) -> Reading | None:
+        """A column by the vocabulary of survey files, its unit in its name or stated for all of its dimension."""
+        try:
+            what = meaning(name, stated)
+        except InputError:
+            return None
+        if what is None or what.unit is None:
+            return None
+        quantity = quantities()[what.key]
+        if stated is not None and dimension_of(stated) != quantity.dimension:
+            return None
+        if numeric(quantity.column):
+            own = quantity.unit
+            offset = (what.unit.offset - own.offset) / own.factor
+            return Reading(quantity.column, what.unit.factor / own.factor, offset, what.north)
+        group, _, axis = what.key.partition(".")
+        kind = {"g": "accel", "b": "mag", "w": "gyro"}.get(group)
+        if kind is None or axis not in ("0", "1", "2"):
+            return None
+        start = f"{kind}_{'xyz'[int(axis)]}"
+        suffix = {label.replace("^", ""): end for end, label in UNIT_LABELS.items()}.get(what.unit.label)
+        if suffix is not None and numeric(f"{start}_{suffix}"):
+            return Reading(f"{start}_{suffix}")
+        return Reading(f"{start}_nT", what.unit.factor) if group == "b" and numeric(f"{start}_nT") else None
 
     def _turned(self, found: Reading) -> Reading:
         """The same under the axis of the tool, with its sign."""
-        signal = channel(found.name)
-        axes = self.axes.get(signal.kind) if signal is not None else None
-        if signal is None or axes is None or signal.axis not in "xyz":
+        if not self.axes:
             return found
-        place = next(k for k, axis in enumerate(axes) if axis[-1] == signal.axis)
-        sign = -1.0 if axes[place].startswith("-") and not signal.sd else 1.0
-        start = f"{KIND_PREFIX[signal.kind]}_"
-        name = found.name.replace(start + signal.axis, start + "xyz"[place], 1)
-        return Reading(name, sign * found.factor, sign * found.offset)
+        signal = channel(found.name)
+        if signal is not None and signal.kind in self.axes and signal.axis in "xyz":
+            place, sign = self._place(signal.kind, signal.axis)
+            start = f"{KIND_PREFIX[signal.kind]}_"
+            name = found.name.replace(start + signal.axis, start + "xyz"[place], 1)
+            sign = 1.0 if signal.sd else sign
+            return Reading(name, sign * found.factor, sign * found.offset)
+        try:
+            what = None if signal is not None else meaning(found.name)
+        except InputError:
+            what = None
+        group, _, axis = ("", "", "") if what is None else what.key.partition(".")
+        kind = {"g": "accelerometer", "b": "magnetometer", "w": "gyro"}.get(group, "")
+        if what is None or what.unit is None or kind not in self.axes or axis not in ("0", "1", "2"):
+            return found
+        place, sign = self._place(kind, "xyz"[int(axis)])
+        quantity = quantities()[f"{group}.{place}"]
+        return Reading(quantity.column, sign * found.factor * what.unit.factor / quantity.unit.factor)
+
+    def _place(self, kind: str, axis: str) -> tuple[int, float]:
+        """The tool's axis that lies along this axis of the file, and its sign."""
+        axes = self.axes[kind]
+        place = next(k for k, found in enumerate(axes) if found[-1] == axis)
+        return place, -1.0 if axes[place].startswith("-") else 1.0
+
+
+def stated_unit(name: str) -> str | None:
+    """The unit a name of the file states."""
+    try:
+        what = meaning(name)
+    except InputError:
+        return None
+    return what.unit.label if what is not None and what.unit is not None else None
+
+
+def _own_unit(name: str) -> str | None:
+    """The unit a name of the package states."""
+    signal = channel(name)
+    if signal is not None:
+        return None if signal.unit == "counts" else name.removesuffix("_sd").split("_", 2)[2]
+    return next((end for end in ("deg", "m", "ft", "degC", "nT", "s", "m_s2") if name.endswith(f"_{end}")), None)
 
 
 def _converted(name: str, unit: str | None) -> Reading:
     """A column named here, from the unit it has in the file."""
     if unit is None:
         return Reading(name)
-    signal = channel(name)
-    own = (
-        UNIT_LABELS[name.removesuffix("_sd").split("_", 2)[2]]
-        if signal is not None and signal.unit != "counts"
-        else None
-    )
-    if own is None:
-        own = next((end for end in ("deg", "m", "ft", "degC", "nT", "s") if name.endswith(f"_{end}")), None)
+    own = _own_unit(name)
     if own is None:
         raise InputError(f"{name!r} states no unit; {unit!r} cannot be converted into it: give the name with its unit")
     factor, offset = unit_factor(unit, own)
@@ -175,7 +208,8 @@ def reading_with(profile: Profile | str | Path | None, units: str | None = None)
         for word in words:
             if dimension_of(word) is None:
                 raise InputError(
-                    f"unit {word!r} is not known; give units such as m, ft, deg, rad, g, mg, nT, uT, gauss, degC"
+                    f"unit {word!r} is not known, or of two quantities; give units such as m, ft, deg, rad, g, mg, nT, "
+                    "uT, gauss, degC"
                 )
         found = replace(found, units=(*words, *found.units))
     # within another one, that one was of use as well
@@ -294,8 +328,15 @@ def _profile(content: dict[str, Any]) -> Profile:
         units=units,
         axes=_axes(content),
         rate_hz=None if rate is None else float(rate),
-        constants={name: v if isinstance(v, str) else float(v) for name, v in content.get("constants", {}).items()},
+        constants=_constants(content.get("constants", {})),
     )
+
+
+def _constants(content: dict[str, Any]) -> dict[str, float | str]:
+    for name, value in content.items():
+        if isinstance(value, bool) or not isinstance(value, str | int | float) or value != value:
+            raise InputError(f"constants: {name} is {value!r}; a number or a text is needed")
+    return {name: value if isinstance(value, str) else float(value) for name, value in content.items()}
 
 
 def _kind(wanted: type | tuple[type, ...]) -> str:
@@ -306,6 +347,8 @@ def _kind(wanted: type | tuple[type, ...]) -> str:
 def _axes(content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
     """From the three axes of each kind, or from a named convention."""
     found: dict[str, tuple[str, ...]] = {}
+    if "convention" in content and "axes" in content:
+        raise InputError("convention and axes both say how the sensors point; give one")
     if "convention" in content:
         vendor = named(content["convention"])
         for kind in PREFIXES.values():
@@ -314,7 +357,7 @@ def _axes(content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
             found[kind] = tuple(("-" if row.sum() < 0 else "") + "xyz"[int(abs(row).argmax())] for row in rows)
     for prefix, axes in content.get("axes", {}).items():
         kind = PREFIXES.get(prefix, prefix)
-        letters = [str(axis).lstrip("+-") for axis in axes] if isinstance(axes, list) else []
+        letters = [str(axis).removeprefix("+").removeprefix("-") for axis in axes] if isinstance(axes, list) else []
         if kind not in PREFIXES.values() or sorted(letters) != ["x", "y", "z"]:
             raise InputError(
                 f'axes: {prefix} = {axes!r}; write accelerometer = ["y", "-x", "z"]: each axis once, with its sign'

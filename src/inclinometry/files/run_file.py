@@ -253,7 +253,7 @@ class CsvRun:
 
     def _scaled(self, columns: dict[str, Array]) -> dict[str, Array]:
         """In the units of the names, where a profile or the file's own name of a column has another."""
-        turned = {name: (f, o) for name, f, o in self._body.readings if (f, o) != (1.0, 0.0) and name in columns}
+        turned = {name: (f, o) for name, f, o, _ in self._body.readings if (f, o) != (1.0, 0.0) and name in columns}
         return columns | {name: columns[name] * factor + offset for name, (factor, offset) in turned.items()}
 
     def _careful(self, block: Block) -> Iterator[dict[str, Array]]:

@@ -227,11 +227,13 @@ class LineReader:
                         yield chunk
                         continue
                     rest = chunk
-                    while rest:
+                    while rest.strip(b"\0") if packed.eof else rest:
+                        # what follows the end of one part is another part
+                        packed = zlib.decompressobj(31) if packed.eof else packed
                         # a megabyte at a time, however far it unpacks
                         if piece := packed.decompress(rest, CHUNK):
                             yield piece
-                        rest = packed.unconsumed_tail
+                        rest = packed.unconsumed_tail or packed.unused_data
                 if packed is not None and not packed.eof:
                     raise FileError("the compressed file ends early; copy it again", path=self.path)
         except zlib.error as error:
@@ -533,7 +535,7 @@ class _Body:
             raise FileError("there are column names but no rows of values", path=self.path, line=self.line)
         self.numbers.finish()
         columns: dict[str, Column] = {}
-        for (name, number, _), (_, factor, offset) in zip(self.kinds, self.readings, strict=True):
+        for (name, number, _), (_, factor, offset, _) in zip(self.kinds, self.readings, strict=True):
             if not number:
                 columns[name] = tuple(self.texts[name])
                 continue
@@ -543,7 +545,14 @@ class _Body:
             if not isinstance(column, tuple):
                 column.flags.writeable = False
         lines = np.concatenate(self.lines)
-        return Table(self.path, self.names, MappingProxyType(columns), lines, self.line, digest)
+        north = next((reading.north for reading in self.readings if reading.north), None)
+        if north is not None:
+            stated = columns.setdefault("azimuth_reference", (north,) * len(lines))
+            for row, cell in enumerate(stated):
+                if cell != north:
+                    problem = f"the azimuths count from {north} north by the name of their column, from {cell!r} here"
+                    raise FileError(f"{problem}; correct one of them", path=self.path, line=int(lines[row]))
+        return Table(self.path, tuple(columns), MappingProxyType(columns), lines, self.line, digest)
 
 
 def _readings_of(

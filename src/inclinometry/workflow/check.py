@@ -138,6 +138,8 @@ def _layout(lines: list[str]) -> tuple[Profile, str]:
     filled = [
         (k, line.rstrip("\r\n")) for k, line in enumerate(lines[:400]) if line.strip() and line.lstrip()[0] != "#"
     ]
+    if not filled:
+        return PLAIN, "text without a table"
     best, width, mark = 0.0, 1, ","
     for candidate in ("\t", ";", ",", " "):
         counts = Counter(len(_cells(line, candidate)) for _, line in filled)
@@ -209,7 +211,7 @@ def _column(table: Table, name: str, profile: Profile) -> ColumnLook:
     else:
         try:
             reading = profile.reading(name, lambda column: _known(column) and is_number(column))
-            what = _quantities.meaning(name)
+            what = None if reading.name != name else _quantities.meaning(name)
             if reading.name != name:
                 here = reading.name
             elif what is not None:
@@ -381,6 +383,10 @@ def _draft(profile: Profile, columns: tuple[ColumnLook, ...]) -> str:
     if profile.rate_hz:
         lines.append(f"rate_hz = {profile.rate_hz:g}")
     lines += [f"units = [{', '.join(map(text, profile.units))}]"] if profile.units else []
+    lines += ["", "[axes]"] if profile.axes else []
+    lines += [f"{kind} = [{', '.join(map(text, axes))}]" for kind, axes in profile.axes.items()]
+    lines += ["", "[constants]"] if profile.constants else []
+    lines += [f"{name} = {text(v) if isinstance(v, str) else repr(v)}" for name, v in profile.constants.items()]
     lines += ["", "[columns]", '# name in the file = name here with its unit; "" leaves a column out']
     for column in columns:
         name = column.name if profile.header else column.name.removeprefix("column ")
