@@ -194,3 +194,12 @@ def test_each_file_of_a_folder_one_table_one_exit_status(run):
     assert "put {stem} into the name" in run("convert", "--each", "runs", "all.las").err
     Path("runs/bad.txt").write_text("")
     assert "two files are called 'bad'" in run("calibrate", "--each", "runs", "-o", "out/{stem}.json").err
+
+
+def test_completion_of_the_shell(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SHELL", "/bin/bash")
+    done = run("--install-completion")
+    assert done.status == 0
+    script = next(tmp_path.rglob("completions/inclinometry"))
+    assert "displacement" in script.read_text()

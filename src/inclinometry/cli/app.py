@@ -188,8 +188,9 @@ app = _app(
     help_formatter=_Pages(),
 )
 app["--help"].group = app["--version"].group = Group("Program", sort_key=1000)
-app.register_install_completion_command(
-    add_to_startup=True,
+app.command(
+    "inclinometry.cli.completion:install",
+    name="--install-completion",
     group=app["--help"].group,
     help="Let the shell (bash, zsh, fish) complete commands, options and choices.",
 )
