@@ -207,6 +207,8 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "tortuosity": lambda: im.tortuosity(path()),
 }
 """One object of every result."""
+# each is made once: several take seconds
+RESULTS = {name: cache(make) for name, make in RESULTS.items()}
 
 WITHOUT_ROWS = (
     *("cut_stretches", "simulate_bench", "simulate_north_seeking", "angles", "propagation"),
