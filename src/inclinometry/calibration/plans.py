@@ -119,5 +119,5 @@ def rotations(first_inclination: float = FIRST_INCLINATION, azimuth: float = 0.0
 
 
 def __dir__() -> list[str]:
-    # the plans alone, for a person who completes the name
-    return ["half", "orthogonal", "rotations", "twelve", "two_face"]
+    # the plans and what they are, for a person who completes the name
+    return ["Plan", "half", "orthogonal", "rotations", "twelve", "two_face"]
