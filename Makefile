@@ -4,15 +4,25 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo bench-demo test test-long bench docs figures metrics freeze lint clean
+.PHONY: demo bench-demo test test-long bench bench-fleet bench-honest docs figures metrics freeze lint clean
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test]"
 	touch $@
 
+# after the demo's pages: runs of ten tools, one of which is calibrated again; exactly its file is made anew
+FLEET := demo-output/ten-tools
 demo: $(STAMP)
 	$(BIN)/inclinometry demo --output demo-output
+	rm -rf $(FLEET)
+	$(BIN)/inclinometry simulate fleet --jumps 1 --runs 1 --seed 1 -o $(FLEET)
+	$(BIN)/inclinometry fleet add $(FLEET)/runs --pattern "{tool}_{run}_{date}" --fleet $(FLEET)/fleet
+	$(BIN)/inclinometry fleet run --fleet $(FLEET)/fleet --ledger $(FLEET)/lab.sqlite
+	$(BIN)/inclinometry simulate bench --tool $(FLEET)/truth/SIM-0001.json --plan twelve --rig-sd-deg 0.1 --bits 16 --seed 3 -o $(FLEET)/again.csv
+	$(BIN)/inclinometry ledger enter $(FLEET)/again.csv --serial SIM-0001 --performed 2024-02-01 --rig "rig 1" --certify --laboratory $(FLEET)/lab.toml --ledger $(FLEET)/lab.sqlite
+	$(BIN)/inclinometry fleet plan --fleet $(FLEET)/fleet --ledger $(FLEET)/lab.sqlite
+	$(BIN)/inclinometry fleet run --fleet $(FLEET)/fleet --ledger $(FLEET)/lab.sqlite
 
 # a bench in the browser: a ledger, a simulated instrument, one tool half-way through its calibration
 bench-demo: $(STAMP)
@@ -35,20 +45,36 @@ bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test,bench]"
 	$(BIN)/python -m benchmarks
 
+# a fleet: throughput beside other engines, many files, flipped bits, kills; ROUNDS=100 takes an hour
+ROUNDS ?= 3
+bench-fleet: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test,bench]"
+	$(BIN)/python -m benchmarks.fleet --rounds $(ROUNDS)
+
+# stated uncertainty where the model breaks, by simulators of their own: an hour
+bench-honest: $(STAMP)
+	for part in bench motion drilling survey certificate; do $(BIN)/python -m benchmarks.honest_$$part || exit 1; done
+
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# the manual, and its copy in the package, which `inclinometry manual` opens, the bench serves and a wheel takes along
+MANUAL := src/inclinometry/manual
 docs: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,test,docs]"
 	$(BIN)/python -m sphinx -W --keep-going -n -b html docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
+	rm -rf $(MANUAL)
+	cp -r docs/_build/html $(MANUAL)
+	rm -rf $(MANUAL)/_sources $(MANUAL)/_downloads $(MANUAL)/.buildinfo $(MANUAL)/.doctrees
 
-# the computed numbers and tables of the pages, worked out anew: a few minutes; make docs works nothing out
+# the computed numbers, tables, outputs and pictures of the pages, worked out anew; make docs works nothing out
 figures: $(STAMP)
 	$(BIN)/python docs/computed.py
+	$(BIN)/python docs/computed.py shown
 
 # the project in figures: files, records, names, imports
 metrics: $(STAMP)
@@ -60,4 +86,4 @@ freeze: $(STAMP)
 	$(BIN)/python tools/freeze.py $(TO) $(if $(AGAINST),--against $(AGAINST))
 
 clean:
-	rm -rf $(VENV) demo-output bench-output docs/_build docs/gallery .coverage
+	rm -rf $(VENV) demo-output bench-output docs/_build docs/gallery $(MANUAL) .coverage

@@ -1,8 +1,8 @@
-"""Run every benchmark, print its tables, and write the figures that README.md quotes.
+"""Run every benchmark, print its tables, and write the figures that docs/figures.md quotes.
 
     python -m benchmarks [--quick]
 
-Results go to bench-output/NAME.json; the table in README.md between its bench markers is rewritten from them.
+Results go to bench-output/NAME.json; the table in docs/figures.md between its bench markers is rewritten from them.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ import importlib
 import json
 from pathlib import Path
 
-from benchmarks import readme, stand
+from benchmarks import figures, stand
 
 NAMES = (
     "kernel", "closed_forms", "joint", "stand", "conventions", "design", "real_data", "gyro_schemes", "gyro", "path",
-    "msa", "position", "certificate", "motion", "motion_findings", "motion_peers", "motion_robust", "motion_speed",
+    "msa", "position", "certificate", "motion", "honest_drilling", "motion_findings", "motion_peers", "motion_robust",
+    "motion_speed",
 )  # fmt: skip
 DRAWS = {"closed_forms": 500, "joint": 800, "stand": 40, "conventions": 3000, "gyro": 600}
 
@@ -24,7 +25,7 @@ DRAWS = {"closed_forms": 500, "joint": 800, "stand": 40, "conventions": 3000, "g
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a tenth of the draws, README.md left alone")
+    parser.add_argument("--quick", action="store_true", help="a tenth of the draws, docs/figures.md left alone")
     options = parser.parse_args()
     folder = Path("bench-output")
     folder.mkdir(exist_ok=True)
@@ -37,7 +38,7 @@ def main() -> None:
         module.report(results[name])
         (folder / f"{name}.json").write_text(json.dumps(results[name], indent=1) + "\n", encoding="utf-8")
     if not options.quick:
-        readme.update(results, Path("README.md"))
+        figures.update(results, Path("docs/figures.md"))
         stand.update(results["stand"], Path("docs/methods/identification.md"))
 
 

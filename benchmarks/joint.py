@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.joint import fit_once
+from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.twelve import (
@@ -47,6 +47,7 @@ DIP = np.radians(70.0)
 KINDS = ("accelerometer", "magnetometer")
 PLANS = {"12": (plans.twelve(), solve_twelve), "24": (plans.orthogonal(), solve_orthogonal)}
 RIGS = {"perfect": (0.0, 0.0), "rig 0.1": (0.1, 0.0), "tilt 5": (0.0, 5.0)}
+AS_A_USER = 200  # draws that are calibrated with every default too: variances estimated, causes looked for
 INCLINATIONS = (1.0, 5.0, 30.0, 60.0, 90.0)
 PRIOR = {
     "accelerometer": ([0.0, 0.0, 1.0], np.radians(5.0)),
@@ -132,6 +133,10 @@ def scenario(name, rig_name, draws):
             tools["least squares"] = fit_once(readings, sd, 0.0, field_prior=PRIOR).tool
             alone = BenchReadings({KINDS[0]: readings.channels[KINDS[0]]}, *readings.dials)
             tools["one triad"] = fit_once(alone, sd, rig_sd, field_prior={KINDS[0]: PRIOR[KINDS[0]]}).tool
+        if rig_sd > 0.0 and seed < AS_A_USER:
+            stand = {"dip": DIP, "north": 0.0}
+            own = BenchReadings(readings.channels, *readings.dials, units=run.units, reference=stand)
+            tools["joint as a user runs it"] = calibrate_joint(own).tool
         tools["closed form"] = Tool("", {k: closed(readings.channels[k], *readings.dials).triad(k) for k in KINDS})
         for label, tool in tools.items():
             scores.setdefault(label, []).append(angle_errors(tool, truth, seed))

@@ -123,6 +123,9 @@ TOLD = (
         "accel_sigma": 0.01,
         "lever_sigma": 0.02,
         "delay_sigma_s": DELAY,
+        "lag_sigma_s": 0.0,
+        "coupling_sigma": 0.0,
+        "mag_scale_sigma": 0.0,
     },
     {
         "hard_iron_sigma": (100.0, 100.0, 10.0),
@@ -133,7 +136,7 @@ TOLD = (
         "coupling_sigma": 0.0,
         "delay_sigma_s": 0.0,
     },
-    {"accel_sigma": 0.01, "mag_sigma": 100.0},
+    {"accel_sigma": 0.01, "mag_sigma": 100.0, "mag_axial_sigma": 10.0, "mag_scale_sigma": 0.0},
 )
 """Settings of the magnetic, inertial and static methods for such tools."""
 

@@ -28,6 +28,7 @@ html_theme = "furo"
 html_show_copyright = False
 html_static_path = ["_static"]
 html_css_files = ["style.css"]
+html_js_files = ["copy.js"]
 html_title = "inclinometry"
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
@@ -78,7 +79,8 @@ OUTSIDE = (
     "Progress", "Numbered", "types.Callable", "dataclasses.Field",
     "inclinometry.files.exchange.Sheet", "inclinometry.files._quantities.Quantity",
     "inclinometry.calibration._field_model.Shots", "inclinometry.calibration._field_model.Unknowns",
-    "inclinometry.calibration._field_model.Estimate",
+    "inclinometry.calibration._field_model.Estimate", "inclinometry.files.table._Body",
+    "pathlib.Path", "types.Path", "datetime.date", "collections.abc.Iterable",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to

@@ -52,6 +52,7 @@ simulate drilling --seed 1 -o run.parquet | pyarrow | formats
 certificate tool.json -o certificate.pdf | typst | laboratory
 ledger init lab.sqlite | sqlalchemy | laboratory
 bench --ledger lab.sqlite | sqlalchemy | laboratory
+fleet add still.csv --tool IN-1 --date 2026-03-04 | deltalake | fleet
 demo | matplotlib | report
 """
 
@@ -116,6 +117,7 @@ def blocked(lines, folder):
     return list(zip(map(int, parts[1::2]), parts[0::2], strict=False))
 
 
+@pytest.mark.long
 def test_the_core_commands_need_no_extra(tmp_path):
     prepare(tmp_path)
     lines = [line for (line,) in commands(CORE)]
@@ -201,6 +203,8 @@ formats | -m inclinometry convert path.csv path.witsml
 laboratory | -m inclinometry certificate tool.json -o certificate.pdf
 laboratory | -m inclinometry ledger init lab.sqlite
 laboratory | -c "import inclinometry.laboratory.web.app, inclinometry.laboratory.instruments.reader"
+fleet | -m inclinometry fleet add still.csv --tool IN-1 --date 2026-03-04
+fleet | -c "import distributed, inclinometry.fleet.work, inclinometry.fleet.workers"
 all | -m pip check
 """
 

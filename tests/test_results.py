@@ -23,11 +23,13 @@ from inclinometry.calibration.comparison import compare_calibrations
 from inclinometry.calibration.rate_table import RateCalibration
 from inclinometry.calibration.stillness import still_intervals
 from inclinometry.files.bench_csv import write_raw_survey
-from inclinometry.files.columns import GYRO_RUN, SURVEY, channel
+from inclinometry.files.columns import GYRO_RUN, PARTS, SURVEY, channel
+from inclinometry.files.exchange import SurveyFile
 from inclinometry.gyro.planning import GyroSetup, standstill_time
 from inclinometry.position.tool_code import ToolCode, term
 from inclinometry.position.well import well_survey
 from inclinometry.sensors import parameter_names
+from inclinometry.simulate.fleet import FleetScene, simulate_fleet
 from inclinometry.survey.axial import axial_correction
 from inclinometry.survey.gyro import RepeatLimits, Run, compare_runs
 from inclinometry.survey.multistation import multistation
@@ -83,6 +85,13 @@ def survey() -> Any:
 @cache
 def path() -> Any:
     return im.minimum_curvature(survey().md, survey().inclination, survey().azimuth)
+
+
+@cache
+def survey_file() -> Any:
+    return SurveyFile(
+        md=[0.0, 30.0], inclination=[0.0, 0.1], azimuth=[1.0, 1.1], azimuth_reference="true", extra={"crew": ("A", "B")}
+    )
 
 
 @cache
@@ -154,7 +163,15 @@ def noise_curve() -> Any:
     return allan_deviation(np.random.default_rng(1).standard_normal((256, 2)), 0.1)
 
 
+@cache
+def fleet() -> Any:
+    made = simulate_fleet(FleetScene(5, 1e-8 * np.eye(24), calibrations=3), seed=1)
+    return im.fleet_status(made.histories, reproducibility=False, own_drift=False, iterations=2)
+
+
 RESULTS: dict[str, Callable[[], Any]] = {
+    "FleetStatus": fleet,
+    "ToolHistory": lambda: fleet().tools[0].history,
     "BenchReadings": readings,
     "Calibration": calibration,
     "Residuals": lambda: calibration().residuals,
@@ -187,6 +204,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Attitude": lambda: im.static_attitude(samples()),
     "DynamicRun": lambda: log_files()["dynamic"],
     "AttitudeRows": lambda: log_files()["dynamic"].rows,
+    "AttitudeMeans": lambda: im.average_windows(log_files()["dynamic"].rows),
     "Vibration": lambda: log_files()["dynamic"].vibration,
     "Survey": survey,
     "Stations": stations,
@@ -197,6 +215,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Path": path,
     "Comparison of paths": lambda: im.compare_paths(path(), path()),
     "WellSurvey": lambda: well().survey,
+    "SurveyFile": survey_file,
     "PositionUncertainty": well,
     "cut_stretches": lambda: im.cut_stretches(samples().time, samples().accel),
     "simulate_bench": simulation,
@@ -317,7 +336,8 @@ def test_repr_is_in_degrees() -> None:
 def test_columns_of_readings_and_surveys_are_those_of_the_files() -> None:
     for name in RESULTS["BenchReadings"]().to_dict():
         assert channel(name) is not None or name in ("station", "temperature_degC", "count", "roll_set", *_DIALS)
-    assert set(survey().to_dict()) - set(SURVEY) == {"g_total_m_s2"}  # the file's g_total states no unit
+    # the file's g_total states no unit
+    assert set(survey().to_dict()) - set(SURVEY) - set(PARTS) == {"g_total_m_s2"}
     assert set(RESULTS["Samples"]().to_dict()) == {"time_s", *(f"accel_{a}_m_s2" for a in "xyz"), *_MAG}
     for name in RESULTS["GyroReadings"]().to_dict():
         assert channel(name) is not None or name in GYRO_RUN

@@ -14,6 +14,7 @@ from types import ModuleType
 import inclinometry
 
 FLOORS = (
+    ("fleet",),
     ("laboratory",),
     ("workflow",),
     ("report",),
@@ -25,8 +26,9 @@ FLOORS = (
 )
 """Folders from the top floor down; above them stands the command line, which has a page of its own."""
 GROUND = (
-    *("sensors", "uncertainty", "allan", "channels", "wahba", "conventions", "orientation", "rotations"),
-    *("least_squares", "settings", "digest", "arrays", "errors", "constants"),
+    *("history", "stability", "sensors", "uncertainty", "allan", "channels", "wahba", "conventions", "orientation"),
+    "rotations",
+    *("least_squares", "tabular", "settings", "digest", "arrays", "errors", "constants"),
 )
 """Modules of the package itself, on which all folders stand."""
 LEFT_OUT = ("migrations", "web", "commands")
@@ -55,10 +57,11 @@ def _summary(thing: object) -> str:
 
 def _home(name: str) -> tuple[str, object]:
     """Where a public name is documented, and the thing itself."""
-    module = importlib.import_module(f"inclinometry.{inclinometry._CONTENTS[name]}")
-    if not hasattr(module, name):  # `plans` is a module itself
+    place, _, there = inclinometry._CONTENTS[name].partition(":")
+    module, there = importlib.import_module(f"inclinometry.{place}"), there or name
+    if not hasattr(module, there):  # `plans` is a module itself
         return module.__name__, module
-    return f"{module.__name__}.{name}", getattr(module, name)
+    return f"{module.__name__}.{there}", getattr(module, there)
 
 
 def _index() -> str:

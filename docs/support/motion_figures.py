@@ -7,27 +7,16 @@ prints them. All come from the benchmarks, with the seeds the page names.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-from benchmarks import motion, motion_findings, motion_robust
+from benchmarks import broad, honest_drilling, honest_motion, motion, motion_findings, motion_robust
 
-from inclinometry.arrays import Array
-from inclinometry.motion.complementary.filter import complementary_attitude
-from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
 from inclinometry.motion.magnetic.phase import MagneticSettings
-from inclinometry.motion.result import FLAGS, Samples
+from inclinometry.motion.result import FLAGS
 from inclinometry.motion.window_filter import WindowFilterSettings
-from inclinometry.rotations import (
-    dcm_from_quaternion,
-    quaternion_conjugate,
-    quaternion_from_dcm,
-    quaternion_multiply,
-)
 from inclinometry.simulate.drilling import SCENARIOS
 from support.figures import table
 
-DRAWS, TOOLS, SEEDS = 5, 16, 6
+DRAWS, TOOLS, SEEDS, STRINGS, SLOW_RUNS = 5, 16, 6, 40, 6
 VQF = {
     "VQF": {"smooth": (0.014, 2.809), "vibration-5g": (0.026, 2.831), "stick-slip": (0.129, 3.690),
             "sliding": (0.060, 1.066), "fast": (0.042, 13.003)},
@@ -35,14 +24,6 @@ VQF = {
                     "sliding": (0.012, 2.631), "fast": (0.045, 5.472)},
 }  # fmt: skip
 """vqf 2.1.2, where it is not installed: what `python benchmarks/motion_findings.py` measured with it."""
-
-ROOT = Path(__file__).parents[2]
-BROAD = {
-    "02_undisturbed_slow_rotation_B": (1.382, 1.014),
-    "16_undisturbed_fast_translation_B": (0.742, 0.576),
-    "24_disturbed_tapping_A": (1.546, 1.160),
-}
-"""Trials shipped with the tests -> total rms error of vqf 2.1.2 with its defaults, real time and offline, deg."""
 
 
 def pair(values: tuple[float, float], places: int = 3) -> str:
@@ -116,6 +97,26 @@ def _honest(one: dict) -> str:
         return "refused"
     lost = f", {100.0 * one['refused']:.0f} % refused" if one["refused"] else ""
     return f"{one['normalised squared error']:.2f} ({one['azimuth_deg']:.3f}, {one['u_azimuth_deg']:.3f}){lost}"
+
+
+def strings() -> dict[str, str]:
+    """What a drill string does, with tools whose errors are drawn, and whether the stated uncertainty covers it."""
+    found = honest_drilling.run(STRINGS)
+    rows = [
+        [
+            name,
+            *(
+                f"{one[angle]['rms']:.3f} / {one[angle]['u']:.3f}, {one[angle]['z2']:.2f}, {one[angle]['coverage']:.2f}"
+                for angle in ("inclination", "azimuth")
+            ),
+            f"{100.0 * one['doubted']:.0f} %",
+        ]
+        for name, one in found["scenarios"].items()
+    ]
+    return {
+        "strings_table": table(["what happens", "inclination", "azimuth", "flagged"], rows),
+        "strings_tools": str(STRINGS),
+    }
 
 
 def findings() -> dict[str, str]:
@@ -203,45 +204,37 @@ def robust() -> dict[str, str]:
     }
 
 
-def broad() -> dict[str, str]:
+def real_motion() -> dict[str, str]:
     """Three trials of BROAD (CC BY 4.0) by its own metric: total / heading / inclination, deg, rms over the motion."""
     rows = []
-    for name, vqf in BROAD.items():
-        samples, true, counted = _trial(name)
-        cells = [
-            _apart(way(samples).quaternion[counted], true) for way in (complementary_attitude, complementary_smoothed)
-        ]
-        rows.append([name.replace("_", " "), *cells, *(f"{value:.2f}" for value in vqf)])
+    for name, known in broad.KNOWN.items():
+        trial = broad.shipped(broad.FOLDER / f"{name}.npz")
+        own = [broad.score(broad.METHODS[way](trial.samples), trial) for way in ("ours", "ours, offline")]
+        cells = [" / ".join(f"{value:.2f}" for value in errors) for errors in own]
+        rows.append([name.replace("_", " "), *cells, *(f"{known[way][0]:.2f}" for way in ("VQF", "VQF, offline"))])
     head = ["trial", "complementary, real time", "smoothed", "VQF, total", "offline VQF, total"]
     return {"broad_table": table(head, rows)}
 
 
-def _trial(name: str) -> tuple[Samples, Array, Array]:
-    """Samples, true quaternions from north-east-down to the sensor, and the rows that count."""
-    with np.load(ROOT / "tests" / "reference" / "broad" / f"{name}.npz") as stored:
-        whole = {part: np.cumsum(stored[part], axis=1).T for part in ("gyro", "specific_force", "field", "quaternion")}
-        scale = {part: stored[f"{part}_scale"] for part in whole}
-        (first, last), interval = stored["movement"], 1.0 / float(stored["sampling_rate"])
-    gyro, force, field, quaternion = (whole[part] * scale[part] for part in whole)
-    seen = np.flatnonzero(whole["quaternion"][:, 0] != -32768)
-    counted = seen[(seen >= first) & (seen < last)]
-    ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # from east-north-up
-    true = np.swapaxes(ned @ dcm_from_quaternion(quaternion[counted]), 1, 2)
-    time = interval * np.arange(len(gyro))
-    return Samples(time, interval, accel=-force, mag=1000.0 * field, gyro=gyro), quaternion_from_dcm(true), counted
-
-
-def _apart(found: Array, true: Array) -> str:
-    """The metric of the publication, in Earth axes."""
-    w, _, _, z = quaternion_multiply(quaternion_conjugate(found), true).T
-    parts = 2.0 * np.arccos(np.minimum(np.abs(w), 1.0)), 2.0 * np.arctan(z / w)
-    tilt = 2.0 * np.arccos(np.minimum(np.hypot(w, z), 1.0))
-    return " / ".join(f"{np.degrees(np.sqrt(np.mean(part**2))):.2f}" for part in (*parts, tilt))
+def slow() -> dict[str, str]:
+    """Motions by methods: is the stated uncertainty honest where a tool hardly turns, heaves, or is shaken?"""
+    rows = [row for row in honest_motion.run(SLOW_RUNS) if row.method != "VQF"]
+    head = ["motion", "method", "error", "u", "z²", "within 1.96 u", "the same, inclination", "flagged", "refused"]
+    cells = [
+        [
+            row.motion,
+            row.method,
+            *(f"{value:.2f}" for value in (row.error, row.u, row.z2, row.coverage, row.inclination)),
+            *(f"{100.0 * share:.0f} %" for share in (row.flagged, row.refused)),
+        ]
+        for row in rows
+    ]
+    return {"slow_table": table(head, cells), "slow_runs": str(SLOW_RUNS)}
 
 
 def everything() -> dict[str, str]:
     """All of them."""
-    return words() | scenarios() | robust() | findings() | broad()
+    return words() | scenarios() | strings() | robust() | findings() | slow() | real_motion()
 
 
 if __name__ == "__main__":

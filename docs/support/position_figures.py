@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
+from benchmarks import honest_certificate
 from tests.position.conftest import SITES, read, six, stations
 from tests.position.test_iscwsa import CASES, CODES, COLUMNS, PUBLISHED
 from tests.position.test_spe90408 import MISSED, NAMES
@@ -267,6 +269,21 @@ def certificate(draws: int = DRAWS) -> dict[str, str]:
     }
 
 
+HONEST: Final = 100
+"""Tools a row of the table of certificates whose truth was not drawn from them; the benchmark takes 400."""
+
+
+def honest(tools: int = HONEST) -> dict[str, str]:
+    """Share of true bottom holes within what certificates state, fresh and a year old."""
+    head = ["positions", "calibrated", "tools", "NEES in space", "NEES in plan", "inside the ellipsoid", "the ellipse"]
+    cells = []
+    for years, age in ((0.0, "on the day"), (1.0, "a year before")):
+        for row in honest_certificate.run(tools, years=years):
+            shares = [f"{100.0 * share:.1f} %" for share in row["inside"]]
+            cells.append([str(row["positions"]), age, str(tools), *(f"{x:.2f}" for x in row["nees"]), *shares])
+    return {"honest_certificate": table(head, cells), "honest_chance": f"{100.0 * np.sqrt(0.05 * 0.95 / tools):.1f} %"}
+
+
 def _sd(covariance: Array) -> str:
     return f"{np.sqrt(covariance[2, 2]):.3f}"
 
@@ -274,7 +291,7 @@ def _sd(covariance: Array) -> str:
 def everything() -> dict[str, str]:
     """All of them."""
     found: dict[str, str] = {}
-    for part in (mwd, workbooks, layers, gyro, certificate):
+    for part in (mwd, workbooks, layers, gyro, certificate, honest):
         found |= part()
     return found
 

@@ -77,6 +77,27 @@ def within(value: ArrayLike, name: str, low: float, high: float, unit: str = "")
     return array
 
 
+def not_degrees(value: ArrayLike, name: str) -> Array:
+    """Return `value`, an inclination or dip in rad, as finite float64.
+
+    Raises
+    ------
+    InputError
+        More than two turns, which degrees are and radians hardly ever.
+
+    Examples
+    --------
+    >>> not_degrees([0.0, 90.0], "inclination")
+    Traceback (most recent call last):
+    inclinometry.errors.InputError: inclination reaches 90 rad; it looks like degrees: convert with numpy.radians
+    """
+    array = finite(value, name)
+    largest = np.abs(array).max(initial=0.0)
+    if largest > 4.0 * np.pi:
+        raise InputError(f"{name} reaches {largest:g} rad; it looks like degrees: convert with numpy.radians")
+    return array
+
+
 def frozen(value: Any) -> Array:
     """Return a read-only float64 copy, for the fields of frozen results."""
     array = np.array(value, dtype=np.float64)

@@ -94,16 +94,20 @@ def inlined(function: Function) -> Function:
     return cast(Function, numba.njit(forceinline=True, **FAST)(function))
 
 
-def compiled(signature: Any) -> Callable[[Function], Function]:
-    """Compile at once and keep the machine code on disk; where nothing can be written, in memory only."""
+def compiled(*signatures: Any, sums_in_any_order: bool = False) -> Callable[[Function], Function]:
+    """Compile at once and keep the machine code on disk; where nothing can be written, in memory only.
+
+    Long sums are vectors, too, where their order does not matter.
+    """
+    how = {**FAST, "fastmath": {"contract", "reassoc"}} if sums_in_any_order else FAST
 
     def build(function: Function) -> Function:
         if numba is None:
             return cast(Function, _quiet(function))
         try:
-            kernel = numba.njit([signature], nogil=True, cache=True, **FAST)(function)
+            kernel = numba.njit([*signatures], nogil=True, cache=True, **how)(function)
         except (RuntimeError, OSError):  # no folder that can be written, or a full disk
-            kernel = numba.njit([signature], nogil=True, **FAST)(function)
+            kernel = numba.njit([*signatures], nogil=True, **how)(function)
         return cast(Function, kernel)
 
     return build

@@ -26,6 +26,9 @@ FOOT: Final = 0.3048
 KINDS: Final = ("accelerometer", "magnetometer", "gyro")
 """The kinds of triad, in the order every table, vector and file uses."""
 
+AXIAL_INTERFERENCE: Final = 220.0
+"""nT, standard deviation of the field that a drill string adds along the tool: term AMIL of the ISCWSA MWD model."""
+
 DEG_PER_HOUR: Final = math.pi / 180.0 / 3600.0
 """One degree an hour, rad/s."""
 
@@ -79,3 +82,6 @@ UNIT_LABELS: Final = {
     "rad_s": "rad/s", "deg_s": "deg/s", "deg_h": "deg/h",
 }  # fmt: skip
 """Units a channel's name may end in (accel_x_m_s2), and what the records call them."""
+
+PER_RADIAN: Final = MappingProxyType({"rad/s": 1.0, "deg/s": math.degrees(1.0), "deg/h": math.degrees(3600.0)})
+"""Signals of a gyro in these units for a rate of 1 rad/s."""

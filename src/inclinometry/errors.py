@@ -17,7 +17,7 @@ class InputError(InclinometryError, ValueError):
 
 
 class FileError(InputError):
-    """A file that cannot be used; the message names the file and, where there is one, the line.
+    """A file that cannot be used; the message names the file and, where there is one, the line, or row of an array.
 
     Examples
     --------
@@ -25,10 +25,14 @@ class FileError(InputError):
     "bench.csv, line 1: no column 'accel_y'; add it"
     """
 
-    def __init__(self, problem: str, *, path: str | Path, line: int | None = None) -> None:
-        where = f"{path}" if line is None else f"{path}, line {line}"
+    def __init__(self, problem: str, *, path: str | Path, line: int | None = None, row: int | None = None) -> None:
+        where = f"{path}" + (f", line {line}" if line is not None else f", row {row}" if row is not None else "")
         super().__init__(f"{where}: {problem}")
         self.path, self.line, self.problem = Path(path), line, problem
+
+    def of_rows(self) -> FileError:
+        """The same of a file that has rows and no lines: its names are no line."""
+        return FileError(self.problem, path=self.path, row=self.line or None)
 
 
 class IdentifiabilityError(InclinometryError, ValueError):

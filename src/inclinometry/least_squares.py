@@ -100,9 +100,12 @@ def levenberg_marquardt(
                 damping, growth = max(damping, 1e-15), 2.0
                 state, here = trial, there
                 break
+            if decrement + here.eliminated <= 1e-16 * here.cost:
+                # what remains to be gained is rounding of the cost
+                return Fit(state, inverse_spd(here.hessian), here.cost, count)
             damping, growth = max(damping, 1e-12) * growth, growth * 2.0
     step, decrement = _damped_step(here, 0.0)
-    if decrement + here.eliminated <= tolerance * (1.0 + here.cost):
+    if decrement + here.eliminated <= max(tolerance, 1e-6) * (1.0 + here.cost):
         # a curved valley is approached ever more slowly: the step that remains is still a negligible one
         return Fit(state, inverse_spd(here.hessian), here.cost, iterations)
     raise ConvergenceError(f"no convergence in {iterations} iterations; the readings may not determine the parameters")

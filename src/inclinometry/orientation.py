@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite
+from inclinometry.arrays import Array, finite, not_degrees
 from inclinometry.errors import InputError
 from inclinometry.rotations import cross_matrix, dcm, wrap_positive
 
@@ -273,7 +273,7 @@ def fields(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike, dip:
     >>> b.round(12)
     array([0., 0., 1.])
     """
-    matrix, dip = np.broadcast_arrays(dcm(azimuth, inclination, toolface), finite(dip, "dip")[..., None, None])
+    matrix, dip = np.broadcast_arrays(dcm(azimuth, inclination, toolface), not_degrees(dip, "dip")[..., None, None])
     dip = dip[..., 0, :1]
     north, down = matrix[..., 0], matrix[..., 2]
     return down.copy(), np.asarray(np.cos(dip) * north + np.sin(dip) * down)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite
+from inclinometry.arrays import Array, finite, not_degrees
 from inclinometry.errors import InputError
 
 TAU = 2.0 * np.pi
@@ -105,6 +105,7 @@ def dcm(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> Arra
            [ 0.,  1.,  0.],
            [ 1.,  0.,  0.]])
     """
+    inclination = not_degrees(inclination, "inclination")
     return np.asarray(rotation_z(toolface) @ rotation_y(inclination) @ rotation_z(azimuth))
 
 
@@ -251,9 +252,14 @@ def quaternion_multiply(left: ArrayLike, right: ArrayLike) -> Array:
     array([0., 0., 0., 1.])
     """
     p, q = finite(left, "left", (4,)), finite(right, "right", (4,))
-    scalar = p[..., 0] * q[..., 0] - np.sum(p[..., 1:] * q[..., 1:], axis=-1)
-    vector = p[..., :1] * q[..., 1:] + q[..., :1] * p[..., 1:] + np.cross(p[..., 1:], q[..., 1:])
-    return np.concatenate([scalar[..., None], vector], axis=-1)
+    p0, p1, p2, p3 = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
+    q0, q1, q2, q3 = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    product = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    product[..., 0] = p0 * q0 - (p1 * q1 + p2 * q2 + p3 * q3)
+    product[..., 1] = p0 * q1 + q0 * p1 + (p2 * q3 - p3 * q2)
+    product[..., 2] = p0 * q2 + q0 * p2 + (p3 * q1 - p1 * q3)
+    product[..., 3] = p0 * q3 + q0 * p3 + (p1 * q2 - p2 * q1)
+    return product
 
 
 def quaternion_conjugate(quaternion: ArrayLike) -> Array:

@@ -452,6 +452,9 @@ class Tool(Tabular):
         Standard deviation of one reading of each sensor, in the triad's unit; zero when not given.
     temperature_range : (float, float), optional
         degC over which the parameters were determined.
+    stability : (p, p) array_like, optional
+        Covariance of what the parameters have moved by since they were determined (`inclinometry.stability.aged`); zero
+        on the day of the calibration.
     """
 
     name: str
@@ -459,6 +462,7 @@ class Tool(Tabular):
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     noise: Mapping[str, Array] = field(default_factory=dict)
     temperature_range: tuple[float, float] | None = None
+    stability: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         unknown = set(self.triads) - set(KINDS)
@@ -467,12 +471,13 @@ class Tool(Tabular):
         ordered = {kind: self.triads[kind] for kind in KINDS if kind in self.triads}
         object.__setattr__(self, "triads", MappingProxyType(ordered))
         size = len(self.parameter_names)
-        covariance = finite(self.covariance, "covariance")
-        if covariance.size == 0:
-            covariance = np.zeros((size, size))
-        if covariance.shape != (size, size):
-            raise InputError(f"covariance is {covariance.shape}; this tool has {size} parameters")
-        object.__setattr__(self, "covariance", frozen(covariance))
+        for part in ("covariance", "stability"):
+            covariance = finite(getattr(self, part), part)
+            if covariance.size == 0:
+                covariance = np.zeros((size, size))
+            if covariance.shape != (size, size):
+                raise InputError(f"{part} is {covariance.shape}; this tool has {size} parameters")
+            object.__setattr__(self, part, frozen(covariance))
         noise = {
             kind: frozen(np.broadcast_to(finite(self.noise.get(kind, 0.0), f"{kind} noise"), (triad.count,)))
             for kind, triad in ordered.items()
@@ -533,8 +538,9 @@ class Sensitivity(NamedTuple):
     def components(self, tool: Tool, gravity_sd: float = 0.0) -> dict[str, Array]:
         """Covariances (..., 4, 4) of the angles, rad^2, by what causes them.
 
-        The calibration, the noise of one reading and, of two accelerometers, the strength of gravity, whose standard
-        uncertainty in units of that at the calibration is `gravity_sd`.
+        The calibration, the noise of one reading, the sensors' stability since the calibration where the tool states
+        it, and, of two accelerometers, the strength of gravity, whose standard uncertainty in units of that at the
+        calibration is `gravity_sd`.
         """
         noise = np.concatenate([tool.noise[kind] for kind in self.kinds])
         spread = self.by_signal * noise
@@ -543,6 +549,8 @@ class Sensitivity(NamedTuple):
             "calibration": moved @ np.swapaxes(self.by_parameter, -1, -2),
             "sensor noise": spread @ np.swapaxes(spread, -1, -2),
         }
+        if tool.stability.any():
+            found["stability"] = self.by_parameter @ tool.stability @ np.swapaxes(self.by_parameter, -1, -2)
         gravity = tool.triads.get("accelerometer")
         if gravity_sd > 0.0 and gravity is not None and gravity.rank == 2 and "accelerometer" in self.kinds:
             found[GRAVITY] = gravity_sd**2 * self.by_gravity[..., :, None] * self.by_gravity[..., None, :]

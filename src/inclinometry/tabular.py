@@ -103,6 +103,17 @@ def degrees(angle: ArrayLike) -> Array:
     return np.asarray(np.round(np.degrees(np.asarray(angle, dtype=np.float64)), 10) + 0.0)
 
 
+def radians(angle: ArrayLike) -> Array:
+    """Degrees to radians.
+
+    Examples
+    --------
+    >>> degrees(radians([30, 120]))
+    array([ 30., 120.])
+    """
+    return np.asarray(np.radians(np.asarray(angle, dtype=np.float64)))
+
+
 def in_degrees(record: object, *names: str) -> dict[str, Column]:
     """Columns `name_deg` of the angles of a record, rad."""
     return {f"{name}_deg": degrees(getattr(record, name)) for name in names}
@@ -194,8 +205,10 @@ def check_record(value: object, kind: type | tuple[type, ...], function: str) ->
 
 
 _SOURCES: Final = {
+    "Attitude": ("attitudes", "magnetic_attitude(samples)", "them"),
     "BenchReadings": ("readings", "read_bench({})", "them"),
     "Calibration": ("a calibration", "read_calibration({}) or calibrate_joint(readings)", "one"),
+    "DynamicRun": ("a run's attitudes", "dynamic_run(open_run({}), site)", "them"),
     "GyroReadings": ("readings of a gyro run", "read_gyro_run({})", "them"),
     "Path": ("a path", "minimum_curvature(md, inclination, azimuth)", "one"),
     "Plan": ("a plan", "plans.twelve()", "one"),
@@ -204,8 +217,12 @@ _SOURCES: Final = {
     "RunFile": ("a run", "open_run({})", "one"),
     "Samples": ("samples", "cut_stretches(time, accel, mag, gyro)", "them"),
     "Site": ("a site", "read_site({})", "one"),
+    "SixAxis": ("a six-axis run", "read_six_axis({}, 'site.toml')", "one"),
+    "Stations": ("stations with their fields", "read_six_axis({}, 'site.toml').stations", "them"),
     "Survey": ("a survey", "survey_raw(raw, calibration)", "one"),
     "Tool": ("a tool", "calibrate_joint(readings).tool", "one"),
+    "ToolCode": ("a tool code", "load_tool_code({})", "one"),
+    "ToolHistory": ("histories of tools", "tool_history(serial, type, records)", "one of them"),
     "WellSurvey": ("stations of a well", "WellSurvey(md, inclination, azimuth, tvd, site)", "them"),
 }
 """Record -> what it is called, and what of the public table gives it."""

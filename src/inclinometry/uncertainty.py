@@ -50,15 +50,37 @@ def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) 
     return np.asarray(np.where(np.isinf(nu), ndtri(tail), stdtrit(bounded, tail)))
 
 
-def ellipsoid_factor(probability: float, dimension: int) -> float:
-    """Factor on the one-sigma ellipsoid of `dimension` normal quantities that covers them jointly.
+def ellipsoid_factor(probability: float, dimension: int, degrees_of_freedom: ArrayLike = np.inf) -> Array:
+    """Factor on the one-sigma ellipsoid of `dimension` quantities that covers them jointly.
+
+    Parameters
+    ----------
+    probability : float
+    dimension : int
+    degrees_of_freedom : (...) array_like
+        From which the variances are known; infinite where they are. The covariance is the mean over what is not known
+        of them, as that of a joint fit, and so contains nu / (nu - 2) already; fewer than 3 count as 3.
+
+    Notes
+    -----
+    A root of the chi-square quantile; of Student's distribution in d dimensions with matched covariance k^2 =
+    d (nu - 2) / nu F, F the quantile of Fisher's distribution of (d, nu) degrees of freedom (Hotelling). Never less
+    than the first.
 
     Examples
     --------
-    >>> round(ellipsoid_factor(0.95, 2), 4), round(ellipsoid_factor(0.95, 3), 4)
+    >>> float(ellipsoid_factor(0.95, 2).round(4)), float(ellipsoid_factor(0.95, 3).round(4))
     (2.4477, 2.7955)
+    >>> ellipsoid_factor(0.95, 2, [6.0, 12.0]).round(3)
+    array([2.619, 2.545])
     """
-    return float(np.sqrt(chi_square_limit(probability, dimension)))
+    from scipy.special import fdtri
+
+    normal = np.sqrt(chi_square_limit(probability, dimension))
+    nu = np.maximum(_freedom(degrees_of_freedom), 3.0)
+    bounded = np.where(np.isinf(nu), 10.0, nu)
+    student = np.sqrt(dimension * (bounded - 2.0) / bounded * fdtri(dimension, bounded, _probability(probability)))
+    return np.asarray(np.where(np.isinf(nu), normal, np.maximum(student, normal)))[()]
 
 
 def chi_square_limit(probability: float, degrees_of_freedom: ArrayLike) -> Array:
@@ -323,6 +345,20 @@ def angle_sd(components: Mapping[str, Array], column: int) -> Array:
     """
     total = np.asarray(sum(part[:, column] for part in components.values()))
     return np.asarray(np.minimum(np.sqrt(np.where(np.isfinite(total), total, np.inf)), UNKNOWN))
+
+
+class AngleErrors(NamedTuple):
+    """What one cause does to the angles of n stations of a run, first order.
+
+    by_parameter : (n, 4, p) derivatives of inclination, azimuth (rad) and of the hole's direction to true north and to
+        the east, by the cause's p parameters. The direction serves where the hole is vertical and has no azimuth.
+    covariance : (p, p) of the parameters.
+    shared : whether the stations of the run share one draw of the parameters; else each station has its own.
+    """
+
+    by_parameter: Array
+    covariance: Array
+    shared: bool
 
 
 class BudgetRow(NamedTuple):

@@ -108,8 +108,11 @@ class TestAgainstTheCertificate:
         assert found.inputs == {"readings": readings.digest, "calibration readings": calibration.inputs["readings"]}
         assert found.reasons == ("every judged angle is within its limit at every position",)
         assert np.isclose(found.limits, found.coverage_factor * found.u).all()
-        # two-sided 99 % over 24 judged errors: 0.005 / 24 in each tail, 3.53 standard deviations
-        assert found.coverage_factor == pytest.approx(3.53, abs=0.01)
+        # two-sided 99 % over 24 judged errors: 0.005 / 24 in each tail, 3.53 standard deviations of a known rig
+        known = dataclasses.replace(calibration.rig, freedom=np.full(3, np.inf))
+        sure = verify(readings, dataclasses.replace(calibration, rig=known))
+        assert sure.coverage_factor == pytest.approx(3.53, abs=0.01)
+        assert 3.6 < found.coverage_factor < 4.5
         assert {d for row in found.decision for d in row} == {"pass"}
 
     @pytest.mark.parametrize(
@@ -172,7 +175,7 @@ class TestAgainstLimits:
         assert any(
             w.startswith("inclination: ") and "smaller than the expanded uncertainty" in w for w in found.warnings
         )
-        assert verify(readings, calibration, WIDE).warnings == ()
+        assert not any("smaller than" in w for w in verify(readings, calibration, WIDE).warnings)
 
     def test_guard_bands_make_the_doubtful_inconclusive(self, pair):
         calibration, _, _, readings = pair
@@ -231,7 +234,7 @@ def test_temperature_far_from_the_calibration_is_warned_of(bench):
     warm = bench(positions(1), tool, rig, bits=12, seed=9, temperature=60.0)[0]
     assert any("60.0 degC" in w for w in verify(warm, calibration).warnings)
     near = bench(positions(1), tool, rig, bits=12, seed=9, temperature=22.0)[0]
-    assert verify(near, calibration).warnings == ()
+    assert not any("degC" in w for w in verify(near, calibration).warnings)
 
 
 class TestRefusals:

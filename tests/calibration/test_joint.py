@@ -46,7 +46,8 @@ def same(one, other, kinds=BOTH, rtol=1e-7):
 class TestInvariance:
     def test_order_of_stations(self, usual, known):
         order = np.random.default_rng(1).permutation(24)
-        one, other = calibrate_joint(usual), calibrate_joint(usual.take(order))
+        # without what is looked for in the order of the stations: drift and wander
+        one, other = (calibrate_joint(run, diagnose=False) for run in (usual, usual.take(order)))
         same(one, other)
         np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-5, atol=1e-9 * one.covariance.max())
         assert other.residuals.station == tuple(str(i + 1) for i in order)

@@ -110,6 +110,7 @@ class TestMonteCarlo:
         low, high = chi2.ppf([1e-4, 1 - 1e-4], 24 * DRAWS)
         assert low < total < high
 
+    @pytest.mark.long
     def test_the_reported_covariance_is_the_bound(self, plan, rig_deg, tilt_deg):
         for _, found, bound in scenario(plan, rig_deg, tilt_deg)[:10]:
             # evaluated at the estimate instead of the truth: 0.1 deg errors of an axis change it by some per cent

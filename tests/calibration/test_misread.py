@@ -106,9 +106,9 @@ class TestToolsAtFault:
         self.judged(readings, turned(calibration, kind, change))
 
     @pytest.mark.parametrize("kind", ["accelerometer", "magnetometer"])
-    def test_a_scale_one_percent_wrong(self, pair, kind):
+    def test_a_scale_one_and_a_half_percent_wrong(self, pair, kind):
         calibration, readings = pair
-        self.judged(readings, turned(calibration, kind, np.diag([1.01, 1.0, 1.0])))
+        self.judged(readings, turned(calibration, kind, np.diag([1.015, 1.0, 1.0])))
 
     @pytest.mark.long
     @pytest.mark.parametrize("channel", range(3))

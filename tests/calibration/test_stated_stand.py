@@ -86,8 +86,9 @@ class TestStated:
         found = calibrate_joint(readings, rig_sd=[np.nan, np.nan, ROLL[2]])
         assert found.rig.sd[2] == ROLL[2]
         assert (found.rig.sd[:2] < np.radians(0.02)).all()  # they were set exactly
-        # one common factor for all three cannot say that
-        assert calibrate_joint(readings).rig.sd[0] > np.radians(0.1)
+        # without it the readings say as much, less sharply
+        alone = calibrate_joint(readings).rig.sd
+        assert alone[2] > 3.0 * alone[:2].max()
 
     def test_a_tilted_base_does_not_contradict_dip_and_north(self):
         """A dip believed in the rig's own axes would be wrong by the tilt, fifty of its standard deviations."""
@@ -286,6 +287,7 @@ class TestContradicted:
             calibrate_joint(readings(base_tilt=np.radians(3.0)), field_prior=level)
         assert calibrate_joint(readings(), field_prior=level).warnings == ()
 
+    @pytest.mark.long
     def test_what_is_right_is_not_refused(self, readings):
         """Stated values that err as stated: five standard uncertainties and a quarter of a degree are out of reach."""
         rng = np.random.default_rng(1)

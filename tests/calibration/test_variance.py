@@ -39,7 +39,9 @@ def test_factors_maximise_the_dense_restricted_likelihood(bench, plan):
     accelerometer = np.tile([1.0, 1.0, 1.0, 0.0, 0.0, 0.0], len(plan))
     noise = here.model.noise_sd.ravel() ** 2
     parts = [np.diag(noise * accelerometer), np.diag(noise * (1 - accelerometer))]
-    parts.append(block_diag(*(spread @ spread.swapaxes(1, 2))))
+    for dial in range(3):
+        own = spread[..., dial : dial + 1]
+        parts.append(block_diag(*(own @ own.swapaxes(1, 2))))
 
     def twice_negative_log_likelihood(log_factors):
         v = sum(f * part for f, part in zip(np.exp(log_factors), parts, strict=True))
@@ -47,20 +49,25 @@ def test_factors_maximise_the_dense_restricted_likelihood(bench, plan):
         normal = jacobian.T @ inverse @ jacobian
         left = inverse @ residual
         left -= inverse @ jacobian @ np.linalg.solve(normal, jacobian.T @ left)
-        return np.linalg.slogdet(v)[1] + np.linalg.slogdet(normal)[1] + residual @ left
+        apart = log_factors[2:] - np.mean(log_factors[2:])  # the dials, taken to be alike within a factor e^2
+        prior = np.sum((apart / 2.0) ** 2)
+        return np.linalg.slogdet(v)[1] + np.linalg.slogdet(normal)[1] + residual @ left + prior
 
     best = minimize(
-        twice_negative_log_likelihood, np.zeros(3), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9}
+        twice_negative_log_likelihood,
+        np.zeros(5),
+        method="Nelder-Mead",
+        options={"xatol": 1e-6, "fatol": 1e-9, "maxiter": 4000, "maxfev": 4000, "adaptive": True},
     )
     # the scoring stops when the likelihood changes by less than 1e-6, i.e. within 0.1 % of a standard deviation
-    np.testing.assert_allclose([*found.noise.values(), found.rig], np.exp(best.x), rtol=5e-3)
-    at_found = np.log([*found.noise.values(), found.rig])
+    np.testing.assert_allclose([*found.noise.values(), *found.rig], np.exp(best.x), rtol=5e-3)
+    at_found = np.log([*found.noise.values(), *found.rig])
     assert twice_negative_log_likelihood(at_found) <= best.fun + 1e-4  # a hundredth of a standard deviation
 
     # the stated uncertainty against the curvature of the likelihood: expected against observed information
     h = 1e-3
-    for place in range(3):
-        step = h * np.eye(3)[place]
+    for place in range(5):
+        step = h * np.eye(5)[place]
         ends = twice_negative_log_likelihood(best.x + step) + twice_negative_log_likelihood(best.x - step)
         observed = (ends - 2 * best.fun) / h**2 / 2
         assert found.relative_sd[place] == pytest.approx(1.0 / np.sqrt(observed), rel=0.4)
@@ -81,7 +88,7 @@ def test_right_on_average(bench, sensor_noise, plan):
     error = ratios.std(axis=0, ddof=1) / np.sqrt(draws)
     # three and a half standard errors; plain maximum likelihood misses by a third
     assert (np.abs(ratios.mean(axis=0) - 1.0) < 3.5 * error).all(), (ratios.mean(axis=0), error)
-    assert error.max() < 0.12
+    assert error.max() < 0.15
 
 
 @pytest.mark.long
@@ -90,8 +97,8 @@ def test_a_perfect_rig_is_found_perfect(bench):
     for seed in range(12):
         readings, _ = bench(plans.orthogonal(), random_tool(seed), Rig(), bits=12, seed=seed)
         found = calibrate_joint(readings, diagnose=False)
-        # noise alone moves an axis by 0.5 counts in 1600, 0.02 deg; six readings a station see half of that
-        assert np.degrees(found.rig.sd[0]) < 0.02
+        # noise alone moves an axis by 0.5 counts in 1600, 0.02 deg; an azimuth shows in one triad only
+        assert np.degrees(found.rig.sd[0]) < 0.04
         small += np.degrees(found.rig.sd[0]) < 1e-3
     assert small >= 3  # an estimate of nothing is zero half of the time
 

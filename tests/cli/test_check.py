@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from inclinometry.rotations import dcm, rotation_z
+
 LISTING = (
     "Service company\nwell;A-1\n\nMD;INC;AZI;azimuth_reference\nft;deg;deg;\n"
     "0;0,0;0;true\n1000;10,5;20;true\n2000;20;21;true\n"
@@ -30,7 +32,8 @@ def test_what_a_listing_is_understood_to_be(run, listing):
     assert done.status == 0
     assert "separated by semicolon, 3 lines before the names, a line of units; 3 rows" in done.out
     assert "MD (ft)" in done.out and "position: can take it as it is" in done.out  # noqa: PT018
-    assert "calibrate, verify: no channels" in done.out
+    assert "calibrate: no channels" in done.out
+    assert "verify: no channels" in done.out
 
 
 def test_from_the_draft_to_the_answer_with_one_option(run, listing):
@@ -109,6 +112,68 @@ def test_units_that_would_fit_a_triad(run):
     assert "can take it" not in done.out  # no unit is guessed
 
 
+def test_a_stated_unit_is_not_called_raw_counts(run):
+    """Thrice gravity: a triad that moves, in the unit it states."""
+    rows = [f"{29.4 * x:.4f},{29.4 * y:.4f},{29.4 * z:.4f}" for x, y, z in np.eye(3)]
+    for names in ("Ax (m/s2),Ay (m/s2),Az (m/s2)", "accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"):
+        Path("imu.csv").write_text("\n".join([names, *rows]) + "\n")
+        assert "raw counts" not in run("check", "imu.csv").out
+    Path("imu.csv").write_text("\n".join(["Ax,Ay,Az", *rows]) + "\n")
+    assert "raw counts or volts" in run("check", "imu.csv").out
+
+
+def told(run, name):
+    """What `check` says of each command."""
+    return run("check", name, "--json").json["uses"]
+
+
+def agrees(run, uses, command, *arguments):
+    """Whether a command refuses a file in the words of `check`, or takes it where that says yes."""
+    done = run(*arguments)
+    return done.status == 0 if uses[command] == "yes" else done.status == 2 and uses[command] in done.err
+
+
+def test_check_says_what_each_command_does_with_a_gyro_run(run):
+    Path("site.toml").write_text("latitude_deg = 60\ng = 9.81\n")
+    assert run("simulate", "gyro", "-o", "gyro.csv", "--site", "site.toml").status == 0
+    uses = told(run, "gyro.csv")
+    assert "no rig angles" in uses["calibrate"]
+    assert [name for name, answer in uses.items() if answer == "yes"] == ["readings", "gyro north"]
+    site = ("--site", "site.toml", "-o", "out.csv")
+    for command, arguments in {
+        "calibrate": ("calibrate", "gyro.csv"),
+        "calibrate --method norm": ("calibrate", "gyro.csv", "--method", "norm"),
+        "calibrate --method hand-rotations": ("calibrate", "gyro.csv", "--method", "hand-rotations"),
+        "gyro north": ("gyro", "north", "gyro.csv", *site),
+        "dynamic": ("dynamic", "gyro.csv", *site),
+        "allan": ("allan", "gyro.csv", "-o", "noise.json"),
+        "readings": ("readings", "gyro.csv", "-o", "readings.csv"),
+    }.items():
+        assert agrees(run, uses, command, *arguments), command
+
+
+def test_check_says_what_each_command_does_with_a_log_and_with_its_readings(run):
+    """The log has no angles of a rig, its readings have, and three of them do not make a calibration."""
+    run("simulate", "log", "--plan", "orthogonal", "-o", "log.csv")
+    uses = told(run, "log.csv")
+    assert "no rig angles" in uses["calibrate"]
+    assert "no rig angles" in uses["verify"]
+    assert "no gyro" in uses["calibrate --method hand-rotations"]
+    for command, *arguments in (
+        ("calibrate", "calibrate", "log.csv"),
+        ("calibrate --method norm", "calibrate", "log.csv", "--method", "norm"),
+        ("calibrate --method hand-rotations", "calibrate", "log.csv", "--method", "hand-rotations"),
+        ("allan", "allan", "log.csv", "-o", "noise.json"),
+    ):
+        assert agrees(run, uses, command, *arguments), command
+    run("simulate", "bench", "--plan", "orthogonal", "-o", "bench.csv")
+    assert (told(run, "bench.csv")["calibrate"], told(run, "bench.csv")["verify"]) == ("yes", "yes")
+    Path("few.csv").write_text("\n".join(Path("bench.csv").read_text().splitlines()[:4]) + "\n")
+    few = told(run, "few.csv")
+    assert few["calibrate"] != "yes"
+    assert agrees(run, few, "calibrate", "calibrate", "few.csv")
+
+
 @pytest.mark.parametrize(
     ("what", "some"),
     [
@@ -160,6 +225,7 @@ def test_a_survey_of_any_format_becomes_positions(run, ending):
     np.testing.assert_allclose(other, plain, atol=1e-9)
 
 
+@pytest.mark.long
 def test_quiet_and_open(run, monkeypatch):
     run("simulate", "bench", "--plan", "orthogonal", "-o", "readings.csv")
     done = run("calibrate", "readings.csv", "-o", "tool.json", "-q")
@@ -181,13 +247,13 @@ def test_each_file_of_a_folder_one_table_one_exit_status(run):
     done = run("calibrate", "--each", "runs/*.csv", "-o", "out/{stem}.json")
     assert done.status == 0
     assert [path.name for path in sorted(Path("out").iterdir())] == ["tool1.json", "tool2.json", "tool3.json"]
-    assert done.out.count("written to out/tool") == 3
+    assert done.out.count("method joint, 24 stations") == 3
     Path("runs/bad.csv").write_text("accel_x,accel_y\n1,x\n")
     done = run("calibrate", "--each", "runs")
     assert done.status == 2
     assert "4 files" in done.out
     assert "bad.csv" in done.out
-    assert done.out.count("nothing was written") == 3
+    assert done.out.count("method joint") == 3
     assert "put {stem} into the name" in run("calibrate", "--each", "runs", "-o", "x.json").err
     assert "no such file" in run("calibrate", "--each", "none/*.csv").err
     assert "put {stem} into the name" in run("calibrate", "--each=runs", "--output=x.json").err
@@ -203,3 +269,169 @@ def test_completion_of_the_shell(run, tmp_path, monkeypatch):
     assert done.status == 0
     script = next(tmp_path.rglob("completions/inclinometry"))
     assert "displacement" in script.read_text()
+
+
+def test_messages_on_standard_input_name_no_temporary_file(run, monkeypatch):
+    for command in ("check", "position"):
+        stream = io.BytesIO(b"MD,INC,AZI\n0,0,0\n100,1,2\n")
+        monkeypatch.setattr(sys, "stdin", types.SimpleNamespace(buffer=stream))
+        done = run(command, "-")
+        assert "standard input" in done.out + done.err
+        assert "tmp" not in done.out + done.err
+
+
+def _log(name: str, turn: np.ndarray, sign: float, exchange: bool = False) -> None:
+    """Eight rests in different attitudes with slow turns about z between them, in another's axes."""
+    rng = np.random.default_rng(4)
+    rows, time = [], 0.0
+    for k in range(8):
+        c = dcm(0.7 * k, 0.3 + 0.15 * k, 0.9 * k)
+        for turning in (False, True):
+            for step in range(60):
+                here = rotation_z(0.05 * step) @ c if turning else c
+                g, b = here @ [0.0, 0.0, 1.0], here @ [20.0, 0.0, 45.0]
+                w = np.array([0.0, 0.0, 286.0 if turning else 0.0])
+                cells = [turn @ (sign * g), turn @ (b[[1, 0, 2]] if exchange else b), turn @ w]
+                rows.append([time, *np.concatenate(cells) + rng.normal(0.0, 1e-3, 9)])
+                time += 0.05
+    names = ["time_s", *(f"{kind}_{axis}_{unit}" for kind, unit in (("accel", "g"), ("mag", "uT"), ("gyro", "deg_s"))
+                         for axis in "xyz")]  # fmt: skip
+    text = "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
+    Path(name).write_text(",".join(names) + "\n" + text + "\n")
+
+
+def test_rests_turning_axis_and_how_each_convention_fits(run):
+    _log("native.csv", np.eye(3), 1.0)
+    _log("up.csv", np.diag([1.0, -1.0, -1.0]), -1.0)
+    dip = np.degrees(np.arctan2(45.0, 20.0))
+    for name, right, wrong in (("native.csv", "native", "z-up"), ("up.csv", "z-up", "native")):
+        done = run("check", name, "--json")
+        found = {c["convention"]: c for c in done.json["conventions"]}
+        assert found[right]["dip_deg"] == pytest.approx(dip, abs=0.1)
+        assert found[right]["scatter_deg"] < 0.1
+        assert found[right]["share_down"] == 1.0
+        assert found[wrong]["dip_deg"] == pytest.approx(-dip, abs=0.1)
+        notes = " ".join(done.json["notes"])
+        assert "8 rests in the file, 2." in notes
+        assert "turning axis: z" in notes
+    _log("exchanged.csv", np.eye(3), 1.0, exchange=True)
+    done = run("check", "exchanged.csv")
+    assert "magnetometer -y, -x, -z along x, y, z" in done.out or "magnetometer +y, +x, +z along x, y, z" in done.out
+    assert "how each convention of axes fits" in done.out
+
+
+def test_dials_that_count_otherwise_are_said(run):
+    run("simulate", "bench", "--plan", "twelve", "--seed", "1", "-o", "readings.csv")
+    assert "dials: no other way of counting fits better" in run("check", "readings.csv").out
+    lines = [line.split(",") for line in Path("readings.csv").read_text().splitlines()]
+    at = lines[0].index("toolface_deg")
+    for line in lines[1:]:
+        line[at] = str(-float(line[at]) % 360.0)
+    Path("reversed.csv").write_text("\n".join(map(",".join, lines)) + "\n")
+    assert "--toolface-counts counterclockwise" in run("check", "reversed.csv").out
+
+
+def test_columns_of_casings_and_drill_holes_are_known(run):
+    rows = "".join(f"{0.5 * k},{100 + k},{-100 - k},{20 + k},{-20 - k}\n" for k in range(1, 12))
+    Path("casing.csv").write_text("depth_m,A0 (sin),A180 (sin),B0 (sin),B180 (sin)\n" + rows.replace("1", "0.001"))
+    Path("probe.csv").write_text("depth_m,a0_digi-25000,a180_digi-25000,b0_digi-25000,b180_digi-25000\n" + rows)
+    assert "axis A, run 180" in run("check", "probe.csv").out
+    Path("holes.csv").write_text("BHID,Depth (m),Dip (deg),Azimuth (deg)\nA,0,-60,10\nA,30,-59,11\n")
+    done = run("check", "holes.csv")
+    assert re.search(r"Dip \(deg\) +│ +dip", done.out)
+    assert "not known" not in done.out
+
+
+def test_of_a_long_file_every_row_is_counted(run):
+    rows = "".join(f"{k / 100},0,0,{1 + (k % 7) * 1e-4}\n" for k in range(30_000))
+    Path("long.csv").write_text("time_s,accel_x_g,accel_y_g,accel_z_g\n" + rows)
+    done = run("check", "long.csv")
+    assert "30,000 rows" in done.out
+    assert "1 rest in the file, 300 s long" in done.out
+
+
+@pytest.mark.long
+def test_several_files_a_folder_or_a_pattern_in_the_place_of_one(run):
+    Path("checks").mkdir()
+    for seed in (1, 2):
+        run("simulate", "bench", "--plan", "orthogonal", "--seed", seed, "-o", f"checks/{seed}.csv")
+    Path("checks/bad.csv").write_text("azimuth_deg\n")
+    for given in (
+        ["checks/1.csv", "checks/2.csv", "checks/bad.csv"],
+        ["checks"],
+        ["checks/*.csv"],
+        ["--each", "checks"],
+    ):
+        done = run("calibrate", *given)
+        assert done.status == 2
+        assert re.search(r"1\.csv +│ +0 .*method joint, 13 stations|1\.csv +│ +0 .*method joint", done.out)
+        assert "line 1: there are column names but no rows of values" in done.out
+    run("calibrate", "checks/1.csv", "-o", "tool.json")
+    done = run("verify", "checks/2.csv", "checks/bad.csv", "--calibration", "tool.json")
+    assert done.status == 2
+    assert "fail: inclination" in done.out
+    records = run("verify", "checks", "--calibration", "tool.json", "--json").json
+    assert [record["exit"] for record in records] == [2, 1, 2]
+    assert records[1]["result"]["verdict"] == "fail"
+    # behind options, which are told from their values by the command itself
+    for words in (["--json", "checks/"], ["--units", "deg", "checks", "--json"], ["--json", "checks/*.csv"]):
+        assert run("verify", "--calibration", "tool.json", *words).json == records
+    assert "put {stem} into the name" in run("calibrate", "-o", "all.json", "checks").err
+    assert "put {stem} into the name" in run("calibrate", "checks/1.csv", "checks/2.csv", "-o", "-").err
+    folder = run("verify", "checks/2.csv", "--calibration", "checks")
+    assert (folder.status, folder.err.startswith("inclinometry: checks: ")) == (2, True)
+
+
+def test_verbose_says_what_was_understood_and_how_long_it_took(run):
+    Path("a.csv").write_text("MD,INC,AZI,azimuth_reference\n0,0,0,true\n1000,10.5,20,true\n")
+    done = run("position", "a.csv", "--units", "ft,deg", "-v")
+    assert done.status == 0
+    assert "a.csv: 2 rows; 'MD' as md_m, 'INC' as inclination_deg, 'AZI' as azimuth_deg" in done.err
+    assert re.search(r"altogether \d+\.\d\d s", done.err)
+    assert run("position", "a.csv", "--units", "ft,deg").err == ""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Survey\n\nMD(ft)  Inc(deg)  Azi(deg)\n------  --------  --------\n0  0  0\n1000  10  90\n2,000.0  20  90\n",
+        "Глубина, м;Зенитный угол, град;Азимут, град\n0;0,0;0\n304,8;10,0;90\n609,6;20;90\n",
+        "井深（ft）,井斜（°）,方位（°）\n0,0,0\n1000,10,90\n2000,20,90\n",
+        "Teufe [ft];Inc [°];Azimut [°]\n0,0;0,0;0,0\n1000,0;10,0;90,0\n2000,0;20,0;90,0\n",
+    ],
+)
+def test_listings_of_other_countries_and_programs(run, text):
+    Path("listing.txt").write_text(text, encoding="utf-8")
+    done = run("position", "listing.txt", "--azimuth-reference", "true", "-o", "position.csv")
+    assert done.status == 0, done.err
+    assert "303.25" in done.out and "105.32" in done.out  # noqa: PT018
+
+
+@pytest.mark.parametrize(("names", "unit"), [("Acceleration {}", "m/s2"), ("Accelerometer {}", "g"), ("a{}", "mg")])
+def test_the_unit_of_the_names_fits_what_was_read(run, names, unit):
+    size = {"m/s2": 9.81, "g": 1.0, "mg": 1000.0}[unit]
+    header = ",".join(["time_s", *(names.format(axis) for axis in "xyz")])
+    Path("log.csv").write_text(header + "\n" + "".join(f"{k},0,0.001,{size}\n" for k in range(20)))
+    assert f"that would fit {unit} (gravity" in run("check", "log.csv").out
+    stated = ",".join(["time_s", *(f"{names.format(axis)} ({unit})" for axis in "xyz")])
+    Path("log.csv").write_text(f"{stated}\n1,0,0,1\n2,0,0,1\n")
+    assert "counts or volts" not in run("check", "log.csv").out
+
+
+def test_an_error_of_check_names_the_file_that_was_given(run):
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.active["A1"] = "md_m"
+    book.save("empty.xlsx")
+    done = run("check", "empty.xlsx")
+    assert done.status == 2
+    assert done.err.startswith("inclinometry: empty.xlsx, line 1: there are column names but no rows")
+
+
+def test_units_are_stated_for_the_log_and_its_plan(run):
+    Path("plan.csv").write_text("azimuth,inclination,toolface\n0,90,0\n0,90,90\n90,90,180\n90,0,270\n")
+    assert run("simulate", "log", "--plan", "plan.csv", "--units", "deg", "--seed", "1", "-o", "log.csv").status == 0
+    done = run("readings", "log.csv", "--plan", "plan.csv", "--units", "deg", "-o", "readings.csv")
+    assert done.status == 0, done.err
+    assert "toolface_deg" in Path("readings.csv").read_text()

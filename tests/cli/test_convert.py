@@ -90,3 +90,18 @@ def test_refusals(run, arguments, words):
     assert words in done.err
     assert len(done.err.splitlines()) == 1
     assert not Path("b.las").exists()
+
+
+def test_legs_for_cave_programs_are_written_and_not_read(run):
+    Path("a.csv").write_text(
+        "md_m,inclination_deg,azimuth_deg,azimuth_reference,tvd_m\n0,0,0,true,0\n30,10,20,true,29\n"
+    )
+    for ending in ("svx", "th", "dat"):
+        done = run("convert", "a.csv", f"a.{ending}")
+        assert done.status == 0, done.err
+        assert "not carried by" in done.err
+        assert "column 'tvd_m' (2 values)" in done.err
+    assert "does not tell the format" in run("convert", "a.svx", "b.csv").err
+    done = run("convert", "a.csv", "b.csv", "--to", "csv-excel")
+    assert (done.status, done.err) == (0, "")
+    assert Path("b.csv").read_text(encoding="utf-8-sig").startswith("md_m;")

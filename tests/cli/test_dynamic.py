@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from inclinometry.files.attitude_file import COLUMNS
+from inclinometry.rotations import dcm, dcm_from_quaternion, rotation_exp
 
 MAGNETIC = ("dynamic", "run.parquet", "--site", "site.toml", "--method", "magnetic")
 
@@ -242,3 +243,38 @@ def test_an_interruption_leaves_nothing(tmp_path):
     assert child.returncode in (130, -signal.SIGINT)
     assert "interrupted; nothing half-written" in err
     assert not list(tmp_path.iterdir())
+
+
+def test_free_motion_without_a_magnetometer_keeps_the_quaternion_and_leaves_azimuth_blank(run):
+    dt, count = 0.02, 1000
+    time, rng = dt * np.arange(count), np.random.default_rng(1)
+    fine = 0.1 * dt * np.arange(10 * count)
+    wave = np.stack([0.8 * np.sin(0.7 * fine), 0.6 * np.cos(0.9 * fine), 0.5 * np.sin(1.3 * fine + 1.0)], axis=1)
+    wave *= np.clip(fine - 3.0, 0.0, 1.0)[:, None]  # at rest for three seconds
+    steps = [dcm(0.6, 0.9, 0.3)]
+    for w in wave[:-1]:
+        steps.append(rotation_exp(-0.1 * dt * w) @ steps[-1])
+    true, rate = steps[::10], wave[::10]
+    force = 9.80665 * np.array(true)[:, :, 2] + rng.normal(0.0, 0.01, (count, 3))
+    names = [f"{kind}_{axis}_{unit}" for kind, unit in (("accel", "m_s2"), ("gyro", "rad_s")) for axis in "xyz"]
+    seen = np.column_stack([time, force, rate + rng.normal(0.0, 0.001, (count, 3))])
+    np.savetxt("free.csv", seen, delimiter=",", comments="", header=",".join(["time_s", *names]))
+    Path("site.toml").write_text("g = 9.80665\nb_nT = 50000\ndip_deg = 70\nlatitude_deg = 60\n")
+    done = run(
+        "dynamic", "free.csv", "--site", "site.toml", "--method", "complementary", "--interval-s", 0.1, "-o", "out.csv"
+    )
+    assert done.status == 0, done.err
+    assert "without a magnetometer azimuth is counted from an arbitrary direction, which has drifted by" in done.out
+    with Path("out.csv").open() as stream:
+        rows = [row for row in csv.DictReader(stream) if row["inclination_deg"]]
+    # a row every 0.1 s but those of the start
+    assert len(rows) > 0.9 * count * dt / 0.1
+    assert {row["azimuth_deg"] for row in rows} == {""}
+    assert all("unobservable" in row["flags"] for row in rows)
+    found = dcm_from_quaternion([[float(row[f"q_{part}"]) for part in "wxyz"] for row in rows])
+    at = np.rint([float(row["time_s"]) / dt for row in rows]).astype(int)
+    apart = np.swapaxes(found, 1, 2) @ np.array(true)[at]
+    # a turn about the vertical alone, the same throughout: a degree and a half for noise, three for the stated drift
+    assert np.degrees(np.arccos(apart[:, 2, 2].min())) < 1.5
+    turn = np.unwrap(np.arctan2(apart[:, 0, 1], apart[:, 0, 0]))
+    assert np.degrees(np.ptp(turn)) < 3.0

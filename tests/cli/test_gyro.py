@@ -75,7 +75,9 @@ def test_stations_have_the_columns_and_the_angles(run, simulated):
     assert done.status == 0, done.err
     assert Path("out.csv").read_text().splitlines()[0] == (
         f"{SURVEY},scale,u_scale,root,K,temperature_degC,"
-        "gyro_x_corrected_deg_h,gyro_y_corrected_deg_h,gyro_z_corrected_deg_h"
+        "gyro_x_corrected_deg_h,gyro_y_corrected_deg_h,gyro_z_corrected_deg_h,"
+        "u_inclination_common_deg,u_azimuth_common_deg,correlation_common,"
+        "u_inclination_random_deg,u_azimuth_random_deg,correlation_random"
     )
     found = rows("out.csv")
     np.testing.assert_allclose(numbers(found, "md_m"), truth["md_m"])
@@ -364,3 +366,19 @@ def test_a_long_run(run, simulated):
     done = run(*NORTH, "-o", "out.csv", "--json")
     assert done.status == 0, done.err
     assert done.json["stations"] == len(rows("out.csv")) == 2000
+
+
+def test_a_run_reaches_its_own_ellipse(run, simulated):
+    simulated(stations=12)
+    assert run(*NORTH, "--hole", "down", "-o", "stations.csv", "--errors", "errors.json").status == 0
+    position = ("position", "stations.csv", "--errors", "errors.json", "--site", "site.toml", "-o", "position.csv")
+    done = run(*position)
+    assert done.status == 0, done.err
+    assert "a tool code beside --errors adds them" in done.err
+    alone = numbers(rows("position.csv"), "semi_major_m")
+    assert alone[0] == 0.0
+    assert (np.diff(alone) > 0.0).all()
+    assert run(*position, "--tool-code", "spe90408-model-1", "--report", "out.html").status == 0
+    assert (numbers(rows("position.csv"), "semi_major_m")[1:] > alone[1:]).all()
+    assert "the gyro run itself" in Path("out.html").read_text(encoding="utf-8")
+    refused(run, *position, "--calibration", "truth.json", parts=("leave --calibration out",))

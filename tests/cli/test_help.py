@@ -26,7 +26,7 @@ from inclinometry.workflow.dynamic_methods import METHODS as MOTION
 from inclinometry.workflow.simulate import LAYOUTS, PLANS
 from inclinometry.workflow.simulate_gyro import POSITIONS
 
-GROUPS = ["Calibrate", "Survey", "Gyro", "Motion", "Laboratory", "Files", "Try"]
+GROUPS = ["Calibrate", "Survey", "Gyro", "Motion", "Laboratory", "Fleet", "Files", "Try"]
 LINES = [line for line in COMMANDS.strip().splitlines() if not line.startswith("= ")]
 NAMES = [line.split(" | ")[0] for line in LINES]
 
@@ -113,7 +113,7 @@ def test_one_name_of_few_is_a_choice(name):
 
 
 def test_the_choices_are_those_of_the_tables():
-    assert choices("calibrate", "--method") == tuple(METHODS)
+    assert choices("calibrate", "--method") == (*METHODS, "hand-rotations")
     assert choices("plan", "NAME") == (*PLANS, "optimal")
     assert get_args(PlanName) == tuple(PLANS)
     assert choices("plan", "--criterion") == tuple(CRITERIA)

@@ -40,7 +40,7 @@ def test_iscwsa_s_first_well(extended):
     assert sum(one["share"] for one in sources) == pytest.approx(1.0, abs=1e-9)
     rows = list(csv.DictReader(Path("p.csv").read_text().splitlines()))
     assert len(rows) == 268
-    assert float(rows[-1]["cov_nn"]) == last["cov_nn"]
+    assert float(rows[-1]["cov_nn"]) == pytest.approx(last["cov_nn"], rel=1e-11)
     assert len(list(csv.DictReader(Path("s.csv").read_text().splitlines()))) == 268 * len(sources)
     assert "8000.00 m" in Path("p.html").read_text()
 
@@ -58,6 +58,25 @@ def test_positions_alone_and_a_tie_on(extended):
     assert "positions only" in done.out
     first = next(csv.DictReader(Path("p.csv").read_text().splitlines()))
     assert [first[name] for name in ("north_m", "east_m", "tvd_m", "cov_nn")] == ["10", "20", "30", ""]
+
+
+def test_grid_azimuths_without_a_site_give_positions_from_grid_north(extended):
+    lines = Path("survey.csv").read_text()
+    Path("grid.csv").write_text(lines.replace("true", "grid"))
+    true = extended("position", "survey.csv", "--json").json["last_station"]
+    done = extended("position", "grid.csv", "--report", "p.html", "--json")
+    assert (done.status, done.err) == (0, "")
+    found = done.json["last_station"]
+    assert (done.json["north_reference"], found["north_reference"]) == ("grid", "grid")
+    assert [found[n] for n in ("north_m", "east_m")] == [true[n] for n in ("north_m", "east_m")]
+    page = Path("p.html").read_text()
+    assert "(grid north)" in page
+    assert "Norths seen from above" not in page  # how far true north is from there is not known
+    # true north, and an error model, need the convergence
+    for more in (("--north", "true"), ("--tool-code", "iscwsa-mwd-rev5.1"), ("--site", "site.toml", *MWD[:2])):
+        refused = extended("position", "grid.csv", *more)
+        assert (refused.status, refused.out) == (2, "")
+        assert "the site has no convergence" in refused.err
 
 
 def code(**change):
@@ -115,7 +134,6 @@ def test_wrong_options_write_nothing(extended, arguments, wanted):
         (("0,0,0,true", "30,4,5,"), "survey.csv, line 3: azimuth_reference is ''"),
         (("0,90,0,true", "30,90,180,true"), "survey.csv, line 3: the hole turns by 180.0000 deg"),
         (("0,0,0,magnetic", "30,4,5,magnetic"), "poor.toml: the site has no declination"),
-        (("0,0,0,grid", "30,4,5,grid"), "poor.toml: the site has no convergence"),
     ],
 )
 def test_wrong_stations_write_nothing(run, lines, wanted):
@@ -161,10 +179,10 @@ def test_a_certificate_becomes_an_ellipse(certified):
     assert measured.status == 0
     assert "the sensors alone" in measured.err
     assert "the sensors alone" in Path("p.html").read_text()
-    assert [one["source"] for one in measured.json["sources"]] == ["calibration", "sensor noise"]
+    assert [one["source"] for one in measured.json["sources"]] == ["stability", "calibration", "sensor noise"]
     assert set(measured.json["inputs"]) == {"survey", "site", "tool", "raw"}
     computed = certified("survey.csv")
-    assert "no raw channels were given" in computed.json["notes"][0]
+    assert "no raw channels were given" in computed.json["notes"][1]
     # the fields computed differ from those measured by noise and the tool's own small errors: per cents of a derivative
     for name in ("semi_major_m", "semi_minor_m"):
         assert computed.json["last_station"][name] == pytest.approx(measured.json["last_station"][name], rel=0.02)
@@ -172,8 +190,38 @@ def test_a_certificate_becomes_an_ellipse(certified):
 
 def test_without_toolface_the_worst_is_taken(certified):
     turning, still = certified("survey.csv"), certified("four.csv")
-    assert "does not state every toolface" in still.json["notes"][1]
+    assert "does not state every toolface" in still.json["notes"][2]
     assert still.json["last_station"]["semi_major_m"] > turning.json["last_station"]["semi_major_m"]
+
+
+def test_a_calibration_ages(certified):
+    assumed, today = certified("survey.csv"), certified("survey.csv", "--age-days", 0)
+    assert "taken as 365 days old (assumed: nothing tells its age)" in assumed.json["notes"][0]
+    assert "stability: half of the terms AB, AS, MB and MS" in assumed.json["notes"][0]
+    assert "the uncertainties are those of that day" in today.json["notes"][0]
+    assert {one["source"] for one in today.json["sources"]} == {"calibration", "sensor noise"}
+    Path("s.toml").write_text(
+        "accelerometer_offset_m_s2 = 0.002\naccelerometer_scale = 0.00025\nmagnetometer_offset_nT = 35\n"
+        'magnetometer_scale = 0.0008\nsource = "own fleet"\n'
+    )
+
+    def size(done):
+        return next(one["sigma_major_axis_m"] for one in done.json["sources"] if one["source"] == "stability")
+
+    old = certified("survey.csv", "--stability", "s.toml", "--age-days", 4 * 365.25)
+    assert "own fleet" in old.json["notes"][0]
+    assert size(old) == pytest.approx(2.0 * size(assumed), rel=1e-4)
+    # by the dates of the record and of the site
+    record = json.loads(Path("tool.json").read_text())
+    Path("tool.json").write_text(json.dumps({**record, "created": "2026-01-01"}))
+    Path("site.toml").write_text(Path("site.toml").read_text() + "date = 2027-01-01\n")
+    dated = certified("survey.csv")
+    assert "of 2026-01-01, run of 2027-01-01" in dated.json["notes"][0]
+    assert size(dated) == pytest.approx(size(assumed), rel=1e-3)
+    Path("tool.json").write_text(json.dumps({**record, "created": "2027-01-03"}))
+    refused = certified("survey.csv")
+    assert (refused.status, refused.out) == (2, "")
+    assert "2 days before the calibration" in refused.err
 
 
 def test_a_tool_code_beside_a_certificate_tells_of_the_rest(certified):

@@ -244,3 +244,46 @@ def test_interrupt_while_importing(tmp_path):
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 130
     assert done.stderr == "interrupted; nothing half-written\n"
+
+
+@pytest.mark.parametrize("name", ["x.pdf", "x.txt", "x"])
+def test_a_report_under_another_ending_is_refused_before_anything_is_written(name, tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    log.write_text("time_s,gyro_x_rad_s\n0,1\n")
+    with pytest.raises(SystemExit, match="2"):
+        main(["allan", str(log), "-o", str(tmp_path / "a.json"), "--report", str(tmp_path / name)])
+    assert "give a name that ends in .html" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize(
+    ("language", "said"),
+    [("de", "allowed en, ru, zh"), ("", "--language needs the name"), (None, "name it with --report")],
+)
+def test_a_language_is_one_of_three_and_of_a_report(language, said, tmp_path, capsys):
+    report = str(tmp_path / "a.html")
+    more = ["--language", "ru"] if language is None else ["--report", report, "--language", language]
+    with pytest.raises(SystemExit, match="2"):
+        main(["allan", str(tmp_path / "log.csv"), *more])
+    problem = capsys.readouterr().err
+    assert said in problem
+    assert problem.count("\n") == 1
+
+
+def test_the_page_of_a_fleet_has_a_language(tmp_path, capsys):
+    """It is named with --output, and so is what lacks it."""
+    ledger = ["--ledger", str(tmp_path / "none.sqlite"), "--language", "ru"]
+    for more, said in ((["-o", str(tmp_path / "f.html")], "none.sqlite"), ([], "name it with --output")):
+        with pytest.raises(SystemExit, match="2"):
+            main(["fleet", "report", *ledger, *more])
+        assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["certificate", "t.json", "-o", "c.pdf"], ["ledger", "users", "anna"]])
+def test_certificates_and_users_have_a_language_of_their_own(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="2"):
+        main([*command, "--language", "fr"])
+    problem = capsys.readouterr().err
+    assert "fr" in problem
+    assert "--report" not in problem

@@ -49,7 +49,11 @@ def test_files_that_pages_name_are_there(page: str) -> None:
         [ROOT / page]
         if page.endswith(".md")
         else sorted((ROOT / page).glob("*.md"))
-        + sorted(path for folder in ("methods", "howto") for path in (ROOT / page / folder).glob("*.md"))
+        + sorted(
+            path
+            for folder in ("methods", "howto", "sources", "tutorials")
+            for path in (ROOT / page / folder).glob("*.md")
+        )
     )
     for path in found:
         for name in re.findall(r"`(\w[\w./]*/\w+\.(?:py|json|toml))`", path.read_text("utf-8")):

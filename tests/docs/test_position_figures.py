@@ -48,7 +48,7 @@ def test_misses_of_the_gyro_models_are_those_of_the_tests(support):
 @pytest.mark.long
 def test_drawn_tools_end_where_the_certificate_says(support):
     low, high = map(float, support[0].certificate(2000)["certificate_ratio"].split(" to "))
-    assert 0.95 < low < high < 1.05  # three standard deviations of a ratio from 2000 draws
+    assert 0.94 < low < high < 1.06  # nearly four standard deviations of a ratio from 2000 draws
 
 
 def test_the_narrow_prior_is_incompatible_and_honesty_costs_one_station_in_twenty(support):
@@ -57,8 +57,8 @@ def test_the_narrow_prior_is_incompatible_and_honesty_costs_one_station_in_twent
     assert usual.runs_beyond == honest.runs_beyond == 0
     assert narrow.runs_beyond > 0
     assert narrow.impossible > 0
-    assert usual.stations_beyond < 0.01
-    assert honest.stations_beyond == pytest.approx(0.05, abs=0.03)  # stations of a run share their errors
+    for found in (usual, honest):  # the noise that the run shows takes the place of the published one
+        assert found.stations_beyond == pytest.approx(0.05, abs=0.03)  # stations of a run share their errors
 
 
 def test_a_green_light_is_worth_nothing_level_east_west(support):

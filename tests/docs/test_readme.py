@@ -21,9 +21,15 @@ from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import parameter_names, parameter_vector
 from inclinometry.survey.path import minimum_curvature
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TWICE_U = 4.0  # u
+
+
+def commands(text):
+    """The commands of a block, a line that ends with a backslash joined to the next."""
+    return [line for line in re.sub(r"\\\n\s*", "", text).splitlines() if line.startswith("inclinometry ")]
 
 
 def run(line, capsys):
@@ -138,9 +144,9 @@ def test_the_blocks_run_as_they_stand_and_give_the_truth(tmp_path, monkeypatch, 
             exec(compile(text, "README.md", "exec"), {})
         elif language == "toml":
             Path(text.splitlines()[0].removeprefix("# ")).write_text(text, encoding="utf-8")
-        for line in text.splitlines():
+        for line in commands(text):
             # the laboratory serves until it is stopped
-            if line.startswith("inclinometry ") and not line.startswith("inclinometry bench"):
+            if not line.startswith("inclinometry bench"):
                 run(line, capsys)
                 count += 1
     assert count >= 23
@@ -152,10 +158,11 @@ def test_the_blocks_run_as_they_stand_and_give_the_truth(tmp_path, monkeypatch, 
     assert len(Path("corrected.las").read_text(encoding="utf-8").splitlines()) > 61
 
 
+@pytest.mark.long
 def test_they_do_so_with_other_seeds(tmp_path, monkeypatch, capsys):
     """The lines of two blocks with another tool, rig, noise and gyro run: the first was no luck."""
     monkeypatch.chdir(tmp_path)
-    lines = [line for _, text in BLOCK.findall(README) for line in text.splitlines()]
+    lines = [line for _, text in BLOCK.findall(README) for line in commands(text)]
     for start in ("plan twelve", "simulate bench --plan", "calibrate", "simulate well", "survey raw.csv --calibration"):
         line = next(one for one in lines if one.startswith(f"inclinometry {start}")).split("#")[0].split("--report")[0]
         run(line + (" --seed 5" if start.startswith("simulate") else ""), capsys)
@@ -169,5 +176,17 @@ def test_they_do_so_with_other_seeds(tmp_path, monkeypatch, capsys):
 def test_the_program_has_one_spelling():
     """On the path of an activated environment; no other way of calling it in a command of the README."""
     blocks = "".join(text for _, text in BLOCK.findall(README))
-    assert ". .venv/bin/activate\ninclinometry --version" in blocks
+    assert blocks.index(". .venv/bin/activate\n") < blocks.index("inclinometry --version")
     assert not re.search(r"bin/inclinometry|Scripts.inclinometry|-m inclinometry", blocks)
+
+
+@pytest.mark.parametrize("language", ["ru", "zh"])
+def test_the_other_languages_have_the_same_blocks(language):
+    """What is run above is what they say; each leads to the two others."""
+    text = (ROOT / f"README.{language}.md").read_text(encoding="utf-8")
+    assert BLOCK.findall(text) == BLOCK.findall(README)
+    for page in {"README.md", "README.ru.md", "README.zh.md"} - {f"README.{language}.md"}:
+        assert f"({page})" in text
+    links = re.compile(r"\]\(((?!README)[^)]+)\)")
+    assert links.findall(text) == links.findall(README)
+    assert all((ROOT / link).exists() for link in links.findall(README))

@@ -10,12 +10,15 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src" / "inclinometry").rglob("*.py"))
+MADE = ("generated", "_build", "gallery", "manual")  # by make docs, from what is tested here
 DATA = sorted(
-    path for end in ("json", "toml", "html", "js", "css") for path in (ROOT / "src" / "inclinometry").rglob(f"*.{end}")
+    path
+    for end in ("json", "toml", "html", "js", "css")
+    for path in (ROOT / "src" / "inclinometry").rglob(f"*.{end}")
+    if not set(path.relative_to(ROOT).parts) & set(MADE)
 )
-MADE = ("generated", "_build", "gallery")  # by make docs, from what is tested here
 WRITTEN = [path for path in (ROOT / "docs").rglob("*.md") if not set(path.relative_to(ROOT / "docs").parts) & set(MADE)]
-PAGES = sorted([*WRITTEN, ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
+PAGES = sorted([*WRITTEN, *ROOT.glob("README*.md"), ROOT / "CONTRIBUTING.md"])
 
 # private word -> the word of the field
 INSTEAD = {

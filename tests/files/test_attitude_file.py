@@ -47,6 +47,8 @@ def test_the_contract_of_csv(rows, tmp_path):
         "method": "magnetic", "quality": "0.8", "flags": "",
         "q_w": "0.836516303738", "q_x": "0.129409522551", "q_y": "-0.224143868042", "q_z": "-0.482962913145",
         "magnetic_toolface_deg": "57", "u_magnetic_toolface_deg": "0.04", "toolface_type": "gravity",
+        "u_common_inclination_deg": "0.02", "u_common_azimuth_deg": "0.05", "u_common_toolface_deg": "0.03",
+        "u_random_inclination_deg": "0", "u_random_azimuth_deg": "0", "u_random_toolface_deg": "0",
     }  # fmt: skip
     # the hole of the third row is steeper than 5 degrees, that of the second is not known
     assert [row["toolface_type"] for row in found] == ["gravity", "", "magnetic"]

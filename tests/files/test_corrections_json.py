@@ -46,6 +46,8 @@ def correction(power=0.0):
         freedom=12,
         warnings=("toolfaces leave a gap",),
         inputs={"raw": "sha256:1"},
+        information=np.linalg.inv(covariance),
+        score=np.arange(5.0),
     )
 
 
@@ -56,7 +58,7 @@ def test_round_trip(tmp_path, power):
     write_corrections(wanted, path)
     found = read_corrections(path)
     assert found.parameters == wanted.parameters
-    for name in ("covariance", "gain", "offset", "power", "reference_temperature", "noise"):
+    for name in ("covariance", "gain", "offset", "power", "reference_temperature", "noise", "information", "score"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
     for name in ("priors", "tool", "md", "stations", "chi_square", "freedom", "warnings"):
         assert getattr(found, name) == getattr(wanted, name)

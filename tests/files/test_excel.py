@@ -202,3 +202,16 @@ def test_standard_uncertainties_are_numbers(tmp_path):
     assert [type(cell) for cell in rows[1][1:]] == [float, float]
     assert rows[2][2] is None
     assert read_excel(tmp_path / "a.xlsx").same_as(file, atol=2e-12)
+
+
+def test_a_row_number_that_no_sheet_has(book):
+    path = book(["md_m", "tvd_m"], [1, 2])
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    sheet = "xl/worksheets/sheet1.xml"
+    parts[sheet] = parts[sheet].replace(b'r="2"', b'r="1000000000"').replace(b"A2", b"A1000000000")
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    with pytest.raises(FileError, match="a row beyond the 1,048,576 of a sheet"):
+        read_excel(path)

@@ -176,7 +176,7 @@ def test_columns_that_are_missing(tmp_path, columns, wanted):
         ("index_deg", "index_rad", "unit not accepted: convert it and write index_deg"),
         ("index_deg", "index", "unit missing: write index_deg"),
         ("md_m", "md", "unit missing: write md_m"),
-        ("time_s", "time_min", "unit not accepted: convert it and write time_s"),
+        ("time_s", "time", "unit missing: write time_s"),
         ("station", "Station", "did you mean station?"),
     ],
 )

@@ -242,3 +242,10 @@ def test_standard_uncertainties_have_a_unit(tmp_path):
     np.testing.assert_allclose(
         read_las(tmp_path / "a.las").sigma["azimuth"], np.radians([0.5, np.nan, 400.0]), rtol=1e-12
     )
+
+
+def test_a_header_of_a_hundred_thousand_curves_is_refused_at_once(tmp_path):
+    curves = "".join(f"C{k}.m : x\n" for k in range(100_000))
+    (tmp_path / "a.las").write_text(f"~V\nVERS. 2.0:\nWRAP. NO:\n~C\n{curves}~A\n1 2\n")
+    with pytest.raises(FileError, match="the header has 100,004 lines; allowed 4,000"):
+        read_las(tmp_path / "a.las")

@@ -223,7 +223,7 @@ def test_sets_of_shots_keep_together(tmp_path):
     nan = [None, None, None]
     shots = {"mag": [[1, 2, 3], nan, [7, 8, 9], nan], "grav": [[1, 2, 3], [4, 5, 6], [7, 8, 9], nan]}
     (tmp_path / "a.json").write_text(json.dumps(shots))
-    with reading_with("sap6"), pytest.raises(FileError, match="line 3: column 'mag_x_uT' is empty"):
+    with reading_with("sap6"), pytest.raises(FileError, match="row 2: column 'mag_y_uT' is empty"):
         read_bench(tmp_path / "a.json")
     shots["mag"][1] = [4, 5, 6]
     (tmp_path / "a.json").write_text(json.dumps(shots))

@@ -149,7 +149,7 @@ def test_a_bad_row_of_parquet_is_named(tmp_path):
 
 HEADERS = {
     "accel_x,accel_y,accel_z": "column 'time_s' is missing",
-    "time_ms,accel_x,accel_y,accel_z": "unit not accepted: convert it and write time_s",
+    "time,accel_x,accel_y,accel_z": "unit missing: write time_s",
     "time_s,temperature_degC": "no channels",
     "time_s,accel_x_mps,accel_y_mps,accel_z_mps": "unit 'mps' is not known",
     "time_s,accel_x_g,accel_y,accel_z": "contradict each other",

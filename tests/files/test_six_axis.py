@@ -152,7 +152,7 @@ ONE = "100,0,0,9.8,20000,0,45000"
         (SIX.replace("md_m", "station"), [ONE], "no depth; add a column md_m"),
         (SIX.replace("gz_m_s2", "operator"), [ONE], "'gz_m_s2' is missing; a triad"),
         (SIX.replace("by_nT", "BX (uT)"), [ONE], "'bx_nT' and 'BX .uT.' both give b.0"),
-        (SIX + ",azimut_deg", [ONE + ",1"], "did you mean azimuth_deg"),
+        (SIX + ",azimth_deg", [ONE + ",1"], "did you mean azimuth_deg"),
         (SIX, [ONE, ONE], "line 3: the depth 100 m repeats 100 m in line 2"),
         (SIX, [ONE, ONE.replace("100", "90", 1)], "line 3: the depth 90 m is less than 100 m in line 2"),
         (SIX, [ONE.replace("9.8", "nan")], "line 2: column 'gz_m_s2' is nan; every value must be finite"),

@@ -177,7 +177,7 @@ def test_a_log(tmp_path):
     ("text", "wanted"),
     [
         ("time_s,gyro_x,gyro_y\n0,1,2\n0,1,2\n", "line 3: time_s 0 repeats 0 in line 2"),
-        ("time_ms,gyro_x,gyro_y\n0,1,2\n", "unit not accepted: convert it and write time_s"),
+        ("time_d,gyro_x,gyro_y\n0,1,2\n", "column 'time_s' is missing"),
         ("time,gyro_x,gyro_y\n0,1,2\n", "unit missing: write time_s"),
         ("gyro_x,gyro_y\n0,1\n", "column 'time_s' is missing"),
         ("time_s\n0\n", "no channels"),

@@ -91,7 +91,8 @@ def test_dialects_read_alike(tmp_path, content):
         ("station,mag_y\n#1,2\n", "line 2: this comment has as many cells as a row"),
         (gzip.compress(b"mag_x\n1\n" * 9, mtime=0)[:-12], "compressed"),
         (b"PK\x03\x04rest", "not an .xlsx workbook"),
-        (b"mag_x\n1\n\xff\n", "line 3: not utf-8 text (byte 0xff"),
+        (b"mag_x\n1\n\xff\n", "line 3: 'ÿ' in column 'mag_x' is not a number"),
+        (b"mag_x\n1\n\xff\xf1\xe2\n", "line 3: not utf-8 text (byte 0xff"),
         ("mag_x\n1\n".encode("utf-16-le"), "zero bytes"),
         (b"\xff\xfe\x00\x00m\x00\x00\x00", "UTF-32"),
         (b"\xff\xfem\x00a", "not utf-16"),
@@ -257,3 +258,22 @@ def test_a_bad_cell_far_down_is_named_with_its_line(tmp_path, cell):
     (tmp_path / "a.csv").write_text("accel_x,accel_y\n" + "\n".join(lines) + "\n")
     with pytest.raises(FileError, match="line 390002"):
         read_table(tmp_path / "a.csv")
+
+
+def test_thousands_before_a_point_are_no_guess(tmp_path):
+    (tmp_path / "a.txt").write_text('md_m,mag_y\n900.00,1\n"1,200.50",2\n"12,345,678.",3\n')
+    assert read_table(tmp_path / "a.txt").number("md_m").tolist() == [900.0, 1200.5, 12345678.0]
+
+
+@pytest.mark.parametrize("name", ["Prüfung", "Größe", "Température", "±5 °C"])
+def test_western_letters_of_a_program_that_knows_no_utf_8(tmp_path, name):
+    (tmp_path / "a.csv").write_bytes(f"mag_x,{name}\n1,2\n".encode("cp1252"))
+    assert read_table(tmp_path / "a.csv").header == ("mag_x", name)
+
+
+@pytest.mark.parametrize(("encoding", "name"), [("cp1251", "Глубина"), ("gbk", "井深度"), ("utf-8", "тест")])
+def test_other_alphabets_are_not_guessed(tmp_path, encoding, name):
+    # the last: UTF-8 with one damaged byte
+    damaged = b"\xe9" if encoding == "utf-8" else b""
+    (tmp_path / "a.csv").write_bytes(f"mag_x,{name}\n1,2\n".encode(encoding) + damaged)
+    assert "save it as UTF-8" in error(tmp_path, (tmp_path / "a.csv").read_bytes())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import date
 from types import SimpleNamespace
 
 import numpy as np
@@ -50,13 +51,17 @@ def test_tool_json_becomes_a_calibration(laboratory: Ledger, bench: SimpleNamesp
     """Digit by digit, with a closed session that says where it came from."""
     made = finish_calibration(laboratory, bench.calibrated(laboratory, plans.orthogonal()).id, author="anna")
     content = json.dumps(made.body["tool_json"]).encode()
-    record = import_file(laboratory, content, "IN-7", "stand 1", author="anna")
+    day = date(2020, 5, 1)
+    record = import_file(laboratory, content, "IN-7", "stand 1", author="anna", performed=day)
     assert record.kind == "calibration"
     np.testing.assert_array_equal(calibration_of(record).covariance, calibration_of(made).covariance)
     session = load_session(laboratory, record.keys["session"])
     assert session.closed == "finished"
     assert session.settings["settings"]["imported"].startswith("sha256:")
-    assert len(history(laboratory, "IN-7")) == 2
+    # recorded last, measured first
+    found = history(laboratory, "IN-7")
+    assert found.records == [record.id, made.id]
+    assert found.measured == [day, date.fromisoformat(made.created[:10])]
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,9 @@ from inclinometry.rotations import dcm, dcm_from_quaternion, rotation_log, wrap_
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Rotation
 
-KNOWN = {"offset_sigma": 2.0, "accel_sigma": 1e-4, "axial_sigma": 0.1, "delay_sigma_s": 0.0}
-"""Settings for the scenarios' tools, which have no offsets and one clock."""
+EXACT = {"delay_sigma_s": 0.0, "lag_sigma_s": 0.0, "coupling_sigma": 0.0, "accel_sigma": 1e-4, "axial_sigma": 0.1}
+KNOWN = {**EXACT, "offset_sigma": 2.0}
+"""Settings for the scenarios' tools, which have no offsets, one clock and no collar."""
 
 FIVE = SCENARIOS["vibration-5g"]
 RPM = np.pi / 30.0

@@ -1,5 +1,9 @@
 """Real motion with an optical reference (BROAD), scored as its authors score; and what must not change the score."""
 
+import json
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -112,3 +116,16 @@ def test_a_magnet_on_the_sensor_is_found(trial):
     magnet = Samples(s.time, s.interval, accel=s.accel, mag=s.mag + [6000.0, -5000.0, 6200.0], gyro=s.gyro)
     # heading 20 deg off without; 1 uT of unevenness in 16 uT across gravity leaves 3 deg
     assert data.total(complementary_smoothed(magnet)) < 3.0
+
+
+@pytest.mark.long
+def test_the_benchmark_scores_and_draws_a_trial(tmp_path):
+    name = "16_undisturbed_fast_translation_B"
+    shutil.copy(FOLDER / f"{name}.npz", tmp_path)
+    command = [sys.executable, "-m", "benchmarks.broad", "--trials", tmp_path, "--json"]
+    command += ["--plot", tmp_path / "broad.png"]
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=True)
+    errors = json.loads(done.stdout)[name]
+    assert errors["ours"][0] < PEER[name][0]
+    assert errors["ours, offline"][0] < PEER[name][1]
+    assert (tmp_path / "broad.png").stat().st_size > 20_000

@@ -16,9 +16,9 @@ from inclinometry.orientation import fields
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Casing, Hole, Stuck
 
-from .magnetic_runs import FIVE, KNOWN, errors, samples_of, score, spun
+from .magnetic_runs import EXACT, FIVE, KNOWN, errors, samples_of, score, spun
 
-SENSORS = {"accel_sigma": 1e-4, "axial_sigma": 0.1}
+SENSORS = {**EXACT, "delay_sigma_s": 1e-4}
 
 
 def names(found: Attitude) -> set[str]:

@@ -24,7 +24,7 @@ PLAIN = replace(DEFAULT, igg3=None, adaptive_three=None, forgetting=None)
 
 def part(rows: Attitude, which: slice) -> Attitude:
     """Some rows."""
-    names = ("time", "quaternion", "covariance", "rate", "quality", "flags", "method")
+    names = ("time", "quaternion", "covariance", "common", "rate", "quality", "flags", "method")
     return replace(rows, **{name: getattr(rows, name)[which] for name in names})
 
 

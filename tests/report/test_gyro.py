@@ -59,6 +59,18 @@ def run():
     return Run()
 
 
+def test_exact_accelerometers_are_not_stated_instead_of_believed(run):
+    """Uncertainties no accelerometer has are those nobody stated."""
+    parts = {name: part * [1e-6, 1.0, 1.0, 1.0] for name, part in run.north.components.items()}
+    exact = replace(run.north, components=parts)
+    text = gyro_report(gyro_survey(run.md, exact, tool="G7"), exact, md=run.md)
+    verdict = text[text.index('<p class="sentence">') :].partition("</p>")[0]
+    assert "inclination within" not in verdict
+    assert "azimuth within" in verdict
+    assert "Inclination: the errors of the accelerometers are not stated." in verdict
+    assert "errors of the accelerometers" in text.partition("Not included: ")[2].partition("</p>")[0]
+
+
 @pytest.mark.long
 def test_page_says_what_it_rests_on(run):
     text = run.report(Site(latitude=LATITUDE))
@@ -107,7 +119,7 @@ def test_failures_of_the_closed_form_are_counted_and_named(run):
 @pytest.mark.long
 def test_a_run_from_the_bottom_up_gives_the_same_table(run):
     def rows(text):
-        return text[text.index("<h2>Stations</h2>") : text.index("What was reduced")]
+        return text[text.index(">Stations <a") : text.rindex("<h2", 0, text.rindex(">What was reduced"))]
 
     back = Run()
     turn = slice(None, None, -1)

@@ -39,7 +39,7 @@ def page_of(stations, **more):
 def test_page():
     page = page_of(run(), tool="A7 <b>", notes=["taken for granted"], inputs={"raw": "sha256:7"})
     for words in (
-        "Axial magnetometer bias (interference included) ",
+        "Axial magnetometer zero (interference included) ",
         "A7 <b>",
         "taken for granted",
         "sha256:7",

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from inclinometry.errors import InputError
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Band, Hole, Instrument, Rotation, TriadErrors, Vibration
 
@@ -98,3 +99,34 @@ def test_random_walk_grows_with_the_root_of_time_across_chunks():
         assert steps.std() == pytest.approx(1e-3 * math.sqrt(0.01), rel=0.02)
         assert np.abs(steps).max() < 7e-4  # no jump where chunks meet
     assert np.std(ends) == pytest.approx(0.03, rel=0.4)  # 36 values: 12 %
+
+
+STEADY = Scenario(rotation=Rotation(240 * RPM), instrument=Instrument())
+
+
+def test_a_collar_lets_the_transverse_field_through_late_and_weak():
+    """A low-pass of the first order: atan(omega tau) late, 1 / sqrt(1 + (omega tau)^2) left; axially nothing."""
+    plain, collar = (run(Instrument(eddy=eddy), scenario=STEADY) for eddy in (0.0, 2.5e-3))
+    ratio = (collar.mag[:, 0] + 1j * collar.mag[:, 1]) / (plain.mag[:, 0] + 1j * plain.mag[:, 1])
+    turned = 240 * RPM * 2.5e-3
+    # the toolface grows clockwise, the field turns the other way round in the tool: late is ahead
+    np.testing.assert_allclose(np.angle(ratio), math.atan(turned), atol=1e-6)
+    np.testing.assert_allclose(np.abs(ratio), 1.0 / math.hypot(1.0, turned), rtol=2e-5)
+    np.testing.assert_array_equal(collar.mag[:, 2], plain.mag[:, 2])
+    np.testing.assert_array_equal(collar.accel, plain.accel)
+
+
+def test_the_collar_remembers_over_the_blocks_of_a_run():
+    swinging = replace(SCENARIOS["vibration-5g"], instrument=Instrument(eddy=2.5e-3))
+    long, short = simulate_drilling(swinging, 1, duration=40.0), simulate_drilling(swinging, 1, duration=17.0)
+    np.testing.assert_array_equal(long.mag[: len(short)], short.mag)
+    steps = np.abs(np.diff(long.mag[:, 2], 2))
+    assert steps.max() < 1e-6  # nothing jumps where one chunk ends
+
+
+def test_coupling_is_a_matrix_by_its_rows():
+    matrix = np.arange(9.0) * 1e-4
+    plain, wrong = run(EVERY), run(replace(EVERY, accel=TriadErrors(coupling=tuple(matrix))))
+    np.testing.assert_allclose(wrong.accel - plain.accel, plain.accel @ matrix.reshape(3, 3).T, atol=1e-9)
+    with pytest.raises(InputError, match="nine finite numbers"):
+        TriadErrors(coupling=(1.0, 2.0))

@@ -8,7 +8,7 @@ import pytest
 from scipy import signal
 
 from inclinometry.simulate.drilling import Scenario, simulate_drilling
-from inclinometry.simulate.drilling.scenario import Band, Hole, Instrument, Rotation, Shocks, Vibration
+from inclinometry.simulate.drilling.scenario import Band, Hole, Instrument, Rotation, Shocks, Tone, Vibration, Whirl
 
 EVERY = Instrument(factor=1, taps=1)
 
@@ -104,3 +104,22 @@ def test_one_option_does_not_disturb_the_draws_of_another():
     np.testing.assert_array_equal(both[2], shaken(Vibration(axial=axial), duration=1.0)[2])
     twice = shaken(Vibration(replace(lateral, rms=100.0)), duration=1.0)
     np.testing.assert_allclose(twice[:2], 2.0 * both[:2], rtol=1e-9, atol=1e-9)
+
+
+def test_an_axis_that_leans_as_it_whirls_leaves_a_constant_along_the_tool():
+    """tilt e (ratio omega)^2: the centripetal acceleration is seen under a constant angle."""
+    omega, tilt = 4.0 * math.pi, math.radians(0.1)
+    spinning = Rotation(omega, toolface=0.0)
+    upright, leaning = (
+        shaken(Vibration(whirl=Whirl(-4.0, 0.006, tilt=angle)), spinning, duration=10.0) for angle in (0.0, tilt)
+    )
+    assert abs(upright[2].mean()) < 1e-9
+    assert -leaning[2].mean() == pytest.approx(tilt * 0.006 * 16.0 * omega**2, rel=1e-3)
+    np.testing.assert_allclose(leaning[:2].mean(axis=1), 0.0, atol=1e-3)
+
+
+def test_tones_shake_along_the_hole_with_the_size_and_rate_asked_for():
+    found = shaken(Vibration(tones=(Tone(1.0, 0.5), Tone(6.0, 20.0))), duration=10.0)[2]
+    lines = np.abs(np.fft.rfft(found)) / found.size * 2.0
+    assert lines[10] == pytest.approx(0.5, rel=1e-6)
+    assert lines[60] == pytest.approx(20.0, rel=1e-6)

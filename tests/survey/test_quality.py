@@ -7,7 +7,7 @@ from inclinometry.earth.magnetic import reference_errors
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles_jacobian, fields
 from inclinometry.survey.axial import axial_correction
-from inclinometry.survey.multistation import invariants_jacobian
+from inclinometry.survey.multistation import invariants
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality import (
     FieldLimits,
@@ -84,7 +84,7 @@ def test_residuals_of_drawn_tools_have_the_stated_covariance():
     # standard deviation of 20,000 draws: 0.5 %; four of them
     np.testing.assert_allclose(residual.std(axis=0), middle.sigma[0], rtol=0.02)
     covariance = residual_covariance(
-        with_sensors(true, MWD), invariants_jacobian(np.concatenate([true.g, true.b], axis=1)), SITE
+        with_sensors(true, MWD), invariants(np.concatenate([true.g, true.b], axis=1))[1], SITE
     )[0]
     squares = np.einsum("na,ab,nb->n", residual, np.linalg.inv(covariance), residual)
     assert squares.mean() == pytest.approx(3.0, rel=0.03)  # chi-square with 3 degrees of freedom, 0.6 % by chance
@@ -134,7 +134,7 @@ def test_one_bad_station_among_many_is_an_event():
 def test_the_three_together_see_what_each_alone_does_not():
     """Half-way to each limit against the grain of the correlation."""
     run = with_sensors(stations(30.0, 40.0), MWD)
-    rows = invariants_jacobian(np.concatenate([run.g, run.b], axis=1))
+    _, rows = invariants(np.concatenate([run.g, run.b], axis=1))
     covariance = residual_covariance(run, rows, SITE)[0]
     values, vectors = np.linalg.eigh(covariance / np.sqrt(np.outer(covariance.diagonal(), covariance.diagonal())))
     small = vectors[:, 0] * np.sqrt(covariance.diagonal()) * np.sqrt(values[0]) * 4.0
@@ -210,7 +210,7 @@ def test_undetected_azimuth_is_that_of_the_interference_on_the_limit():
     run = with_sensors(stations(40.0, 50.0), {"ABZ": 0.004, "MBX": 70.0, "MBY": 70.0})
     stated = judge_fields(run, SITE).undetected_azimuth[0]
     by_bz = abs(angles_jacobian(run.g, run.b)[0, 1, 5])
-    rows = invariants_jacobian(np.concatenate([run.g, run.b], axis=1))
+    _, rows = invariants(np.concatenate([run.g, run.b], axis=1))
     spread = residual_covariance(run, rows, SITE)[0, 1:, 1:]
     residual = rows[0, 1:, 5] * stated / by_bz
     assert np.sqrt(residual @ np.linalg.inv(spread) @ residual) == pytest.approx(3.0, rel=1e-9)

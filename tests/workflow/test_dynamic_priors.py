@@ -66,14 +66,23 @@ def test_scale_errors_that_no_calibration_took_off_are_in_every_row(turning, tmp
 
 
 def test_the_doubts_are_options(turning):
-    plain, sure = reduced(turning), reduced(turning, scale_sigma=0.0)
+    known = {"axial_sigma": 1.0, "lag_sigma": 0.0}
+    plain, sure = reduced(turning, **known), reduced(turning, scale_sigma=0.0, **known)
     assert (sure.u_azimuth < 0.5 * plain.u_azimuth).all()
-    assert (reduced(turning, scale_sigma=6e-3).u_azimuth > 1.8 * plain.u_azimuth).all()
+    assert (reduced(turning, scale_sigma=6e-3, **known).u_azimuth > 1.8 * plain.u_azimuth).all()
+    # 220 nT along the tool turn this azimuth by 0.26 deg; the site's dip and strength leave two thirds of it
+    steel = np.degrees(np.sqrt(reduced(turning, lag_sigma=0.0).u_azimuth ** 2 - plain.u_azimuth**2))
+    np.testing.assert_allclose(steel, 0.17, atol=0.02)
+    plain = reduced(turning)
     late = reduced(turning, delay_sigma=1e-3)
     # the speed changes: the delay is found whatever is allowed; the stamps' own is in the toolface
     np.testing.assert_allclose(late.u_azimuth, plain.u_azimuth, rtol=0.1)
     assert (late.u_toolface > 3.0 * plain.u_toolface).all()
     with pytest.raises(InputError, match="standard deviation of the delay"):
         DynamicOptions(delay_sigma=-1.0)
+    with pytest.raises(InputError, match="standard deviation of the lag"):
+        DynamicOptions(lag_sigma=1.0)
+    with pytest.raises(InputError, match="standard deviation of the axial interference"):
+        DynamicOptions(axial_sigma=-1.0)
     with pytest.raises(InputError, match="standard deviation of the scale"):
         DynamicOptions(scale_sigma=0.5)

@@ -96,3 +96,16 @@ def test_depths_that_look_like_feet_and_doglegs_that_look_like_typing(tmp_path):
 def test_digests_of_all_that_was_read(tmp_path):
     paths = files(tmp_path, "true", *FIELDS, "declination_deg = 2")
     assert set(read_position(*paths, MWD).inputs) == {"survey", "site"}
+
+
+def test_a_path_from_grid_north_needs_no_convergence(tmp_path):
+    stations, site = files(tmp_path, "grid")
+    found = read_position(stations)
+    true, _ = files(tmp_path, "true")
+    np.testing.assert_allclose(found.path.east, read_position(true).path.east, atol=1e-12)
+    assert found.survey.north == "grid"
+    files(tmp_path, "grid")
+    with pytest.raises(InputError, match="convergence"):
+        read_position(stations, site, MWD)
+    with pytest.raises(InputError, match="convergence"):
+        read_position(stations, north="true")

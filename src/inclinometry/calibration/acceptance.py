@@ -171,7 +171,8 @@ def verify(
         accelerometers the direction of the one field in tool axes; of single sensors the angle to their field.
     limits : Limits, optional
         Without limits each error is held against its own uncertainty: tool, sensor noise and rig together, so wide that
-        a tool as good as its certificate passes all positions with 99 % probability.
+        a tool as good as its certificate passes all positions with 99 % probability (Student's distribution where the
+        rig's standard deviations were estimated).
     stand : OtherStand, optional
         Another stand than that of the calibration. What is not known of it, north or north and tilt, is found from
         these readings; only what is left is judged, with the degrees of freedom that leaves.
@@ -245,11 +246,10 @@ def verify(
         idle |= (3.0 * u[:, 0] > np.abs(np.sum(where.fields[kinds[0]] * _unseen(calibration, kinds[0]), axis=1)))[
             :, None
         ]
-    judged = int(np.sum(~idle))
     if limits is None:
-        from scipy.special import ndtri
-
-        k = float(ndtri(1.0 - 0.005 / max(judged, 1)))
+        own = stand is None or stand.setting_sd is None
+        known = calibration.rig.freedom if own else np.full(3, np.inf)
+        k = _passing_factor(int(np.sum(~idle)), known)
     # inclinations below so many standard uncertainties are lengths of a tilt in two directions
     plumb = np.minimum(inclination, np.pi - inclination) < 10.0 * tilt
     # by how much the error of a tilt in two directions is wider than that of one, for the coverage of k
@@ -270,7 +270,52 @@ def verify(
         notes += _strength(readings, calibration, kinds[0], seen)
     if stand is None and found.verdict == "fail":
         notes += _elsewhere(readings, calibration, limits, second, found)
-    return replace(found, notes=notes)
+    return replace(found, notes=[*notes, *_risks(found, limits)])
+
+
+def _risks(found: Verification, limits: Limits | None) -> list[str]:
+    """Producer's and consumer's risk of limits, in words: JCGM 106:2012, 9.3.2 and 9.5.2, errors normal."""
+    from scipy.special import ndtr
+
+    judged = np.isfinite(found.limits) & (np.array(found.decision) != "not judged")
+    if limits is None or not judged.any():
+        return []
+    error, u, limit = np.abs(found.errors[judged]), found.u[judged], found.limits[judged]
+    guard = found.coverage_factor * u if limits.guard == "expanded-uncertainty" else 0.0
+    passed = np.array(found.decision)[judged] == "pass"
+    beyond = 1.0 - (ndtr((limit - error) / u) - ndtr((-limit - error) / u))
+    fails = 1.0 - float(np.prod(np.maximum(2.0 * ndtr((limit - guard) / u) - 1.0, 0.0)))
+    said = [
+        f"a tool as good as its certificate fails this verification with a probability of {100.0 * fails:.2g} % "
+        "(producer's risk)"
+    ]
+    if passed.any():
+        said.append(
+            f"an angle that passed is beyond its limit with a probability of {100.0 * float(beyond[passed].max()):.2g} "
+            "% at most (consumer's risk)"
+        )
+    return said
+
+
+def _passing_factor(judged: int, freedom: Array) -> float:
+    """The k with which a good tool passes all positions with 99 %, the dials' standard deviations being estimates.
+
+    All errors share the estimate s of sigma, s^2 / sigma^2 distributed as chi-square over its degrees of freedom, those
+    of all dials that were estimated: the chance to pass them all is the mean over it of (2 Phi(k s / sigma) - 1)^n.
+    """
+    from scipy.special import chdtri, erf, ndtri
+
+    nu, levels = freedom[np.isfinite(freedom)].sum(), (np.arange(400) + 0.5) / 400
+    size = np.sqrt(chdtri(nu, levels) / nu) if nu > 0.0 else np.ones(1)
+    low = float(ndtri(1.0 - 0.005 / max(judged, 1)))
+    if nu == 0.0:
+        return low
+    high = 10.0 * low
+    for _ in range(50):
+        middle = (low + high) / 2.0
+        enough = np.mean(erf(middle * size / np.sqrt(2.0)) ** judged) > 0.99
+        low, high = (low, middle) if enough else (middle, high)
+    return high
 
 
 def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:
@@ -384,10 +429,11 @@ def _placed(
         note = f"the stand is stated to be level to {np.degrees(level[1]):.3g} deg"
         if both:
             turn[2, 2] = stand.north_sd**2
-            note += f", its zero at {np.degrees(stand.north or 0.0):.3f} deg from {north_of} north"
-            note += f" to {np.degrees(stand.north_sd):.3g} deg: errors are absolute"
-        else:
-            note += ": errors are absolute"
+            note += (
+                f", its zero at {np.degrees(stand.north or 0.0):.3f} deg from {north_of} north to "
+                f"{np.degrees(stand.north_sd):.3g} deg"
+            )
+        note += ": errors are absolute"
         c, s = np.cos(stand.north or 0.0), np.sin(stand.north or 0.0)
         return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), turn, [note]
     fit = fit_base(readings, calibration, kinds, setting_sd=own, level=level, gravity=gravity)

@@ -11,14 +11,14 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import second_harmonics
 from inclinometry.calibration.variance import Fitted
-from inclinometry.constants import VECTORS
+from inclinometry.constants import DIALS, VECTORS
 from inclinometry.orientation import fields
 from inclinometry.sensors import angle_sensitivity
 from inclinometry.uncertainty import Budget
 
 
 def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str, Array], Array]:
-    """`Calibration.causes` and `Calibration.response` of a joint fit; the causes add up to the whole covariance.
+    """`Calibration.causes` and `Calibration.response` of a joint fit; the causes add up to its covariance.
 
     Notes
     -----
@@ -40,11 +40,18 @@ def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str,
     for name, variance in (("converter", converter), ("sensor noise", model.noise_sd**2 - converter)):
         spread = weighted * np.sqrt(variance)[..., None]
         found[name] = brought((spread.swapaxes(1, 2) @ spread).sum(axis=0))
-    dials = ("azimuth dial", "inclination dial", "toolface dial")
-    for dial, name in enumerate(dials):
+    for dial, name in enumerate(DIALS):
         moved = model.rig_sd[dial] * np.einsum("kmp,km->kp", weighted, at.by_setting[..., dial])
-        found[name] = brought(moved.T @ moved)
-    found["what is assumed of the stand"] = brought(prior)
+        found[f"{name} dial"] = brought(moved.T @ moved)
+    structured = np.arange(len(prior) - len(model.structure_sd), len(prior))
+    for name in dict.fromkeys(model.structure_name):
+        own = structured[[name == other for other in model.structure_name]]
+        information = np.zeros_like(prior)
+        information[own, own] = prior[own, own]
+        found[name] = found.get(name, 0.0) + brought(information)
+    stand = prior.copy()
+    stand[structured, structured] = 0.0
+    found["what is assumed of the stand"] = brought(stand)
     response = inverse @ weighted.reshape(-1, weighted.shape[2]).T
     return {name: covariance for name, covariance in found.items() if covariance.any()}, response
 
@@ -117,12 +124,18 @@ def error_budget(
     rounding = np.minimum(rounding, noise)
     parts["reading: converter"] = mean(sensitivity.by_signal, np.diag(rounding**2))
     parts["reading: sensor noise"] = mean(sensitivity.by_signal, np.diag(noise**2 - rounding**2))
-    # errors (..., 4) of the angles by the square laws that the roll sets show; None where they show none
-    second = second_harmonics(readings)
-    if second is None or not any("not linear" in sentence for sentence in second.sentences):
-        bent = None
-    else:
-        tool, kept = calibration.tool, [readings.station.index(name) for name in calibration.residuals.station]
+    # errors (..., 4) of the angles by the laws that the fit found or the roll sets show; None where neither does
+    second, bent = second_harmonics(readings), None
+    if calibration.bent:
+        signals = []
+        for kind in VECTORS:
+            tensor = tool.triads[kind].tensor[0]
+            share = seen[kind] @ tensor.T / (full := np.linalg.norm(tensor, axis=1))
+            law = calibration.bent.get(kind, np.zeros((len(full), 2)))
+            signals.append(full * (law[:, 0] * share**2 + law[:, 1] * share**3))
+        bent = np.einsum("nabim,nabm->nabi", sensitivity.by_signal, np.concatenate(signals, axis=-1))
+    elif second is not None and any("not linear" in sentence for sentence in second.sentences):
+        kept = [readings.station.index(name) for name in calibration.residuals.station]
         wrong, signals = [], []
         for kind, triad in tool.triads.items():
             clear = np.abs(second.square[kind]) > 4.0 * second.u_square[kind]

@@ -553,11 +553,11 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
     also = f" {' or '.join(way.words() for way in others)} would fit as well." if others else ""
     wired = _size(channels, _unexplained(channels, fields, _turns(calibration, readings.dials), wired=True))
     if wired < max(3.0 * least, far) and wired < 0.5 * _size(channels, given):
-        return [
-            f"the dials may count in another way: with {likely.words()} the readings fit {said}.{also} Channels that "
-            "are reversed or exchanged since the calibration would look so too at these positions, so that the tool "
-            "fails: state the dials, or verify at positions with other azimuths and inclinations"
-        ]
+        rewired = (
+            "Channels that are reversed or exchanged since the calibration would look so too at these positions, so "
+            "that the tool fails: state the dials, or verify at positions with other azimuths and inclinations"
+        )
+        return [f"the dials may count in another way: with {likely.words()} the readings fit {said}.{also} {rewired}"]
     raise MisreadError(
         f"the dials seem to count in another way: with {likely.words()} the readings fit {said}. State it, or put the "
         f"column right.{also}"

@@ -42,13 +42,14 @@ def calibration(
     names = list(tool.parameter_names)
     for kind in tool.triads:
         names += [f"{kind}.direction.north", f"{kind}.direction.east"]
+    stated = fitted.model.columns()[2].stop  # structured errors are not parameters
     return Calibration(
         tool,
         "joint",
         {"readings": readings.digest},
         dict(fitted.state.directions),
         (*names, *(f"rig.{n}" for n in fitted.model.nuisance_names())),
-        fitted.covariance,
+        fitted.covariance[:stated, :stated],
         _rig(fitted),
         _residuals(used, fitted),
         tuple(warnings),
@@ -101,27 +102,42 @@ def _tool(used: BenchReadings, fitted: Fitted, name: str, reference_temperature:
 def _rig(fitted: Fitted) -> Rig:
     model, state = fitted.model, fitted.state
     nuisance = {}
-    _, _, extra, width = model.columns()
-    for column, index in zip(range(extra.start, width), model.fitted_nuisance, strict=True):
+    extra = model.columns()[2]
+    for column, index in zip(range(extra.start, extra.stop), model.fitted_nuisance, strict=True):
         name = model.nuisance_names()[column - extra.start]
         nuisance[name] = (float(state.nuisance[index]), float(np.sqrt(fitted.covariance[column, column])))
+    # both parts of a dial's error: what is random and what repeats with its value
+    both, errors = model.rig_sd.copy(), state.errors.copy()
+    shared = np.zeros((*errors.shape, fitted.at.jacobian.shape[2]))
+    for column, dial in enumerate(model.structure_dial):
+        if dial >= 0:
+            rows = model.structure[..., column].any(axis=1)
+            errors[rows, dial] += state.structured[column]
+            shared[rows, dial, extra.stop + column] = 1.0
+            both[dial] = np.hypot(model.rig_sd[dial], model.structure_sd[column])
+    freedom = np.full(3, np.inf)
+    if fitted.variance_freedom is not None:
+        kinds, squares = len(model.signals), model.rig_sd**2
+        each = 1.0 / fitted.variance_freedom[kinds:]
+        parts = squares**2 * each[:3] + (both**2 - squares) ** 2 * each[3:]  # Welch, Satterthwaite
+        freedom = np.where(model.rig_known | (parts == 0.0), np.inf, both**4 / np.where(parts > 0.0, parts, 1.0))
     loose = np.flatnonzero(model.rig_sd > 0.0)
     if not len(loose):
-        return Rig(model.rig_sd.copy(), nuisance=nuisance)
+        return Rig(both, nuisance=nuisance, freedom=freedom)
     inverse_sd = 1.0 / model.noise_sd
     local = fitted.at.by_setting[..., loose] * inverse_sd[..., None]
     own = local.swapaxes(1, 2) @ local + np.diag(1.0 / model.rig_sd[loose] ** 2)
     cross = local.swapaxes(1, 2) @ (fitted.at.jacobian * inverse_sd[..., None])
     inverse = np.linalg.inv(own)
-    follow = inverse @ cross
+    follow = inverse @ cross - shared[:, loose]
     covariance = inverse + follow @ fitted.covariance @ follow.swapaxes(1, 2)
     sd = np.zeros((len(model.settings), 3))
     sd[:, loose] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    return Rig(model.rig_sd.copy(), state.errors.copy(), sd, nuisance)
+    return Rig(both, errors, sd, nuisance, freedom)
 
 
 def _residuals(readings: BenchReadings, fitted: Fitted) -> Residuals:
-    """Reading minus model at the settings as dialled, each divided by its own standard deviation.
+    """Reading minus model at the settings as dialled; without structured errors, by its own standard deviation.
 
     With V of a station's readings and W = L^-1 J whitened by V = L L', over all stations and priors W = Q S Z', the
     covariance of the residuals is L (1 - Q Q') L': the difference V - J C J' with C for the variances as they are, but
@@ -129,7 +145,8 @@ def _residuals(readings: BenchReadings, fitted: Fitted) -> Residuals:
     explain more than V, and the residuals are those of the fit at the variances as they are.
     """
     model, jacobian = fitted.model, fitted.at.jacobian
-    residual = -fitted.marginal_residual()
+    marginal = -fitted.marginal_residual()
+    residual = marginal - model.structure @ fitted.state.structured
     factor = np.linalg.cholesky(model.station_covariance(fitted.at))
     white = np.linalg.solve(factor, jacobian)
     sizes, known = np.linalg.eigh(model.prior_information(fitted.state))
@@ -149,7 +166,7 @@ def _residuals(readings: BenchReadings, fitted: Fitted) -> Residuals:
     for kind, signals in model.signals.items():
         here = slice(start, start + signals.shape[1])
         start += signals.shape[1]
-        values[kind], scaled[kind] = residual[:, here], standardised[:, here]
+        values[kind], scaled[kind] = marginal[:, here], standardised[:, here]
     return Residuals(tuple(readings.station), values, scaled, leverage)
 
 

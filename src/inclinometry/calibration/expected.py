@@ -6,6 +6,7 @@ angles; "of one reading" adds the noise of one reading of each sensor.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -21,7 +22,7 @@ from inclinometry.errors import InputError
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Tool, angle_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw, in_degrees
-from inclinometry.uncertainty import UNKNOWN
+from inclinometry.uncertainty import UNKNOWN, ellipsoid_factor
 
 ALL_ANGLES: Final = ("inclination", "azimuth", "toolface", "magnetic_toolface")
 FROM_CALIBRATION: Final = "from the calibration alone"
@@ -92,7 +93,7 @@ class ExpectedUncertainty(Tabular):
         return draw(ax, lines, "inclination, deg", "standard uncertainty, deg")
 
 
-def expanded(u: Array) -> Array:
+def expanded(u: Array, k: float = COVERAGE_FACTOR) -> Array:
     """Expanded uncertainty of angles, rad, same shape; beyond half a turn an angle is simply not known.
 
     Examples
@@ -100,7 +101,21 @@ def expanded(u: Array) -> Array:
     >>> expanded(np.array([0.1, 3.0])).round(4)
     array([0.2   , 3.1416])
     """
-    return np.asarray(np.minimum(COVERAGE_FACTOR * u, np.pi))
+    return np.asarray(np.minimum(k * u, np.pi))
+
+
+def certified_factor(calibration: Calibration) -> float:
+    """k of a certificate: for the probability of k = 2 of a normal distribution, 95.45 %, rounded up to two decimals.
+
+    Notes
+    -----
+    Student's quantile for the calibration's own degrees of freedom. Noise of a reading and calibration hang on the same
+    estimated variances, so that of both together are theirs (JCGM 100:2008, G.4, wants them independent). u is already
+    the mean over those variances, see `inclinometry.uncertainty.ellipsoid_factor`.
+    """
+    probability = math.erf(COVERAGE_FACTOR / math.sqrt(2.0))
+    k = float(ellipsoid_factor(probability, 1, calibration.degrees_of_freedom))
+    return math.ceil(100.0 * k - 1e-6) / 100.0
 
 
 def expected_uncertainty(
@@ -156,7 +171,7 @@ def expected_uncertainty(
     silent = False
     if isinstance(tool, Calibration):
         # a triad in axes of its own gives no angles of a tool
-        silent = tool.method == "norm"
+        silent = tool.method in ("norm", "hand-rotations")
         directions, tool = tool.field_directions, tool.tool
         # a tool without covariance is a truth that is known; a calibration without one says nothing of itself
         silent |= not np.any(np.diagonal(tool.covariance))

@@ -298,6 +298,11 @@ def calibrate_field(
     for component in found.blind:
         out.append(f"too few shots to estimate the noise of {component}; an expected value is used")
     notes += out
+    if len(shots.kinds) == 2 and (shots.member >= 0).all() and "dip" not in readings.reference:
+        notes.append(
+            "rolls alone and no dip stated: one such calibration in a hundred is wrong by tens of degrees and does not "
+            "show it; add two free shots in other attitudes, or state the dip"
+        )
     notes += warn_axes(shots.kinds, at, flip)
     return assemble(readings, name, found, at, projection, scales, notes)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -14,11 +15,22 @@ from inclinometry.calibration import direct
 from inclinometry.calibration.causes import parameter_causes
 from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
 from inclinometry.calibration.identifiability import null_space
+from inclinometry.calibration.lack_of_fit import lack_of_fit
 from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State, tangent_basis
 from inclinometry.calibration.outliers import Outlier, find_outliers
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import DOWN, enough, fix_signs, starting_state
+from inclinometry.calibration.structured import (
+    bent,
+    evidence,
+    fit_structured,
+    not_excluded,
+    repeating_sentences,
+    structure_first,
+    untold,
+    with_repeating,
+)
 from inclinometry.calibration.temperature import choose_powers
 from inclinometry.calibration.variance import (
     Fitted,
@@ -158,36 +170,62 @@ def calibrate_joint(
     model, start = model.with_powers(start, powers)
     warnings += direct.dead_channels(readings)
     fitted = fit_with_variances(model, start, free_noise, free_rig)
-    # what is stated of the stand is held against the fit, not against its start
-    signed, said = fix_signs(fitted.state, readings.reference, priors, fitted.tangents, left_handed=left_handed)
-    if any(not np.array_equal(a, fitted.state.directions[kind]) for kind, a in signed.directions.items()):
-        fitted = fit(fitted.model, signed)
-    warnings += said
-    outliers: list[Outlier] = []
     without, kept = fitted, np.arange(len(readings))
-    if diagnose:
+    shown: list[str] = []
+    outliers: list[Outlier] = []
+    if diagnose and not structure_first(fitted, free_noise):
         outliers, without = find_outliers(model, fitted, free_noise, free_rig)
         if robust and outliers:
             fitted, kept = without, np.delete(kept, [o.row for o in outliers])
+    if free_rig:
+        # dials that must bear what was not modelled may leave the range of the linearisation
+        with suppress(ConvergenceError):
+            fitted = fit_with_variances(*with_repeating(fitted), free_noise, free_rig)
+    if diagnose and (robust or not outliers):
+        fitted, shown = fit_structured(fitted, free_noise, free_rig)
+        warnings += repeating_sentences(fitted) if free_rig else []
+        warnings += [f"the readings show that {what}" for what in shown]
     used = readings.take(kept)
     named = direct.outlier_warnings(readings, outliers, robust)
-    warnings += named.values()
-    best = without if outliers else fitted
+    best = fitted if robust or not outliers else without
     check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
+    # what is stated of the stand is held against the fit, not against its start
+    signed, said = fix_signs(best.state, readings.reference, priors, best.tangents, left_handed=left_handed)
+    if any(not np.array_equal(a, best.state.directions[kind]) for kind, a in signed.directions.items()):
+        best = fit(best.model, signed)
+        turned = fix_signs(fitted.state, readings.reference, priors, left_handed=left_handed)[0]
+        fitted = best if not outliers or robust else fit(fitted.model, turned)
+    warnings += said
+    warnings += named.values()
     # a prior on a level field says where the rig's zero points
     pointed = {"north", "dip", "latitude"} if priors.keys() - {"accelerometer"} else set()
     stated = readings.reference.keys() | pointed
     warnings += check_axes(best.state, stated, left_handed=left_handed, assumed=bool(said))
     if diagnose:
-        # a misread dial would look like an error of the whole rig
-        warnings += direct.rig_warnings(best)
+        # a misread dial would look like an error of the whole rig; what repeats with a dial's value takes one up
+        warnings += direct.rig_warnings(best if shown else without)
         warnings += direct.roll_warnings(used)
-    causes, response = parameter_causes(fitted, used) if diagnose else ({}, np.zeros((0, 0)))
+    best, looked_for = fitted, evidence(fitted, free_noise, {*shown}) if diagnose else []
+    left = not_excluded(looked_for, fitted.covariance)
     fitted = with_averaged_covariance(fitted, free_noise, free_rig)
+    fitted = replace(fitted, covariance=fitted.covariance + left)
     if diagnose:
         warnings += _stand_warnings(fitted)
     found = direct.calibration(readings, used, fitted, name, reference, [*readings.warnings, *warnings])
-    return replace(found, outliers=named, causes=causes, response=response)
+    if not diagnose:
+        return found
+    causes, response = parameter_causes(best, used)
+    size = len(response)
+    causes["errors that the readings cannot exclude"] = left[:size, :size]
+    return replace(
+        found,
+        outliers=named,
+        causes=causes,
+        response=response,
+        bent=bent(best),
+        warnings=(*found.warnings, *(() if named else lack_of_fit(best, found.residuals, looked_for))),
+        notes=(*found.notes, *untold(found.tool, found.field_directions, looked_for)),
+    )
 
 
 def fit_once(readings: BenchReadings, noise_sd: Mapping[str, ArrayLike], rig_sd: ArrayLike, **more: Any) -> Calibration:

@@ -84,6 +84,7 @@ class State:
     directions: Mapping[str, Array]
     errors: Array  # (K, 3) rad
     nuisance: Array  # (4,) rad
+    structured: Array = field(default_factory=lambda: np.zeros(0))  # sizes of the structured errors of the model
     # filled by Model.normal: how the eliminated rig errors follow a step of the others
     _elimination: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
 
@@ -117,7 +118,8 @@ class StandAngle(NamedTuple):
 class Linear:
     """The model linearised at a state.
 
-    jacobian : (K, M, p) by tool parameters, two tangent angles a triad, nuisance parameters that are fitted
+    jacobian : (K, M, p) by tool parameters, two tangent angles a triad, nuisance parameters that are fitted, sizes of
+        the structured errors
     by_setting : (K, M, 3) by azimuth, inclination, toolface of the station
     residual : (K, M) model minus reading
     """
@@ -144,6 +146,10 @@ class Model:
     stand : angles of the stand that are known
     rig_known : (3,) which of `rig_sd` were stated; the others may be estimated
     rounding : (K, M) least standard deviation of each reading, from the step of the converter; (1, 1) for all alike
+    structure : (K, M, n) what structured errors of unit size do to the readings
+    structure_sd : (n,) their prior standard deviations
+    structure_dial : (n,) the dial (0, 1, 2) whose error at one of its values it is; -1 for others
+    structure_name : (n,) the cause of each
     """
 
     signals: Mapping[str, Array]
@@ -156,10 +162,30 @@ class Model:
     stand: Sequence[StandAngle] = ()
     rig_known: Mask = field(default_factory=lambda: np.zeros(3, dtype=bool))
     rounding: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    structure: Array = field(default_factory=lambda: np.zeros((1, 1, 0)))
+    structure_sd: Array = field(default_factory=lambda: np.zeros(0))
+    structure_dial: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    structure_name: tuple[str, ...] = ()
 
-    def with_weights(self, noise_sd: Array, rig_sd: Array) -> Model:
+    def with_weights(self, noise_sd: Array, rig_sd: Array, structure_sd: Array | None = None) -> Model:
         """The same readings with other standard deviations."""
-        return replace(self, noise_sd=noise_sd, rig_sd=rig_sd)
+        more = self.structure_sd if structure_sd is None else structure_sd
+        return replace(self, noise_sd=noise_sd, rig_sd=rig_sd, structure_sd=more)
+
+    def with_structure(
+        self, state: State, columns: Array, sd: Array, name: Sequence[str], dial: Sequence[int] = ()
+    ) -> tuple[Model, State]:
+        """With further structured errors: columns (K, M, n), standard deviations, causes, dials."""
+        more = columns.shape[2]
+        wide = np.broadcast_to(self.structure, (*columns.shape[:2], len(self.structure_sd)))
+        model = replace(
+            self,
+            structure=np.concatenate([wide, columns], axis=2),
+            structure_sd=np.concatenate([self.structure_sd, sd]),
+            structure_dial=np.concatenate([self.structure_dial, np.array(dial or [-1] * more, dtype=np.intp)]),
+            structure_name=(*self.structure_name, *name),
+        )
+        return model, replace(state, structured=np.concatenate([state.structured, np.zeros(more)]), _elimination=[])
 
     def take(self, rows: Index) -> Model:
         """The same model on some of its stations."""
@@ -170,6 +196,7 @@ class Model:
             powers=self.powers[rows],
             noise_sd=self.noise_sd[rows],
             rounding=self.rounding if len(self.rounding) == 1 else self.rounding[rows],
+            structure=self.structure if len(self.structure) == 1 else self.structure[rows],
         )
 
     def with_powers(self, state: State, powers: Array) -> tuple[Model, State]:
@@ -179,7 +206,7 @@ class Model:
             more = np.zeros((powers.shape[1], *values.shape[1:]))
             more[: min(len(values), len(more))] = values[: len(more)]
             coefficients[kind] = more
-        return replace(self, powers=powers), State(coefficients, state.directions, state.errors, state.nuisance)
+        return replace(self, powers=powers), replace(state, coefficients=coefficients, _elimination=[])
 
     @property
     def fitted_nuisance(self) -> Index:
@@ -191,14 +218,17 @@ class Model:
         return {kind: 4 * values.shape[1] * self.powers.shape[1] for kind, values in self.signals.items()}
 
     def columns(self) -> tuple[dict[str, slice], dict[str, slice], slice, int]:
-        """Columns of triad parameters, of field directions, of nuisance parameters, and their number."""
+        """Columns of triad parameters, of field directions, of nuisance parameters, and the number of all.
+
+        Those of the structured errors are the last ones.
+        """
         tool, tangent, start = {}, {}, 0
         for kind, size in self.sizes().items():
             tool[kind], start = slice(start, start + size), start + size
         for kind in self.signals:
             tangent[kind], start = slice(start, start + 2), start + 2
         stop = start + len(self.fitted_nuisance)
-        return tool, tangent, slice(start, stop), stop
+        return tool, tangent, slice(start, stop), stop + len(self.structure_sd)
 
     def linearise(self, state: State) -> Linear:
         """Model minus reading and its analytic derivatives at a state."""
@@ -228,6 +258,9 @@ class Model:
             settings[:, here] = (tensor[:, None] @ (by_setting @ a)[..., None])[..., 0].swapaxes(1, 2)
             for column, index in enumerate(self.fitted_nuisance):
                 jacobian[:, here, extra.start + column] = (tensor @ (by_nuisance[index] @ a)[..., None])[..., 0]
+        if len(self.structure_sd):
+            jacobian[..., extra.stop :] = self.structure
+            residual += self.structure @ state.structured
         return Linear(jacobian, settings, residual)
 
     def normal(self, state: State) -> Normal:
@@ -252,6 +285,11 @@ class Model:
         cost += float(np.sum((values / sds) ** 2))
         gradient[extra] += values / sds**2
         hessian[extra, extra] += np.diag(1.0 / sds**2)
+        if len(self.structure_sd):
+            precise, last = self.structure_sd**-2.0, np.arange(extra.stop, len(gradient))
+            cost += float(np.sum(state.structured**2 * precise))
+            gradient[last] += state.structured * precise
+            hessian[last, last] += precise
         loose = np.flatnonzero(self.rig_sd > 0.0)
         state._elimination.clear()
         if not len(loose):
@@ -285,7 +323,7 @@ class Model:
             follow, shift = state._elimination[0]
             errors = errors.copy()
             errors[:, np.flatnonzero(self.rig_sd > 0.0)] -= shift + follow @ step
-        return State(coefficients, directions, errors, nuisance)
+        return State(coefficients, directions, errors, nuisance, state.structured + step[extra.stop :])
 
     def station_covariance(self, at: Linear) -> Array:
         """Covariance (K, M, M) of a station's readings: sensor noise plus what the rig's errors do to all triads."""
@@ -330,6 +368,8 @@ class Model:
         _, rows, sd = self.field_rows(state)
         information = np.asarray((rows / sd[:, None] ** 2).T @ rows)
         information[extra, extra] = np.diag(1.0 / self.nuisance_sd[self.fitted_nuisance] ** 2)
+        last = np.arange(extra.stop, len(information))
+        information[last, last] = self.structure_sd**-2.0
         return information
 
     def nuisance_names(self) -> tuple[str, ...]:

@@ -220,6 +220,25 @@ class NormFit:
         """
         return Triad(kind, -self.tensor if specific_force else self.tensor, self.bias, unit, self.strength)
 
+    def tensor_jacobian(self, *, specific_force: bool = False) -> Array:
+        """Derivatives (12, 9) of the triad's parameters, tensor row and offset a sensor, by those of `covariance`."""
+        # N = s B^-1, dN = -s B^-1 dB B^-1
+        inverse, sign = np.linalg.inv(self.inverse), -1.0 if specific_force else 1.0
+        jacobian = np.zeros((3, 4, 9))
+        for column, (i, j) in enumerate(_UPPER):
+            jacobian[:, :3, column] = -sign * self.strength * np.outer(inverse[:, i], inverse[j])
+        jacobian[:, 3, 6:] = np.eye(3)
+        return jacobian.reshape(12, 9)
+
+    def field_jacobian(self, signals: ArrayLike) -> Array:
+        """Derivatives (K, 3, 9) of the calibrated field of signals (K, 3) by the parameters of `covariance`."""
+        z = finite(signals, "signals", (None, 3)) - self.bias
+        jacobian = np.zeros((len(z), 3, 9))
+        for column, (i, j) in enumerate(_UPPER):
+            jacobian[:, i, column] = z[:, j]
+        jacobian[:, :, 6:] = -self.inverse
+        return jacobian
+
     def field(self, signals: ArrayLike) -> Array:
         """Calibrated field (..., 3), in the field's unit."""
         return np.asarray((finite(signals, "signals", (3,)) - self.bias) @ self.inverse.T)
@@ -419,15 +438,8 @@ def calibrate_norms(
         size += 12
     covariance = np.zeros((size, size))
     for place, (kind, fit) in enumerate(fits.items()):
-        sign = -1.0 if specific_force and kind == "accelerometer" else 1.0
-        # derivatives (12, 9) of tensor and offset by the fit's parameters: N = s B^-1, dN = -s B^-1 dB B^-1
-        inverse = np.linalg.inv(fit.inverse)
-        jacobian = np.zeros((3, 4, 9))
-        for column, (i, j) in enumerate(_UPPER):
-            jacobian[:, :3, column] = -sign * fit.strength * np.outer(inverse[:, i], inverse[j])
-        jacobian[:, 3, 6:] = np.eye(3)
         here = slice(12 * place, 12 * place + 12)
-        to_tensor = jacobian.reshape(12, 9)
+        to_tensor = fit.tensor_jacobian(specific_force=specific_force and kind == "accelerometer")
         covariance[here, here] = to_tensor @ fit.covariance @ to_tensor.T
     heat = readings.temperature
     span = None if heat is None else (float(heat.min()), float(heat.max()))
@@ -455,13 +467,20 @@ def calibrate_norms(
 
 def _residuals(readings: BenchReadings, fits: dict[str, NormFit]) -> Residuals:
     """What is left along the field: attitude is free, so nothing is left across it."""
-    values, scaled = {}, {}
-    leverage = np.zeros(len(readings))
-    for kind, fit in fits.items():
-        direction = fit.field(readings.channels[kind])
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        values[kind] = fit.residual[:, None] / fit.strength * (direction @ fit.tensor.T)
-        sd = max(fit.rms * np.sqrt(len(readings) / max(len(readings) - 9, 1)), np.finfo(float).tiny)
-        scaled[kind] = np.repeat(fit.residual[:, None] / sd, 3, axis=1)
-        leverage += 9.0 / len(readings) / len(fits)
-    return Residuals(tuple(readings.station), values, scaled, leverage)
+    found = {kind: norm_residuals(fit, readings.channels[kind]) for kind, fit in fits.items()}
+    return Residuals(
+        tuple(readings.station),
+        {kind: values for kind, (values, _) in found.items()},
+        {kind: scaled for kind, (_, scaled) in found.items()},
+        np.full(len(readings), 9.0 / len(readings)),
+    )
+
+
+def norm_residuals(fit: NormFit, signals: Array) -> tuple[Array, Array]:
+    """Residuals (K, 3) in signal units along the field of each reading, and the same over their standard deviation."""
+    direction = fit.field(signals)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    sd = max(fit.rms * np.sqrt(len(signals) / max(len(signals) - 9, 1)), np.finfo(float).tiny)
+    return fit.residual[:, None] / fit.strength * (direction @ fit.tensor.T), np.repeat(
+        fit.residual[:, None] / sd, 3, axis=1
+    )

@@ -2,22 +2,26 @@
 
 A station is suspected by its deletion statistic (the drop in misfit when the station gets its own offset in every
 channel), removed, and everything, the variances included, is fitted without it. Only if it still disagrees with what
-the others say is it called an outlier, so that a bad station cannot hide behind the noise it has inflated.
+the others say is it called an outlier, so that a bad station cannot hide behind the noise it has inflated. A setting
+alone is suspected by its own statistic, which has one degree of freedom where a station has six.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Set
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inclinometry.arrays import Array
-from inclinometry.calibration.likelihood import Linear, Model, State
+from inclinometry.arrays import Array, Index
+from inclinometry.calibration.likelihood import Linear, Model
 from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with_variances
 from inclinometry.constants import DIALS
 from inclinometry.errors import InclinometryError
+
+_SLIGHT = 0.02  # chance of so large a deviation below which a setting is misread; of clean runs fewer are accused
 
 
 @dataclass(frozen=True)
@@ -62,10 +66,9 @@ def _predict(fitted: Fitted, full: Model, row: int) -> tuple[Linear, Array, Arra
 
     Its linearisation, (M,) model minus reading, (M, M) covariance of that from station and parameters, chi-square.
     """
-    alone = full.take(np.array([row])).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
-    at = alone.linearise(
-        State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
-    )
+    weights = fitted.model.noise_sd[:1], fitted.model.rig_sd, fitted.model.structure_sd
+    alone = full.take(np.array([row])).with_weights(*weights)
+    at = alone.linearise(replace(fitted.state, errors=np.zeros((1, 3)), _elimination=[]))
     covariance = alone.station_covariance(at)[0] + at.jacobian[0] @ fitted.covariance @ at.jacobian[0].T
     residual = at.residual[0]
     return at, residual, covariance, float(residual @ np.linalg.solve(covariance, residual))
@@ -86,12 +89,12 @@ def _chance(fitted: Fitted, full: Model, row: int, enough: float) -> float:
     for signals in full.signals.values():
         shares.append(noise[start : start + signals.shape[1]].sum())
         start += signals.shape[1]
-    shares.append(np.sum((at.by_setting[0].T @ white * fitted.model.rig_sd) ** 2))
+    shares.extend((at.by_setting[0].T @ white * fitted.model.rig_sd) ** 2)
     if not np.any(shares):
         return 1.0  # exact readings: nothing misfits
     # what the parameters' own uncertainty takes up belongs to the same causes
     parts = np.array(shares) * (statistic / np.sum(shares))
-    freedom = np.full(len(parts), 1e6) if fitted.variance_freedom is None else fitted.variance_freedom
+    freedom = np.full(len(parts), 1e6) if fitted.variance_freedom is None else fitted.variance_freedom[: len(parts)]
     # with variances known for certain the chance is less still, and its series needs no library that takes longer to
     # load than the fit: most runs are found clean by it
     half = parts.max() / 2.0
@@ -122,28 +125,69 @@ def find_outliers(
     channels = full.noise_sd.shape[1]
     significance = 0.001  # chance of calling any station of a clean run an outlier (Bonferroni over the stations)
     while len(found) < most and here.degrees_of_freedom > 2 * channels:
-        best: tuple[float, int, Fitted] | None = None
-        for place in np.argsort(deletion_statistics(here))[::-1][:3]:
-            rest = np.delete(np.arange(len(kept)), place)
-            state = State(here.state.coefficients, here.state.directions, here.state.errors[rest], here.state.nuisance)
-            try:
-                # from the starting variances: those of the fit with the bad station may have lost the rig altogether
-                trial = fit_with_variances(full.take(kept[rest]), state, free_noise, free_rig)
-            except InclinometryError:
-                continue
-            statistic = _predict(trial, full, int(kept[place]))[3]
-            if best is None or statistic > best[0]:
-                best = (statistic, int(place), trial)
-        if best is None:
+        suspect, slight = _most_misread(here)
+        statistics = deletion_statistics(here)
+        places = [int(p) for p in np.argsort(statistics)[::-1][:3] if statistics[p] >= 0.5 * statistics.max()]
+        trials: list[tuple[float, int, Fitted]] = []
+        for place in dict.fromkeys([*([suspect] if slight < _SLIGHT else []), *places]):
+            trial = _without(here, full, kept, place, free_noise, free_rig)
+            if trial is not None:
+                trials.append((_predict(trial, full, int(kept[place]))[3], place, trial))
+        if not trials:
             break
-        _, place, trial = best
-        cautious = fit_with_caution(trial, free_noise, free_rig)
-        probability = _chance(cautious, full, int(kept[place]), significance / len(kept))
-        if probability * len(kept) > significance:
-            break
+        # a slight misreading is what the dials are better without, more than without any other station
+        _, place, trial = min(trials, key=lambda one: float(np.sum(np.log(np.maximum(one[2].model.rig_sd, 1e-9)))))
+        probability = slight
+        if place != suspect or slight >= _SLIGHT:
+            _, place, trial = max(trials, key=lambda one: one[0])
+            probability = 1.0
+            with suppress(InclinometryError):
+                cautious = fit_with_caution(trial, free_noise, free_rig)
+                probability = _chance(cautious, full, int(kept[place]), significance / len(kept))
+            if probability * len(kept) > significance:
+                break
         found.append(_explain(trial, full, int(kept[place]), probability))
         kept, here = np.delete(kept, place), trial
     return found, here
+
+
+def _most_misread(fitted: Fitted) -> tuple[int, float]:
+    """Place of the setting that is most at odds with the fit, and the chance of one so far off in a clean run.
+
+    Grubbs, "Procedures for detecting outlying observations in samples", Technometrics 11 (1969), eq. (4): the largest
+    of K deviations over a standard deviation that it has a part in.
+    """
+    from scipy.special import stdtr
+
+    model, jacobian = fitted.model, fitted.at.jacobian
+    inverse = np.linalg.inv(model.station_covariance(fitted.at))
+    residual = fitted.marginal_residual()
+    pulled = np.tensordot(inverse @ jacobian, residual, axes=([0, 1], [0, 1]))
+    left = (inverse @ (residual - jacobian @ (fitted.covariance @ pulled))[..., None])[..., 0]
+    turned = fitted.at.by_setting.swapaxes(1, 2)  # (K, 3, M)
+    moved = turned @ inverse @ jacobian
+    own = np.einsum("kjm,kmn,kjn->kj", turned, inverse, turned)
+    redundant = own - np.einsum("kjp,pq,kjq->kj", moved, fitted.covariance, moved)
+    exact = 1e-6  # rad; no dial is set as well, and exact readings misread none
+    judged = (redundant > 0.05 * own) & (model.rig_sd > exact)
+    if not judged.any():
+        return 0, 1.0
+    squares = np.where(judged, np.einsum("kjm,km->kj", turned, left) ** 2 / np.where(judged, redundant, 1.0), 0.0)
+    freedom = np.where(model.rig_known, 1e6, np.maximum(judged.sum(axis=0), 3))
+    apart = np.sqrt(squares * (freedom - 1.0) / np.maximum(freedom - squares, 1e-3))
+    chance = 2.0 * stdtr(freedom - 1.0, -apart)
+    place = int(np.argmin(chance)) // 3
+    return place, float(min(1.0, chance[place].min() * judged.sum()))
+
+
+def _without(here: Fitted, full: Model, kept: Index, place: int, free_noise: Set[str], free_rig: bool) -> Fitted | None:
+    """The fit of the kept stations but one; None where they are too few."""
+    rest = np.delete(np.arange(len(kept)), place)
+    state = replace(here.state, errors=here.state.errors[rest], _elimination=[])
+    try:
+        return fit_with_variances(full.take(kept[rest]), state, free_noise, free_rig)
+    except InclinometryError:
+        return None
 
 
 def _explain(fitted: Fitted, full: Model, row: int, probability: float) -> Outlier:
@@ -154,7 +198,7 @@ def _explain(fitted: Fitted, full: Model, row: int, probability: float) -> Outli
     dial = int(np.argmin([cost for cost, _ in scans]))
     if scans[dial][0] < enough:
         # upright, azimuth and toolface turn the tool about the same axis: nothing tells which of them was misread
-        alike = [i for i in range(3) if scans[i][0] < scans[dial][0] + 30.0]
+        alike = [i for i in range(3) if scans[i][0] < scans[dial][0] + 10.0]
         return Outlier(row, probability, " or ".join(DIALS[i] for i in alike), scans[dial][1])
     for channel in range(len(residual)):
         others = np.delete(np.arange(len(residual)), channel)
@@ -173,8 +217,9 @@ def _scan_dial(fitted: Fitted, full: Model, row: int, dial: int) -> tuple[float,
         # misfit, chi-square, of one station for each error of a dial; what the fit itself is unsure of is no misfit
         settings = np.repeat(full.settings[row][None], len(steps), axis=0)
         settings[:, dial] += steps
-        here = full.take(np.full(len(steps), row)).with_weights(fitted.model.noise_sd[:1], fitted.model.rig_sd)
-        state = State(fitted.state.coefficients, fitted.state.directions, np.zeros((1, 3)), fitted.state.nuisance)
+        weights = fitted.model.noise_sd[:1], fitted.model.rig_sd, fitted.model.structure_sd
+        here = full.take(np.full(len(steps), row)).with_weights(*weights)
+        state = replace(fitted.state, errors=np.zeros((1, 3)), _elimination=[])
         at = replace(here, settings=settings).linearise(state)
         covariance = here.station_covariance(at) + at.jacobian @ fitted.covariance @ at.jacobian.swapaxes(1, 2)
         costs = np.asarray((at.residual[:, None, :] @ np.linalg.solve(covariance, at.residual[..., None]))[:, 0, 0])

@@ -8,12 +8,12 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from inclinometry.arrays import Array, finite, frozen
+from inclinometry.arrays import Array, finite, frozen, not_degrees
 from inclinometry.constants import DIALS
 from inclinometry.errors import InputError
 from inclinometry.tabular import Column, Tabular, in_degrees
 
-PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotations"]
+PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotations", "six"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,6 +31,7 @@ class Plan(Tabular):
             object.__setattr__(self, name, frozen(finite(getattr(self, name), name, (None,))))
         if not len(self.azimuth) == len(self.inclination) == len(self.toolface):
             raise InputError("azimuth, inclination and toolface of a plan differ in length")
+        not_degrees(self.inclination, "inclination")
 
     def __len__(self) -> int:
         return len(self.azimuth)
@@ -118,6 +119,21 @@ def rotations(first_inclination: float = FIRST_INCLINATION, azimuth: float = 0.0
     return _from_degrees("rotations", rows, ["1"] * rolls + ["2"] * rolls)
 
 
+def six() -> Plan:
+    """A check of a tool whose history is known: upright at four rolls, and inclination 135 at toolface 90 and 270.
+
+    It determines no tool by itself: see `inclinometry.calibration.drift_check`. The six that a history needs most, by
+    exchange on the uncertainty of the azimuth over inclinations 10 to 90.
+
+    Examples
+    --------
+    >>> six().to_dict()["toolface_deg"]
+    array([  0.,  90., 180., 270.,  90., 270.])
+    """
+    rows = [(0, 0, 0), (0, 0, 90), (0, 0, 180), (0, 0, 270), (0, 135, 90), (0, 135, 270)]
+    return _from_degrees("six", rows, ["1"] * 4 + ["2"] * 2)
+
+
 def __dir__() -> list[str]:
     # the plans and what they are, for a person who completes the name
-    return ["Plan", "half", "orthogonal", "rotations", "twelve", "two_face"]
+    return ["Plan", "half", "orthogonal", "rotations", "six", "twelve", "two_face"]

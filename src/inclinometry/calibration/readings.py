@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, Index, finite, frozen, within
+from inclinometry.arrays import Array, Index, finite, frozen, not_degrees, within
 from inclinometry.calibration.result import readings_text
 from inclinometry.constants import DIALS, KINDS
 from inclinometry.digest import digest_bytes
@@ -101,9 +101,8 @@ class BenchReadings(Tabular):
         dials = [self.azimuth is None, self.inclination is None, self.toolface is None]
         if any(dials) and not all(dials):
             raise InputError("azimuth, inclination and toolface are needed together, or none of them")
-        if self.inclination is not None and np.abs(self.inclination).max(initial=0.0) > 2.0 * np.pi:
-            worst = np.abs(self.inclination).max()
-            raise InputError(f"inclination reaches {worst:g} rad; it looks like degrees: convert with numpy.radians")
+        if self.inclination is not None:
+            not_degrees(self.inclination, "inclination")
         sd = {k: _spread(v, k, channels[k].shape) for k, v in self.sd.items() if k in channels}
         if self.count is not None and (self.count < 1.0).any():
             raise InputError(f"count is {self.count.min():g} at a station; each row is the mean of at least 1 reading")
@@ -137,7 +136,7 @@ class BenchReadings(Tabular):
         if self.azimuth is None or self.inclination is None or self.toolface is None:
             raise InputError(
                 "these readings have no rig angles; give azimuth, inclination and toolface (columns azimuth_deg, "
-                "inclination_deg, toolface_deg), or use the field method"
+                "inclination_deg, toolface_deg); the field method does without them, by roll sets"
             )
         return self.azimuth, self.inclination, self.toolface
 

@@ -87,12 +87,14 @@ class Rig:
     errors : (K, 3) estimated errors of the settings, rad; None where the method has none.
     errors_sd : (K, 3) their standard uncertainties, rad.
     nuisance : name -> (estimate, standard uncertainty), rad, of the constant rig errors that were fitted.
+    freedom : (3,) degrees of freedom from which `sd` is known; infinite where it was stated.
     """
 
     sd: Array
     errors: Array | None = None
     errors_sd: Array | None = None
     nuisance: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    freedom: Array = field(default_factory=lambda: np.full(3, np.inf))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -142,7 +144,9 @@ class Calibration(Tabular):
     notes : sentences for the record: what was done, with nothing to be settled.
     outliers : station -> sentence, of stations at odds with the others (also warnings); not kept in tool.json.
     causes : of a joint fit, cause -> covariance that it brings to the tool's parameters, for `causes.error_budget`; and
-        response (p, K M), how the parameters follow each reading, station by station. Neither is kept in tool.json.
+        response (p, K M), how the parameters follow each reading, station by station; `bent`: kind ->
+        (m, 2), quadratic and cubic part of each sensor's response where the readings show them, of full scale. None of
+        the three is kept in tool.json.
     """
 
     tool: Tool
@@ -158,6 +162,7 @@ class Calibration(Tabular):
     notes: Sequence[str] = ()
     causes: Mapping[str, Array] = field(default_factory=dict)
     response: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    bent: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def dip(self) -> float | None:
@@ -165,6 +170,19 @@ class Calibration(Tabular):
         if not {"accelerometer", "magnetometer"} <= set(self.field_directions):
             return None
         return float(dip_angle(self.field_directions["accelerometer"], self.field_directions["magnetometer"]))
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """From which the noise is known by this calibration's own readings, at least 1; infinite without residuals.
+
+        Readings less the parameters and, where the dials err, less the settings: each station's own take three of its
+        readings up. Where the noise was stated it is better known than that.
+        """
+        readings = sum(np.size(values) for values in self.residuals.values.values())
+        if not readings:
+            return np.inf
+        settings = 3 * len(self.residuals.station) if np.any(self.rig.sd) else 0
+        return float(max(readings - len(self.tool.parameter_names) - settings, 1))
 
     @property
     def uncertainty(self) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,7 +93,7 @@ def fix_signs(
         if sign < 0.0:
             directions[kind] = -direction
             coefficients[kind] = state.coefficients[kind] * np.array([-1.0, -1.0, -1.0, 1.0])
-    return State(coefficients, directions, state.errors, state.nuisance), warnings
+    return replace(state, coefficients=coefficients, directions=directions, _elimination=[]), warnings
 
 
 def zero_from_north(down: Array, field: Array) -> float:

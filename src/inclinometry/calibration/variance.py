@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,42 +27,98 @@ class Components:
     """Factors on the model's present variances, and the standard uncertainty of each."""
 
     noise: dict[str, float]  # kind -> factor on the noise variance
-    rig: float  # factor on the rig variance
-    relative_sd: Array  # (n,) standard uncertainty of each factor relative to the factor
+    rig: Array  # (3,) factor on the variance of each dial's random errors
+    repeating: Array  # (3,) on that of its repeating ones
+    relative_sd: Array  # (n,) standard uncertainty of each factor relative to the factor: kinds, dials, repeating
+
+
+# The prior of the dials, in logarithms of variances: they are alike within a factor of 7 in standard
+# deviation (one standard deviation of this prior: e), and what repeats of their errors is some sixth of what does not.
+_ALIKE: Final = 2.0
+REPEATING: Final = -1.5
 
 
 class _Restricted:
-    """Restricted likelihood of one linearised model; everything is done station by station."""
+    """Restricted likelihood of one linearised model; everything is done station by station.
 
-    def __init__(self, at: Linear, errors: Array, prior: Array, parts: list[Array], fixed: Array) -> None:
-        self.jacobian, self.prior, self.parts, self.stacked = at.jacobian, prior, parts, np.stack(parts)
-        self.fixed = fixed  # of the dials whose standard deviation was stated
-        # the residual without the estimated rig errors, since V accounts for them
-        self.residual = at.residual - (at.by_setting @ errors[..., None])[..., 0]
+    Factors multiply the variances of the noise of each kind, of the random errors of each dial, of its repeating ones.
+    """
+
+    def __init__(self, model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool) -> None:
+        self.jacobian, self.prior = at.jacobian, model.prior_information(state)
+        # the residual without the estimated rig errors, since V accounts for them, and without the structured ones
+        self.residual = without_rig_errors(model, at, state)
+        # roots (K, M, R) of the parts of a station's covariance: each channel's noise, what each dial's error does
+        count = model.noise_sd.shape[1]
+        self.roots = np.zeros((len(at.residual), count, count + 3))
+        self.roots[:, np.arange(count), np.arange(count)] = model.noise_sd
+        self.roots[..., count:] = at.by_setting * model.rig_sd
+        kinds = len(model.signals)
+        of_channel = np.repeat(np.arange(kinds), [signals.shape[1] for signals in model.signals.values()])
+        self.part = np.array([*of_channel, *(kinds + np.arange(3))])
+        self.belongs = np.eye(kinds + 3)[self.part]
+        first = self.jacobian.shape[2] - len(model.structure_dial)
+        self.groups = [first + np.flatnonzero(model.structure_dial == dial) for dial in range(3)]
+        self.size = kinds + 6
+        self.blind: bool | None = None  # whether the plan leaves directions unseen
+        self.unit = np.concatenate([np.ones(first), model.structure_sd])
+        open_dial = ~model.rig_known & (model.rig_sd > 0.0) & free_rig
+        repeats = np.array([len(group) > 0 for group in self.groups]) & free_rig
+        self.free = np.array([*(kind in free_noise for kind in model.signals), *open_dial, *repeats])
+        # logarithms of the present variances of the dials, and what the logarithms of all factors do to their prior
+        own = np.flatnonzero(open_dial)
+        rows, offsets = [], []
+        random = 2.0 * np.log(np.where(model.rig_sd > 0.0, model.rig_sd, 1.0))
+        for dial in own if len(own) > 1 else ():
+            row = np.zeros(self.size)
+            row[kinds + own] = -1.0 / len(own)
+            row[kinds + dial] += 1.0
+            rows.append(row / _ALIKE)
+            offsets.append((random[dial] - random[own].mean()) / _ALIKE)
+        weighed = np.flatnonzero(model.rig_sd > 0.0)
+        for dial in np.flatnonzero(repeats) if len(weighed) else ():
+            now = 2.0 * np.log(model.structure_sd[self.groups[dial][0] - first])
+            row = np.zeros(self.size)
+            row[kinds + own] = -1.0 / len(weighed)
+            row[kinds + 3 + dial] = 1.0
+            rows.append(row / _ALIKE)
+            offsets.append((now - random[weighed].mean() - REPEATING) / _ALIKE)
+        self.alike, self.offset = np.reshape(rows, (len(rows), self.size)), np.array(offsets)
 
     def evaluate(self, factors: Array) -> tuple[float, Array, Array]:
-        """Twice the negative log likelihood, its gradient by factor, and the expected information (n, n)."""
+        """Twice the negative log likelihood, its gradient by logarithms of factors, their expected information."""
         value, inner, shift, inverse, weighted = self.solve(factors)
         projected = (inverse @ self.residual[..., None])[..., 0] - weighted @ shift
-        whitened = [inverse @ part for part in self.parts]  # V^-1 V_i
-        middles = [np.tensordot(weighted, part @ weighted, axes=([0, 1], [0, 1])) for part in self.parts]
-        gradient = np.array(
-            [
-                np.trace(w, axis1=1, axis2=2).sum()
-                - np.sum(inner * m)
-                - np.sum(projected * (part @ projected[..., None])[..., 0])
-                for w, m, part in zip(whitened, middles, self.parts, strict=True)
-            ]
-        )
-        size = len(self.parts)
-        information: Array = np.zeros((size, size))
-        for i in range(size):
-            for j in range(i + 1):
-                pair = np.sum(whitened[i] * whitened[j].swapaxes(1, 2))
-                product = self.parts[i] @ inverse @ self.parts[j]
-                cross = np.tensordot(weighted, product @ weighted, axes=([0, 1], [0, 1]))
-                both = np.sum((inner @ middles[i]) * (inner @ middles[j]).T)
-                information[i, j] = information[j, i] = 0.5 * (pair - 2.0 * np.sum(inner * cross) + both)
+        across = self.roots.swapaxes(1, 2)
+        own, seen = across @ inverse @ self.roots, across @ weighted  # S' V^-1 S (K, R, R), S' V^-1 J (K, R, p)
+        explained = seen @ inner @ seen.swapaxes(1, 2)
+        blocks = self.size - 3
+        gradient, information = np.zeros(self.size), np.zeros((self.size, self.size))
+        pulls = np.sum((across @ projected[..., None])[..., 0] ** 2, axis=0)
+        gradient[:blocks] = self.belongs.T @ (np.einsum("krr->r", own - explained) - pulls)
+        # ||S_i' P S_j||^2 = tr(P V_i P V_j), station by station but for the last term
+        squares = self.belongs.T @ np.sum(own**2 - 2.0 * own * explained, axis=0) @ self.belongs
+        carried = [
+            inner @ np.tensordot(g, g, axes=([0, 1], [0, 1])) for g in (seen[:, self.part == i] for i in range(blocks))
+        ]
+        both = [[np.sum(one * other.T) for other in carried] for one in carried]
+        information[:blocks, :blocks] = 0.5 * (squares + both)
+        # with Z the columns of a group in units of their prior and f its factor: Z' P Z = 1/f - C/f^2
+        inner, shift = inner / np.outer(self.unit, self.unit), shift / self.unit
+        between = (seen * self.unit) @ inner
+        for c, group in enumerate(self.groups):
+            f = factors[blocks + c]
+            gradient[blocks + c] = (len(group) - np.trace(inner[np.ix_(group, group)]) / f) / f
+            gradient[blocks + c] -= np.sum(shift[group] ** 2) / f**2
+            shared = 0.5 * self.belongs.T @ np.sum((between[..., group] / f) ** 2, axis=(0, 2))
+            information[:blocks, blocks + c] = information[blocks + c, :blocks] = shared
+            for e, other in enumerate(self.groups):
+                left = -inner[np.ix_(group, other)] / (f * factors[blocks + e])
+                left = left + np.eye(len(group)) / f if c == e else left
+                information[blocks + c, blocks + e] = 0.5 * np.sum(left**2)
+        logs = self.alike @ np.log(factors) + self.offset
+        gradient = gradient * factors + 2.0 * self.alike.T @ logs
+        information = information * np.outer(factors, factors) + self.alike.T @ self.alike
         return value, gradient, information
 
     def solve(self, factors: Array) -> tuple[float, Array, Array, Array, Array]:
@@ -70,19 +127,40 @@ class _Restricted:
         Twice the negative restricted log likelihood, covariance (p, p) of the parameters, parameters (p,) of the
         linearisation minus estimate, V^-1 (K, M, M), V^-1 J (K, M, p).
         """
-        covariance = np.tensordot(factors, self.stacked, axes=1) + self.fixed
+        blocks = self.size - 3
+        scaled = self.roots * factors[self.part]
+        covariance = scaled @ self.roots.swapaxes(1, 2)
         inverse = np.asarray(np.linalg.inv(covariance))
         spread = np.linalg.slogdet(covariance)[1].sum()
         weighted = inverse @ self.jacobian  # V^-1 J
-        normal = np.tensordot(self.jacobian, weighted, axes=([0, 1], [0, 1])) + self.prior
+        prior = self.prior.copy()
+        for group, factor in zip(self.groups, factors[blocks:], strict=True):
+            prior[group, group] /= factor
+            spread += len(group) * np.log(factor)
+        normal = np.tensordot(self.jacobian, weighted, axes=([0, 1], [0, 1])) + prior
         scale = 1.0 / np.sqrt(np.diagonal(normal))
         unit = normal * np.outer(scale, scale)
-        inner = np.asarray(np.linalg.pinv(unit, rcond=1e-13, hermitian=True) * np.outer(scale, scale))
+        if self.blind is None:
+            self.blind = bool(np.linalg.eigvalsh(unit)[0] < 1e-12)
+        if self.blind:  # directions that the plan does not see at all are left out
+            eigen, vectors = np.linalg.eigh(unit)
+            keep = eigen > 1e-13 * eigen[-1]
+            eigen, vectors = eigen[keep], vectors[:, keep]
+            inner, log_normal = (vectors / eigen) @ vectors.T, np.log(eigen).sum()
+        else:
+            inner, log_normal = np.linalg.inv(unit), np.linalg.slogdet(unit)[1]
+        inner = np.asarray(inner * np.outer(scale, scale))
+        log_normal -= 2.0 * np.log(scale).sum()
         shift = inner @ np.tensordot(weighted, self.residual, axes=([0, 1], [0, 1]))
-        eigen = np.linalg.eigvalsh(unit)
-        log_normal = np.log(eigen[eigen > 1e-13 * eigen[-1]]).sum() - 2.0 * np.log(scale).sum()
         misfit = np.sum(self.residual * ((inverse @ self.residual[..., None])[..., 0] - weighted @ shift))
-        return float(spread + log_normal + misfit), inner, shift, inverse, weighted
+        logs = self.alike @ np.log(factors) + self.offset
+        return float(spread + log_normal + misfit + logs @ logs), inner, shift, inverse, weighted
+
+
+def without_rig_errors(model: Model, at: Linear, state: State) -> Array:
+    """Model minus reading (K, M) at the settings as dialled and without structured errors, to first order."""
+    moved = (at.by_setting @ state.errors[..., None])[..., 0]
+    return np.asarray(at.residual - moved - model.structure @ state.structured)
 
 
 def estimate_components(model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool) -> Components:
@@ -92,11 +170,11 @@ def estimate_components(model: Model, at: Linear, state: State, free_noise: Set[
     ----------
     model, at, state : the model, its linearisation and the state of the fit
     free_noise : kinds whose noise may change
-    free_rig : whether the variance of the settings may, where it was not stated
+    free_rig : whether the variances of the settings may, where they were not stated
     """
-    likelihood, free = _restricted(model, at, state, free_noise, free_rig)
-    factors, information = _maximise(likelihood, np.ones(len(free)), free, _floors(model))
-    return _components(model, factors, _relative_sd(information, factors, free))
+    likelihood = _Restricted(model, at, state, free_noise, free_rig)
+    factors, information = _maximise(likelihood, np.ones(likelihood.size), _floors(model))
+    return _components(model, factors, _relative_sd(information, likelihood.free))
 
 
 def raised_components(model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool) -> Components:
@@ -105,11 +183,32 @@ def raised_components(model: Model, at: Linear, state: State, free_noise: Set[st
     A variance hidden behind another one may be estimated many times too small; raised, it is better seen, and its
     uncertainty there tells how well it is bounded from above. Arguments as for `estimate_components`.
     """
-    likelihood, free = _restricted(model, at, state, free_noise, free_rig)
-    ones = np.ones(len(free))
-    relative = _relative_sd(likelihood.evaluate(ones)[2], ones, free)
+    likelihood = _Restricted(model, at, state, free_noise, free_rig)
+    ones = np.ones(likelihood.size)
+    relative = _relative_sd(likelihood.evaluate(ones)[2], likelihood.free)
     factors = np.where(relative < 10.0, np.exp(np.minimum(2.0 * relative, 3.0)), 1.0)
-    return _components(model, factors, _relative_sd(likelihood.evaluate(factors)[2], factors, free))
+    return _components(model, factors, _relative_sd(likelihood.evaluate(factors)[2], likelihood.free))
+
+
+def repeating_evidence(fitted: Fitted) -> Array:
+    """Logarithm of the likelihood ratio (3,) of each dial's repeating errors against none; 0 where none are fitted."""
+    likelihood = _Restricted(fitted.model, fitted.at, fitted.state, frozenset(), False)
+    ratios = np.zeros(3)
+    for dial, group in enumerate(likelihood.groups):
+        if len(group):
+            ends = []
+            for factor in (1.0, 1e-6):
+                factors = np.ones(likelihood.size)
+                factors[likelihood.size - 3 + dial] = factor
+                # what is gone of the repeating errors may be random ones
+                grown = [1.0] if factor == 1.0 else [1.0, 3.0, 10.0, 30.0]
+                values = []
+                for more in grown:
+                    factors[likelihood.size - 6 + dial] = more
+                    values.append(likelihood.solve(factors)[0])
+                ends.append(min(values))
+            ratios[dial] = (ends[1] - ends[0]) / 2.0
+    return ratios
 
 
 def average_over_variances(
@@ -117,7 +216,7 @@ def average_over_variances(
 ) -> tuple[Array, Array] | None:
     """Covariance (p, p) of the parameters averaged over what the readings leave open about the variances.
 
-    Beside it the mean factors (n,) on the present variances: noise of each kind, rig.
+    Beside it the mean factors (n,) on the present variances: noise of each kind, dials, their repeating errors.
 
     An estimated variance put in as if it were known makes a short run look better than it is: in twelve positions one
     run in three would be off by more than its 95 % region. The covariance is averaged over the variances' posterior
@@ -125,11 +224,11 @@ def average_over_variances(
     own dependence on the variances included, by importance sampling with fixed random numbers. None where the variances
     are known. Arguments as for `estimate_components`; `model` holds the estimated variances.
     """
-    likelihood, free = _restricted(model, at, state, free_noise, free_rig)
-    if not free.any():
+    likelihood = _Restricted(model, at, state, free_noise, free_rig)
+    if not likelihood.free.any():
         return None
-    ones = np.ones(len(free))
-    index = np.flatnonzero(free)
+    ones = np.ones(likelihood.size)
+    index = np.flatnonzero(likelihood.free)
     information = likelihood.evaluate(ones)[2][np.ix_(index, index)]
     open_sd = 2.0  # of the prior on the logarithm of a variance about its estimate
     # a variance the readings say nothing of may be anything within a factor of e^2 or so, not everything
@@ -145,47 +244,29 @@ def average_over_variances(
     steps = (normal * tail[:, None]) @ np.linalg.cholesky(spread).T
     density = -0.5 * (dof + len(index)) * np.log1p(np.sum((normal * tail[:, None]) ** 2, axis=1) / dof)
     floors = _floors(model)
-    total, means, weight, best = 0.0, np.zeros(len(free)), 0.0, likelihood.solve(ones)[0]
+    total, means, weight, best = 0.0, np.zeros(likelihood.size), 0.0, likelihood.solve(ones)[0]
+    start = likelihood.solve(ones)[2]
     for step, log_density in zip(steps, density, strict=True):
         factors = ones.copy()
         factors[index] = np.maximum(np.exp(step), floors[index])
         value, inner, shift, _, _ = likelihood.solve(factors)
+        moved = shift - start
         share = np.exp(np.clip(-0.5 * (value - best) - log_density - 0.5 * np.sum((step / open_sd) ** 2), -700, 50))
-        total = total + share * (inner + np.outer(shift, shift))
+        total = total + share * (inner + np.outer(moved, moved))
         means, weight = means + share * factors, weight + share
     return np.asarray(total / weight), means / weight
 
 
-def _restricted(
-    model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool
-) -> tuple[_Restricted, Mask]:
-    """The restricted likelihood by factors on the model's variances, and which of them may change."""
-    counts = [signals.shape[1] for signals in model.signals.values()]
-    diagonal = np.arange(sum(counts))
-    parts, start = [], 0
-    for count in counts:
-        part = np.zeros((len(at.residual), len(diagonal), len(diagonal)))
-        rows = diagonal[start : start + count]
-        part[:, rows, rows] = model.noise_sd[:, rows] ** 2
-        parts.append(part)
-        start += count
-    open_sd = np.where(model.rig_known, 0.0, model.rig_sd)
-    spread, stated = at.by_setting * open_sd, at.by_setting * np.where(model.rig_known, model.rig_sd, 0.0)
-    parts.append(spread @ spread.swapaxes(1, 2))
-    free = np.array([*(kind in free_noise for kind in model.signals), free_rig and bool(open_sd.any())])
-    fixed = stated @ stated.swapaxes(1, 2)
-    return _Restricted(at, state.errors, model.prior_information(state), parts, fixed), free
-
-
 def _components(model: Model, factors: Array, relative_sd: Array) -> Components:
-    return Components(dict(zip(model.signals, factors[:-1].tolist(), strict=True)), float(factors[-1]), relative_sd)
+    kinds = len(model.signals)
+    noise = dict(zip(model.signals, factors[:kinds].tolist(), strict=True))
+    return Components(noise, factors[kinds : kinds + 3], factors[kinds + 3 :], relative_sd)
 
 
-def _relative_sd(information: Array, factors: Array, free: Mask) -> Array:
+def _relative_sd(information: Array, free: Mask) -> Array:
     """Standard uncertainty of each free factor relative to it; NaN for the others."""
-    spread = np.full(len(factors), np.nan)
-    diagonal = np.diagonal(information) * factors**2
-    spread[free] = 1.0 / np.sqrt(np.maximum(diagonal[free], 1e-12))
+    spread = np.full(len(information), np.nan)
+    spread[free] = 1.0 / np.sqrt(np.maximum(np.diagonal(information)[free], 1e-12))
     return spread
 
 
@@ -206,21 +287,19 @@ def _floors(model: Model) -> Array:
         sd = model.noise_sd[:, here]
         least = max(np.max(least_noise(signals) / sd), np.min(rounding[:, here] / sd))
         floors.append(max(floor, min(1.0, float(least**2))))
-    return np.array([*floors, floor])
+    return np.array([*floors, *[floor] * 6])
 
 
-def _maximise(likelihood: _Restricted, factors: Array, free: Mask, floors: Array) -> tuple[Array, Array]:
-    """Fisher scoring with halved steps inside factors >= floors; the factors and their information (n, n)."""
+def _maximise(likelihood: _Restricted, factors: Array, floors: Array) -> tuple[Array, Array]:
+    """Fisher scoring with halved steps inside factors >= floors; the factors, the information of their logarithms."""
     value, gradient, information = likelihood.evaluate(factors)
     for _ in range(60):
         # a factor at its floor with the likelihood falling upwards stays there
-        active = free & ~((factors <= floors) & (gradient > 0.0))
+        active = likelihood.free & ~((factors <= floors) & (gradient > 0.0))
         if not active.any():
             break
         index = np.flatnonzero(active)
-        scaled = information[np.ix_(index, index)] * np.outer(factors[index], factors[index])
-        slope = -0.5 * gradient[index] * factors[index]
-        relative = np.linalg.lstsq(scaled, slope, rcond=1e-10)[0]
+        relative = np.linalg.lstsq(information[np.ix_(index, index)], -0.5 * gradient[index], rcond=1e-10)[0]
         step = np.clip(relative, -0.9, 9.0) * factors[index]
         if np.abs(relative).max() < 1e-4:
             break
@@ -253,12 +332,12 @@ class Fitted:
     covariance: Array
     cost: float
     at: Linear
-    variance_freedom: Array | None = None  # degrees of freedom of each variance: noise of each kind, rig
+    variance_freedom: Array | None = None  # degrees of freedom of each variance: kinds, dials, their repeating errors
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Readings minus parameters; the rig errors are random, not parameters."""
-        return int(self.at.residual.size - self.at.jacobian.shape[2])
+        """Readings minus parameters; the rig errors, random or structured, are none."""
+        return int(self.at.residual.size - self.model.columns()[2].stop)
 
     @property
     def tangents(self) -> Array:
@@ -267,34 +346,34 @@ class Fitted:
         return self.covariance[blocks[0].start : blocks[-1].stop, blocks[0].start : blocks[-1].stop]
 
     def marginal_residual(self) -> Array:
-        """Model minus reading (K, M) at the settings as dialled, to first order."""
-        return np.asarray(self.at.residual - (self.at.by_setting @ self.state.errors[..., None])[..., 0])
+        """Model minus reading (K, M) at the settings as dialled and without structured errors, to first order."""
+        return without_rig_errors(self.model, self.at, self.state)
 
 
-def fit(model: Model, start: State) -> Fitted:
+def fit(model: Model, start: State, tolerance: float = 1e-10) -> Fitted:
     """Maximum likelihood for given variances."""
-    found = levenberg_marquardt(model.normal, start, model.retract)
+    found = levenberg_marquardt(model.normal, start, model.retract, tolerance=tolerance)
     return Fitted(model, found.estimate, found.covariance, found.cost, model.linearise(found.estimate))
 
 
 def fit_with_variances(model: Model, start: State, free_noise: Set[str], free_rig: bool) -> Fitted:
     """Fit, let the residuals correct the variances that may change, fit again until they agree."""
-    here = fit(model, start)
     if not (free_noise or free_rig):
-        return here
+        return fit(model, start)
+    here = fit(model, start, rough := 1e-3)
     digits = np.concatenate([least_noise(v) for v in model.signals.values()])
     # of a noise that was stated the rounding is a part
     estimated = np.concatenate([np.full(v.shape[1], kind in free_noise) for kind, v in model.signals.items()])
     smallest = np.maximum(digits, np.where(estimated, model.rounding, 0.0))
     for _ in range(8):
         parts = estimate_components(here.model, here.at, here.state, free_noise, free_rig)
-        noise_sd, rig_sd = _scaled(here.model, parts)
+        noise_sd, rig_sd, structure_sd = _scaled(here.model, parts)
         rig_sd = np.where((rig_sd < 1e-9) & ~here.model.rig_known, 0.0, rig_sd)
-        here = fit(here.model.with_weights(np.maximum(noise_sd, smallest), rig_sd), here.state)
-        changes = [*parts.noise.values(), parts.rig if rig_sd[~here.model.rig_known].any() else 1.0]
+        here = fit(here.model.with_weights(np.maximum(noise_sd, smallest), rig_sd, structure_sd), here.state, rough)
+        changes = [*parts.noise.values(), *np.where(rig_sd > 0.0, parts.rig, 1.0), *parts.repeating]
         if np.abs(np.log(changes)).max() < 0.02:
             break
-    return here
+    return fit(here.model, here.state)
 
 
 def fit_with_caution(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fitted:
@@ -309,7 +388,12 @@ def fit_with_caution(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fi
 def with_averaged_covariance(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fitted:
     """The same fit, its covariance averaged over what is not known of the estimated variances."""
     average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
-    return fitted if average is None else replace(fitted, covariance=average[0])
+    if average is None:
+        return fitted
+    likelihood = _Restricted(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
+    relative = _relative_sd(likelihood.evaluate(np.ones(likelihood.size))[2], likelihood.free)
+    freedom = 2.0 / np.where(np.isnan(relative), 1e-3, np.clip(relative, 1e-3, 2.0)) ** 2
+    return replace(fitted, covariance=average[0], variance_freedom=freedom)
 
 
 def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Model:
@@ -317,15 +401,15 @@ def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> 
     average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
     if average is None:
         return fitted.model
-    factors = average[1]
-    kinds = dict(zip(fitted.model.signals, factors[:-1].tolist(), strict=True))
-    return fitted.model.with_weights(*_scaled(fitted.model, Components(kinds, factors[-1], factors)))
+    return fitted.model.with_weights(*_scaled(fitted.model, _components(fitted.model, average[1], average[1])))
 
 
-def _scaled(model: Model, parts: Components) -> tuple[Array, Array]:
-    """Standard deviations of noise and rig after their variances are multiplied."""
+def _scaled(model: Model, parts: Components) -> tuple[Array, Array, Array]:
+    """Standard deviations of noise, dials and structured errors after their variances are multiplied."""
     factors = np.concatenate([np.full(v.shape[1], parts.noise[k]) for k, v in model.signals.items()])
-    return model.noise_sd * np.sqrt(factors), model.rig_sd * np.where(model.rig_known, 1.0, np.sqrt(parts.rig))
+    structured = np.where(model.structure_dial >= 0, parts.repeating[model.structure_dial], 1.0)
+    rig = np.where(model.rig_known, 1.0, np.sqrt(parts.rig))
+    return model.noise_sd * np.sqrt(factors), model.rig_sd * rig, model.structure_sd * np.sqrt(structured)
 
 
 def rig_guess(given: ArrayLike | None) -> tuple[Array, Mask]:

@@ -59,10 +59,9 @@ def _run(arguments: list[str]) -> int:
     from inclinometry.errors import InclinometryError
 
     try:
-        if any(word.partition("=")[0] == "--each" for word in arguments) and "--help" not in arguments:
-            from inclinometry.cli.each import run_each
-
-            return run_each(arguments, _run)
+        instead = None if "--help" in arguments else _instead(arguments)
+        if instead is not None:
+            return instead
         with ExitStack() as stack:
             arguments, stated = _of_tables(_from_stdin(_manners(arguments, stack), stack))
             used = ["no profile"]
@@ -110,8 +109,26 @@ def _run(arguments: list[str]) -> int:
     return status if isinstance(status, int) else 0
 
 
+def _instead(arguments: list[str]) -> int | None:
+    """The exit status of what runs in the place of one command: a template, or a command for each of many files."""
+    from inclinometry.cli.each import many, run_each
+
+    if "--template" in arguments and arguments[:1] != ["datasheet"]:  # which has a template of another kind
+        from inclinometry.cli.template import print_template
+
+        return print_template(arguments)
+    found = many(arguments)
+    return None if found is None else run_each(found, _run)
+
+
 def _manners(arguments: list[str], stack: ExitStack) -> list[str]:
-    """The arguments without -q, which keeps tables and sentences to itself, and --open, which shows the report then."""
+    """The arguments without the options that every command has.
+
+    -q keeps tables and sentences to itself, -v says on standard error what was understood of each file and how long
+    each step took, --open shows the report then, --language is what it is written in.
+    """
+    if {"-v", "--verbose"} & set(arguments):
+        _verbose(stack)
     if {"-q", "--quiet"} & set(arguments):
         from inclinometry.cli.output import console
 
@@ -128,7 +145,44 @@ def _manners(arguments: list[str], stack: ExitStack) -> list[str]:
             raise InputError("--open shows a report; name it with --report")
         page = Path(arguments[at]).resolve().as_uri()
         stack.push(lambda kind, *_: kind is None and webbrowser.open(page))
-    return [word for word in arguments if word not in ("-q", "--quiet", "--open")]
+    rest = [word for word in arguments if word not in ("-q", "--quiet", "-v", "--verbose", "--open")]
+    at = next((k for k, word in enumerate(rest) if word.partition("=")[0] == "--language"), len(rest))
+    # a certificate, and a user of the ledger, have a language of their own
+    if at < len(rest) and rest[0] not in ("certificate", "ledger"):
+        from inclinometry.errors import InputError
+        from inclinometry.report.language import LANGUAGES, speaking
+
+        _, told, name = rest.pop(at).partition("=")
+        name = name if told else rest.pop(at) if at < len(rest) and not rest[at].startswith("-") else ""
+        if not name:
+            raise InputError(f"--language needs the name of a language; allowed {', '.join(LANGUAGES)}")
+        # the page of a fleet is what its command writes
+        options = ("-o", "--output") if rest[:2] == ["fleet", "report"] else ("--report",)
+        if rest[:1] != ["demo"] and not any(word.partition("=")[0] in options for word in rest):
+            raise InputError(f"--language {name} is the language of a report; name it with {options[-1]}")
+        stack.enter_context(speaking(name))
+    return rest
+
+
+def _verbose(stack: ExitStack) -> None:
+    import logging
+    from time import perf_counter
+
+    from inclinometry.cli.output import named
+
+    log, start = logging.getLogger("inclinometry"), perf_counter()
+    before = log.level
+
+    class Lines(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            _say(f"  {named(record.getMessage())}")
+
+    lines = Lines()
+    log.addHandler(lines)
+    log.setLevel(logging.INFO)
+    stack.callback(log.setLevel, before)
+    stack.callback(log.removeHandler, lines)
+    stack.callback(lambda: _say(f"  altogether {perf_counter() - start:.2f} s"))
 
 
 def _of_tables(arguments: list[str]) -> tuple[list[str], dict[str, str]]:
@@ -159,6 +213,7 @@ def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:
     import tempfile
     from pathlib import Path
 
+    from inclinometry.cli.output import called
     from inclinometry.errors import InputError
 
     found = []
@@ -175,6 +230,7 @@ def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:
             copy = Path(stack.enter_context(tempfile.TemporaryDirectory()), "stdin.txt")
             with copy.open("wb") as stream:
                 shutil.copyfileobj(sys.stdin.buffer, stream)
+            stack.enter_context(called(copy, "standard input"))
             found.append(str(copy))
     return found
 

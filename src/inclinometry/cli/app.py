@@ -10,6 +10,7 @@ FAMILIES: Final = {
     "rig": "A calibration rig: how it stands.",
     "shots": "One place surveyed more than once. Rotation shots, repeated stations, two measurements of depth.",
     "gyro": "North and scale factor from the Earth's rotation.",
+    "fleet": "Many tools, many runs. Everything made of their counts redone when a calibration changes.",
     "ledger": "The ledger of a calibration laboratory. Append-only records in a hash chain.",
     "simulate": "Simulate a bench, a well or a log, with the truth beside it.",
 }
@@ -83,8 +84,34 @@ go on meanwhile. \
 | copy.sqlite --ledger lab.sqlite
 ledger history | laboratory.commands.ledger:history | How the parameters of a tool went over its calibrations. \
 | IN-7 --ledger lab.sqlite
+ledger enter | laboratory.commands.enter:enter | Bring a calibration made elsewhere into the ledger. Bench readings or \
+tool.json; with a certificate where asked. \
+| readings.csv --serial IN-7 --performed 2026-01-05 --rig stand --rig-sd-deg 0.1 --ledger lab.sqlite
+ledger void | laboratory.commands.enter:void | Declare a certificate void. It stays in the ledger with the reason. \
+| 2026-0007 --reason "wrong stand" --ledger lab.sqlite
 ledger users | laboratory.commands.ledger:users | List the users, or add or change one. The password is asked for, or \
 taken from INCLINOMETRY_PASSWORD. | anna --role metrologist --ledger lab.sqlite
+= Fleet
+fleet add | fleet.commands:add | Take runs into the fleet. Their counts, once and for ever. \
+| runs/*.parquet --pattern "{{tool}}_{{run}}_{{date}}"
+fleet plan | fleet.commands:plan | Say what would be made, replaced and refused. | --ledger lab.sqlite
+fleet run | fleet.commands:run | Make what is wanted and not there. By processes, threads or a Dask scheduler. \
+| --ledger lab.sqlite --workers 4
+fleet status | fleet.commands:status | Say what is there and what is behind. | --ledger lab.sqlite
+fleet verify | fleet.commands:verify | Read everything again. Exit status 0 sound, 1 a file is not what it was. \
+| --fleet fleet
+fleet why | fleet.commands:why | Say which certificate, calibration and counts stand behind a result. \
+| fleet/windows/tool=IN-1/run=R1/date=2026-03-04/part-0.parquet --ledger lab.sqlite
+fleet fit | fleet.statistics:fit | How the tools of a type drift. From their certified calibrations; and a tool code \
+from it. | --ledger lab.sqlite --type IN-76 --tool-code IN-76.json --interval-years 1
+fleet report | fleet.statistics:report | Due dates, alarms and drift of a type as a page. Exit status 0 in order, 1 a tool \
+is overdue or has an alarm or a rig is off. | --ledger lab.sqlite --type IN-76 -o fleet.html
+fleet check | fleet.statistics:check | Calibrate a tool at six positions and its history. Exit status 1 where the readings \
+contradict the history. | readings.csv --tool IN-7 --performed 2026-06-01 --rig stand --ledger lab.sqlite --record
+fleet evidence | fleet.evidence:evidence | Take what a run in the hole says of its tool into the tool's history. Exit \
+status 1 where the run contradicts the history. | stations.csv --tool IN-7 --run R12 --date 2026-03-04 --site site.toml \
+--ledger lab.sqlite --record
+fleet clean | fleet.commands:clean | Remove what nobody needs any more. Never counts. | --days 30
 = Files
 check | check:check | Say what a file is understood to be. Columns, units, rate, and which commands could take it; \
 writes a draft of a profile. | logger.txt -o profile.toml
@@ -95,6 +122,7 @@ coefficients | coefficients:coefficients | Coefficients of a tool as a firmware 
 angles; table, JSON, C or CSV. | tool.json --format c -o tool.h
 = Try
 demo | demo:demo | Show everything on real and simulated data. | --output demo-output
+manual | manual:manual | Open the manual in the browser. It is read from the disk. | --where
 simulate bench | simulate:bench | Simulate bench readings of a plan. \
 | --plan twelve --seed 1 --rig-sd-deg 0.1 -o readings.csv --truth truth.json
 simulate well | simulate:well | Simulate the raw survey of a well with a simulated tool. The well builds and holds. \
@@ -104,12 +132,15 @@ simulate gyro | simulate:gyro | Simulate a gyro run. Readings at the index posit
 | --seed 1 -o raw.csv --site site.toml --truth truth.json
 simulate drilling | simulate:drilling | Simulate a tool that drills: turning, sticking, shaking. \
 | --scenario stick-slip --seed 1 -o run.parquet --truth truth.parquet
+simulate fleet | fleet.simulation:simulate | Simulate a fleet. A ledger with years of certified calibrations, runs, and the \
+truth beside. | --tools 10 --seed 1 -o simulated
 simulate instrument | laboratory.commands.instrument:instrument | Be a live instrument behind a TCP port. Simulated tool \
 and rig, noise, faults; Ctrl-C ends it. | --port 7000 --faults garbage=0.01,disconnect=60
 """  # noqa: E501
 
-OPTIONS: Final = {"Try": "Simulation", "Laboratory": "Options", "Files": "Options"}
+OPTIONS: Final = {"Try": "Simulation", "Laboratory": "Options", "Fleet": "Options", "Files": "Options"}
 """What the options of a command that stand in no group of their own are called, by its group; the others: Method."""
+_ABOVE = ("laboratory.", "fleet.")  # rooms that bring commands of their own
 _PLACE = 5  # of those among the groups of options, which `options` numbers
 
 
@@ -181,7 +212,9 @@ app = _app(
     "Every table may be text with any separator, .gz, .xlsx, .parquet, .las, .h5, .npz, .mat or .json; - reads "
     "standard input. --profile NAME|FILE says what its columns are, --units ft,deg,mg,gauss what they are in where "
     "their names do not; `inclinometry check FILE` says what was understood. --each 'runs/*.csv' in the place of a "
-    "file does them all, -o out/{stem}.json. -q says nothing but warnings and errors, --open shows the report.\n\n"
+    "file does them all, -o out/{stem}.json; most commands take several files or a folder as they stand. -q says "
+    "nothing but warnings and errors, -v what was understood of each file and how long it took, --open shows the "
+    "report. --template prints a correct example of the table a command reads.\n\n"
     "Exit status: 0 done, 1 a verification failed, 2 bad input (nothing written), 3 an error of this program, "
     "130 interrupted.",
     version=_version,
@@ -206,7 +239,7 @@ for _place, _line in enumerate(COMMANDS.strip().splitlines()):
         _families[_of] = _app(_of, _help(FAMILIES[_of]), group=_group, sort_key=_place)
         app.command(_families[_of])
     _families.get(_of, app).command(
-        f"inclinometry.{_where if _where.startswith('laboratory.') else f'cli.{_where}'}",
+        f"inclinometry.{_where if _where.startswith(_ABOVE) else f'cli.{_where}'}",
         name=_name,
         help=_help(_about, f"Example: inclinometry {_command} {_example}"),
         help_format="plaintext",

@@ -37,17 +37,27 @@ from inclinometry.cli.options import (
     Report,
     Serial,
 )
-from inclinometry.constants import ANGLES
+from inclinometry.constants import ANGLES, UNIT_LABELS
 from inclinometry.digest import digest_file
 from inclinometry.errors import InputError
 from inclinometry.files.tool_json import read_calibration, read_tool, write_calibration
 from inclinometry.files.writing import write_text
-from inclinometry.workflow.calibrate import METHODS, Comparison, MethodName, Options, named_degrees, readings_at
+from inclinometry.workflow.calibrate import (
+    METHODS,
+    Comparison,
+    MethodName,
+    Options,
+    named_degrees,
+    readings_at,
+    refuse_unused,
+    usual_method,
+)
 from inclinometry.workflow.calibrate import calibrate as calibrate_readings
 from inclinometry.workflow.calibrate import compare as compare_methods
 
 if TYPE_CHECKING:
     from inclinometry.calibration.acceptance import OtherStand, Verification
+    from inclinometry.calibration.hand_rotations import HandRotations
     from inclinometry.earth.site import Site
     from inclinometry.sensors import Tool
 
@@ -206,9 +216,11 @@ def calibrate(
     /,
     *,
     output_: OutputOrNone = None,
-    method: MethodName = "joint",
+    method: MethodName | Literal["hand-rotations"] | None = None,
     report: Report = None,
     site: InputOrNone = None,
+    gyro_log: InputOrNone = None,
+    gyro_profile: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     nameplate: Nameplate = None,
     tool: Serial = "unnamed",
     stand: StandOptions = UNKNOWN,
@@ -232,13 +244,20 @@ def calibrate(
     Parameters
     ----------
     readings
-        CSV with station, azimuth_deg, inclination_deg, toolface_deg and the channels accel_x ... mag_z, gyro_z.
+        CSV with station, azimuth_deg, inclination_deg, toolface_deg and the channels accel_x ... mag_z, gyro_z. For
+        hand-rotations a log: time_s, accel_x ... gyro_z.
     output_
         The calibration, tool.json; only looked at when not given.
     method
-        field needs no angles, only roll_set; norm no roll set either: each triad in its own axes.
+        When not given joint, or field where there are roll sets without angles. field needs no angles, only roll_set;
+        norm no roll set either: each triad in its own axes. hand-rotations takes a log of a tool turned by hand between
+        rests: accelerometer and gyro, in the accelerometer's axes.
     site
         site.toml with what is known of the bench: g, b_nT, dip_deg, latitude_deg. Dip and latitude decide the signs.
+    gyro_log
+        For hand-rotations: the gyro's log, where it is a file of its own with the same times.
+    gyro_profile
+        The profile --gyro-log is read with; that of --profile when not given.
     accel_step
         Step of the accelerometers' converter, in the unit of their channels; 0 for none. When not given it is found
         where the readings clearly lie on a grid (whole counts, a fixed number of decimals).
@@ -255,11 +274,12 @@ def calibrate(
     robust
         Leave out stations that disagree with the others.
     specific_force
-        For field and norm: the accelerometer's channels count upwards (at rest they read -g, along the axis that
-        points up they are positive). The other methods learn this from the rig.
+        For field, norm and hand-rotations: the accelerometer's channels count upwards (at rest they read -g, along the
+        axis that points up they are positive). The other methods learn this from the rig.
     """
     output.claim(
-        {"--output": output_, "--report": report}, {"the readings": readings, "--site": site, "--nameplate": nameplate}
+        {"--output": output_, "--report": report},
+        {"the readings": readings, "--site": site, "--nameplate": nameplate, "--gyro-log": gyro_log},
     )
     if created is not None:
         try:
@@ -282,11 +302,30 @@ def calibrate(
         **stand.known(),
     )
     dials = Dials(inclination_from, azimuth_counts, toolface_counts)
+    if method != "hand-rotations" and (gyro_log or gyro_profile):
+        raise InputError("--gyro-log and --gyro-profile are for --method hand-rotations; leave them out")
+    by_hand = None
     with output.reading(readings) as progress:
-        data = readings_at(readings, _site(site), progress, dials)
+        if method == "hand-rotations":
+            from inclinometry.workflow.hand_rotations import calibrate_log
+
+            refuse_unused(method, wishes)
+            by_hand, found, data = calibrate_log(
+                readings,
+                _site(site),
+                gyro_log=gyro_log,
+                gyro_profile=gyro_profile,
+                specific_force=specific_force,
+                name=tool,
+                progress=progress,
+            )
+        else:
+            data = readings_at(readings, _site(site), progress, dials)
+            method = method or usual_method(data)
     page = None
     with output.busy(f"calibrating, method {method}"):
-        found = calibrate_readings(data, method, wishes)
+        if method != "hand-rotations":
+            found = calibrate_readings(data, method, wishes)
         if report is not None:
             from inclinometry.report.calibration import calibration_report
 
@@ -300,10 +339,56 @@ def calibrate(
     expected = expected_uncertainty(found, stated_dip=data.reference.get("dip"))
     if json:
         written = {} if output_ is None else {"output": output_, "digest": digest_file(output_)}
-        output.print_json(_summary(found, expected, data) | written)
+        # axes that are no tool's have no angles to expect an uncertainty of
+        own = {"expected_u_deg": None, "budget": None}
+        rotations = {} if by_hand is None else own | {"rotations": hand_rotations_json(by_hand)}
+        output.print_json(_summary(found, expected, data) | rotations | written)
         return
-    show_calibration(found, expected)
+    if by_hand is not None:
+        show_hand_rotations(by_hand, data.units)
+    else:
+        show_calibration(found, expected)
     output.written(output_, report)
+
+
+def hand_rotations_json(found: HandRotations) -> dict[str, Any]:
+    """The triads as imu_tk and data sheets state them; bias and conversion in signal units."""
+    fit = found.accelerometer
+    return {
+        "rests": len(found.rests),
+        "used": len(found.rotations),
+        "rms_deg": float(np.degrees(found.rms)),
+        "accelerometer": {"bias": fit.bias, "conversion": 1.0 / fit.scale, "misalignment_rad": fit.misalignment}
+        | {f"u_{name}": value for name, value in fit.uncertainty.items() if name != "scale"},
+        "gyro": {"bias": found.bias, "conversion": 1.0 / found.scale, "misalignment_rad": found.misalignment}
+        | {f"u_{name}": value for name, value in found.uncertainty.items() if name != "scale"}
+        | {"bias_scatter": found.bias_scatter},
+    }
+
+
+def show_hand_rotations(found: HandRotations, units: Mapping[str, str]) -> None:
+    """Bias, conversion factor and misalignment of both triads on the terminal."""
+    fit, rows = found.accelerometer, []
+    skew, u_skew = np.eye(3), np.zeros((3, 3))
+    skew[0, 1], skew[0, 2], skew[1, 2] = fit.misalignment * [-1.0, 1.0, -1.0]
+    u_skew[0, 1], u_skew[0, 2], u_skew[1, 2] = fit.uncertainty["misalignment"]
+    parts = (
+        ("accel", fit.bias, fit.scale, skew, fit.uncertainty | {"misalignment": u_skew}),
+        ("gyro", found.bias, found.scale, found.misalignment, found.uncertainty),
+    )
+    for kind, bias, scale, matrix, u in parts:
+        for k, axis in enumerate("xyz"):
+            values = [(bias[k], u["bias"][k]), (1.0 / scale[k], u["conversion"][k])]
+            values += [(1e3 * matrix[row, k], 1e3 * u["misalignment"][row, k]) for row in range(3)]
+            rows.append([f"{kind}_{axis}", *(rounded(value, sd) for value, sd in values)])
+    unit = "accel in {accelerometer} and per m/s2, gyro in {gyro} and per rad/s".format(**units)
+    header = ["sensor", "bias", "conversion", *(f"{axis} mrad" for axis in "xyz")]
+    output.table(f"in the accelerometer's axes: {unit}", header, rows)
+    output.say(
+        f"{output.counted(len(found.rests), 'rest')}, {output.counted(len(found.rotations), 'rotation')}: predicted "
+        f"and seen gravity differ by {np.degrees(found.rms):.2g} deg rms; over the log the gyro's bias scattered by "
+        f"{', '.join(f'{value:.3g}' for value in found.bias_scatter)} {units['gyro']}"
+    )
 
 
 def _step(value: float | None, option: str) -> float | None:
@@ -320,7 +405,12 @@ def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadi
         "tool": found.tool.name,
         "stations": len(found.residuals.station),
         "rig_sd_deg": np.degrees(found.rig.sd),
-        "noise": dict(found.tool.noise),
+        "noise": {in_unit(kind, found.tool.triads[kind].unit): v for kind, v in found.tool.noise.items()},
+        "residual_rms": {
+            in_unit(kind, found.tool.triads[kind].unit): np.sqrt(np.mean(v**2, axis=0))
+            for kind, v in found.residuals.values.items()
+        },
+        "parameters": asdict_parameters(found),
         "expected_u_deg": named_degrees(expected),
         "notes": list(found.notes),
         "budget": _budget(found, expected, data),
@@ -405,7 +495,7 @@ def show_calibration(found: Calibration, expected: ExpectedUncertainty) -> None:
     sd = np.degrees(found.rig.sd)
     stations = output.counted(len(found.residuals.station), "station")
     rig = f"rig settings good to {sd.max():.3f} deg" if found.field_directions else "without a rig"
-    output.say(f"method {found.method}, {stations}, {rig}")
+    output.headline(f"method {found.method}, {stations}, {rig}")
 
 
 def compare(
@@ -420,7 +510,9 @@ def compare(
             f"{', '.join(METHODS)}; joint when not given."
         ),
     ] = None,
-    report: Annotated[Report, Parameter(help="Write an HTML report, of two files.")] = None,
+    report: Annotated[
+        Report, Parameter(help="Write an HTML report, of two files; --language ru or zh: in Russian or Chinese.")
+    ] = None,
     truth: InputOrNone = None,
     site: InputOrNone = None,
     nameplate: Nameplate = None,
@@ -485,13 +577,25 @@ def asdict_parameters(found: Calibration) -> dict[str, Any]:
     content = {}
     for kind, triad in found.tool.triads.items():
         block = u[found.tool.slices[kind]].reshape(triad.degree + 1, triad.count, 4)[0]
+        per_field = f"{in_unit('tensor', triad.unit)}_per_field"
         content[kind] = {
-            "tensor": triad.tensor[0],
-            "offset": triad.offset[0],
-            "u_tensor": block[:, :3],
-            "u_offset": block[:, 3],
+            per_field: triad.tensor[0],
+            in_unit("offset", triad.unit): triad.offset[0],
+            f"u_{per_field}": block[:, :3],
+            f"u_{in_unit('offset', triad.unit)}": block[:, 3],
         }
     return content
+
+
+def in_unit(name: str, unit: str) -> str:
+    """A key with the unit of a triad, as columns have it.
+
+    Examples
+    --------
+    >>> in_unit("offset", "m/s^2"), in_unit("noise", "counts")
+    ('offset_m_s2', 'noise_counts')
+    """
+    return f"{name}_{next((suffix for suffix, label in UNIT_LABELS.items() if label == unit), unit)}"
 
 
 def _at(inclination: Array) -> list[str]:
@@ -706,3 +810,5 @@ def show_verification(found: Verification) -> None:
     )
     for sentence in (*found.reasons, *found.notes):
         output.say(sentence)
+    said = "; ".join(f"{row[0]} {row[4]}, worst {row[1]} deg of {row[3]} allowed" for row in rows if row[1] != "-")
+    output.headline(f"{found.verdict}: {said}")

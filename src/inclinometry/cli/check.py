@@ -42,7 +42,14 @@ def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) ->
         ]
         uses = {command: lacking or "yes" for command, lacking in seen.uses.items()}
         output.print_json(
-            {"layout": seen.layout, "rows": seen.rows, "columns": columns, "notes": list(seen.notes), "uses": uses}
+            {
+                "layout": seen.layout,
+                "rows": seen.rows,
+                "columns": columns,
+                "notes": list(seen.notes),
+                "conventions": [candidate._asdict() for candidate in seen.candidates],
+                "uses": uses,
+            }
         )
         return
     output.say(f"{file}: {seen.layout}; {seen.rows:,} rows")
@@ -59,12 +66,25 @@ def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) ->
     output.table("columns", ["in the file", "taken as", "lowest", "highest", "remark"], rows)
     for note in seen.notes:
         output.say(note)
+    if seen.candidates:
+        output.table(
+            "how each convention of axes fits",
+            ["convention", "dip deg", "scatter deg", "z points down"],
+            [
+                [c.convention, f"{c.dip_deg:.2f}", f"{c.scatter_deg:.3f}", f"{c.share_down:.0%}"]
+                for c in seen.candidates
+            ],
+        )
     for command, lacking in seen.uses.items():
         output.say(f"{command}: {lacking or 'can take it as it is'}")
+    able = [command for command, lacking in seen.uses.items() if not lacking]
+    taken = f"taken by {'; '.join(able)}" if able else "taken by no command as it is"
+    output.headline(f"{seen.layout}; {seen.rows:,} rows; {taken}")
     if output_ is not None:
         output.say(f"draft of a profile written to {output_}: complete it, then give --profile {output_}")
     elif "" not in seen.uses.values():
-        output.say(f"write a draft of a profile: inclinometry check {file} -o profile.toml")
+        again = file if output.named(str(file)) == str(file) else "-"
+        output.say(f"write a draft of a profile: inclinometry check {again} -o profile.toml")
 
 
 def list_(what: Literal["plans", "limits", "tool-codes", "profiles", "formats", "columns", "conventions"], /) -> None:
@@ -105,7 +125,10 @@ def _listed(what: str) -> list[tuple[str, str]]:
     if what == "formats":
         from inclinometry.workflow.convert import FORMATS
 
-        rows = [(name, ", ".join(form.endings)) for name, form in FORMATS.items()]
+        rows = [
+            (name, ", ".join([*form.endings, *([] if form.read else ["written only"])]))
+            for name, form in FORMATS.items()
+        ]
         return [*rows, ("read only", ".gz, .h5, .hdf5, .npz, .mat, .json as tables of columns")]
     if what == "conventions":
         from inclinometry.conventions import CONVENTIONS

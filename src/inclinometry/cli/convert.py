@@ -13,6 +13,7 @@ from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
 
 Form = Literal["csv", "xlsx", "parquet", "las", "witsml", "p7", "wits"]
+Target = Literal["csv", "csv-excel", "xlsx", "parquet", "las", "witsml", "p7", "wits", "survex", "therion", "compass"]
 
 
 def convert(
@@ -21,7 +22,7 @@ def convert(
     /,
     *,
     from_: Annotated[Form | None, Parameter(name="--from", group=options.INPUT)] = None,
-    to: Annotated[Form | None, Parameter(group=options.OUTPUT)] = None,
+    to: Annotated[Target | None, Parameter(group=options.OUTPUT)] = None,
     convention: Annotated[
         Convention,
         Parameter(
@@ -45,7 +46,8 @@ def convert(
     from_
         Format of the source; by its ending when not given.
     to
-        Format of the target; by its ending when not given.
+        Format of the target; by its ending when not given. csv-excel has semicolons, decimal commas and a byte-order
+        mark; survex, therion and compass are written as legs.
     azimuth_reference
         North of the azimuths, where the source does not say it.
     sheet

@@ -18,6 +18,7 @@ from inclinometry.workflow.demo import (
     PICTURE,
     Demo,
     drilling_sentences,
+    fleet_sentences,
     steps,
     well_sentences,
 )
@@ -25,7 +26,7 @@ from inclinometry.workflow.hot_run import rms_degrees
 
 
 def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
-    """Calibrate real instruments, run simulated benches and a hot gyro run through every method, survey a well, drill.
+    """Calibrate real instruments, run benches and a hot gyro run by every method, survey, drill, keep a fleet.
 
     Parameters
     ----------
@@ -72,6 +73,8 @@ def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
         for line in lines:
             output.say(f"  {line}")
         output.say(f"  pictured in {output_ / 'drilling' / PICTURE}")
+    for sentence in ["\na fleet by its histories, simulated:", *fleet_sentences(found.fleet)]:
+        output.say(sentence)
     output.say(f"\nOpen {output_ / 'index.html'} for the reports.")
 
 
@@ -153,6 +156,10 @@ def summary(found: Demo) -> dict[str, object]:
             "ellipse_95_m": found.well.ellipse_m,
             "off_m": found.well.off_m,
         }
+    if found.fleet is not None:
+        due = {tool.history.serial: tool.due.date.isoformat() for tool in found.fleet.tools}
+        alarms = {t.history.serial: t.alarm.cause for t in found.fleet.tools if t.alarm and t.alarm.raised}
+        content["fleet"] = {"day": found.fleet.day.isoformat(), "due": due, "alarms": alarms}
     if found.drilling is not None:
         content["drilling_rms_deg"] = dict(found.drilling[1])
     if found.hot_run is not None:

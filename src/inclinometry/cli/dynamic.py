@@ -20,7 +20,7 @@ from inclinometry.cli.options import (
     SwitchAngle,
     angle,
 )
-from inclinometry.constants import RPM
+from inclinometry.constants import AXIAL_INTERFERENCE, RPM
 from inclinometry.conventions import Axes, axes_matrix
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import REFERENCES
@@ -30,6 +30,8 @@ from inclinometry.files.run_file import checked_ending, open_run
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_text
+from inclinometry.motion.average import AttitudeMeans, average_windows
+from inclinometry.motion.magnetic.phase import LAG_SIGMA
 from inclinometry.motion.result import FLAGS, METHODS, DynamicRun
 from inclinometry.orientation import SWITCH
 from inclinometry.workflow.dynamic import (
@@ -54,7 +56,11 @@ def dynamic(
     calibration: InputOrNone = None,
     method: MethodName = "auto",
     window_s: float = DEFAULT_WINDOW,
+    interval_s: float | None = None,
     delay_sd_ms: float = 1e3 * DELAY_SIGMA,
+    lag_ms: float = 0.0,
+    lag_sd_ms: float = 1e3 * LAG_SIGMA,
+    axial_sd_nt: float = AXIAL_INTERFERENCE,
     scale_sd_percent: float = 1e2 * SCALE_SIGMA,
     gyro_noise_deg_sqrt_h: float | None = None,
     gyro_bias_sd_deg_h: float | None = None,
@@ -87,9 +93,19 @@ def dynamic(
         pass. complementary: any motion about any axis, such as a tool carried by hand.
     window_s
         Length of a window.
+    interval_s
+        For complementary: time between rows, down to that between samples; --window-s when not given.
     delay_sd_ms
         Standard deviation of the time by which magnetometer, accelerometers and gyro are out of step, ms. A changing
         speed of rotation shows a delay; at an even speed this turns azimuth by the angle turned in that time.
+    lag_ms
+        Time constant of the eddy currents in the collar, ms: the transverse field is late by the angle whose tangent is
+        that times the speed of rotation, and azimuth and toolface are off by as much.
+    lag_sd_ms
+        Its standard deviation, ms; with --lag-ms 0 the size of what there is. A changing speed of rotation shows it.
+    axial_sd_nt
+        Standard deviation of the field that the drill string adds along the tool, nT; that of the calibration comes
+        to it. Nothing in a window shows it: state less where non-magnetic collars are known to suffice.
     scale_sd_percent
         Without --calibration: standard deviation of each scale error and coupling of the magnetometer, percent; a third
         of it is taken for the accelerometers.
@@ -116,6 +132,9 @@ def dynamic(
         window_s,
         delay_sigma=1e-3 * delay_sd_ms,
         scale_sigma=1e-2 * scale_sd_percent,
+        axial_sigma=axial_sd_nt,
+        lag=1e-3 * lag_ms,
+        lag_sigma=1e-3 * lag_sd_ms,
         gyro_noise=_rate(gyro_noise_deg_sqrt_h, "--gyro-noise-deg-sqrt-h", 1e-4, 1000.0, 60.0),
         gyro_bias_sigma=_rate(gyro_bias_sd_deg_h, "--gyro-bias-sd-deg-h", 0.0, 36000.0, 3600.0),
         allan=None if allan is None else read_allan(allan),
@@ -123,6 +142,7 @@ def dynamic(
         axes=_axes(axes, "--axes"),
         mag_axes=_axes(mag_axes, "--mag-axes"),
         switch=angle(switch_deg, "--switch-deg", 0.0, 90.0),
+        interval=interval_s,
     )
     checked_ending(output_)
     found = _reduced(run, site, calibration, wishes)
@@ -176,6 +196,7 @@ def _reduced(run: Path, site: Path, calibration: Path | None, options: DynamicOp
 def summary(found: DynamicRun, path: Path) -> dict[str, object]:
     """What a machine wants to know."""
     rows, counts = found.rows, found.counts
+    means = average_windows(rows).to_dict()
     return {
         "samples": counts.samples,
         "unused_samples": counts.missing,
@@ -188,6 +209,10 @@ def summary(found: DynamicRun, path: Path) -> dict[str, object]:
         "methods": {name: int((rows.method == n).sum()) for n, name in enumerate(METHODS) if (rows.method == n).any()},
         "flags": {name: rows.count(name) for name in FLAGS if rows.count(name)},
         "azimuth_reference": sorted({REFERENCES[n] for n in rows.north}) or [found.north],
+        "means": [
+            {name: value if value == value else None for name, value in zip(means, row, strict=True)}
+            for row in zip(*(np.asarray(column).tolist() for column in means.values()), strict=True)
+        ],
         "inputs": dict(found.inputs),
         "notes": list(found.notes),
         "output": path,
@@ -202,12 +227,29 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
     toolface = "toolface (M: magnetic)" if rows.steep(found.switch).any() else "toolface"
     header = ["time s", "inclination", f"azimuth ({norths})", toolface, "rpm", "method", "flags"]
     output.table(f"attitude{output.excerpt(len(body), len(rows))}, deg with standard uncertainty", header, body)
+    means = average_windows(rows)
+    several = np.flatnonzero(means.windows > 1)
+    if len(several):
+        body = [_mean_cells(means, int(k)) for k in several[:most]]
+        header = ["from s", "to s", "windows", "inclination", "common", f"azimuth ({norths})", "common"]
+        shown = output.excerpt(len(body), len(several))
+        output.table(f"means while the hole keeps its direction{shown}, deg with standard uncertainty", header, body)
     refused = int(rows.refused.sum())
     if refused:
         reasons = ", ".join(f"{name} {n}" for name, n in _reasons(found).items())
         output.say(f"{output.counted(refused, 'window')} refused: {reasons}")
     for note in found.notes:
         output.say(f"note: {note}")
+
+
+def _mean_cells(means: AttitudeMeans, k: int) -> list[str]:
+    """A row of the table of means: what is common to the windows is the least that more of them could reach."""
+    cells = [f"{means.start[k]:.2f}", f"{means.stop[k]:.2f}", str(means.windows[k])]
+    for name in ("inclination", "azimuth"):
+        value, u, common = (getattr(means, prefix + name)[k] for prefix in ("", "u_", "u_common_"))
+        known = np.isfinite(value)
+        cells += [rounded(np.degrees(value), np.degrees(u)), f"{np.degrees(common):.2g}"] if known else ["-", "-"]
+    return cells
 
 
 def _cells(found: DynamicRun, k: int) -> list[str]:

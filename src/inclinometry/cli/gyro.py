@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import output
 from inclinometry.cli.options import (
+    AlsoWritten,
     Flag,
     GravitySd,
     GyroSite,
@@ -27,6 +28,7 @@ from inclinometry.constants import DEG_PER_HOUR
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
+from inclinometry.files.errors_json import RunErrors, write_errors
 from inclinometry.files.gyro_csv import read_gyro_run
 from inclinometry.files.scale_json import read_scale, write_scale
 from inclinometry.files.site_toml import read_site
@@ -75,6 +77,7 @@ def north(
         ),
     ] = None,
     report: Report = None,
+    errors: AlsoWritten = None,
     json: Json = False,
 ) -> None:
     """Find north at the stations of a gyro run.
@@ -106,9 +109,11 @@ def north(
         Standard uncertainty of the bias of a gyro along the tool.
     sweep_deg
         Angle turned while one reading is averaged (carousel).
+    errors
+        Write errors.json, what may be wrong with the stations and what they share: give it to position --errors.
     """
     output.claim(
-        {"--output": output_, "--report": report},
+        {"--output": output_, "--report": report, "--errors": errors},
         {"the readings": raw, "--site": site, "--calibration": calibration, "--history": history},
     )
     options = GyroOptions(
@@ -127,6 +132,10 @@ def north(
     place = read_site(site)
     found = _run(raw, site, place, calibration, options)
     page = None if report is None else _page(found, place)
+    if errors is not None:
+        survey = found.survey
+        own = survey.md, survey.inclination, survey.azimuth, survey.azimuth_reference
+        write_errors(RunErrors(*own, survey.errors, found.tool, found.inputs), errors)
     write_run(found, output_)
     if page is not None:
         write_text(page, report or "")

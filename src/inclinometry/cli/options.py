@@ -7,6 +7,7 @@ the command (Method, Simulation, Options), between them and Output.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, get_args
 
@@ -29,7 +30,9 @@ InputOrNone: TypeAlias = Annotated[Path | None, Parameter(group=INPUT)]
 Output: TypeAlias = Annotated[Path, Parameter(name=["--output", "-o"], group=OUTPUT)]
 OutputOrNone: TypeAlias = Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)]
 AlsoWritten: TypeAlias = Annotated[Path | None, Parameter(group=OUTPUT)]
-Report: TypeAlias = Annotated[Path | None, Parameter(group=OUTPUT, help="Write an HTML report.")]
+Report: TypeAlias = Annotated[
+    Path | None, Parameter(group=OUTPUT, help="Write an HTML report; --language ru or zh: in Russian or Chinese.")
+]
 Json: TypeAlias = Annotated[
     bool, Parameter(name="--json", negative="", show_default=False, group=OUTPUT, help="Print JSON instead of text.")
 ]
@@ -82,6 +85,22 @@ GravitySd: TypeAlias = Annotated[
         "nothing."
     ),
 ]
+AgeDays: TypeAlias = Annotated[
+    float | None,
+    Parameter(
+        group=INPUT,
+        help="With --calibration: days from the calibration to the run, after which the sensors are not where they "
+        "were; by the dates of tool.json (calibrate --created) and of the site when not given.",
+    ),
+]
+StabilityFile: TypeAlias = Annotated[
+    Path | None,
+    Parameter(
+        group=INPUT,
+        help="stability.toml: what the sensors of this tool move by in a year; half of the AB, AS, MB and MS terms of "
+        "the ISCWSA's MWD model when not given.",
+    ),
+]
 SwitchAngle: TypeAlias = Annotated[
     float,
     Parameter(
@@ -121,7 +140,7 @@ def plan_names() -> str:
     Examples
     --------
     >>> plan_names()
-    'twelve, orthogonal, half, two-face, rotations'
+    'twelve, orthogonal, half, two-face, rotations, six'
     """
     from inclinometry.calibration.plans import PlanName
 
@@ -148,6 +167,14 @@ def angle(degrees: float, option: str, low: float = -360.0, high: float = 360.0)
 def angle_or_none(degrees: float | None, option: str, low: float = -360.0, high: float = 360.0) -> float | None:
     """The same for an option that may be left out."""
     return None if degrees is None else angle(degrees, option, low, high)
+
+
+def day(text: str, option: str) -> date:
+    """A day that an option gives."""
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise InputError(f"{option} is {text!r}; write YYYY-MM-DD") from None
 
 
 def sd(degrees: float | None, option: str) -> float | None:

@@ -8,7 +8,9 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from logging import getLogger
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from inclinometry.cli.extras import need_for
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, InclinometryError
 
 _WIDEST = 110  # columns the widest table needs; a narrower terminal wraps lines rather than cells
 
@@ -33,9 +35,49 @@ console = Console(
 """Standard output for people."""
 
 
+_aliases: dict[str, str] = {}
+"""Path of a temporary copy -> what a person knows it by."""
+
+
+@contextmanager
+def called(path: Path, name: str) -> Iterator[None]:
+    """Whatever is said of a file within, it is called so."""
+    _aliases[str(path)] = name
+    try:
+        yield
+    except InclinometryError as error:
+        error.args = tuple(named(str(part)) for part in error.args)
+        raise
+    finally:
+        del _aliases[str(path)]
+
+
+def named(text: str) -> str:
+    """A text with every file under the name a person knows it by."""
+    for path, name in _aliases.items():
+        text = text.replace(path, name)
+    return text
+
+
 def say(text: str = "") -> None:
     """A line on standard output, as it stands."""
-    console.print(text)
+    console.print(named(text))
+
+
+_headline: list[str] = []
+
+
+def headline(text: str) -> None:
+    """A line on standard output that says by itself what came out: of many files it is what the table shows."""
+    _headline[:] = [text]
+    say(text)
+
+
+def taken_headline() -> str:
+    """The last headline, which is forgotten; empty where there was none."""
+    found = "".join(_headline)
+    _headline.clear()
+    return found
 
 
 def counted(number: int, what: str) -> str:
@@ -124,11 +166,11 @@ def written(target: Path | None, report: Path | None, *, what: str = "", sources
 
 def print_json(content: Any) -> None:
     """One JSON document on standard output; NaN becomes null."""
-    sys.stdout.write(json.dumps(plain(content), ensure_ascii=False, indent=1, allow_nan=False) + "\n")
+    sys.stdout.write(named(json.dumps(plain(content), ensure_ascii=False, indent=1, allow_nan=False)) + "\n")
 
 
 def plain(value: Any) -> Any:
-    """Lists, mappings, numbers and text only; what is not finite is null."""
+    """Lists, mappings, text, and numbers of 12 digits; what is not finite is null."""
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
@@ -137,8 +179,9 @@ def plain(value: Any) -> Any:
         return [plain(v) for v in value]
     if isinstance(value, np.generic):
         return plain(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
+    if isinstance(value, float):
+        # more digits than anything measured has, fewer than show that 30 was 29.999999999999996
+        return float(f"{value:.12g}") if np.isfinite(value) else None
     return str(value) if isinstance(value, Path) else value
 
 
@@ -157,14 +200,14 @@ def warnings(sentences: Sequence[str]) -> None:
     errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
     for sentence in sentences:
         errors.print("warning: ", style="yellow", end="")
-        errors.print(sentence)
+        errors.print(named(sentence))
 
 
 def notes(sentences: Sequence[str]) -> None:
     """What was done and found, one a line, on standard error: nothing to be settled."""
     errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
     for sentence in sentences:
-        errors.print(f"note: {sentence}")
+        errors.print(named(f"note: {sentence}"))
 
 
 @contextmanager
@@ -200,10 +243,11 @@ def working(what: str) -> Iterator[Callable[[float], None] | None]:
 
 @contextmanager
 def busy(title: str) -> Iterator[None]:
-    """A sign of life on a terminal while something is computed or written."""
-    errors = Console(stderr=True)
+    """A sign of life on a terminal while something is computed or written; with -v how long it took."""
+    errors, start = Console(stderr=True), perf_counter()
     with errors.status(Text(title)) if errors.is_terminal else nullcontext():
         yield
+    getLogger("inclinometry").info("%s: %.2f s", title, perf_counter() - start)
 
 
 @contextmanager

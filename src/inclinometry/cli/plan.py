@@ -113,13 +113,16 @@ def readings(
         Shortest rest that counts.
     """
     from inclinometry.files.bench_csv import read_plan
+    from inclinometry.files.profile import Profile, current, reading_with
     from inclinometry.workflow.stations import readings_of_log
 
     output.claim({"--output": output_}, {"the log": log, "--plan": plan})
+    with reading_with(Profile(units=current().units)):  # --profile says what the log is, --units both
+        positions = None if plan is None else read_plan(plan)
     with output.reading(log) as progress:
         found, intervals = readings_of_log(
             log,
-            plan=None if plan is None else read_plan(plan),
+            plan=positions,
             window=window_s,
             shortest=shortest_s,
             progress=progress,

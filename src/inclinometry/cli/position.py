@@ -36,6 +36,16 @@ def position(
     calibration: InputOrNone = None,
     raw: InputOrNone = None,
     corrections: InputOrNone = None,
+    errors: InputOrNone = None,
+    age_days: Annotated[
+        float | None,
+        Parameter(
+            group=options.INPUT,
+            help="With --calibration: days from the calibration to the run; by the dates of tool.json (calibrate "
+            "--created) and of the site when not given, a year where they do not tell.",
+        ),
+    ] = None,
+    stability: options.StabilityFile = None,
     tie_on: Metres = None,
     tie_sigma: Metres = None,
     north: Literal["true", "grid"] | None = None,
@@ -60,6 +70,9 @@ def position(
         With --calibration: the raw channels of the stations; else the fields are those of the site.
     corrections
         With --raw: corrections.json of the multi-station analysis the survey was corrected with.
+    errors
+        errors.json of the gyro run that the survey is: the error model of its angles; --tool-code then adds its terms
+        of depth, misalignment and sag.
     tie_on
         North, east, true vertical depth of the first station in m; 0, 0 and its depth along the hole when not given.
     tie_sigma
@@ -73,6 +86,7 @@ def position(
         Write every source of error at every station as CSV.
     """
     from inclinometry.files.profile import reading_with, with_constants
+    from inclinometry.workflow.age import Age
     from inclinometry.workflow.position import read_position
 
     output.claim(
@@ -83,6 +97,8 @@ def position(
             "--calibration": calibration,
             "--raw": raw,
             "--corrections": corrections,
+            "--errors": errors,
+            "--stability": stability,
             "--tool-code": None if tool_code is None else Path(tool_code),
         },
     )
@@ -90,8 +106,12 @@ def position(
         raise InputError("--corrections needs --raw, the raw channels of the run it was made from, and --calibration")
     if raw is not None and calibration is None:
         raise InputError("--raw serves --calibration alone; give the tool's calibration too")
-    if sources is not None and tool_code is None and calibration is None:
-        raise InputError("--sources needs an error model: give --tool-code or --calibration")
+    if calibration is None and (age_days is not None or stability is not None):
+        raise InputError("--age-days and --stability are of a calibration; give --calibration, or leave them out")
+    if errors is not None and calibration is not None:
+        raise InputError("--errors holds all that a gyro run says of its tool; leave --calibration out")
+    if sources is not None and tool_code is None and calibration is None and errors is None:
+        raise InputError("--sources needs an error model: give --tool-code, --calibration or --errors")
     with (
         reading_with(None if azimuth_reference is None else with_constants(azimuth_reference=azimuth_reference)),
         output.reading(survey) as progress,
@@ -104,6 +124,8 @@ def position(
             calibration,
             raw,
             corrections,
+            errors,
+            age=Age(age_days, stability),
             tie_on=_metres(tie_on, "--tie-on"),
             tie_sigma=_metres(tie_sigma, "--tie-sigma", 0.0),
             north=north,
@@ -195,7 +217,7 @@ def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
         "stations": len(found.path),
         "azimuth_reference": found.azimuth_reference,
         "north_reference": found.survey.north,
-        "error_model": _model(found.tool_code, found.calibration),
+        "error_model": _model(found.tool_code, found.calibration) or ({"run": "errors"} if found.uncertainty else None),
         "last_station": last,
         "sources": _sources(found),
         "notes": found.notes,

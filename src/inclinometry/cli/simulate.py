@@ -228,6 +228,7 @@ def log(
     plan: Annotated[str, Parameter(group=options.INPUT, help=f"A CSV file of positions, or {options.plan_names()}.")],
     output_: Output,
     seed: int = 1,
+    tool: InputOrNone = None,
     truth: AlsoWritten = None,
     dwell_s: float = 5.0,
     move_s: float = 2.0,
@@ -242,6 +243,8 @@ def log(
         Log CSV: time_s and the channels.
     seed
         Decides tool, motion and noise.
+    tool
+        truth.json, tool.json or a data sheet: this tool, not one of the seed.
     truth
         Write the tool behind the log.
     dwell_s
@@ -251,16 +254,18 @@ def log(
     rate_hz
         Samples a second.
     """
+    from inclinometry.files.datasheet_toml import read_nameplate
     from inclinometry.files.tool_json import write_truth
     from inclinometry.workflow import simulate as use
     from inclinometry.workflow.plan import plan_file
 
-    output.claim({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan)})
+    output.claim({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
     places = use.plan_named(plan)
-    found, tool = use.log(places, seed, dwell=dwell_s, move=move_s, rate=rate_hz)
+    known = None if tool is None else read_nameplate(tool)
+    found, made = use.log(places, seed, known, dwell=dwell_s, move=move_s, rate=rate_hz)
     use.write_log(found, output_)
     if truth is not None:
-        write_truth(tool, {"seed": seed}, truth)
+        write_truth(made, {"seed": seed}, truth)
     if json:
         output.print_json({"samples": len(found.time), "rests": len(places), "output": output_})
     else:

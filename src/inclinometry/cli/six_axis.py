@@ -74,6 +74,10 @@ def quality(
         show_failures(judged.quality)
         for sentence in (*run.notes, *judged.quality.notes):
             output.say(sentence)
+        failed = [check.name for check in judged.checks if check.verdict != "pass"]
+        output.headline(
+            f"{judged.verdict}: " + (f"not passed: {', '.join(failed)}" if failed else "every check passed")
+        )
     return 0 if judged.verdict == "pass" else 1
 
 

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from inclinometry.calibration.result import rounded
 from inclinometry.cli import options, output
 from inclinometry.cli.options import (
+    AgeDays,
     AzimuthFrom,
     Convention,
     GravitySd,
@@ -19,12 +20,16 @@ from inclinometry.cli.options import (
     OutputOrNone,
     Report,
     SixAxisForm,
+    StabilityFile,
     SwitchAngle,
     angle,
 )
+from inclinometry.constants import ANGLES
+from inclinometry.errors import InputError
 from inclinometry.files.writing import write_text
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.reduce import Survey
+from inclinometry.workflow.age import Age
 from inclinometry.workflow.corrections import CORRECTIONS
 from inclinometry.workflow.six_axis import SixAxisSurvey
 from inclinometry.workflow.survey import survey_file, write_survey
@@ -50,6 +55,8 @@ def survey(
     azimuth_from: AzimuthFrom = None,
     hole: Literal["down", "up"] = "down",
     gravity_sd_percent: GravitySd = None,
+    age_days: AgeDays = None,
+    stability: StabilityFile = None,
     from_: SixAxisForm = None,
     convention: Convention = None,
     switch_deg: SwitchAngle = SWITCH_DEG,
@@ -75,7 +82,10 @@ def survey(
         Of a tool with two accelerometers: down takes inclinations of 0 to 90 deg, up those of 90 to 180.
     """
     switch = angle(switch_deg, "--switch-deg", 0.0, 90.0)
-    output.claim({"--output": output_, "--report": report}, _inputs(raw, calibration, site, bha, correct))
+    inputs = {**_inputs(raw, calibration, site, bha, correct), "--stability": stability}
+    output.claim({"--output": output_, "--report": report}, inputs)
+    if calibration is None and (age_days is not None or stability is not None):
+        raise InputError("--age-days and --stability are of a calibration; give --calibration, or leave them out")
     with output.reading(raw) as progress:
         done = survey_file(
             raw,
@@ -86,6 +96,7 @@ def survey(
             second=azimuth_from,
             hole=hole,
             gravity_sd=options.gravity_sd(gravity_sd_percent),
+            age=Age(age_days, stability),
             form=from_,
             convention=convention,
             charts=report is not None,
@@ -111,6 +122,16 @@ def survey(
             output.say(sentence)
         show_survey(found)
         output.written(output_, report, what=output.counted(len(found), "station"))
+        output.headline(_in_a_line(found))
+
+
+def _in_a_line(found: Survey) -> str:
+    degrees, flagged = np.degrees(found.inclination), sum(bool(row) for row in found.flags)
+    return (
+        f"{output.counted(len(found), 'station')}, {found.md[0]:.1f} to {found.md[-1]:.1f} m, inclination "
+        f"{degrees.min():.2f} to {degrees.max():.2f} deg, azimuths from {found.azimuth_reference} north, "
+        f"{flagged} flagged"
+    )
 
 
 def _inputs(
@@ -126,6 +147,15 @@ def _summary(done: SixAxisSurvey, path: Path | None) -> dict[str, object]:
     return {
         "stations": len(found),
         "azimuth_reference": found.azimuth_reference,
+        "md_m": [found.md[0], found.md[-1]],
+        "worst_u_deg": {
+            name: np.degrees(np.nanmax(u)) if np.isfinite(u).any() else None
+            for name, u in zip(ANGLES, (found.u_inclination, found.u_azimuth, found.u_toolface), strict=True)
+        },
+        "median_u_deg": {
+            name: np.degrees(np.nanmedian(u)) if np.isfinite(u).any() else None
+            for name, u in zip(ANGLES, (found.u_inclination, found.u_azimuth, found.u_toolface), strict=True)
+        },
         "flagged": sum(bool(row) for row in found.flags),
         "quality": None if done.judged is None else done.judged.verdict,
         "history": found.history,

@@ -14,16 +14,16 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
-from inclinometry.files.columns import channel, closest
+from inclinometry.files.columns import PARTS, channel, closest
 
 EXTRA = "extra_"
 """Begins the name of a column that is not read, where it would be taken for one that is."""
 
-_BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]\s*")
+_BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[{（](?P<unit>[^()\[\]{}（）]*)[)\]}）]\s*")
 Candidates: TypeAlias = tuple[tuple[str, str | None], ...]
 """Keys a name may mean, each with the north the name says."""
 
-_BETWEEN = re.compile(r"[\s_\-.]+")
+_BETWEEN = re.compile(r"[\s_\-.,]+")
 
 
 class Unit(NamedTuple):
@@ -152,7 +152,7 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     Traceback (most recent call last):
     inclinometry.errors.InputError: column 'Gx' has no unit; write gx_m_s2 or the like
     """
-    if name.startswith(EXTRA) or name in ("flags", "toolface_type"):
+    if name.startswith(EXTRA) or name in ("flags", "toolface_type", *PARTS):
         return None
     if _squashed(name) in _texts():
         return Meaning(_texts()[_squashed(name)], None)
@@ -287,6 +287,23 @@ def factor_of(name: str, names: Collection[str], own: str, stated: Collection[st
         return unit_factor(unit, own)[0]
     except InputError:
         raise InputError(f"column {name!r} has the unit {unit!r}; give one such as {own}") from None
+
+
+def seconds_of(name: str, stated: Collection[str] = ()) -> float | None:
+    """Seconds in the unit of a column of time; None for another column, and where neither it nor `stated` has a unit.
+
+    Examples
+    --------
+    >>> seconds_of("Time (ms)"), seconds_of("TimeUS"), seconds_of("t"), seconds_of("t", ["s"])
+    (0.001, 1e-06, None, 1.0)
+    """
+    spelled = _data()["time"]["spelled"].get(_squashed(name))
+    if spelled is not None:
+        return unit_factor(spelled, "s")[0]
+    try:
+        return factor_of(name, _data()["time"]["names"], "s", stated)
+    except InputError:
+        return None
 
 
 def _contract(name: str, beside: Collection[str]) -> str | None:

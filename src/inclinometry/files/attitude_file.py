@@ -25,6 +25,8 @@ COLUMNS: Final = (
     "time_s", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "u_inclination_deg",
     "u_azimuth_deg", "u_toolface_deg", "rpm", "method", "quality", "flags", "q_w", "q_x", "q_y", "q_z",
     "magnetic_toolface_deg", "u_magnetic_toolface_deg", "toolface_type",
+    "u_common_inclination_deg", "u_common_azimuth_deg", "u_common_toolface_deg", "u_random_inclination_deg",
+    "u_random_azimuth_deg", "u_random_toolface_deg",
 )  # fmt: skip
 """The contract of the attitude file, in its order; what follows `flags` is absent from older files."""
 _FIRST: Final = COLUMNS[: COLUMNS.index("flags") + 1]
@@ -126,7 +128,12 @@ def read_attitude(path: str | Path) -> AttitudeRows:
     """
     where = Path(path)
     columns = _parquet_columns(where) if checked_ending(where) == ".parquet" else _csv_columns(where)
-    angles = {name: np.radians(columns[column]) for column, name in _DEGREES.items()}
+    # the random part is what the common one leaves of the whole
+    angles = {
+        name: np.radians(columns[column])
+        for column, name in _DEGREES.items()
+        if column in columns and not column.startswith("u_random_")
+    }
     north = _places(columns["azimuth_reference"], REFERENCES, where, "azimuth_reference")
     flags = [sum(_bit(where, name) for name in text.split("|") if name) for text in columns["flags"]]
     return AttitudeRows(

@@ -15,6 +15,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
 from inclinometry.files.columns import ANGLES, BENCH, KIND_PREFIX, PLAN, REFERENCES, UNIT_LABELS, numbers_among
+from inclinometry.files.profile import current
 from inclinometry.files.table import (
     Progress,
     Signals,
@@ -376,8 +377,8 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
         CSV as `table.read_table` understands it. Columns: `station`, `azimuth_deg`, `inclination_deg`, `toolface_deg`
         (all three, or none for the field method), `temperature_degC`, any of the triads `accel_`, `mag_`, `gyro_` with
         axes `x, y, z`, or `x, y`, or `1, 2, .. m`, optionally with a unit (`accel_x_m_s2`); `<channel>_sd` (standard
-        deviation of one reading), `count` (readings averaged in a row), `roll_set`, and the constants of the stand
-        `reference_g_m_s2`, `reference_b_nT`, `reference_dip_deg`.
+        deviation of one reading), `count` (readings averaged in a row), `roll_set` (else of the profile), and the
+        constants of the stand `reference_g_m_s2`, `reference_b_nT`, `reference_dip_deg`.
     progress : callable, optional
         Called with the number of bytes read.
 
@@ -407,7 +408,21 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     unused = [f"column {name!r} is not known and was not used" for name in table.unknown(BENCH)]
     signals, settings = read_signals(table), read_settings(table)
     temperature, count = read_temperature(table), _count(table)
-    station, roll_set = _stations(table), table.text("roll_set") if "roll_set" in table else ()
+    station = _stations(table)
+    roll_set = table.text("roll_set") if "roll_set" in table else ()
+    sets = {} if roll_set else current().roll_sets
+    if sets:
+        rows = max(last for _, last in sets.values())
+        if len(table) == rows:
+            roll_set = tuple(
+                next((name for name, (first, last) in sets.items() if first <= row <= last), "")
+                for row in range(1, rows + 1)
+            )
+        else:
+            unused.append(
+                f"the roll sets of the profile are those of {rows} rows, these are {len(table)}: not used; state yours "
+                "in a column roll_set or a profile of your own"
+            )
     try:
         with np.errstate(over="raise", invalid="raise"):
             repeats = find_repeats(table, station, settings, temperature, roll_set)

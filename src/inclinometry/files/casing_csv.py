@@ -19,7 +19,7 @@ from inclinometry.survey.displacement import LEAST_STEPS, CasingReading, Displac
 
 UNITS: Final = ("digi-25000", "digi-20000", "sin", "deg", "mm")
 """What a probe reads: 25000 or 20000 times the sine of the tilt, the sine, degrees, mm over one step."""
-DEPTHS: Final = ("md", "measureddepth", "depth", "dept", "level")
+DEPTHS: Final = ("md", "measureddepth", "depth", "dept", "level", "flevel")
 _FACE = re.compile(r"(?:face[ _]?)?([ab])[ _]?(0|180|\+|-)(?:(?:[ _]+|\s*[(\[])([\w -]+?)[)\]]?)?", re.IGNORECASE)
 EVEN: Final = 0.02
 """By what part of a step depths may miss an even grid."""

@@ -24,6 +24,13 @@ SURVEY = (
     "b_total_nT", "dip_deg", "u_inclination_deg", "u_azimuth_deg", "u_toolface_deg", "flags",
 )  # fmt: skip
 """The contract of the survey file, in its order; g_total is in m/s^2."""
+PARTS = tuple(
+    name.format(part)
+    for part in ("common", "random")
+    for name in ("u_inclination_{}_deg", "u_azimuth_{}_deg", "correlation_{}")
+)
+"""Columns behind those of the survey file: what of u the stations of a run share, what is each station's own, and the
+correlation of inclination with azimuth in each."""
 
 KNOWN = frozenset({*BENCH, *RAW_SURVEY, *LOG, *PLAN, *GYRO_RUN, *SURVEY})
 _NUMBERS = KNOWN - set(TEXT)

@@ -49,6 +49,8 @@ def write_corrections(correction: SensorCorrection, path: str | Path) -> None:
         "parameters": [_entry(name, correction, row) for row, name in enumerate(names)],
         "covariance": {"parameters": names, "matrix": correction.covariance},
         "noise": correction.noise,
+        "noise_factors": correction.noise_factors,
+        "stations_alone": {"information": correction.information, "score": correction.score},
         "reference": reference,
         "run": {
             "stations": correction.stations,
@@ -92,6 +94,11 @@ def read_corrections(path: str | Path) -> SensorCorrection:
         raise FileError("$.covariance.parameters are not the names of $.parameters, each once", path=path)
     matrix = covariance(content["covariance"], path, "$.covariance")
     noise = covariance({"parameters": list(_CHANNELS), "matrix": content["noise"]}, path, "$.noise")
+    alone = {}  # files of earlier versions lack it
+    if "stations_alone" in content and content["stations_alone"]["score"]:
+        matrix_of = {"parameters": names, "matrix": content["stations_alone"]["information"]}
+        alone["information"] = covariance(matrix_of, path, "$.stations_alone.information")
+        alone["score"] = np.array(content["stations_alone"]["score"], dtype=np.float64)
     sensors = [entry for entry in entries if "offset" in entry]
     if entries[: len(sensors)] != sensors or len(entries) != len(sensors) + 3:
         raise FileError("$.parameters must end in the three of the reference, which have no offset", path=path)
@@ -117,6 +124,8 @@ def read_corrections(path: str | Path) -> SensorCorrection:
             freedom=run["degrees_of_freedom"],
             warnings=tuple(content["warnings"]),
             inputs=content["inputs"],
+            noise_factors=tuple(content.get("noise_factors", (1.0, 1.0))),
+            **alone,
         )
     except InputError as error:
         raise FileError(str(error), path=path) from None

@@ -281,6 +281,8 @@ def _rows(sheet: Any, cells: Cells) -> Iterator[tuple[int, tuple[Any, ...]]]:
         raise cells.error("this is a chart, not a table; name another sheet", None)
     sheet.reset_dimensions()  # the size a writer stated may be wrong
     for index, row in enumerate(sheet.iter_rows(values_only=True), 1):
+        if index > ROWS:
+            raise cells.error(f"a row beyond the {ROWS:,} of a sheet; save the workbook again", None)
         if any(cell is not None and cell != "" for cell in row):
             yield index, row
 

@@ -21,6 +21,8 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import EXTRA, Meaning, Quantity, meaning, quantities
 from inclinometry.files.columns import closest
 from inclinometry.files.writing import number
+from inclinometry.tabular import Column as TableColumn
+from inclinometry.tabular import Tabular
 
 VECTORS: Final = ("g", "b", "w")
 """Optional fields in tool axes, three numbers a station."""
@@ -35,8 +37,8 @@ CORRECTIONS: Final = ("gx", "gy", "gz", "bx", "by", "bz", "sag_inclination", "sa
 """Names in `SurveyFile.corrections`, added to what was measured: m/s^2, nT, rad, rad, m."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SurveyFile:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class SurveyFile(Tabular):
     """Stations of one well or run as a file of any format holds them; None, or NaN at a station, where it is silent.
 
     md : (n,) measured depth, m; strictly increasing over the stations that are used (a repeated shot is not).
@@ -147,6 +149,12 @@ class SurveyFile:
 
     def __len__(self) -> int:
         return len(self.md)
+
+    def to_dict(self) -> dict[str, TableColumn]:
+        """One row a station: what the survey has, under the names of columns in files."""
+        from inclinometry.files.survey_csv import columns_of
+
+        return {c.name: list(c.values) if isinstance(c.values, tuple) else c.values for c in columns_of(self)}
 
     def same_as(self, other: SurveyFile, *, rtol: float = 0.0, atol: float = 0.0) -> bool:
         """Whether all that is not `notes`, `header` and `digest` agrees within the tolerances; NaN equals NaN."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array, Index, frozen
 from inclinometry.constants import FOOT, KINDS
 from inclinometry.files import writing
-from inclinometry.files.columns import GYRO_RUN, KIND_PREFIX, UNIT_LABELS, channel, numbers_among
+from inclinometry.files.columns import GYRO_RUN, KIND_PREFIX, PARTS, UNIT_LABELS, channel, numbers_among
 from inclinometry.files.survey_csv import survey_cells
 from inclinometry.files.table import Progress, Signals, Table, read_kind, read_signals, read_table, read_temperature
 from inclinometry.tabular import Column, Tabular, channel_columns, in_degrees
@@ -94,7 +94,7 @@ def read_gyro_run(path: str | Path, *, progress: Progress | None = None) -> Gyro
     >>> len(run), run.letters["gyro"], run.units["gyro"]
     (1, 'x', 'deg/h')
     """
-    table = read_table(path, progress, numeric=numbers_among(GYRO_RUN))
+    table = read_table(path, progress, numeric=numbers_among(GYRO_RUN), timed=True)
     unused = [f"column {name!r} is not known and was not used" for name in table.unknown(GYRO_RUN)]
     station, labels = _stations(table)
     md = _depths(table, station)
@@ -201,10 +201,11 @@ def write_gyro_stations(path: str | Path, columns: Mapping[str, object]) -> None
     ----------
     path : str or Path
     columns : mapping
-        As `survey_csv.write_survey_csv` takes them, and those of `STATION`: `root` is text, all others numbers.
+        As `survey_csv.write_survey_csv` takes them, and those of `STATION`: `root` is text, all others numbers; those
+        of `PARTS` where they are known.
     """
     own = {name: columns[name] for name in STATION}
-    names, cells = survey_cells({k: v for k, v in columns.items() if k not in STATION})  # type: ignore[misc]
+    names, cells = survey_cells({k: v for k, v in columns.items() if k not in (*STATION, *PARTS)})  # type: ignore[misc]
     size = len(cells[0])
     extra: list[Sequence[str]] = []
     for name in STATION:
@@ -214,7 +215,9 @@ def write_gyro_stations(path: str | Path, columns: Mapping[str, object]) -> None
         else:
             numbers = np.full(size, np.nan) if value is None else np.asarray(value, dtype=np.float64)
             extra.append(writing.column(np.where(np.isfinite(numbers), numbers, np.nan)))
-    writing.write_columns([*names, *STATION], [*cells, *extra], path)
+    parts = {name: columns[name] for name in PARTS if name in columns}
+    extra += [writing.column(np.asarray(value, dtype=np.float64)) for value in parts.values()]
+    writing.write_columns([*names, *STATION, *parts], [*cells, *extra], path)
 
 
 def write_gyro_run(

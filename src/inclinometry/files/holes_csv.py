@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -29,6 +30,12 @@ EAST: Final = ("x", "east", "easting", "xcollar", "collarx")
 NORTH: Final = ("y", "north", "northing", "ycollar", "collary")
 ELEVATION: Final = ("z", "elevation", "elev", "rl", "zcollar", "collarz", "level")
 END: Final = ("enddepth", "eoh", "maxdepth", "totaldepth", "length", "finaldepth", "depth")
+
+
+_SHOT: Final = {
+    "depth": (DEPTH, "m"), "dip": (_DIP, "rad"), "inclination": (INCLINATION, "rad"), "azimuth": (AZIMUTH, "rad"),
+}  # fmt: skip
+"""What a shot has: names of its column, unit here."""
 
 
 class Shots(NamedTuple):
@@ -65,13 +72,7 @@ def read_shots(path: str | Path, progress: Progress | None = None) -> Shots:
     FileError
         As `table.read_table`; a column or its unit is missing, both dip and inclination, a hole without name.
     """
-    wanted = {
-        "depth": (DEPTH, "m"),
-        "dip": (_DIP, "rad"),
-        "inclination": (INCLINATION, "rad"),
-        "azimuth": (AZIMUTH, "rad"),
-    }
-    table, rows, found = _by_hole(path, wanted, progress)
+    table, rows, found = _by_hole(path, _SHOT, progress)
     for name in ("depth", "azimuth"):
         if name not in found:
             raise table.error(f"column '{name}' is missing; columns found: {', '.join(table.header[:20])}")
@@ -79,6 +80,23 @@ def read_shots(path: str | Path, progress: Progress | None = None) -> Shots:
         what = "both dip and inclination are there" if "dip" in found else "column 'dip' is missing"
         raise table.error(f"{what}; give the dip from the horizontal, or the inclination from the vertical")
     return Shots(rows, found["depth"], found.get("dip"), found.get("inclination"), found["azimuth"], table)
+
+
+def hole_column(name: str) -> str:
+    """What a column of shots of many holes is: "hole", "depth", "dip", "inclination", "azimuth", or "" for another.
+
+    Examples
+    --------
+    >>> hole_column("BHID"), hole_column("Dip (deg)"), hole_column("lithology")
+    ('hole', 'dip', '')
+    """
+    if "".join(filter(str.isalnum, name)).lower() in IDS:
+        return "hole"
+    for what, (known, own) in _SHOT.items():
+        with suppress(InputError):
+            if factor_of(name, known, own, ("m", "deg")) is not None:
+                return what
+    return ""
 
 
 def read_collars(path: str | Path) -> tuple[dict[str, list[Collar]], Table]:

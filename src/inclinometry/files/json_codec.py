@@ -167,6 +167,7 @@ _WRITERS: Final = {
     "inclinometry/allan": "allan -o",
     "inclinometry/certificate": "certificate --record",
     "inclinometry/corrections": "msa -o",
+    "inclinometry/errors": "gyro north --errors",
     "inclinometry/scale": "gyro scale -o",
     "inclinometry/tool": "calibrate -o",
     "inclinometry/truth": "simulate bench --truth",

@@ -26,6 +26,8 @@ from inclinometry.files.writing import number, write_text
 # The ~ASCII section of a LAS file: every row checked for its length and its numbers.
 
 _BLOCK = 1 << 16
+MOST_HEAD: Final = 4000
+"""Lines of a header."""
 Numbered = Iterator[tuple[int, str]]
 
 
@@ -244,6 +246,10 @@ def _header(path: Path, head: str) -> Any:
     """The header as lasio reads it; LAS 1.2 and 2.0 only."""
     import lasio
 
+    # the library compares each curve with all before it
+    lines = sum(1 for _ in numbered(head.splitlines(), 1))
+    if lines > MOST_HEAD:
+        raise FileError(f"the header has {lines:,} lines; allowed {MOST_HEAD:,}: leave curves out", path=path)
     try:
         with _quiet("lasio"):
             las = lasio.read(io.StringIO(head), ignore_data=True, mnemonic_case="preserve")

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import hashlib
 import json
+import re
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.constants import UNIT_LABELS
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.profile import Profile
+from inclinometry.files._quantities import dimension_of
+from inclinometry.files.profile import PLAIN, SEPARATORS, Profile
 from inclinometry.files.table import MOST_COLUMNS, Block
 
 if TYPE_CHECKING:
@@ -22,14 +31,25 @@ if TYPE_CHECKING:
 
 MOST_VALUES: Final = 100_000_000
 """Of a file that is held in memory whole."""
+NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
+RULE: Final = re.compile(r"[\s+|]*([-=]{2,}[\s+|]*)+")
+"""A line drawn below the names."""
+LOOKED: Final = 400
+"""Lines by which a layout is found."""
+MOST_UNPACKED: Final = 1 << 30
+"""Bytes of a packed file that is unpacked for its reader."""
 ROWS: Final = 1 << 15
 """Rows of a block."""
+
+Read: TypeAlias = Callable[[Path], tuple[list[str], Iterable[Sequence[str]]]]
+"""Names and rows of a file."""
 
 
 def opened(path: Path, digest: hashlib._Hash) -> Iterator[Block] | None:
     """Blocks of a file that is no text, a line of names first; None for a text.
 
-    Excel, Parquet, HDF5, npz, mat and JSON by what they begin with, LAS by its first section.
+    Excel, Parquet, HDF5, npz, mat and JSON by what they begin with, LAS by its first section, and each of them packed
+    by gzip. Rows of arrays are counted from 1, their names are line 0.
 
     Raises
     ------
@@ -41,31 +61,70 @@ def opened(path: Path, digest: hashlib._Hash) -> Iterator[Block] | None:
             start = stream.read(4096)
     except (OSError, ValueError):
         return None  # the reader of texts says what is wrong
-    kinds = {b"PK\x03\x04": _zipped, b"PAR1": _parquet, b"\x89HDF": _hdf5, b"MATLAB": _mat}
-    read = next((read for magic, read in kinds.items() if start.startswith(magic)), None)
-    text = start.removeprefix(b"\xef\xbb\xbf").lstrip()
-    if read is None and text[:1] in (b"{", b"["):
-        read = _json
-    if read is None and text[:2].upper() == b"~V":
-        read = _las
-    if read is None and text[:1] == b"<" and b"trajectorys" in start:
-        read = _witsml
-    if read is None and text[:5] in (b"IOGP,", b"OGP,0", b"OGP,1"):
-        read = _p7
-    if read is None:
-        return None
+    if start.startswith(b"\x1f\x8b"):
+        try:
+            with gzip.open(path, "rb") as stream:
+                start = stream.read(4096)
+        except (OSError, EOFError, zlib.error):
+            return None
+        read = _kind(start)
+        if read is None:
+            return None
+        blocks = _unpacked(path, read)
+    else:
+        read = _kind(start)
+        if read is None:
+            return None
+        blocks = _lines(path, read)
     with path.open("rb") as stream:
         while chunk := stream.read(1 << 20):
             digest.update(chunk)
-    return _lines(path, *read(path))
+    return blocks
 
 
-def _lines(path: Path, names: list[str], rows: Iterable[Sequence[str]]) -> Iterator[Block]:
+def _kind(start: bytes) -> Read | None:
+    """What reads a file that begins so; None for a text."""
+    kinds = {b"PK\x03\x04": _zipped, b"PAR1": _parquet, b"\x89HDF": _hdf5, b"MATLAB": _mat}
+    read: Read | None = next((read for magic, read in kinds.items() if start.startswith(magic)), None)
+    text = start.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if read is None and text[:1] in (b"{", b"["):
+        return _json
+    if read is None and text[:2].upper() == b"~V":
+        return _las
+    if read is None and text[:1] == b"<" and b"trajectorys" in start:
+        return _witsml
+    if read is None and text[:5] in (b"IOGP,", b"OGP,0", b"OGP,1"):
+        return _p7
+    return read
+
+
+def _unpacked(path: Path, read: Read) -> Iterator[Block]:
+    """Blocks of a packed file that is no text, by a copy of it for as long as they are read."""
+    with TemporaryDirectory(prefix="inclinometry-") as folder:
+        copy = Path(folder, path.name.removesuffix(".gz"))
+        try:
+            with gzip.open(path, "rb") as stream, copy.open("wb") as out:
+                for _ in range(MOST_UNPACKED >> 20):
+                    out.write(stream.read(1 << 20))
+                if stream.read(1):
+                    raise FileError(f"it unpacks to more than {MOST_UNPACKED:,} bytes; unpack and split it", path=path)
+        except (OSError, EOFError, zlib.error) as error:
+            raise FileError(f"damaged where it is compressed ({error}); copy it again", path=path) from None
+        try:
+            yield from _lines(copy, read)
+        except FileError as error:
+            raise FileError(error.problem, path=path, line=error.line) from None
+
+
+def _lines(path: Path, read: Read) -> Iterator[Block]:
+    # arrays have rows and no lines: theirs are counted from 1 behind the names
+    arrays = read in (_json, _mat, _hdf5, _parquet) or (read == _zipped and _of_numpy(path))
+    names, rows = read(path)
     if len(names) > MOST_COLUMNS:
         raise FileError(f"{len(names):,} columns; allowed {MOST_COLUMNS:,}", path=path)
-    held, first = [_line(names)], 1
+    held, first = [joined(names)], 0 if arrays else 1
     for row in rows:
-        held.append(_line(row))
+        held.append(joined(row))
         if len(held) >= ROWS:
             yield _block(first, held)
             first, held = first + len(held), []
@@ -78,10 +137,11 @@ def _block(first: int, lines: list[str]) -> Block:
     return Block(first, lines, text.isascii() and "_" not in text)
 
 
-def _line(cells: Sequence[str], mark: str = ",") -> str:
-    """Cells between marks, quoted where they hold one."""
+def joined(cells: Sequence[str], mark: str = ",") -> str:
+    """A line of cells between marks, quoted where they hold one."""
     line = mark.join(cells)
-    if line.count(mark) == len(cells) - 1 and '"' not in line and "\n" not in line and "\r" not in line:
+    other = "," in line and mark != ","  # of names it would be a second separator
+    if line.count(mark) == len(cells) - 1 and '"' not in line and "\n" not in line and "\r" not in line and not other:
         return line
     plain = (cell.replace("\n", " ").replace("\r", " ").replace('"', '""') for cell in cells)
     return mark.join(f'"{cell}"' for cell in plain)
@@ -115,10 +175,16 @@ def _arrays(path: Path, found: Mapping[str, Any]) -> tuple[list[str], Iterable[S
         if array.shape[1] > MOST_COLUMNS:
             raise FileError(f"{name!r} has {array.shape[1]:,} columns; allowed {MOST_COLUMNS:,}", path=path)
         ends = "xyz" if array.shape[1] == 3 else [str(k + 1) for k in range(array.shape[1])]
-        columns |= {f"{name}_{end}": array[:, k] for k, end in enumerate(ends)}
+        columns |= {_of_axis(name, end): array[:, k] for k, end in enumerate(ends)}
     if rows * len(columns) > MOST_VALUES:
         raise FileError(f"{rows * len(columns):,} values; allowed {MOST_VALUES:,}: split the file", path=path)
     return list(columns), _cells(columns.values(), rows)
+
+
+def _of_axis(name: str, axis: str) -> str:
+    """The name of a column of an array, its axis before its unit: accel_g becomes accel_x_g."""
+    unit = re.search(rf"_({'|'.join(UNIT_LABELS)})$| ?[(\[][^()\[\]]*[)\]]$", name)
+    return f"{name}_{axis}" if unit is None else f"{name[: unit.start()]}_{axis}{unit[0]}"
 
 
 def _cells(columns: Iterable[Array], rows: int) -> Iterator[Sequence[str]]:
@@ -172,7 +238,7 @@ def _json(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
 
 def _zipped(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     """A workbook, or numpy's archive of arrays."""
-    if path.suffix.lower() != ".npz":
+    if not _of_numpy(path):
         from inclinometry.files.excel import sheet_cells
 
         return sheet_cells(path)
@@ -183,6 +249,14 @@ def _zipped(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
         raise FileError(f"not an archive of numpy's, or damaged ({error})", path=path) from None
 
 
+def _of_numpy(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(name.endswith(".npy") for name in archive.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return path.suffix.lower() == ".npz"
+
+
 def _mat(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     """MATLAB up to version 7; version 7.3 is HDF5."""
     from scipy.io import loadmat
@@ -191,7 +265,16 @@ def _mat(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
         stored = loadmat(path)
     except Exception as error:
         raise FileError(f"not a MATLAB file, or damaged ({error})", path=path) from None
-    return _arrays(path, {name: array for name, array in stored.items() if not name.startswith("__")})
+    found: dict[str, Any] = {}
+    for name, array in stored.items():
+        if name.startswith("__"):
+            continue
+        if array.dtype.names and array.size == 1:
+            # a structure: its fields, by their own names
+            found |= {field: array[field].item() for field in array.dtype.names}
+        else:
+            found[name] = array
+    return _arrays(path, found)
 
 
 def _hdf5(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
@@ -290,6 +373,76 @@ def _survey(file: SurveyFile) -> tuple[list[str], Iterable[Sequence[str]]]:
     return [column.name for column in columns], zip(*map(column_texts, columns), strict=True)
 
 
+def find_layout(lines: list[str]) -> tuple[Profile, str]:
+    """How the lines are cut into cells, and where the names and the rows begin."""
+    if not lines:
+        return PLAIN, "a table of its own format"
+    filled = [
+        (k, line.rstrip("\r\n"))
+        for k, line in enumerate(lines[:LOOKED])
+        if line.strip() and line.lstrip()[0] != "#" and not RULE.fullmatch(line)
+    ]
+    if not filled:
+        return PLAIN, "text without a table"
+    best, width, mark = 0.0, 1, ","
+    for candidate in ("\t", ";", ",", " "):
+        counts = Counter(len(_roughly(line, candidate)) for _, line in filled)
+        number, times = max(counts.items(), key=lambda item: (item[1] * (item[0] > 1), item[0]))
+        share = times / len(filled) if filled and number > 1 else 0.0
+        # a later separator must explain clearly more lines: decimal commas look like one
+        if share > best + 0.05:
+            best, width, mark = share, number, candidate
+    table = [(k, _roughly(line, mark)) for k, line in filled if len(_roughly(line, mark)) == width]
+    if not table:
+        return PLAIN, "text without a table"
+    numbers = [sum(bool(NUMBER.fullmatch(cell.strip())) for cell in cells) for _, cells in table]
+    header = numbers[0] == 0 or (len(table) > 1 and numbers[0] < numbers[1] and numbers[0] * 2 < width)
+    units = header and len(table) > 2 and numbers[1] == 0 and numbers[2] > 0 and _units_row(table[1][1])
+    first = table[0][0]
+    before = sum(1 for line in lines[:first] if line.strip() and line.lstrip()[0] != "#")
+    plain = (
+        header and not units and mark in ",;\t" and not before and not (mark == ";" and ", " in "".join(table[0][1]))
+    )
+    profile = PLAIN if plain else Profile(separator=mark, skip=first if before else 0, header=header, units_row=units)
+    name = next(name for name, text in SEPARATORS.items() if text == mark)
+    words = [f"text, separated by {name}", f"{first} lines before the names" if before else ""]
+    words += ["no names of columns" if not header else "", "a line of units" if units else ""]
+    return profile, ", ".join(word for word in words if word)
+
+
+def _roughly(line: str, mark: str) -> list[str]:
+    return line.split() if mark == " " else _cut(line, mark)
+
+
+def _units_row(cells: list[str]) -> bool:
+    written = [cell.strip().strip("[]()") for cell in cells if cell.strip()]
+    known = sum(dimension_of(cell) is not None for cell in written)
+    return 0 < len(written) <= 2 * known
+
+
+def with_layout(given: Profile, found: Profile) -> Profile:
+    """What is stated of the columns, with the layout that was found."""
+    return replace(given, separator=found.separator, skip=found.skip, header=found.header, units_row=found.units_row)
+
+
+def with_found_layout(blocks: Iterator[Block], given: Profile, path: Path) -> Iterator[Block]:
+    """Blocks of a table, as it stands where its first line is the names; else behind its preamble, with its units.
+
+    A layout is taken only where it is plain to see: names above rows of numbers. Numbers without names are refused.
+    """
+    first = next(blocks, None)
+    if first is None:
+        return
+    both = chain([first], blocks)
+    found, _ = find_layout(first.lines[:LOOKED])
+    if found.header and found.lays_out:
+        yield from laid_out(both, with_layout(given, found), path)
+    elif given.lays_out:
+        yield from laid_out(both, given, path)
+    else:
+        yield from both
+
+
 def _pointless(value: float) -> str:
     """A number with an exponent for its point, which goes with points and commas alike: 70.1 is 701e-1."""
     whole, _, decimals = repr(value).partition(".")
@@ -315,12 +468,14 @@ def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[
     awaited = ["names"] * profile.header + ["units"] * profile.units_row
     constants = [value if isinstance(value, str) else _pointless(value) for value in profile.constants.values()]
     extra = [*profile.constants, *["time_s"] * bool(profile.rate_hz)]
-    count = 0
+    blank: list[tuple[int, str]] = []
+    count, origin = 0, None
     for first, lines, plain in blocks:
+        origin = first if origin is None else origin
         out = [""] * len(lines)
         for row, line in enumerate(lines):
             text = line.strip()
-            if first + row <= profile.skip or not text or (text[0] == "#" and kept is None):
+            if first + row < origin + profile.skip or not text or _unread(text, kept is None):
                 continue
             mark = mark or next((mark for mark in ("\t", ";", ",") if mark in line), " ")
             between = "\t" if mark == " " else mark
@@ -331,22 +486,31 @@ def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[
                 width = len(cells)
                 names = [cell.strip() if profile.header else f"column {k}" for k, cell in enumerate(cells, 1)]
                 kept = [k for k, name in enumerate(names) if profile.columns.get(name.removeprefix("column ")) != ""]
+                blank = [(k, profile.blank[key]) for k, name in enumerate(names)
+                         if (key := name.removeprefix("column ")) in profile.blank]  # fmt: skip
                 if not profile.header:
-                    yield Block(first + row, [_line([*(names[k] for k in kept), *extra], between)], False)
+                    yield Block(first + row, [joined([*(names[k] for k in kept), *extra], between)], False)
             if awaited:
                 if awaited.pop(0) == "units":
                     names = _with_units(names, cells, profile, path, first + row)
                 if not awaited:
-                    out[row] = _line([*(names[k] for k in kept), *extra], between)
+                    out[row] = joined([*(names[k] for k in kept), *extra], between)
                 continue
             _check_row(cells, width, text, path, first + row)
             if text[0] == "#":
                 continue
+            for k, none in blank:
+                cells[k] = "" if cells[k].strip() == none else cells[k]
             time = [_pointless(count / profile.rate_hz)] if profile.rate_hz else []
             more = [*(cells[k] for k in kept), *constants, *time]
-            out[row] = _line(more, between) if '"' in line or constants else between.join(more)
+            out[row] = joined(more, between) if '"' in line or constants else between.join(more)
             count += 1
         yield Block(first, out, plain)
+
+
+def _unread(text: str, above: bool) -> bool:
+    """A comment above the names, or a drawn line."""
+    return (above and text[0] == "#") or (text[0] in "-=+|" and RULE.fullmatch(text) is not None)
 
 
 def _with_units(names: list[str], cells: list[str], profile: Profile, path: Path, line: int) -> list[str]:

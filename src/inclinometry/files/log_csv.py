@@ -70,7 +70,7 @@ def read_even_log(path: str | Path, *, progress: Progress | None = None) -> Even
     >>> log.dt, log.units["gyro"], log.names["gyro"]
     (0.5, 'rad/s', ('gyro_x', 'gyro_y'))
     """
-    table = read_table(path, progress, numeric=numbers_among(LOG))
+    table = read_table(path, progress, numeric=numbers_among(LOG), timed=True)
     unused = [f"column {name!r} is not known and was not used" for name in table.unknown(LOG)]
     time, signals = table.number("time_s"), read_signals(table)
     check_increasing(table, "time_s", time)
@@ -156,7 +156,7 @@ def read_log(path: str | Path, *, progress: Progress | None = None) -> Log:
     ...     len(read_log(Path(folder, "log.csv")))
     2
     """
-    table = read_table(path, progress, numeric=numbers_among(LOG))
+    table = read_table(path, progress, numeric=numbers_among(LOG), timed=True)
     unused = [f"column {name!r} is not known and was not used" for name in table.unknown(LOG)]
     time, signals = table.number("time_s"), read_signals(table)
     check_increasing(table, "time_s", time)

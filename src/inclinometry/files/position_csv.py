@@ -14,7 +14,8 @@ from inclinometry.arrays import Array, frozen
 from inclinometry.constants import FOOT
 from inclinometry.earth.site import REFERENCES
 from inclinometry.files import writing
-from inclinometry.files.columns import SURVEY, numbers_among
+from inclinometry.files.columns import PARTS, SURVEY, numbers_among
+from inclinometry.files.gyro_csv import STATION
 from inclinometry.files.survey_csv import check_increasing
 from inclinometry.files.table import Progress, Table, read_table
 from inclinometry.position.propagation import PositionUncertainty
@@ -85,7 +86,7 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     others = [name for name in SURVEY if name not in ("md_m", "flags", "azimuth_reference")]
     used = ("md_m", "md_ft", "inclination_deg", "azimuth_deg", "toolface_deg", "temperature_degC")
     table = read_table(path, progress, numeric=numbers_among((*SURVEY, *used)), gaps=[*others, "temperature_degC"])
-    table.unknown((*SURVEY, *used, "toolface_type"))
+    table.unknown((*SURVEY, *used, *STATION, *PARTS, "toolface_type"))
     if "md_m" in table and "md_ft" in table:
         raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
     name = "md_ft" if "md_ft" in table else "md_m"

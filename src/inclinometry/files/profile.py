@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from inclinometry.conventions import named
 from inclinometry.errors import FileError, InputError
-from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, unit_factor
+from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, seconds_of, unit_factor
 from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, closest, is_number
 
 SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
@@ -42,6 +42,8 @@ class Profile:
     axes : kind of sensor -> for x, y, z of the tool, the axis of the file with its sign ("y", "-x", "z").
     rate_hz : rows a second, where the file has no time.
     constants : columns the file lacks -> their one value.
+    blank : name or number in the file -> what a cell says where it says nothing ("0" of a set, "-9999").
+    roll_sets : name of a set -> its first and last row, from 1; of files that end with the last one.
     """
 
     title: str = ""
@@ -55,12 +57,19 @@ class Profile:
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rate_hz: float | None = None
     constants: Mapping[str, float | str] = field(default_factory=dict)
+    blank: Mapping[str, str] = field(default_factory=dict)
+    roll_sets: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     @property
     def lays_out(self) -> bool:
         """Whether more than the names of the columns differs from a plain table."""
         plain = Profile(self.title, columns=self.columns, given=self.given, units=self.units, axes=self.axes)
-        return self != plain or "" in self.columns.values()
+        return self != replace(plain, roll_sets=self.roll_sets) or "" in self.columns.values()
+
+    @property
+    def states_layout(self) -> bool:
+        """Whether it says how the lines are cut; else that is found."""
+        return self.separator is not None or bool(self.skip) or not self.header or self.units_row
 
     def reading(self, name: str, numeric: Callable[[str], bool]) -> Reading:
         """What the column `name` is for a reader that takes `numeric` names as numbers.
@@ -76,6 +85,8 @@ class Profile:
             return self._turned(_converted(self.columns[key], self.given.get(key)))
         if numeric(name) or name in TEXT:
             return self._turned(Reading(name))
+        if numeric("time_s") and (factor := seconds_of(name, self.units)) is not None:
+            return Reading("time_s", factor)
         found = {r for stated in (None, *self.units) if (r := self._known(name, stated, numeric)) is not None}
         if len(found) > 1:
             names = " or ".join(sorted(reading.name for reading in found))
@@ -280,7 +291,7 @@ def read_profile(name: str | Path) -> Profile:
 
 _TYPES: Final[Mapping[str, type | tuple[type, ...]]] = {
     "title": str, "separator": str, "skip": int, "header": bool, "units_row": bool, "columns": dict, "units": list,
-    "axes": dict, "convention": str, "rate_hz": (int, float), "constants": dict,
+    "axes": dict, "convention": str, "rate_hz": (int, float), "constants": dict, "roll_sets": dict,
 }  # fmt: skip
 
 
@@ -302,17 +313,7 @@ def _profile(content: dict[str, Any]) -> Profile:
     rate = content.get("rate_hz")
     if rate is not None and not 0.0 < rate < 1e6:
         raise InputError(f"rate_hz is {rate!r}; allowed 0 to 1e6 rows a second")
-    columns, given = {}, {}
-    for name, entry in content.get("columns", {}).items():
-        here = entry.get("name") if isinstance(entry, dict) else entry
-        if not isinstance(here, str) or (isinstance(entry, dict) and set(entry) - {"name", "unit"}):
-            raise InputError(
-                f'columns: {name!r} is {entry!r}; write "accel_x_g", or {{ name = "mag_x_nT", unit = "gauss" }}'
-            )
-        columns[name] = here
-        if isinstance(entry, dict) and "unit" in entry:
-            given[name] = str(entry["unit"])
-        _converted(here, given.get(name))
+    columns, given, blank = _columns(content.get("columns", {}))
     units = tuple(map(str, content.get("units", [])))
     for unit in units:
         if dimension_of(unit) is None:
@@ -329,7 +330,30 @@ def _profile(content: dict[str, Any]) -> Profile:
         axes=_axes(content),
         rate_hz=None if rate is None else float(rate),
         constants=_constants(content.get("constants", {})),
+        blank=blank,
+        roll_sets=_roll_sets(content.get("roll_sets", {})),
     )
+
+
+def _columns(entries: dict[str, Any]) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+    """Names here, units there, and what an empty cell says, by the name in the file."""
+    columns: dict[str, str] = {}
+    given: dict[str, str] = {}
+    blank: dict[str, str] = {}
+    for name, entry in entries.items():
+        here = entry.get("name") if isinstance(entry, dict) else entry
+        if not isinstance(here, str) or (isinstance(entry, dict) and set(entry) - {"name", "unit", "blank"}):
+            raise InputError(
+                f'columns: {name!r} is {entry!r}; write "accel_x_g", or {{ name = "mag_x_nT", unit = "gauss", blank = '
+                '"-9999" }'
+            )
+        columns[name] = here
+        if isinstance(entry, dict) and "unit" in entry:
+            given[name] = str(entry["unit"])
+        if isinstance(entry, dict) and "blank" in entry:
+            blank[name] = str(entry["blank"])
+        _converted(here, given.get(name))
+    return columns, given, blank
 
 
 def _constants(content: dict[str, Any]) -> dict[str, float | str]:
@@ -337,6 +361,18 @@ def _constants(content: dict[str, Any]) -> dict[str, float | str]:
         if isinstance(value, bool) or not isinstance(value, str | int | float) or value != value:
             raise InputError(f"constants: {name} is {value!r}; a number or a text is needed")
     return {name: value if isinstance(value, str) else float(value) for name, value in content.items()}
+
+
+def _roll_sets(content: dict[str, Any]) -> dict[str, tuple[int, int]]:
+    """First and last row of each set, one after the other."""
+    before = 0
+    for name, rows in content.items():
+        if not isinstance(rows, list) or [type(row) for row in rows] != [int, int] or not before < rows[0] < rows[1]:
+            raise InputError(
+                f"roll_sets: {name} = {rows!r}; write its first and last row, [9, 16], behind those of the set before"
+            )
+        before = rows[1]
+    return {name: (first, last) for name, (first, last) in content.items()}
 
 
 def _kind(wanted: type | tuple[type, ...]) -> str:

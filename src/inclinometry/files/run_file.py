@@ -29,6 +29,7 @@ from inclinometry.files.table import (
     Table,
     _Body,
     _header_row,
+    log_columns,
     read_signals,
 )
 from inclinometry.files.writing import replacing
@@ -195,7 +196,7 @@ class CsvRun:
 
     def __init__(self, path: Path, progress: Progress | None) -> None:
         self._profile = current()
-        self._reader = LineReader(path, progress, self._profile)
+        self._reader = LineReader(path, progress, self._profile, timed=True)
         self._blocks = self._reader.blocks()
         self._body, self._first = self._opened(path)
         names = self._body.names
@@ -207,6 +208,7 @@ class CsvRun:
         self._body.texts = {name: [] for name in names if name not in wanted}
         mark = re.escape(self._body.delimiter)
         self._nan = re.compile(rf"(^|{mark})[ \t]*[+-]?nan[ \t]*(?={mark}|$)", re.IGNORECASE)
+        log_columns(self._body, "a run")
         self._pointed = False
         self._check = RunCheck()
         self._arrow: ArrowNumbers | None = None
@@ -229,6 +231,12 @@ class CsvRun:
 
     def columns(self) -> Iterator[dict[str, Array]]:
         """Blocks of about a megabyte."""
+        try:
+            yield from self._pieces()
+        except FileError as error:
+            raise error.of_rows() if self._reader.rows else error from None
+
+    def _pieces(self) -> Iterator[dict[str, Array]]:
         first, self._first = self._first, None
         if first is not None and first.lines:
             # the first block goes the careful way, which learns the decimal mark

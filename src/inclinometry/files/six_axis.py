@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -160,6 +162,25 @@ def read_six_axis(
     return found
 
 
+def write_excel_csv(file: SurveyFile, path: str | Path) -> None:
+    """The same as a spreadsheet set to a decimal comma opens it: semicolons, commas, a byte-order mark.
+
+    Raises
+    ------
+    InputError
+        A line break in a text.
+    """
+    names, columns = _cells(file)
+    numbers = {column.name for column in columns_of(file) if not isinstance(column.values, tuple)} | {"g_total"}
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter=";", lineterminator="\r\n")
+    writer.writerow(names)
+    commas = ([c.replace(".", ",") for c in cells] if name in numbers else cells
+              for name, cells in zip(names, columns, strict=True))  # fmt: skip
+    writer.writerows(zip(*commas, strict=True))
+    writing.write_bytes(text.getvalue().encode("utf-8-sig"), path)
+
+
 def write_csv(file: SurveyFile, path: str | Path) -> None:
     """Write a survey as CSV; one with inclinations has all columns of the survey file (`survey_csv`) first.
 
@@ -178,6 +199,11 @@ def write_csv(file: SurveyFile, path: str | Path) -> None:
     ...     Path(folder, "a.csv").read_text()
     'md_m,tvd_m\\n0,0\\n30,29.5\\n'
     """
+    names, columns = _cells(file)
+    writing.write_columns(names, columns, path)
+
+
+def _cells(file: SurveyFile) -> tuple[list[str], list[Sequence[str]]]:
     cells: dict[str, Sequence[str]] = {}
     for column in columns_of(file):
         cells[column.name] = column_texts(column)
@@ -187,4 +213,4 @@ def write_csv(file: SurveyFile, path: str | Path) -> None:
         cells = {total.get(name, name): texts for name, texts in cells.items()}
         empty = ("",) * len(file)
         cells = {name: cells.get(name, empty) for name in SURVEY} | cells
-    writing.write_columns(list(cells), list(cells.values()), path)
+    return list(cells), list(cells.values())

@@ -10,9 +10,10 @@ import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
+from logging import getLogger
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WITH_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
 # 12,345 may be twelve thousand or twelve and a bit; 0,345 or 1,5 can only be a decimal comma
 _PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+# 1,234.5 is one thousand and a bit: nothing else has a point behind
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+\.\d*", re.ASCII)
 
 
 class NumberReader:
@@ -108,6 +111,10 @@ class NumberReader:
                 values[row] = float(text)
                 if self._point is None and "." in text:
                     self._point = (int(lines[row]), name, text)
+            elif _THOUSANDS.fullmatch(text):
+                # a comma before a point marks thousands, and nothing else
+                values[row] = float(text.replace(",", ""))
+                self._point = self._point or (int(lines[row]), name, text)
             elif _WITH_COMMA.fullmatch(text):
                 values[row] = float(text.replace(",", "."))
                 self._comma = self._comma or (int(lines[row]), name, text)
@@ -152,11 +159,13 @@ class Block(NamedTuple):
 
 @dataclass
 class LineReader:
-    """Reads a file once; `digest` is complete when `blocks` is exhausted."""
+    """Reads a file once; `digest` is complete behind its `blocks`; where `timed`, date and time become `time_s`."""
 
     path: Path
     progress: Progress | None = None
     profile: Profile | None = None
+    timed: bool = False
+    rows: bool = False
     _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
 
     @property
@@ -166,21 +175,31 @@ class LineReader:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks of about one megabyte, in the layout of a plain table; FileError for what is no table."""
+        if not self.timed:
+            return self._laid_out()
+        from inclinometry.files.timestamps import timed
+
+        return timed(self._laid_out(), self.path)
+
+    def _laid_out(self) -> Iterator[Block]:
         if self.profile is None:
             yield from self._plain()
             return
-        from inclinometry.files.layout import laid_out, opened
+        from inclinometry.files.layout import laid_out, opened, with_found_layout
 
         foreign = opened(self.path, self._hash)
-        if foreign is None and not self.profile.lays_out:
-            yield from self._plain()
+        if foreign is not None:
+            one = next(foreign)
+            # arrays have names, and rows that are counted without them
+            self.rows = one.first == 0
+            foreign = chain([one], foreign)
+        if not self.profile.states_layout:
+            yield from with_found_layout(self._plain() if foreign is None else foreign, self.profile, self.path)
         elif foreign is None:
             yield from laid_out(self._plain(), self.profile, self.path)
-        elif self.profile.lays_out:
+        else:
             # its cells stand apart already
             yield from laid_out(foreign, replace(self.profile, separator=","), self.path)
-        else:
-            yield from foreign
 
     def _plain(self) -> Iterator[Block]:
         carry, line = "", 1
@@ -261,7 +280,25 @@ def _encoding(start: bytes, path: Path) -> str:
     for magic, what in _MAGIC.items():
         if start.startswith(magic):
             raise FileError(f"this is {what}", path=path)
-    return "utf-8-sig"
+    if set(start) - _ASCII and set(start) - _ASCII <= _SIGNS:
+        return "latin-1"  # signs of units alone, by a program that knows no UTF-8
+    return "cp1252" if _western(start) else "utf-8-sig"
+
+
+def _western(start: bytes) -> bool:
+    """Whether it is no UTF-8, and its letters stand between ASCII as those of western languages do.
+
+    Other alphabets make runs of such bytes, in one of several encodings: they are refused, not guessed.
+    """
+    try:
+        codecs.getincrementaldecoder("utf-8")("strict").decode(start)
+    except UnicodeDecodeError:
+        return b"\0" not in start and not re.search(rb"[\x80-\xff]{3}|[\xc2-\xf4][\x80-\xbf]|[\x80-\x9f]", start)
+    return False
+
+
+_ASCII: Final = frozenset(range(128))
+_SIGNS: Final = frozenset("°²µ".encode("latin-1"))
 
 
 def _not_text(error: UnicodeDecodeError, chunk: bytes, line: int, path: Path) -> FileError:
@@ -328,8 +365,9 @@ class Table:
     def unknown(self, known: Collection[str]) -> tuple[str, ...]:
         """Columns neither known nor channels; FileError for one that is nearly a known name or lacks its unit."""
         found = tuple(n for n in self.header if n not in known and channel(n) is None)
+        lacking = [name for name in known if name not in self.columns]
         for name in found:
-            hint = advice(name, known)
+            hint = advice(name, lacking)
             if hint:
                 raise self.error(f"column {name!r} is not known; {hint}")
             hint = channel_advice(name)
@@ -340,7 +378,8 @@ class Table:
     def error(self, problem: str, row: int | None = None) -> FileError:
         """An error about one row, or about the header."""
         line = self.header_line if row is None else int(self.lines[row])
-        return FileError(problem, path=self.path, line=line)
+        error = FileError(problem, path=self.path, line=line)
+        return error if self.header_line else error.of_rows()
 
 
 def read_table(
@@ -349,12 +388,13 @@ def read_table(
     *,
     numeric: Callable[[str], bool] = is_number,
     gaps: Collection[str] = (),
+    timed: bool = False,
 ) -> Table:
     """Read a CSV file with one line of column names.
 
-    Comma, semicolon or tab (whichever the header uses); UTF-8 or UTF-16 with its mark; decimal point, or decimal comma
-    where it cannot be mistaken; blank lines, trailing spaces and separators, quoted cells, and comment lines that begin
-    with `#` are understood. What could be read in two ways is an error.
+    Comma, semicolon or tab (whichever the header uses); UTF-8, UTF-16 with its mark or Windows-1252; decimal point, or
+    decimal comma where it cannot be mistaken; blank lines, trailing spaces and separators, quoted cells, and comment
+    lines that begin with `#` are understood. What could be read in two ways is an error.
 
     Parameters
     ----------
@@ -365,6 +405,8 @@ def read_table(
         Which column names hold numbers; the package's vocabulary when not given.
     gaps : collection of str
         Numeric columns whose cells may be empty (NaN).
+    timed : bool
+        Columns of date and time become `time_s`, seconds since the first row.
 
     Raises
     ------
@@ -382,19 +424,34 @@ def read_table(
     (('A',), array([12.5]))
     """
     profile = current()
-    reader = LineReader(Path(path), progress, profile)
+    reader = LineReader(Path(path), progress, profile, timed)
     body: _Body | None = None
-    for block in reader.blocks():
+    try:
+        for block in reader.blocks():
+            if body is None:
+                start = _header_row(block)
+                if start is None:
+                    continue
+                body = _Body(reader.path, block.lines[start], block.first + start, numeric, gaps, profile)
+                block = Block(block.first + start + 1, block.lines[start + 1 :], block.plain)
+            body.add(block)
         if body is None:
-            start = _header_row(block)
-            if start is None:
-                continue
-            body = _Body(reader.path, block.lines[start], block.first + start, numeric, gaps, profile)
-            block = Block(block.first + start + 1, block.lines[start + 1 :], block.plain)
-        body.add(block)
-    if body is None:
-        raise FileError("the file is empty; a line of column names and rows of values are needed", path=path)
-    return body.table(reader.digest)
+            raise FileError("the file is empty; a line of column names and rows of values are needed", path=path)
+        table = body.table(reader.digest)
+    except FileError as error:
+        raise error.of_rows() if reader.rows else error from None
+    log_columns(body, f"{len(table):,} rows")
+    return table
+
+
+def log_columns(body: _Body, what: str) -> None:
+    """Say in the log which columns were taken, and as what."""
+    known = [
+        reading.name if written == reading.name else f"{written!r} as {reading.name}"
+        for written, reading, (_, number, _) in zip(body.written, body.readings, body.kinds, strict=True)
+        if number
+    ]
+    getLogger("inclinometry").info("%s: %s; %s", body.path, what, ", ".join(known) or "no numbers")
 
 
 def _header_row(block: Block) -> int | None:
@@ -432,6 +489,7 @@ class _Body:
         if len(names) > MOST_COLUMNS:
             raise FileError(f"{len(names):,} columns; allowed {MOST_COLUMNS:,}", path=path, line=line)
         self._check_names(names)
+        self.written = tuple(names)
         self.readings = _readings_of(names, numeric, profile, path, line)
         self._check_names([reading.name for reading in self.readings])
         self.names = tuple(reading.name for reading in self.readings)

@@ -13,7 +13,9 @@ import numpy as np
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import json_codec
+from inclinometry.files.writing import write_bytes
 from inclinometry.position.tool_code import Term, ToolCode, term
+from inclinometry.tabular import check_record
 
 _SINGULAR: Final = ("north_singularity", "east_singularity", "vertical_singularity")
 # parameter of the file -> variable of the formulas and what one of the file's unit is in SI
@@ -162,3 +164,68 @@ def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
         )
     except InputError as error:
         raise FileError(f"{where}: {error}", path=path) from None
+
+
+def write_tool_code(code: ToolCode, path: str | Path, evidence: Mapping[str, object] | None = None) -> None:
+    """Write a tool code as `load_tool_code` reads it.
+
+    Parameters
+    ----------
+    code : ToolCode
+    path : str or Path
+        JSON; whole or not at all.
+    evidence : mapping, optional
+        What it was made from, kept in the metadata: see `inclinometry.position.fleet_code.FleetCode`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_tool_code(load_tool_code("iscwsa-mwd-rev5.1"), Path(folder, "copy.json"))
+    ...     len(load_tool_code(Path(folder, "copy.json")).terms)
+    35
+    """
+    check_record(code, ToolCode, "write_tool_code")
+    names = {"noisereductionfactor": "noise_reduction_factor", "gxyrunningspeed": "gxy_running_speed"}
+    names |= {"gzrunningspeed": "gz_running_speed", "xcltortuosity": "xcl_tortuosity_deg_per_100ft"}
+    parameters: dict[str, object] = {names[k]: v / _PARAMETERS[names[k]][1] for k, v in code.parameters.items()}
+    parameters |= {
+        "inc_min": float(np.degrees(code.inclinations[0])),
+        "inc_max": float(np.degrees(code.inclinations[1])),
+    }
+    parameters["vertical_inclination_deg"] = float(np.degrees(code.vertical))
+    parameters["surface_attitude_uncertain"] = code.surface_attitude
+    if code.continuous_above is not None:
+        parameters["xy_static_gyro_end_inc"] = code.continuous_above
+    metadata: dict[str, object] = {"short_name": code.name, "long_name": code.description, "source": code.source}
+    metadata |= {"revision": code.revision} | ({} if evidence is None else {"evidence": dict(evidence)})
+    content = {
+        "schema": "inclinometry/tool-code",
+        "version": 1,
+        "metadata": metadata,
+        "parameters": parameters,
+        "terms": [_cells(one) for one in code.terms],
+    }
+    write_bytes(json_codec.canonical(content), path)
+
+
+def _cells(one: Term) -> dict[str, object]:
+    """A term as the file has it."""
+    cells: dict[str, object] = {
+        "name": one.name,
+        "description": one.description,
+        "source": one.source,
+        "value": one.magnitude,
+        "units": one.unit,
+        "propagation_mode": one.propagation.capitalize(),
+        "depth_formula": one.depth.text,
+        "inclination_formula": one.inclination.text,
+        "azimuth_formula": one.azimuth.text,
+        "course": one.course,
+    }
+    if one.singular is not None:
+        cells |= dict(zip(_SINGULAR, [formula.text for formula in one.singular], strict=True))
+    for key, limit in zip(("inc_min_deg", "inc_max_deg"), one.inclinations, strict=True):
+        if np.isfinite(limit):
+            cells[key] = float(np.degrees(limit))
+    return cells | {key: True for key, kept in (("carry_above_max", one.hold), ("carry_only", one.start)) if kept}

@@ -164,6 +164,8 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
         "warnings": list(calibration.warnings),
         "notes": list(calibration.notes),
     }
+    if np.isfinite(rig.freedom).any():
+        content["rig"]["degrees_of_freedom"] = [float(nu) if np.isfinite(nu) else None for nu in rig.freedom]
     inside = _block(names, np.asarray(calibration.covariance), tool.parameter_names)
     if inside is None or not np.array_equal(inside, tool.covariance):
         # a method whose joint covariance does not contain the tool's own
@@ -249,6 +251,8 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 None if rig["errors_rad"] is None else _array(rig["errors_rad"]),
                 None if rig["errors_sd_rad"] is None else _array(rig["errors_sd_rad"]),
                 {n: (float(v["estimate_rad"]), float(v["uncertainty_rad"])) for n, v in rig["nuisance"].items()},
+                # tool files of before had none
+                np.array([np.inf if nu is None else nu for nu in rig.get("degrees_of_freedom", [None] * 3)]),
             ),
             Residuals(
                 tuple(residuals["station"]),
@@ -266,11 +270,15 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
 
 def read_tool(path: str | Path) -> Tool:
     """Read the instrument out of tool.json or truth.json (whose covariance is zero); errors as `read_calibration`."""
-    content = _load(path, ("inclinometry/tool", "inclinometry/truth"))
+    return tool_of(_load(path, ("inclinometry/tool", "inclinometry/truth")), path)
+
+
+def tool_of(content: dict[str, Any], where: str | Path) -> Tool:
+    """The tool in the content of a tool.json that was checked when it was stored; errors as `read_calibration`."""
     try:
-        return _tool(content, path)
+        return _tool(content, where)
     except (ValueError, OverflowError) as error:
-        raise _refused(error, path) from None
+        raise _refused(error, where) from None
 
 
 def read_extras(path: str | Path) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import os
 import secrets
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -141,6 +142,7 @@ def write_columns(names: Sequence[str], columns: Sequence[Iterable[str]], path: 
             text.detach()
 
 
+@cache
 def program() -> str:
     """Name and version of this program, for records."""
     from importlib.metadata import version  # with what it imports fifty modules, and not every command writes a record

@@ -300,6 +300,7 @@ def patent_azimuth(
     """
     names = ("gx", "gy", "wx", "wy", "g", "latitude")
     gx, gy, wx, wy, g, lat = (finite(v, n) for v, n in zip((gx, gy, wx, wy, g, latitude), names, strict=True))
+    within(lat, "latitude", -np.pi / 2, np.pi / 2, "rad")
     level = gx**2 + gy**2
     sine = -(wx * gy - wy * gx) * np.sqrt(np.maximum(g**2 - level, 0.0))
     cosine = -g * (wx * gx + wy * gy) - EARTH_RATE * np.sin(lat) * level

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import EARTH_RATE
 from inclinometry.errors import InputError
-from inclinometry.gyro.closed_form import Tilt, scale_condition, settle_vertical, tilt, upward
+from inclinometry.gyro.closed_form import STEEPEST, Tilt, scale_condition, settle_vertical, tilt, upward
 from inclinometry.gyro.joint import (
     LARGEST,
     RIVAL,
@@ -240,7 +241,8 @@ def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) 
     quadrant = lost & np.isnan(problem.rate[:, 2])
     if quadrant.any():  # azimuth and 180 deg - azimuth look alike
         components["quadrant"] = _azimuth_only(np.where(quadrant, UNKNOWN**2, 0.0))
-    return _result(problem, best, found, components, response[1], method, lost)
+    result = _result(problem, best, found, components, response[1], method, lost)
+    return replace(result, response=_by_angle(problem, prior_sd, best, found, response))
 
 
 def _responses(
@@ -309,6 +311,37 @@ def _components(
     if latitude_sd > 0.0:
         parts["latitude"] = _azimuth_only((by_latitude * latitude_sd) ** 2)
     return parts
+
+
+def _by_angle(
+    problem: _Problem, prior_sd: Array, best: JointBatch, found: Tilt, response: tuple[Array, ...]
+) -> dict[str, Array]:
+    """How inclination, azimuth and the direction of the hole follow what they are found from: `North.response`."""
+    size = len(best.azimuth)
+    by_rate, by_tilt, by_prior, by_latitude = (part[:, 0] for part in response)  # of azimuth
+    # rates of the high side back to tool axes and to rad/s; what is not measured moves nothing
+    c, s = np.cos(found.toolface), np.sin(found.toolface)
+    turned = np.stack([c * by_rate[:, 0] + s * by_rate[:, 1], c * by_rate[:, 1] - s * by_rate[:, 0], by_rate[:, 2]], 1)
+    turned[np.isnan(problem.rate[:, 2]), 2] = 0.0
+    # of the estimate with an expected scale: P[azimuth, k] / variance of k expected
+    sd_k = problem.scale_sd / problem.scale**2
+    free = (prior_sd > 0.0) & np.isfinite(sd_k)
+    safe = np.where(free, sd_k, 1.0)
+    joint = np.where(free, best.cov_azimuth_k / safe**2, np.where(np.isfinite(by_prior), by_prior, 0.0))
+    by_gravity = np.einsum("ni,nij->nj", by_tilt, found.by_gravity)
+    zero = np.zeros((size, 3))
+    pairs = {
+        "gravity": (found.by_gravity[:, 0], by_gravity),
+        "rate": (zero, turned / EARTH_RATE),
+        "prior": (zero[:, :1], joint[:, None]),
+        "latitude": (zero[:, :1], by_latitude[:, None]),
+    }
+    ci, si = np.cos(found.inclination)[:, None], np.maximum(np.sin(found.inclination), STEEPEST)[:, None]
+    ca, sa = np.cos(best.azimuth)[:, None], np.sin(best.azimuth)[:, None]
+    return {
+        name: np.stack([inc, azi, ci * ca * inc - si * sa * azi, ci * sa * inc + si * ca * azi], axis=1)
+        for name, (inc, azi) in pairs.items()
+    }
 
 
 def _azimuth_only(variance: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -161,6 +161,9 @@ class North(Tabular):
     chi_square, dof : (n,) misfit of the rates, prior included, and its degrees of freedom.
     flags : per station, names of `FLAGS`.
     method : "joint", "fixed", "patent" or "tracked".
+    response : how inclination, azimuth, and the hole's direction to north and east (rows) follow "gravity" and "rate"
+        in tool axes, (n, 4, 3), per m/s^2 and rad/s, what was expected of 1/scale, "prior", and the latitude,
+        "latitude", (n, 4, 1). Of the joint and the fixed estimate only.
 
     Where the closed form fails azimuth and scale are NaN and the flag says why; the joint estimate is never NaN.
     """
@@ -179,6 +182,7 @@ class North(Tabular):
     flags: Sequence[Sequence[str]]
     method: str
     notes: Sequence[str] = ()
+    response: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.inclination)

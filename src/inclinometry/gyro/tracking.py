@@ -150,6 +150,8 @@ class ScaleTrack(Tabular):
     belief : what is known after the run, for the next one.
     thermometer : whether the temperatures were measured.
     prior : what was known before the run: as given, or widened where the readings contradict it.
+    shared : (n, r) factors F of F F', the covariance of the stations' scales that is left when all readings of the run
+        are known, without what is each station's own; no columns where stations only know those before them.
     """
 
     temperature: Array
@@ -162,6 +164,7 @@ class ScaleTrack(Tabular):
     prior: ScaleBelief
     thermometer: bool = True
     notes: tuple[str, ...] = field(default=())
+    shared: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __len__(self) -> int:
         return len(self.scale)
@@ -504,7 +507,15 @@ def smooth_scale(
     known = _moved(belief, start + state @ weights @ (centre - mean), end - state @ weights @ state.T, heat)
     sd = np.sqrt(variance), np.sqrt(left)
     notes = (*widened(stated, belief), *_note(learnt))
-    return ScaleTrack(heat, expected, sd[0], scale, sd[1], learnt, known, belief, temperature is not None, notes)
+    # what is left of the coefficients; of a wandering scale, which has as many values as stations, of those
+    spread = shared - shared @ weights @ shared if belief.walk else end - state @ weights @ state.T
+    values, turn = np.linalg.eigh(0.5 * (spread + spread.T))
+    turn = turn if belief.walk else np.column_stack([powers, np.ones(size)]) @ turn
+    left_open = turn * np.sqrt(np.clip(values, 0.0, None))
+    left_open = left_open[:, values > 1e-9 * values[-1]]
+    return ScaleTrack(
+        heat, expected, sd[0], scale, sd[1], learnt, known, belief, temperature is not None, notes, left_open
+    )
 
 
 def _posterior(found: JointBatch) -> tuple[Array, Array]:

@@ -26,20 +26,23 @@ from inclinometry.laboratory.certificate.record import (
     record_digest,
 )
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
-from inclinometry.laboratory.registry import find_site, find_tool
-from inclinometry.laboratory.results import calibration_of, parameters
+from inclinometry.laboratory.registry import find_laboratory, find_logo, find_site, find_tool
+from inclinometry.laboratory.results import calibration_of, measured, parameters
 
 # What a certificate says of laboratory, order and rig, from the records of the ledger.
 
 
 def laboratory_of(ledger: Ledger, session: Record) -> Laboratory:
-    """The laboratory of a session's site; InputError when the site names none."""
+    """The laboratory of a session's site, else that of the settings; InputError when neither names one."""
     site = find_site(ledger, str(session.body.get("site", "")))
-    if site is None or not site.laboratory:
+    if site is not None and site.laboratory:
+        return laboratory_from(dict(site.laboratory))
+    found = find_laboratory(ledger)
+    if found is None:
         raise InputError(
-            "the laboratory is not known: name it with the site of the session (name, address, country), or give it"
+            "the laboratory is not known: state name, address and country in the laboratory settings, or give them"
         )
-    return laboratory_from(dict(site.laboratory))
+    return found
 
 
 def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> Laboratory:
@@ -60,11 +63,10 @@ def order(
     """What was ordered and done, from the records of session, tool, rig and readings; `said` goes before them."""
     body = {**session.body, **{name: value for name, value in said.items() if value}}
     tool = find_tool(ledger, session.keys["serial"])
-    days = sorted(ledger.get("reading", name).created[:10] for name in calibration.body["readings"])
-    days = days or [calibration.created[:10]]
-    last = days[-1] if verification is None else max(days[-1], verification.created[:10])
+    first, last = measured(ledger, calibration, session)
+    if verification is not None:
+        last = max(last, date.fromisoformat(verification.created[:10]))
     about = body.get("environment", {})
-    first = date.fromisoformat(days[0])
     # traceability and place of a rig as it was when the tool was calibrated; as they are now where none was stated
     name = body["rig"]
     then = ledger.find("rig", name=name, newest=True, after=session.seq, limit=1)
@@ -85,7 +87,7 @@ def order(
         environment=str(about.get("text", "")),
         received=_day(body.get("received", "")),
         performed_from=first,
-        performed_to=date.fromisoformat(last),
+        performed_to=last,
         issued=today,
         temperature_degC=_pair(about, "temperature_degC"),
         humidity_percent=_pair(about, "humidity_percent"),
@@ -142,6 +144,7 @@ def issue(
     authoriser: tuple[str, str] = ("", ""),
     now: datetime | None = None,
     fonts: Sequence[str | Path] = (),
+    pdf: bool = True,
 ) -> Record:
     """Issue a certificate: record, PDF, DCC and JSON file go into the ledger in one step.
 
@@ -162,6 +165,8 @@ def issue(
         Name and role of who answers for it; what the laboratory names, or else the author, when empty.
     now : datetime, optional
         Time of issue; the clock's when not given.
+    pdf : bool
+        False: digital only, without the PDF, which takes most of the time.
 
     Raises
     ------
@@ -182,6 +187,7 @@ def issue(
             tuple(fonts),
             about or {},
             authoriser,
+            pdf,
         ),
         author,
         (now or datetime.now(UTC)).astimezone(UTC).date(),
@@ -283,6 +289,7 @@ class _Request:
     fonts: tuple[str | Path, ...]
     about: Mapping[str, Any]
     authoriser: tuple[str, str]
+    pdf: bool = True
 
 
 def _issued(
@@ -315,11 +322,13 @@ def _issued(
                 )
         _not_certified(ledger, calibration, replaced)
         record = _record(ledger, request, author, calibration, verification, number, today, replaced)
-        files = {
-            "pdf": certificate_pdf(record, fonts=request.fonts),
-            "dcc": dcc_bytes(record),
-            "json": record_bytes(record),
-        }
+        settings, logo = find_laboratory(ledger), find_logo(ledger)
+        # the logo is that laboratory's, and of no other that is named instead
+        own = settings is not None and (record["laboratory"] or {}).get("name") == settings.name
+        files = {}
+        if request.pdf:
+            files["pdf"] = certificate_pdf(record, fonts=request.fonts, logo=logo[1] if logo and own else None)
+        files |= {"dcc": dcc_bytes(record), "json": record_bytes(record)}
         body = {
             "record": record,
             "calibration": calibration.id,

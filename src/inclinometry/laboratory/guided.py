@@ -9,6 +9,7 @@ import numpy as np
 
 from inclinometry.calibration.plans import Plan
 from inclinometry.errors import InputError
+from inclinometry.laboratory.drift import CHECK, refuse_check
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.progress import Goal
 from inclinometry.laboratory.registry import RegisteredRig, find_tool
@@ -17,7 +18,7 @@ from inclinometry.laboratory.verification import protocols
 from inclinometry.workflow.plan import aimed_range, make_plan
 
 ADAPTIVE: Final = "adaptive"
-CALIBRATING: Final = ("twelve", "orthogonal", "half", "two-face", "rotations", "optimal", ADAPTIVE)
+CALIBRATING: Final = ("twelve", "orthogonal", "half", "two-face", "rotations", "optimal", ADAPTIVE, CHECK)
 """Names a calibration can be opened with; a verification takes those of `protocols`."""
 
 
@@ -38,11 +39,16 @@ def plan_for(
     Raises
     ------
     InputError
-        An unknown name, a number for a plan that has its own, temperatures that are none.
+        A check of a tool whose history does not allow one, an unknown name,
+        a number for a plan that has its own, temperatures that are none.
     """
     if number is not None and name != "optimal":
         raise InputError(f"plan {name} has its own number of positions; leave the number out")
     settings: dict[str, Any] = {}
+    if name == CHECK:
+        refuse_check(ledger, serial)
+        if temperatures:
+            raise InputError(f"plan {CHECK} rests on the tool's history, which is of one temperature; leave them out")
     if name in protocols():
         plan = protocols()[name].plan
     elif name == ADAPTIVE:

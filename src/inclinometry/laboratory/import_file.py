@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from datetime import date
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,7 +36,16 @@ SHOWN: Final = "the file"
 
 
 def import_file(
-    ledger: Ledger, content: bytes, serial: str, rig: str, *, author: str, site: str = "", purpose: str = "calibrate"
+    ledger: Ledger,
+    content: bytes,
+    serial: str,
+    rig: str,
+    *,
+    author: str,
+    site: str = "",
+    purpose: str = "calibrate",
+    performed: date | None = None,
+    doses: Mapping[str, float] | None = None,
 ) -> Record:
     """Record what a file holds: a CSV of bench readings, or tool.json.
 
@@ -48,6 +58,10 @@ def import_file(
         Tool, rig and site as registered; no site when empty. The file holds what the rig's dials say.
     purpose : {"calibrate", "verify", "temperature"}
         Of the session of readings.
+    performed : date, optional
+        Day of the measurement, where it is not that of the import.
+    doses : mapping, optional
+        What the tool did since its calibration before: `laboratory.drift.DOSES`.
 
     Returns
     -------
@@ -69,9 +83,12 @@ def import_file(
         raise LedgerError(f"rig {rig!r} is not registered; register it first")
     settings: dict[str, Any] = {"site": site} if site else {}
     settings["settings"] = {"imported": digest_bytes(content)}
+    if performed is not None:
+        settings["settings"]["performed"] = performed.isoformat()
+    settings["settings"] |= {name: value for name, value in (doses or {}).items() if value}
     found = _read(content)
     if isinstance(found, Calibration):
-        return _calibration(ledger, found, serial, rig, settings, author)
+        return record_calibration(ledger, found, serial, rig, settings, author=author)
     if found.azimuth is None or found.inclination is None or found.toolface is None:
         raise FileError("no rig angles; the columns azimuth_deg, inclination_deg, toolface_deg are needed", path=SHOWN)
     if len(found.station) > MOST_POSITIONS:
@@ -118,10 +135,18 @@ def _capture(readings: BenchReadings, row: int) -> Capture:
     )
 
 
-def _calibration(
-    ledger: Ledger, found: Calibration, serial: str, rig: str, settings: Mapping[str, Any], author: str
+def record_calibration(
+    ledger: Ledger, found: Calibration, serial: str, rig: str, settings: Mapping[str, Any], *, author: str
 ) -> Record:
-    """The calibration, with an empty session that says where it came from."""
+    """Record a calibration made elsewhere, with an empty session that says where it came from and when.
+
+    Parameters
+    ----------
+    serial, rig : str
+        As registered.
+    settings : mapping
+        Of the session, as `session.open_session` takes them.
+    """
     plan = {"name": "imported", "positions_deg": []}
     keys = {"serial": serial, "purpose": "calibrate"}
     body = {

@@ -20,6 +20,7 @@ from inclinometry.calibration.design import (
 )
 from inclinometry.calibration.expected import (
     ALL_ANGLES,
+    certified_factor,
     expanded,
     expected_uncertainty,
 )
@@ -112,16 +113,26 @@ def session_progress(
         left = bool(dict(session.settings.get("settings", {})).get("left_handed", False))
         found = _fitted(readings, sd, session.serial, left_handed=left)
     except (InputError, IdentifiabilityError, ConvergenceError, np.linalg.LinAlgError) as error:
-        return Progress(captured, None, str(error), np.nan, np.nan, {}, False)
-    table = expected_uncertainty(found, INCLINATIONS)
+        return waiting_for(captured, str(error))
+    return progress_of(captured, found, goal)
+
+
+def waiting_for(captured: int, why: str) -> Progress:
+    """How a session stands whose readings make no calibration yet."""
+    return Progress(captured, None, why, np.nan, np.nan, {}, False)
+
+
+def progress_of(captured: int, found: Calibration, goal: Goal) -> Progress:
+    """How a session stands whose readings make a calibration."""
+    table, k = expected_uncertainty(found, INCLINATIONS), certified_factor(found)
     rows = covering(goal.inclination_range)
-    inclination, azimuth = _worst(table.of_one_reading[rows])
+    inclination, azimuth = _worst(table.of_one_reading[rows], k)
     outliers = {int(station): sentence for station, sentence in found.outliers.items()}
     wanted = [(goal.u_azimuth, azimuth), (goal.u_inclination, inclination)]
     stated = [(limit, value) for limit, value in wanted if limit is not None]
     reached = bool(stated) and not outliers and all(value <= limit for limit, value in stated)
-    noise = _worst(np.sqrt(table.components["sensor noise"].max(axis=(1, 2)))[rows])
-    alone = _worst(table.from_calibration[rows])
+    noise = _worst(np.sqrt(table.components["sensor noise"].max(axis=(1, 2)))[rows], k)
+    alone = _worst(table.from_calibration[rows], k)
     span = (float(table.inclination[rows][0]), float(table.inclination[rows][-1]))
     return Progress(captured, found, "", azimuth, inclination, outliers, reached, alone, noise, span)
 
@@ -142,9 +153,9 @@ def covering(inclination_range: tuple[float, float]) -> slice:
     return slice(max(first, 0), min(last, len(table) - 1) + 1)
 
 
-def _worst(u: Array) -> tuple[float, float]:
+def _worst(u: Array, k: float) -> tuple[float, float]:
     """Expanded uncertainties (inclination, azimuth), rad, the worst of some rows."""
-    largest = expanded(u.max(axis=0))
+    largest = expanded(u.max(axis=0), k)
     return float(largest[ALL_ANGLES.index("inclination")]), float(largest[ALL_ANGLES.index("azimuth")])
 
 

@@ -1,4 +1,4 @@
-"""What a laboratory has: tools, rigs and sites, each changed by recording it anew."""
+"""What a laboratory has: tools, rigs, sites, reference standards, itself; each changed by recording it anew."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
 from datetime import date
 from threading import Lock
-from typing import Annotated, Any, Final, NamedTuple, TypeVar, get_type_hints
+from typing import Annotated, Any, Final, NamedTuple, TypeVar, get_args, get_type_hints
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -18,9 +18,11 @@ from inclinometry.arrays import within
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.start import Stand, stand_within
 from inclinometry.conventions import current_name
+from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, laboratory_from
 from inclinometry.laboratory.ledger.engine import KINDS, TABLES
-from inclinometry.laboratory.ledger.ledger import Ledger, Record
+from inclinometry.laboratory.ledger.ledger import Draft, Ledger, Record
 
 T = TypeVar("T")
 
@@ -29,10 +31,13 @@ class Outside(NamedTuple):
     """What a field is called outside the program: in a body of the interface, and where a record keeps it.
 
     With a unit in the name; what ends in _deg is an angle, in radians inside.
+
+    limits : lowest and highest value, in that unit; None where there are none.
     """
 
     name: str
     stored: str
+    limits: tuple[float, float] | None = None
 
 
 MONTHS: Final = range(1, 121)
@@ -58,7 +63,7 @@ class RegisteredTool:
     customer: Text = ""
     description: Text = ""
     convention: str = "native"
-    inclination_range: Annotated[Pair, Outside("inclination_range_deg", "range_deg.inclination")] = (
+    inclination_range: Annotated[Pair, Outside("inclination_range_deg", "range_deg.inclination", (0.0, 180.0))] = (
         float(np.radians(10.0)),
         float(np.radians(90.0)),
     )
@@ -77,10 +82,10 @@ class RegisteredRig:
     """
 
     name: str
-    sd: Annotated[tuple[float, float, float], Outside("sd_deg", "sd_deg")]
-    azimuth: Annotated[Pair, Outside("azimuth_deg", "stand.azimuth")] = (0.0, 2.0 * np.pi)
-    inclination: Annotated[Pair, Outside("inclination_deg", "stand.inclination")] = (0.0, np.pi)
-    toolface: Annotated[Pair, Outside("toolface_deg", "stand.toolface")] = (0.0, 2.0 * np.pi)
+    sd: Annotated[tuple[float, float, float], Outside("sd_deg", "sd_deg", (0.0, 10.0))]
+    azimuth: Annotated[Pair, Outside("azimuth_deg", "stand.azimuth", (-360.0, 720.0))] = (0.0, 2.0 * np.pi)
+    inclination: Annotated[Pair, Outside("inclination_deg", "stand.inclination", (0.0, 180.0))] = (0.0, np.pi)
+    toolface: Annotated[Pair, Outside("toolface_deg", "stand.toolface", (-360.0, 720.0))] = (0.0, 2.0 * np.pi)
     description: Text = ""
     traceability: Text = ""
     place: Text = ""
@@ -101,10 +106,12 @@ class RegisteredSite:
     """
 
     name: str
-    g: Annotated[float | None, Outside("g_mps2", "g_mps2")] = None
-    b: Annotated[float | None, Outside("b_nT", "b_nT")] = None
-    dip: Annotated[float | None, Outside("dip_deg", "dip_deg"), Interval(ge=-90.0, le=90.0)] = None
-    latitude: Annotated[float | None, Outside("latitude_deg", "latitude_deg"), Interval(ge=-90.0, le=90.0)] = None
+    g: Annotated[float | None, Outside("g_mps2", "g_mps2", (9.5, 10.1))] = None
+    b: Annotated[float | None, Outside("b_nT", "b_nT", (5e3, 2e5))] = None
+    dip: Annotated[float | None, Outside("dip_deg", "dip_deg", (-90.0, 90.0)), Interval(ge=-90.0, le=90.0)] = None
+    latitude: Annotated[
+        float | None, Outside("latitude_deg", "latitude_deg", (-90.0, 90.0)), Interval(ge=-90.0, le=90.0)
+    ] = None
     laboratory: Annotated[Mapping[str, Text], MaxLen(20)] = field(default_factory=dict)
     description: Text = ""
 
@@ -114,12 +121,49 @@ class RegisteredSite:
         return {"g": self.g, "b": self.b, "dip": self.dip, "latitude": self.latitude}
 
 
+@dataclass(frozen=True)
+class RegisteredStandard:
+    """A reference standard: what the angles and fields of the laboratory are traced to the SI by.
+
+    certificate : number of its own calibration certificate.
+    due : day from which it must not be used before it has been calibrated again; None where none is set.
+    """
+
+    name: str
+    certificate: Annotated[str, MaxLen(200)] = ""
+    due: date | None = None
+    description: Text = ""
+    retired: bool = False
+
+    def overdue(self, today: date) -> bool:
+        """Whether its own calibration has run out."""
+        return self.due is not None and self.due < today
+
+    @property
+    def cited(self) -> str:
+        """How a certificate names it.
+
+        Examples
+        --------
+        >>> RegisteredStandard("Theodolite T2", "D-17", date(2027, 3, 1)).cited
+        'Theodolite T2 (D-17, 2027-03-01)'
+        """
+        about = ", ".join(filter(None, (self.certificate, "" if self.due is None else self.due.isoformat())))
+        return f"{self.name} ({about})" if about else self.name
+
+
 def declared(of: type[Any]) -> Iterator[tuple[Field[Any], Any, Outside]]:
-    """Fields of a tool, rig or site beside its key, with their types and what they are called outside."""
+    """Fields of what is registered beside its key, with their types and what they are called outside."""
     hints = get_type_hints(of, include_extras=True)
     for one in fields(of)[1:]:
         marks = getattr(hints[one.name], "__metadata__", ())
         yield one, hints[one.name], next((m for m in marks if isinstance(m, Outside)), Outside(one.name, one.name))
+
+
+def limits_of(of: type[Any], name: str) -> tuple[float, float]:
+    """Lowest and highest value of a number or of each number of a field, in the unit it has outside."""
+    limits = next((place.limits for one, _, place in declared(of) if one.name == name), None)
+    return limits or (-np.inf, np.inf)
 
 
 def outside(name: str, value: Any) -> Any:
@@ -128,6 +172,8 @@ def outside(name: str, value: Any) -> Any:
         return np.degrees(value).round(9).tolist()
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
+    if isinstance(value, date):
+        return value.isoformat()
     if isinstance(value, Mapping):
         return {key: dict(inner) if isinstance(inner, Mapping) else inner for key, inner in value.items()}
     return value
@@ -136,7 +182,7 @@ def outside(name: str, value: Any) -> Any:
 def stored(one: Any) -> dict[str, Any]:
     """The body of the record of a tool, rig or site."""
     body: dict[str, Any] = {}
-    for field_, _, (name, place) in declared(type(one)):
+    for field_, _, (name, place, _) in declared(type(one)):
         group, _, last = place.rpartition(".")
         (body.setdefault(group, {}) if group else body)[last] = outside(name, getattr(one, field_.name))
     return body
@@ -148,7 +194,7 @@ def registered(of: type[T], key: str, said: Mapping[str, Any]) -> T:
         f"{group}.{name}": x for group, about in said.items() if isinstance(about, Mapping) for name, x in about.items()
     }
     flat, given = {**said, **inner}, {}
-    for one, hint, (name, place) in declared(of):
+    for one, hint, (name, place, _) in declared(of):
         if is_dataclass(hint):
             names = [f.name for f in fields(hint)]
             given[one.name] = hint(**{n: flat[p] for n in names for p in (n, f"{place}.{n}") if p in flat})  # type: ignore[operator]
@@ -156,6 +202,8 @@ def registered(of: type[T], key: str, said: Mapping[str, Any]) -> T:
             value = flat[name] if name in flat else flat[place]
             if name.endswith("_deg") and value is not None:
                 value = np.radians(value).tolist()
+            if isinstance(value, str) and date in get_args(hint):
+                value = date.fromisoformat(value)
             given[one.name] = tuple(value) if isinstance(value, list) else value
     return of(key, **given)  # type: ignore[call-arg]
 
@@ -192,7 +240,8 @@ def tools(ledger: Ledger, *, limit: int = 1000, after: str = "") -> list[Registe
 
 def put_rig(ledger: Ledger, rig: RegisteredRig, *, author: str) -> Record:
     """Register a rig, or record what changed."""
-    within(rig.sd, "sd of the rig", 0.0, np.radians(10.0), "rad")
+    low, high = np.radians(limits_of(RegisteredRig, "sd"))
+    within(rig.sd, "sd of the rig", low, high, "rad")
     stand_within(rig.azimuth, rig.inclination, rig.toolface, candidates=1)  # refuses limits that are none
     body = stored(rig)
     if rig.dials == USUAL:
@@ -227,10 +276,9 @@ def rigs(ledger: Ledger) -> list[RegisteredRig]:
 def put_site(ledger: Ledger, site: RegisteredSite, *, author: str) -> Record:
     """Register a site, or record what changed."""
     allowed = {
-        "g": (9.5, 10.1, "m/s^2"),
-        "b": (5e3, 2e5, "nT"),
-        "dip": (-np.pi / 2, np.pi / 2, "rad"),
-        "latitude": (-np.pi / 2, np.pi / 2, "rad"),
+        name: (*(np.radians(span) if unit == "rad" else span), unit)
+        for name, unit in (("g", "m/s^2"), ("b", "nT"), ("dip", "rad"), ("latitude", "rad"))
+        for span in [limits_of(RegisteredSite, name)]
     }
     known: dict[str, Any] = {
         name: float(within(value, name, *allowed[name])) for name, value in site.fields.items() if value is not None
@@ -248,6 +296,104 @@ def find_site(ledger: Ledger, name: str) -> RegisteredSite | None:
 def sites(ledger: Ledger) -> list[RegisteredSite]:
     """Sites by name."""
     return [registered(RegisteredSite, record.keys["name"], record.body) for record in ledger.current("site")]
+
+
+# Reference standards and the laboratory itself: events of the ledger, so that a program that does not know them reads
+# the ledger as before. The newest event of a subject is how it is now.
+
+_STANDARD, _LABORATORY = "standard", "laboratory"
+LARGEST_LOGO: Final = 200_000
+"""Bytes of a logo."""
+LOGOS: Final = {"png": "image/png", "svg": "image/svg+xml"}
+
+
+def put_standard(ledger: Ledger, standard: RegisteredStandard, *, author: str) -> Record:
+    """Register a reference standard, or record what changed."""
+    keys = {"subject_kind": _STANDARD, "subject": standard.name, "action": "registered"}
+    return ledger.append("event", keys, {"details": stored(standard)}, author=author)
+
+
+def find_standard(ledger: Ledger, name: str) -> RegisteredStandard | None:
+    """The standard as it is now; None when it was never registered."""
+    record = ledger.latest("event", subject_kind=_STANDARD, subject=name, action="registered")
+    return None if record is None else registered(RegisteredStandard, name, record.body["details"])
+
+
+def standards(ledger: Ledger) -> list[RegisteredStandard]:
+    """Reference standards by name."""
+    newest = {r.keys["subject"]: r for r in ledger.find("event", subject_kind=_STANDARD, action="registered")}
+    return [registered(RegisteredStandard, name, newest[name].body["details"]) for name in sorted(newest)]
+
+
+def logo_kind(data: bytes) -> str:
+    """ "png" or "svg".
+
+    Raises
+    ------
+    InputError
+        Too large, neither, an SVG that is not well-formed or refers to anything outside itself, a picture that cannot
+        be drawn.
+    """
+    if len(data) > LARGEST_LOGO:
+        raise InputError(f"the logo has {len(data)} bytes; allowed {LARGEST_LOGO}")
+    kind = "png" if data.startswith(b"\x89PNG\r\n\x1a\n") else "svg" if b"<svg" in data[:2000] else ""
+    lowered = data.lower()
+    foreign = (b"<!doctype", b"<!entity", b"<script", b"<foreignobject", b'href="http', b"href='http", b"url(http")
+    if not kind or (kind == "svg" and any(mark in lowered for mark in foreign)):
+        raise InputError("the logo is no PNG or SVG picture that stands by itself; save it as one of these")
+    import typst
+
+    try:
+        # what draws the certificate draws the logo: if it can, it can
+        typst.compile(
+            b"#set page(width: auto, height: auto)\n#image(bytes(json(bytes(sys.inputs.data))), height: 10mm)",
+            sys_inputs={"data": str(list(data))},
+        )
+    except typst.TypstError as error:
+        raise InputError(f"the logo cannot be drawn ({error.message[:120]}); save it as PNG") from None
+    return kind
+
+
+def put_laboratory(ledger: Ledger, laboratory: Laboratory, *, author: str, logo: bytes | None = None) -> Record:
+    """Record what the laboratory says of itself on certificates.
+
+    Parameters
+    ----------
+    logo : bytes, optional
+        PNG or SVG; the one recorded before is kept when not given, removed when empty.
+
+    Raises
+    ------
+    InputError
+        See `logo_kind`.
+    """
+    kept = dict(_settings(ledger).get("logo", {}))
+    details: dict[str, Any] = {name: value for name, value in asdict(laboratory).items() if value}
+    documents: list[tuple[str, bytes]] = []
+    if logo:
+        media = LOGOS[logo_kind(logo)]
+        kept, documents = {"digest": digest_bytes(logo), "media_type": media}, [(media, logo)]
+    if kept and logo != b"":
+        details["logo"] = kept
+    keys = {"subject_kind": _LABORATORY, "subject": "settings", "action": "recorded"}
+    return ledger.append_all([Draft("event", keys, {"details": details}, documents)], author=author)[0]
+
+
+def _settings(ledger: Ledger) -> Mapping[str, Any]:
+    record = ledger.latest("event", subject_kind=_LABORATORY, subject="settings", action="recorded")
+    return {} if record is None else record.body["details"]
+
+
+def find_laboratory(ledger: Ledger) -> Laboratory | None:
+    """The laboratory as it is now; None when nothing was recorded of it."""
+    about = dict(_settings(ledger))
+    return laboratory_from(about) if about else None
+
+
+def find_logo(ledger: Ledger) -> tuple[str, bytes] | None:
+    """Media type and bytes of the laboratory's logo; None when it has none."""
+    about = _settings(ledger).get("logo")
+    return ledger.document(str(about["digest"])) if about else None
 
 
 def months_after(day: date, months: int) -> date:
@@ -335,12 +481,15 @@ def due_days(ledger: Ledger, tools: Sequence[RegisteredTool]) -> dict[str, date]
     asked = {tool.serial: tool.interval_months for tool in tools if tool.interval_months and not tool.retired}
     if not asked:
         return {}
-    certified, registered = TABLES["certificate"], TABLES["tool"]
     with ledger.snapshot() as connection:
-        last = _days(connection, certified, func.max(certified.c.created), asked)
-        first = _days(connection, registered, func.min(registered.c.created), [s for s in asked if s not in last])
-    found = {serial: months_after(day, asked[serial] or 0) for serial, day in last.items()}
-    return {**first, **found}
+        last: dict[str, date] = {}
+        # from its certificate; from its calibration where it has none; a tool never calibrated is due at once
+        for kind in ("certificate", "calibration"):
+            table = TABLES[kind]
+            last = {**_days(connection, table, func.max(table.c.created), asked.keys() - last.keys()), **last}
+        table = TABLES["tool"]
+        first = _days(connection, table, func.min(table.c.created), asked.keys() - last.keys())
+    return {**first, **{serial: months_after(day, asked[serial] or 0) for serial, day in last.items()}}
 
 
 def _days(connection: Any, table: Any, created: Any, serials: Any) -> dict[str, date]:

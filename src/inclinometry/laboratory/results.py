@@ -6,14 +6,15 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from typing import Any, Final
 
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.expected import ALL_ANGLES, expanded, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, certified_factor, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import COVERAGE_FACTOR, INCLINATIONS
+from inclinometry.constants import INCLINATIONS
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.tool_json import calibration_content, calibration_from
@@ -41,7 +42,7 @@ _STATED: Final = (
     # the longest first: what follows is part of it
     (
         "State it, or put the column right.",
-        "State it on the rig (Start a calibration, Dials of a rig): the readings stay, and are judged anew.",
+        "State it on the rig (More, Rigs): the readings stay, and are judged anew.",
     ),
     ("--left-handed states that the channels are so", "a session begun with left-handed channels states that they are"),
     (
@@ -50,7 +51,7 @@ _STATED: Final = (
     ),
     ("(--dip-deg)", "(the dip of the site)"),
     ("(latitude_deg in --site)", "(the latitude of the site)"),
-    ("state the dials, or verify", "state them on the rig (Start a calibration, Dials of a rig), or verify"),
+    ("state the dials, or verify", "state them on the rig (More, Rigs), or verify"),
 )
 
 
@@ -111,6 +112,32 @@ def finish_calibration(
     found = now.calibration
     if not np.isfinite(found.covariance).all() or (np.diagonal(found.covariance) < 0.0).any():
         raise LedgerError(f"these readings do not make a calibration: {unturned}")
+    outliers = {str(number): sentence for number, sentence in now.outliers.items()}
+    return record_fit(ledger, seen, found, author=author, outliers=outliers)
+
+
+def record_fit(
+    ledger: Ledger,
+    seen: Session,
+    found: Calibration,
+    *,
+    author: str,
+    outliers: Mapping[str, str] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Record:
+    """Record what was fitted to the readings of a session and close it, in one step.
+
+    Parameters
+    ----------
+    outliers : mapping of position to sentence
+    settings : mapping, optional
+        What else the record is to say of how it was made.
+
+    Raises
+    ------
+    LedgerError
+        The session is closed, or the calibration could not be read again.
+    """
     content = plain_content(found)
     # nothing is recorded that could not be read again, for what is recorded stays
     try:
@@ -118,6 +145,7 @@ def finish_calibration(
     except InclinometryError as error:
         raise LedgerError(f"these readings do not make a calibration: {error}") from None
     body = {
+        **({"settings": dict(settings)} if settings else {}),
         "tool_json": content,
         "method": found.method,
         "readings": [row.record for row in seen.valid],
@@ -127,16 +155,16 @@ def finish_calibration(
             "plan": seen.plan,
             "positions": len(seen.valid),
             "warnings": list(found.warnings),
-            "outliers": {str(number): sentence for number, sentence in now.outliers.items()},
+            "outliers": dict(outliers or {}),
             "parameters": [[name, *pair] for name, pair in parameters(found).items()],
         },
         "program": program(),
     }
     drafts = [
-        Draft("calibration", {"serial": seen.serial, "session": session}, body),
-        close_session_draft(session, "finished"),
+        Draft("calibration", {"serial": seen.serial, "session": seen.id}, body),
+        close_session_draft(seen.id, "finished"),
     ]
-    return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
+    return ledger.append_all(drafts, author=author, unless=[unless_closed(seen.id)])[0]
 
 
 def _distinct(seen: Session) -> int:
@@ -162,10 +190,11 @@ def expected_table(calibration: Calibration) -> dict[str, Any]:
     found = expected_uncertainty(calibration, INCLINATIONS)
     if not found.angles:
         return {}
-    one, alone = (np.degrees(expanded(u)) for u in (found.of_one_reading, found.from_calibration))
+    k = certified_factor(calibration)
+    one, alone = (np.degrees(expanded(u, k)) for u in (found.of_one_reading, found.from_calibration))
     columns = {f"U_{name}_deg": ALL_ANGLES.index(name) for name in found.angles}
     return {
-        "coverage_factor": COVERAGE_FACTOR,
+        "coverage_factor": k,
         "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
         **{key: one[:, place].tolist() for key, place in columns.items()},
         "from_calibration": {key: alone[:, place].tolist() for key, place in columns.items()},
@@ -174,14 +203,15 @@ def expected_table(calibration: Calibration) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """The calibrations of one tool, oldest first.
+    """The calibrations of one tool, by the day of their readings.
 
-    created : UTC of each; records : their ids.
+    measured : last day of the readings of each; created : UTC of its record; records : their ids.
     values, u : parameter -> (n,) estimate and standard uncertainty, in the parameter's unit; NaN where a calibration
         does not have it.
     """
 
     serial: str
+    measured: Sequence[date]
     created: Sequence[str]
     records: Sequence[str]
     values: Mapping[str, Array]
@@ -206,9 +236,16 @@ def history(ledger: Ledger, serial: str, *, limit: int = 200) -> History:
     InputError
         A tool that was never calibrated.
     """
-    records = listed(ledger, "calibration", serial=serial, limit=limit)[::-1]
+    records = listed(ledger, "calibration", serial=serial, limit=limit)
     if not records:
         raise InputError(f"tool {serial!r} has no calibration in this ledger")
+    days = {
+        r.id: extract(
+            ledger, r, "measured", lambda one: measured(ledger, one, ledger.get("session", one.keys["session"]))
+        )
+        for r in records
+    }
+    records.sort(key=lambda r: (days[r.id][1], r.seq))
     found = [extract(ledger, record, "parameters", recorded_parameters) for record in records]
     names = list(dict.fromkeys(name for one in found for name in one))
     values = {name: np.full(len(found), np.nan) for name in names}
@@ -216,7 +253,19 @@ def history(ledger: Ledger, serial: str, *, limit: int = 200) -> History:
     for row, one in enumerate(found):
         for name, (value, sd) in one.items():
             values[name][row], u[name][row] = value, sd
-    return History(serial, [r.created for r in records], [r.id for r in records], values, u)
+    ids = [r.id for r in records]
+    return History(serial, [days[name][1] for name in ids], [r.created for r in records], ids, values, u)
+
+
+def measured(ledger: Ledger, calibration: Record, session: Record) -> tuple[date, date]:
+    """First and last day of the readings of a calibration; of a file that was brought in later, the day stated with it.
+
+    Without either the day of the record.
+    """
+    elsewhere = session.body.get("settings", {}).get("performed")
+    days = [elsewhere] if elsewhere else [ledger.get("reading", name).created for name in calibration.body["readings"]]
+    found = sorted(date.fromisoformat(day[:10]) for day in days or [calibration.created])
+    return found[0], found[-1]
 
 
 def recorded_parameters(record: Record) -> dict[str, tuple[float, float]]:

@@ -164,6 +164,9 @@ class AttitudeChooser:
         if usable and (shake := _shake(window)) < self._settings.static.shake:
             row = self._honest(self._static(window), health) if field else self._static(replace(window, mag=None))
             if not bool(row.refused[0]) and not int(row.flags[0]) & BITS["not-still"]:
+                if field:
+                    for stream in self._magnetic.values():
+                        stream.rest(window)
                 if field or not self._drives(health):
                     return self._settled(health, row, "still", good=field)
                 kind = "still"

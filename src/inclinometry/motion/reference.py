@@ -207,9 +207,10 @@ def azimuth_uncertainty(off: FieldOff, site: Site | None) -> float:
     Examples
     --------
     >>> round(azimuth_uncertainty(FieldOff(1.1, 0.05, 0.001, 0.0, 0.0), Site(dip=1.0)), 4)
-    0.0924
+    0.0919
     """
-    noise = UNSURE * float(np.hypot(off.u, (site.dip_sigma or 0.0) if site is not None else 0.0))
+    # the departure is a root mean square over directions, in which noise alone makes twice that of a component
+    noise = UNSURE * float(np.hypot(2.0 * off.u, (site.dip_sigma or 0.0) if site is not None else 0.0))
     # only what its own uncertainty does not explain: a dip hardly known says little against an attitude known well
     turned = float(np.sqrt(max(off.off**2 - noise**2, 0.0)))
     uneven = UNSURE * (site.b_sigma or 0.0) / site.b if site is not None and site.b else 0.0
@@ -229,10 +230,12 @@ def widened(row: Attitude, u: float) -> Attitude:
     short = ~row.refused & (UNSURE * np.nan_to_num(spread, nan=np.inf) < u)
     if not short.any():
         return row
-    covariance = row.covariance.copy()
+    covariance, common = row.covariance.copy(), row.common.copy()
     down = dcm_from_quaternion(row.quaternion[short])[:, :, 2]
-    covariance[short] += u**2 * down[:, :, None] * down[:, None, :]
-    return replace(row, covariance=covariance)
+    extra = u**2 * down[:, :, None] * down[:, None, :]
+    covariance[short] += extra
+    common[short] += extra
+    return replace(row, covariance=covariance, common=common)
 
 
 # Rows counted from true north, counted from magnetic north instead.
@@ -264,14 +267,16 @@ def to_magnetic(rows: Attitude, site: Site | None) -> Attitude | None:
     """
     if site is None or site.declination is None:
         return None
-    quaternion, covariance = rows.quaternion.copy(), rows.covariance.copy()
+    quaternion, covariance, common = rows.quaternion.copy(), rows.covariance.copy(), rows.common.copy()
     good = ~rows.refused
     if good.any():
         matrix = dcm_from_quaternion(quaternion[good]) @ rotation_z(site.declination).T
         quaternion[good] = quaternion_from_dcm(matrix)
         down = matrix[:, :, 2]
-        covariance[good] += (site.declination_sigma or 0.0) ** 2 * np.einsum("ki,kj->kij", down, down)
-    return replace(rows, quaternion=quaternion, covariance=covariance, north="magnetic")
+        extra = (site.declination_sigma or 0.0) ** 2 * np.einsum("ki,kj->kij", down, down)
+        covariance[good] += extra
+        common[good] += extra
+    return replace(rows, quaternion=quaternion, covariance=covariance, common=common, north="magnetic")
 
 
 DIP_SIGMA: Final = float(np.radians(0.2))
@@ -336,6 +341,73 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
     return float(np.hypot(*excess)), text
 
 
+class Referenced(NamedTuple):
+    """What the site's strength and dip make of gravity and field.
+
+    change : (6,) of gravity, m/s^2, and field, nT.
+    covariance, common : (6, 6) of both after it, and the part that the windows of a run share.
+    """
+
+    change: Array
+    covariance: Array
+    common: Array
+
+
+def referenced(
+    gravity: Array, field: Array, covariance: Array, common: Array, site: Site | None, scale: float
+) -> Referenced:
+    """Gravity and field weighed with the site's strength and dip.
+
+    Parameters
+    ----------
+    gravity, field : (3,) ndarray
+        Means, m/s^2 and nT.
+    covariance, common : (6, 6) ndarray
+        Of both, and the part of it that the windows of a run share.
+    site : Site, optional
+    scale : float
+        Standard deviation of each scale error and coupling of the magnetometer: strength and dip err by 0.7 of it.
+
+    Notes
+    -----
+    One step of a Kalman filter whose measurements are the strength and the dip that the site states. What lies along
+    the tool, which no rotation shows, is seen in them except across magnetic north and south near the horizontal; so is
+    a lag of the field away from the meridian (Brooks A.G., Gurden P.A., Noy K.A., SPE 49060, 1998). A departure beyond
+    what is expected widens the prior of the field by the ratio of their squares (Birge R.T., Physical Review 40, 1932).
+
+    Examples
+    --------
+    >>> from inclinometry.earth.site import Site
+    >>> g, b = np.array([0.0, 0.0, 9.8]), np.array([20e3, 0.0, 40_200.0])
+    >>> place = Site(b=float(np.hypot(20e3, 40e3)), dip=float(np.arctan2(40e3, 20e3)))
+    >>> steel = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 220.0**2])
+    >>> found = referenced(g, b, steel, steel, place, 0.0)
+    >>> [round(float(x)) for x in (found.change[5], np.sqrt(found.covariance[5, 5]))]
+    [-146, 115]
+    """
+    rows, off, spread = [], [], []
+    size = max(float(np.linalg.norm(field)), 1e-9)
+    if site is not None and site.b is not None:
+        rows.append(np.concatenate([np.zeros(3), field / size]))
+        off.append(size - site.b)
+        spread.append(np.hypot(STRENGTH_SIGMA if site.b_sigma is None else site.b_sigma, 0.7 * scale * size))
+    if site is not None and site.dip is not None:
+        rows.append(dip_jacobian(gravity, field))
+        off.append(float(dip_angle(gravity, field)) - site.dip)
+        spread.append(np.hypot(DIP_SIGMA if site.dip_sigma is None else site.dip_sigma, 0.7 * scale))
+    if not rows:
+        return Referenced(np.zeros(6), covariance, common)
+    h, z, noise = np.array(rows), np.array(off), np.diag(np.square(spread))
+    departure = float(z @ np.linalg.solve(h @ covariance @ h.T + noise, z)) / len(z)
+    if departure > 1.0:
+        added = (departure - 1.0) * np.pad(common[3:, 3:], ((3, 0), (3, 0)))
+        covariance, common = covariance + added, common + added
+    gain = np.linalg.solve(h @ covariance @ h.T + noise, h @ covariance).T
+    keep = np.eye(6) - gain @ h
+    told = gain @ noise @ gain.T
+    return Referenced(-gain @ z, keep @ covariance @ keep.T + told, keep @ common @ keep.T + told)
+
+
 @dataclass
 class SiteCheck:
     """Windows that agree with each other on a field that is not the site's: another place, more likely than steel.
@@ -392,8 +464,9 @@ class SiteCheck:
         return (f"{'; '.join(said)}: is this the right site file, or does steel go with the tool?",) if said else ()
 
 
-def inflated(covariance: Array, extra: float) -> Array:
-    """Covariance (6, 6) of gravity and field with the further error of the field."""
+def inflated(covariance: Array, extra: float, gravity: float = 0.0) -> Array:
+    """Covariance (6, 6) of gravity and field with a further error of the field and of gravity, per axis."""
     wider = covariance.copy()
+    wider[[0, 1, 2], [0, 1, 2]] += gravity**2
     wider[[3, 4, 5], [3, 4, 5]] += extra**2
     return wider

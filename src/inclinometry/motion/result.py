@@ -181,6 +181,7 @@ FLAGS: Final = {
     "drift": "azimuth rests on the gyro alone since its last update; its uncertainty grows",
     "vertical": "azimuth and toolface are hardly defined; use azimuth + toolface",
     "unobservable": "nothing in the data determines the azimuth",
+    "whirl": "the tool circles in the hole: an axis that leans as it does shifts the mean of gravity",
 }
 """What a flag means; bit k of `Attitude.flags` is the k-th name."""
 
@@ -201,6 +202,9 @@ class Attitude(Tabular):
     covariance : (k, 3, 3) ndarray
         Of the small rotation vector e in tool axes, rad^2: dcm = (1 + [e x]) true dcm. NaN where refused; a direction
         about which nothing is known has the square of `UNKNOWN` as variance or more, never infinity.
+    common : (k, 3, 3) ndarray, optional
+        The part of it by errors that all rows of the run share (offsets, scales, lags): it does not average out. All of
+        it where a method does not tell.
     rate : (k,) ndarray
         Mean rotation speed about the tool axis, rad/s, positive clockwise looking down hole; NaN where unknown.
     quality : (k,) ndarray
@@ -224,10 +228,13 @@ class Attitude(Tabular):
     method: NDArray[np.uint8]
     north: str
     notes: tuple[str, ...] = ()
+    common: Array = None  # type: ignore[assignment]  # told in __post_init__
 
     def __post_init__(self) -> None:
+        if vars(self)["common"] is None:
+            object.__setattr__(self, "common", self.covariance)
         size = len(self.time)
-        wanted = {"quaternion": (size, 4), "covariance": (size, 3, 3)}
+        wanted = {"quaternion": (size, 4), "covariance": (size, 3, 3), "common": (size, 3, 3)}
         for each in fields(self):
             if each.name in ("time", "north", "notes"):
                 continue
@@ -257,12 +264,21 @@ class Attitude(Tabular):
     @property
     def u(self) -> Angles:
         """Standard uncertainty (k,) of the `angles`, rad; never more than that of an angle nothing is known of."""
+        return self._spread(self.covariance)
+
+    @property
+    def u_common(self) -> Angles:
+        """The part of `u` (k,) that all rows of the run share, rad."""
+        return Angles(*map(np.minimum, self._spread(self.common), self.u))
+
+    def _spread(self, covariance: Array) -> Angles:
+        """Standard deviations (k,) of the angles by the rotation vector's covariance (k, 3, 3)."""
         good = ~self.refused
         columns = [np.full(len(self), np.nan) for _ in Angles._fields]
         if good.any():
             rows = angle_rows(self.quaternion[good])
-            variance = np.einsum("kai,kij,kaj->ka", rows, self.covariance[good], rows)
-            spread = np.minimum(np.sqrt(np.where(np.isfinite(variance), variance, np.inf)), UNKNOWN)
+            variance = np.einsum("kai,kij,kaj->ka", rows, covariance[good], rows)
+            spread = np.minimum(np.sqrt(np.where(np.isfinite(variance), np.maximum(variance, 0.0), np.inf)), UNKNOWN)
             for place, column in enumerate(columns):
                 column[good] = spread[:, place]
         return Angles(*columns)
@@ -398,6 +414,8 @@ class AttitudeRows(Tabular):
     method : places in `METHODS`.
     quaternion : (k, 4), scalar first, of the rotation from north-east-down to tool components, north that of the
         azimuth: v_tool = q v_ned q*; it has no singularity at the vertical. NaN where azimuth + toolface is not known.
+    u_common_inclination, u_common_azimuth, u_common_toolface : the part of the uncertainty, rad, by errors that all
+        rows share (offsets, scales, lags, site): it does not average out. All of it where a method does not tell.
     magnetic_toolface, u_magnetic_toolface : azimuth + toolface and its standard uncertainty, rad, from magnetic north
         whatever the azimuth is counted from; of a gyro's rows from true north (gyro toolface).
     north : what azimuth is counted from, places in `inclinometry.earth.site.REFERENCES`.
@@ -418,8 +436,14 @@ class AttitudeRows(Tabular):
     quaternion: Array
     magnetic_toolface: Array
     u_magnetic_toolface: Array
+    u_common_inclination: Array = None  # type: ignore[assignment]  # told in __post_init__
+    u_common_azimuth: Array = None  # type: ignore[assignment]
+    u_common_toolface: Array = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        for name in ANGLES:
+            if getattr(self, f"u_common_{name}") is None:
+                object.__setattr__(self, f"u_common_{name}", getattr(self, f"u_{name}"))
         for each in fields(self):
             shape = getattr(self, each.name).shape
             wanted = (len(self.time), 4) if each.name == "quaternion" else self.time.shape
@@ -433,6 +457,25 @@ class AttitudeRows(Tabular):
     def refused(self) -> Mask:
         """Rows (k,) without an attitude."""
         return np.isnan(self.inclination)
+
+    @property
+    def u_random_inclination(self) -> Array:
+        """The part (k,) of `u_inclination` that is the window's own, rad: it averages out."""
+        return self._own("inclination")
+
+    @property
+    def u_random_azimuth(self) -> Array:
+        """The same of the azimuth."""
+        return self._own("azimuth")
+
+    @property
+    def u_random_toolface(self) -> Array:
+        """The same of the toolface."""
+        return self._own("toolface")
+
+    def _own(self, name: str) -> Array:
+        whole, common = getattr(self, f"u_{name}"), getattr(self, f"u_common_{name}")
+        return np.asarray(np.sqrt(np.maximum(whole**2 - common**2, 0.0)))
 
     def steep(self, switch: float) -> Mask:
         """Rows (k,) of an inclination below the switch, rad: steered by the magnetic toolface."""
@@ -448,7 +491,7 @@ class AttitudeRows(Tabular):
 
     def to_dict(self) -> dict[str, Column]:
         """One row a window: time, angles, their standard uncertainties, speed, quality, method and flags."""
-        angles = in_degrees(self, *ANGLES, *(f"u_{name}" for name in ANGLES))
+        angles = in_degrees(self, *ANGLES, *(f"u_{name}" for name in ANGLES), *(f"u_common_{name}" for name in ANGLES))
         found: dict[str, Column] = {"time_s": self.time, **angles, **_judged_columns(self)}
         return found | {"azimuth_reference": [REFERENCES[place] for place in self.north]}
 

@@ -14,12 +14,12 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
-from inclinometry.motion.reference import COVERAGE, DIP_SIGMA, STRENGTH_SIGMA, departure
+from inclinometry.motion.reference import COVERAGE, DIP_SIGMA, STRENGTH_SIGMA, Referenced, departure, referenced
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined, refusals
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.motion.window_smoother import batch_means, covariance_of_mean, rounding_variance
 from inclinometry.orientation import dip_angle, dip_jacobian, inclination_toolface
-from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm
+from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_exp
 from inclinometry.settings import Range, Settings
 from inclinometry.tabular import check_record
 from inclinometry.uncertainty import UNKNOWN
@@ -148,6 +148,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     if solution is None:
         return refusals([time], sorted({*flags, "misfit"}), limits.method, name)
     told = {} if second is None or unknown else _references(g, second, limits)
+    seen: Referenced | None = None
     if second is not None and not unknown and limits.north == "mag":
         noise = np.zeros((6, 6))
         noise[:3, :3], noise[3:, 3:] = covariance_of_mean(g.batches), covariance_of_mean(second.batches)
@@ -155,6 +156,10 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
         if far:
             return refusals([time], sorted({*flags, "axes", "disturbed"}), limits.method, name)
         second = second._replace(fixed=second.fixed + extra**2 * np.eye(3))
+        fixed = _fixed(g, second)
+        # both weighted have had the site's dip already
+        if not extra and limits.site is not None and limits.method == "static":
+            seen = referenced(g.value, second.value, fixed + noise, fixed, limits.site, settings.mag_scale_sigma)
     errors = _batch_errors(g, second, solution)
     shake = float(np.sqrt(np.mean(np.sum((window.accel[used] - g.value) ** 2, axis=1))))
     rate = _rate(window, used, errors)
@@ -174,7 +179,11 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     down = solution.matrix[:, 2]
     total = total + (2.0 * UNKNOWN**2 * np.outer(down, down) if unknown else 0.0)
     covariance = np.asarray(0.5 * (total + total.T))
-    return _row(time, solution.matrix, covariance, rate, max(ratios.values()), flags, limits)
+    common, matrix = covariance if unknown else spread + solution.reference, solution.matrix
+    if seen is not None:
+        matrix = rotation_exp(solution.response @ seen.change) @ matrix
+        covariance, common = (solution.response @ part @ solution.response.T for part in (seen.covariance, seen.common))
+    return _row(time, matrix, (covariance, common), rate, max(ratios.values()), flags, limits)
 
 
 def _mean(window: Samples, name: str, used: Mask, limits: Limits) -> Mean:
@@ -269,12 +278,20 @@ def _directions(dip: float) -> Array:
 
 
 def _row(
-    time: float, matrix: Array, covariance: Array, rate: float, worst: float, flags: set[str], limits: Limits
+    time: float,
+    matrix: Array,
+    covariance: tuple[Array, Array],
+    rate: float,
+    worst: float,
+    flags: set[str],
+    limits: Limits,
 ) -> Attitude:
+    """`covariance` is the whole one, and what the windows of a run have in common of it."""
     row = Attitude(
         time=np.array([time]),
         quaternion=quaternion_from_dcm(matrix)[None],
-        covariance=covariance[None],
+        covariance=covariance[0][None],
+        common=covariance[1][None],
         rate=np.array([rate]),
         quality=np.array([max(1.0 - worst, 0.0)]),
         flags=np.array([sum(BITS[flag] for flag in flags)], dtype=np.uint32),
@@ -302,6 +319,9 @@ class StaticSettings(Settings):
     most_clipped: Annotated[float, Range(0.0, 0.5), "Share of clipped samples beyond which it is refused."] = 0.02
     accel_sigma: Annotated[float, Range(0.0, 1.0, "m/s^2"), "What calibration left on each axis."] = 0.0
     mag_sigma: Annotated[float, Range(0.0, 1e5, "nT"), "The same of the magnetometer."] = 0.0
+    mag_scale_sigma: Annotated[
+        float, Range(0.0, 0.1), "Of each scale error and coupling, where the site is held against the field."
+    ] = 3e-3
     mag_axial_sigma: Annotated[float | None, Range(0.0, 1e5, "nT"), "Along the tool, where another than across."] = None
     gyro_sigma: Annotated[float, Range(0.0, 1e-2, "rad/s"), "The same of the gyro."] = float(np.radians(0.1 / 3600.0))
     accel_resolution: Annotated[float, Range(0.0, 1.0, "m/s^2"), 'Step of "stuck" readings.'] = 0.01

@@ -31,6 +31,7 @@ from inclinometry.motion.robust import (
 )
 from inclinometry.rotations import dcm_from_quaternion, quaternion_from_dcm
 from inclinometry.settings import Range, Settings
+from inclinometry.tabular import check_record
 from inclinometry.uncertainty import UNKNOWN
 
 # Equal windows of a stream of samples, the same however the stream is cut into blocks.
@@ -584,6 +585,7 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
     >>> bool(robust_filter(rows).refused.all())
     True
     """
+    check_record(rows, Attitude, "robust_filter")
     stream = RobustStream(settings)
     steps = stream.steps(rows) + stream.last_steps()
     return attitude_of(steps, rows.north, "robust", stream.settings, rows.notes)

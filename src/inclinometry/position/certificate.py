@@ -15,13 +15,12 @@ from inclinometry.constants import VECTORS
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, angles_jacobian, axis_jacobian, fields
-from inclinometry.position.propagation import MatrixSource
+from inclinometry.position.propagation import MatrixSource, check_directions, rows_of
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey
 from inclinometry.sensors import Tool
 from inclinometry.survey.from_stations import NOISE
 from inclinometry.survey.from_tool import stations_from_tool
-from inclinometry.survey.path import directions
 from inclinometry.survey.stations import Stations
 
 SENSOR_TERMS: Final = re.compile(r"[AM][BS](I?)(XY?|Y|Z)(?![A-Z])", re.IGNORECASE)
@@ -83,7 +82,7 @@ def error_model(
             f"the site has no {lacking[0]}; what the tool saw is computed from it: give it, or raw channels"
         )
     strengths = dict(zip(VECTORS, (float(site.gravity or 0.0), float(site.b or 0.0)), strict=True))
-    azimuth = convert_azimuth(survey.azimuth, "true", "magnetic", survey.site)
+    azimuth = convert_azimuth(survey.true_azimuth, "true", "magnetic", survey.site)
     angle = finite(toolface, "toolface", (len(survey),))
     directions_seen = fields(azimuth, survey.inclination, angle, survey.site.dip or 0.0)
     heat = None if temperature is None else finite(temperature, "temperature", (len(survey),))
@@ -142,30 +141,9 @@ def calibration_sources(
     """
     if propagation not in ("systematic", "well", "global"):
         raise InputError(f"propagation is {propagation!r}; what stations share is systematic, well or global")
-    # rows of the survey that the stations are, without gaps
-    first = int(np.argmin(np.abs(survey.md - stations.md[0])))
-    there = survey.md[first : first + len(stations)]
-    shared = min(len(there), len(stations))
-    wrong = np.abs(there[:shared] - stations.md[:shared]) > 0.005  # depths are written to the centimetre
-    if wrong.any() or shared < len(stations):
-        k = int(np.argmax(wrong)) if wrong.any() else shared
-        has = f"{survey.md[first + k]:.10g} m" if k < shared else "no more"
-        raise InputError(
-            f"station {k + 1} of the tool stands at md {stations.md[k]:.10g} m where the survey has {has}; "
-            "both need the same depths"
-        )
-    rows = np.arange(first, first + shared)
-    tangent = directions(survey.inclination[rows], survey.azimuth[rows])
+    rows = rows_of(survey, stations.md)
     seen = angles(stations.g, stations.b)
-    apart = np.linalg.norm(tangent - directions(seen.inclination, seen.azimuth + _declination(survey.site)), axis=1)
-    # more than corrections make, less than a wrong north does
-    if apart.max() > np.radians(5.0):
-        k = int(apart.argmax())
-        raise InputError(
-            f"station {k + 1} at md {stations.md[k]:.10g} m: what the tool measured lies "
-            f"{np.degrees(apart[k]):.1f} deg from the survey's direction; another run, or an azimuth from another "
-            "north (declination and convergence)?"
-        )
+    check_directions(survey, rows, stations.md, seen.inclination, seen.azimuth + _declination(survey.site))
     # derivatives (n, 3, 6) by the fields
     level = np.hypot(stations.g[:, 0], stations.g[:, 1]) / np.linalg.norm(stations.g, axis=1)
     # near the vertical sources tell of the direction of the hole, not of inclination and azimuth
@@ -293,9 +271,9 @@ def with_terms(code: ToolCode, names: Sequence[str], magnitudes: Mapping[str, fl
     ]
     return replace(
         code,
-        name=f"{code.name} beside a certificate",
+        name=f"{code.name}, in part",
         terms=tuple(terms),
-        description=f"{', '.join(names)} of {code.name}; errors of the sensors come from the certificate",
+        description=f"{', '.join(names)} of {code.name}; errors of the sensors come from the tool itself",
     )
 
 

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
-from inclinometry.arrays import Array, Mask, finite, frozen
+from inclinometry.arrays import Array, Index, Mask, finite, frozen
+from inclinometry.earth.site import convert_azimuth
 from inclinometry.errors import InputError
 from inclinometry.position.tool_code import PROPAGATIONS, Evaluator, Levers, ToolCode, Weights, levers
 from inclinometry.position.well import WellSurvey, hole_sigmas, horizontal_ellipse
-from inclinometry.survey.reduce import Survey
+from inclinometry.survey.path import directions
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
-from inclinometry.uncertainty import UNKNOWN
+from inclinometry.uncertainty import AngleErrors, ellipsoid_factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,8 @@ class MatrixSource:
         Derivatives of the unit vector along the hole (north, east, down; true north) by the parameters. They take the
         place of those of inclination and azimuth at the stations where they are not NaN: vertical stations, whose
         azimuth is not defined.
+    degrees_of_freedom : float
+        From which the covariance is known; see `Calibration.degrees_of_freedom`.
 
     Examples
     --------
@@ -46,6 +49,7 @@ class MatrixSource:
     covariance: Array
     propagation: str = "systematic"
     by_direction: Array | None = None
+    degrees_of_freedom: float = np.inf
 
     def __post_init__(self) -> None:
         if self.propagation not in PROPAGATIONS:
@@ -109,77 +113,116 @@ class MatrixSource:
         return [Weights(one[0], one[1], one[2], direction) for one, direction in pairs]
 
 
-# Gyro stations as sources of error of a position: each station's own noise, and what a run shares.
+# A run whose angles err by named causes, as a gyro's, as sources of error of a position.
 
 
-def gyro_sources(survey: Survey, well: WellSurvey) -> tuple[MatrixSource, ...]:
-    """The components of a gyro's survey as sources of error.
+class AngleRun(Protocol):
+    """Stations with what may be wrong with their angles: a `survey.reduce.Survey`, or one read from errors.json."""
+
+    @property
+    def md(self) -> Array: ...
+    @property
+    def inclination(self) -> Array: ...
+    @property
+    def azimuth(self) -> Array: ...
+    @property
+    def azimuth_reference(self) -> str: ...
+    @property
+    def errors(self) -> Mapping[str, AngleErrors]: ...
+
+
+def gyro_sources(run: AngleRun, well: WellSurvey) -> tuple[MatrixSource, ...]:
+    """The errors of a gyro run's angles as sources of error of the well's positions.
 
     Parameters
     ----------
-    survey : Survey
-        From `inclinometry.survey.gyro.gyro_survey` or `inclinometry.survey.reduce.reduce_survey` with a gyro.
+    run : Survey
+        From `inclinometry.workflow.gyro.north_run`, or `inclinometry.files.errors_json.read_errors`.
     well : WellSurvey
-        Of the same stations.
+        A station of each measured depth of the run; it may have others above and below, of which the sources say
+        nothing.
 
     Returns
     -------
     tuple of MatrixSource
-        One a component: noise random, the rest (scale, latitude, calibration, convergence) systematic.
+        One a cause, with the correlation of inclination and azimuth: random what is each station's own, systematic what
+        the run shares.
 
     Raises
     ------
     InputError
-        Other stations than the well's, azimuths from magnetic north, a survey without uncertainty.
+        Other stations than the well's, azimuths from magnetic north, a run without errors.
 
     Notes
     -----
-    A survey keeps variances, not derivatives. Inclination and azimuth are taken as independent, and a shared cause as
-    of one sign along the whole well. That is right where the hole keeps its direction and too large where the effect
-    changes sign on the way, as that of the scale does from east to west. A near-vertical hole leans by the uncertainty
-    of its inclination either way.
+    Stations within 1 deg of the vertical err by the direction of the hole, which is defined there, the others by
+    inclination and azimuth; SPE 90408 treats the vertical in the same way.
 
     Examples
     --------
     >>> from inclinometry.earth.site import Site
-    >>> from inclinometry.gyro.north import estimate_north
     >>> from inclinometry.position.well import well_survey
-    >>> from inclinometry.survey.gyro import gyro_survey
-    >>> rate = 7.292115e-5 * np.array([[0.75**0.5 * 0.5**0.5, -0.5**0.5]] * 2)
-    >>> down = 9.8 * np.array([[-np.sin(np.pi / 3), 0.0, 0.5]] * 2)
-    >>> north = estimate_north(down, rate, np.pi / 4, gravity_covariance=[1e-8 * np.eye(3)] * 2,
-    ...                        rate_covariance=[1e-15 * np.eye(2)] * 2)
-    >>> found = gyro_survey([0.0, 30.0], north)
-    >>> well = well_survey(found.md, found.inclination, found.azimuth, Site())
-    >>> {one.name: one.propagation for one in gyro_sources(found, well)}
-    {'gyro': 'random', 'accelerometer': 'random', 'scale': 'systematic'}
+    >>> from inclinometry.survey.reduce import Survey
+    >>> md, level, blank = np.array([0.0, 500.0, 1000.0]), np.full(3, np.pi / 2), np.zeros(3)
+    >>> turn = AngleErrors(np.tile([[0.0], [1.0], [0.0], [1.0]], (3, 1, 1)), np.array([[1e-6]]), shared=True)
+    >>> run = Survey(md, level, blank, blank, blank, blank, blank, blank, {}, "true", [()] * 3, errors={"scale": turn})
+    >>> sources = gyro_sources(run, well_survey(md, level, blank, Site()))
+    >>> found = propagate(well_survey(md, level, blank, Site()), sources=sources)
+    >>> np.sqrt(found.covariance[-1, 1, 1]).round(3)  # 1 mrad by levers of 500 and 250 m; the first station is known
+    np.float64(0.75)
     """
-    check_record(survey, Survey, "gyro_sources")
     check_record(well, WellSurvey, "gyro_sources")
-    if survey.azimuth_reference == "magnetic":
+    if run.azimuth_reference == "magnetic":
         raise InputError("the azimuths are from magnetic north; a magnetic tool's errors come from its certificate")
-    if len(survey) != len(well) or np.abs(survey.md - well.md).max() > 0.005:
+    if not run.errors:
         raise InputError(
-            f"the gyro has {len(survey)} stations from {survey.md[0]:g} to {survey.md[-1]:g} m, the well {len(well)} "
-            f"from {well.md[0]:g} to {well.md[-1]:g} m; both need the same depths"
+            "nothing is known of what the errors of these stations share; give a run of `north_run` by the joint or "
+            "the fixed method"
         )
-    steep = np.sin(well.inclination) < np.sin(np.radians(1.0))
+    rows = rows_of(well, run.md)
+    turned = convert_azimuth(run.azimuth, run.azimuth_reference, "true", well.site)
+    check_directions(well, rows, run.md, run.inclination, turned)
+    steep = np.sin(run.inclination) < np.sin(np.radians(1.0))
     found = []
-    for name, variances in survey.components.items():
-        if not (variances[:, :2] != 0.0).any():  # NaN: not known
-            continue
-        spread = np.sqrt(np.where(np.isfinite(variances), variances, np.inf))
-        by_angles, by_direction = np.zeros((len(well), 3, 2)), np.full((len(well), 3, 2), np.nan)
-        for column in (0, 1):
-            by_angles[:, column + 1, column] = np.minimum(spread[:, column], UNKNOWN)
-        by_direction[steep] = by_angles[steep, 1, 0, None, None] * np.eye(3)[:, :2]
-        # what is each station's own; all else is shared by the run
-        own = name in ("gyro", "accelerometer", "sensor noise", "shape", "quadrant")
-        kind = "random" if own else "systematic"
-        found.append(MatrixSource(name, by_angles, np.eye(2), kind, by_direction))
-    if not found:
-        raise InputError("no uncertainty is known of the gyro's stations; give the noise of its sensors")
+    for name, one in run.errors.items():
+        shape = (len(well), 3, len(one.covariance))
+        by_angles, by_direction = np.zeros(shape), np.full(shape, np.nan)
+        by_angles[rows, 1:] = np.where(steep[:, None, None], 0.0, one.by_parameter[:, :2])
+        down = -np.sin(run.inclination)[:, None] * one.by_parameter[:, 0]
+        by_direction[rows] = np.concatenate([one.by_parameter[:, 2:], down[:, None]], axis=1)
+        by_direction[rows[~steep]] = np.nan
+        kind = "systematic" if one.shared else "random"
+        found.append(MatrixSource(name, by_angles, one.covariance, kind, by_direction))
     return tuple(found)
+
+
+def rows_of(survey: WellSurvey, md: Array) -> Index:
+    """Rows of the survey that the stations at `md`, one run without gaps, are; InputError where there are no such."""
+    first = int(np.argmin(np.abs(survey.md - md[0])))
+    there = survey.md[first : first + len(md)]
+    shared = min(len(there), len(md))
+    wrong = np.abs(there[:shared] - md[:shared]) > 0.005  # depths are written to the centimetre
+    if wrong.any() or shared < len(md):
+        k = int(np.argmax(wrong)) if wrong.any() else shared
+        has = f"{survey.md[first + k]:.10g} m" if k < shared else "no more"
+        raise InputError(
+            f"station {k + 1} of the tool stands at md {md[k]:.10g} m where the survey has {has}; both need the same "
+            "depths"
+        )
+    return np.arange(first, first + shared)
+
+
+def check_directions(survey: WellSurvey, rows: Index, md: Array, inclination: Array, azimuth: Array) -> None:
+    """Refuse stations at `md` whose direction, from true north, is not that of the survey's `rows`."""
+    tangent = directions(survey.inclination[rows], survey.true_azimuth[rows])
+    apart = np.linalg.norm(tangent - directions(inclination, azimuth), axis=1)
+    # more than corrections make, less than a wrong north does
+    if apart.max() > np.radians(5.0):
+        k = int(apart.argmax())
+        raise InputError(
+            f"station {k + 1} at md {md[k]:.10g} m: what the tool measured lies {np.degrees(apart[k]):.1f} deg from "
+            "the survey's direction; another run, or an azimuth from another north (declination and convergence)?"
+        )
 
 
 PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -211,6 +254,7 @@ class SourceUncertainty:
     name, propagation : str
     vectors : (p, n, 3) north, east, down, m: each of its p independent realisations, one standard deviation. A random
         source has the error of each station's own measurement here; those of the stations before are in `before`.
+    degrees_of_freedom : from which its size is known.
     before : (n, 3, 3) covariance that a random source has collected before each station, m^2; None for the others.
     """
 
@@ -218,6 +262,7 @@ class SourceUncertainty:
     propagation: str
     vectors: Array
     before: Array | None = None
+    degrees_of_freedom: float = np.inf
 
     @cached_property
     def covariance(self) -> Array:
@@ -242,6 +287,30 @@ class PositionUncertainty(Tabular):
 
     def __len__(self) -> int:
         return len(self.survey)
+
+    @property
+    def degrees_of_freedom(self) -> Array:
+        """Effective ones (n,) of each station's covariance, by the share that estimated variances have in its trace.
+
+        Sources of one number of degrees of freedom hang on the same estimate (a calibration and the noise of its tool)
+        and count as one in the formula of Welch and Satterthwaite.
+        """
+        estimated: dict[float, Array] = {}
+        for one in self.sources.values():
+            if np.isfinite(one.degrees_of_freedom):
+                own = np.trace(one.covariance, axis1=1, axis2=2)
+                estimated[one.degrees_of_freedom] = estimated.get(one.degrees_of_freedom, 0.0 * own) + own
+        total = np.trace(self.covariance, axis1=1, axis2=2)
+        spent = sum((own**2 / nu for nu, own in estimated.items()), np.zeros(len(self)))
+        return np.asarray(np.divide(total**2, spent, out=np.full(len(self), np.inf), where=spent > 0.0))
+
+    def widened(self, probability: float) -> Array:
+        """Covariance (n, 3, 3) whose normal ellipses of that probability are those of the degrees of freedom there are.
+
+        See `inclinometry.uncertainty.ellipsoid_factor`; of the plane, from which the ellipsoid's differ by a per cent.
+        """
+        factor = ellipsoid_factor(probability, 2, self.degrees_of_freedom) / ellipsoid_factor(probability, 2)
+        return np.asarray(self.covariance * np.square(factor)[:, None, None])
 
     def to_dict(self) -> dict[str, Column]:
         """One row a station: standard deviations, and axes of the horizontal ellipse, one standard deviation each."""
@@ -376,7 +445,7 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
     allowance = run.surface_attitude
     if allowance is None:
         allowance = survey.surface and code is not None and code.surface_attitude
-    arms = levers(survey.md, survey.inclination, survey.azimuth, survey.surface, allowance)
+    arms = levers(survey.md, survey.inclination, survey.true_azimuth, survey.surface, allowance)
     named: list[tuple[str, str, list[Weights]]] = []
     if code is not None:
         low, high = code.inclinations
@@ -400,7 +469,11 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
     block = np.empty((int(ends[-1]) if named else 0, 3, len(survey)))
     parts = np.split(block, ends[:-1])
     rows = zip(named, parts, strict=True) if named else ()
-    return [_source(name, kind, weights, arms, mask, turn, own) for (name, kind, weights), own in rows]
+    known = {one.name: one.degrees_of_freedom for one in run.sources}
+    return [
+        replace(_source(name, kind, weights, arms, mask, turn, own), degrees_of_freedom=known.get(name, np.inf))
+        for (name, kind, weights), own in rows
+    ]
 
 
 def _source(

@@ -401,6 +401,9 @@ class ToolCode:
     surface_attitude: bool = False
     continuous_above: float | None = None
 
+    def __repr__(self) -> str:
+        return f"ToolCode: {self.name}, {len(self.terms)} terms; {self.description}"
+
     def __post_init__(self) -> None:
         names = [one.name for one in self.terms]
         twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
@@ -662,11 +665,11 @@ class Evaluator:
         found = np.empty((2, len(parts)))
         for column, part in enumerate(parts):
             if part.start == self.first or not self._restarts:  # initialised where the run began
-                found[:, column] = self.survey.inclination[self.first], self.survey.azimuth[self.first]
+                found[:, column] = self.survey.inclination[self.first], self.survey.true_azimuth[self.first]
             else:
                 # azimuth where the arc between a station below and the one after it above passes an inclination
                 both = slice(part.start - 1, part.start + 1)
-                inclination, azimuth = self.survey.inclination[both], self.survey.azimuth[both]
+                inclination, azimuth = self.survey.inclination[both], self.survey.true_azimuth[both]
                 sine = np.sin(inclination)
                 ends = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(inclination)], axis=1)
                 low, high = 0.0, 1.0

@@ -169,7 +169,7 @@ class WellSurvey(Tabular):
     """n stations of a well; see `well_survey`.
 
     md, tvd : (n,) m, from the same datum.
-    inclination, azimuth : (n,) rad; azimuth from true north.
+    inclination, azimuth : (n,) rad; azimuth from `reference`.
     site : Site
     north : {"true", "grid"}
         What north and east of the results are counted from.
@@ -177,6 +177,8 @@ class WellSurvey(Tabular):
         Whether the first station is the wellhead, whose depth has an error of its own; otherwise the survey is tied to
         a station whose uncertainty is `tie`.
     tie : (3, 3) covariance of the first station's position north, east, down, m^2.
+    reference : {"true", "grid"}
+        The north of the azimuths: true, which error models need, or grid where the site has no convergence.
     """
 
     md: Array
@@ -187,6 +189,7 @@ class WellSurvey(Tabular):
     north: str = "true"
     surface: bool = True
     tie: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    reference: str = "true"
 
     def __post_init__(self) -> None:
         md = finite(self.md, "md", (None,))
@@ -205,8 +208,9 @@ class WellSurvey(Tabular):
             if column.shape != md.shape:
                 raise InputError(f"{name} has shape {column.shape}, md has {md.shape}; one value a station is needed")
             object.__setattr__(self, name, frozen(column))
-        if self.north not in ("true", "grid"):
-            raise InputError(f"north is {self.north!r}; allowed: true, grid")
+        for name in ("north", "reference"):
+            if getattr(self, name) not in ("true", "grid"):
+                raise InputError(f"{name} is {getattr(self, name)!r}; allowed: true, grid")
         object.__setattr__(self, "tie", frozen(finite(self.tie, "tie", (3, 3))))
 
     def __len__(self) -> int:
@@ -215,7 +219,14 @@ class WellSurvey(Tabular):
     @property
     def result_azimuth(self) -> Array:
         """Azimuth (n,) from the north of the results, rad, in [0, 2 pi)."""
-        return convert_azimuth(self.azimuth, "true", self.north, self.site)
+        return convert_azimuth(self.azimuth, self.reference, self.north, self.site)
+
+    @property
+    def true_azimuth(self) -> Array:
+        """Azimuth (n,) from true north, rad; InputError where the site has no convergence to find it by."""
+        if self.reference == "true":
+            return self.azimuth
+        return convert_azimuth(self.azimuth, self.reference, "true", self.site)
 
     def variables(self, vertical: float) -> Mapping[str, Any]:
         """Lower-case variables of the formulas; those that the site doesn't know are left out.
@@ -227,12 +238,12 @@ class WellSurvey(Tabular):
         """
         found: dict[str, Any] = {"md": self.md, "tvd": self.tvd, "inc": self.inclination, "earthrate": EARTH_RATE}
         found["k"] = np.where(self.inclination > np.pi / 2, -1.0, 1.0)  # switch of canted accelerometers, SPE 90408
-        found["azt"] = found["az"] = self.azimuth
+        true = found["azt"] = found["az"] = self.true_azimuth
         if self.site.declination is not None:
-            found["azm"] = convert_azimuth(self.azimuth, "true", "magnetic", self.site)
+            found["azm"] = convert_azimuth(true, "true", "magnetic", self.site)
         found["mdprev"], found["incprev"] = _before(self.md), _before(self.inclination)
         # counted on from this station's azimuth, so that the difference of the two is the short way round
-        turn = wrap_signed(self.azimuth - _before(self.azimuth))
+        turn = wrap_signed(true - _before(true))
         turn = np.where(_before(self.inclination) < vertical, 0.0, turn)
         for name in ("azt", "az", "azm"):
             if name in found:
@@ -246,7 +257,7 @@ class WellSurvey(Tabular):
         return MappingProxyType({**found, **{name: value for name, value in known.items() if value is not None}})
 
     def to_dict(self) -> dict[str, Column]:
-        """One row a station: depth, direction from true north, vertical depth."""
+        """One row a station: depth, direction, vertical depth."""
         return {"md_m": self.md, **in_degrees(self, "inclination", "azimuth"), "tvd_m": self.tvd}
 
 
@@ -288,6 +299,8 @@ def well_survey(
     Returns
     -------
     WellSurvey
+        Its azimuths from true north; from grid north where they are counted from it, the results too, and the site has
+        no convergence: enough for positions, not for an error model.
 
     Raises
     ------
@@ -302,21 +315,23 @@ def well_survey(
     1.05
     """
     angle = finite(azimuth, "azimuth")
-    true = angle if reference == "true" else convert_azimuth(angle, reference, "true", site)
     target = north or ("grid" if reference == "grid" else "true")
-    if target == "grid" and site.convergence is None:
+    kept = "grid" if reference == target == "grid" and site.convergence is None else "true"
+    angle = angle if reference == kept else convert_azimuth(angle, reference, kept, site)
+    if kept == "true" and target == "grid" and site.convergence is None:
         raise InputError("the site has no convergence; positions from grid north need it: give the convergence")
     depths = finite(md, "md", (None,))
     if tvd is None:
         first = float(depths[0]) if len(depths) else 0.0
-        tvd = minimum_curvature(depths, inclination, true, start=(0.0, 0.0, first)).tvd
+        tvd = minimum_curvature(depths, inclination, angle, start=(0.0, 0.0, first)).tvd
     return WellSurvey(
         depths,
         finite(inclination, "inclination"),
-        true,
+        angle,
         finite(tvd, "tvd"),
         site,
         target,
         bool(len(depths)) and depths[0] == 0.0,
         np.zeros((3, 3)) if tie is None else finite(tie, "tie", (3, 3)),
+        kept,
     )

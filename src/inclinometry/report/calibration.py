@@ -147,6 +147,9 @@ def expected_map(found: ExpectedUncertainty, name: str) -> Figure:
     figure = new_figure(3.6)
     axes = figure.add_subplot()
     shade = axes.contourf(azimuth, inclination, values, levels=levels, extend="max", cmap="cividis")
+    # the values for who points at them or takes the data
+    across, down = np.meshgrid(azimuth, inclination)
+    axes.scatter(across.ravel(), down.ravel(), c=values.ravel(), visible=False)
     bar = figure.colorbar(shade, ax=axes, orientation="horizontal", aspect=32, pad=0.03)
     bar.set_label(f"u({name}), deg")
     step = -(-len(levels) // 5)
@@ -282,7 +285,7 @@ def _rolls(second: SecondHarmonics) -> list[str]:
 
 def _place(found: ExpectedUncertainty) -> str:
     """The place the expected uncertainty is for, and where its dip or latitude is from."""
-    if found.azimuth_from is None:
+    if found.azimuth_from is None or not found.angles:
         return ""
     name, value = ("dip", found.dip) if found.azimuth_from == "magnetometer" else ("latitude", -found.dip)
     source = {

@@ -116,7 +116,7 @@ def _sentence(name: str, found: Displacement) -> str:
         band = f" ± {significant(COVERAGE_FACTOR * u)}" if np.isfinite(u) else ", uncertainty not known"
         return f"{axis.upper()} {rounded(1000.0 * float(one.displacement[row]), u)}{band} mm at {found.depth[row]:g} m"
 
-    parts = "; ".join(words(axis, one) for axis, one in found.axes.items())
+    parts = " and ".join(words(axis, one) for axis, one in found.axes.items())
     return f"{name}: the largest displacements are {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
 
 

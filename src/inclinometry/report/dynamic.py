@@ -11,6 +11,7 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, RPM, STANDARD_GRAVITY
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import InputError
+from inclinometry.motion.average import average_windows
 from inclinometry.motion.result import (
     BITS,
     CHANNELS,
@@ -27,7 +28,7 @@ from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import BAD, DASHES, INK, SERIES, new_figure, styled
 from inclinometry.report.page import CONVENTIONS, MOST_ROWS, Picture, Section, Table, TableRow, picture, render
 from inclinometry.report.survey_figures import compass_dots, course, thinned, unbroken
-from inclinometry.report.words import listed, plain, rounded, significant
+from inclinometry.report.words import listed, plain, rounded, significant, worst_and_median
 from inclinometry.rotations import wrap_signed
 
 if TYPE_CHECKING:
@@ -377,6 +378,7 @@ REMEDIES: Final = {
     "start": "Leave these rows out, or let the filter start earlier.",
     "drift": "Give the gyros an update: a stop of the string, or a stretch with a usable field.",
     "vertical": "Use azimuth + toolface; azimuth alone has no meaning here.",
+    "whirl": "Survey at another speed, at which the tool does not whirl; inclination is stated with what it may cost.",
     "unobservable": "A magnetometer, gyros that see the Earth turn, or a known start are needed for an azimuth.",
 }
 """What to do about each of `FLAGS`."""
@@ -430,6 +432,7 @@ def dynamic_report(run: DynamicRun) -> str:
     tables = [Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)] if body else []
     sections = [
         Section("Inclination, azimuth, toolface", [f"Azimuth counts from {norths(rows)}."], tables, pictures),
+        _means(run.rows),
         _motion(run),
         _refused(run.rows),
         _methods(run),
@@ -484,10 +487,10 @@ def _sentence(run: DynamicRun) -> str:
         return f"{span}: all refused; the reasons and what to do about them stand below."
     parts = []
     for name in ANGLES[:2]:
-        typical = _typical(rows, name, ~refused)
-        parts.append(f"{name} within ±{typical}°" if typical else f"{name} not known")
+        u = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}")[~refused])
+        parts.append(worst_and_median(name, u[np.isfinite(u)]) if np.isfinite(u).any() else f"{name} not known")
     left = f", {int(refused.sum())} refused" if refused.any() else ""
-    most = "half of the others" if refused.any() else "half of them"
+    most = "the worst of the others" if refused.any() else "the worst of them"
     return f"{span}{left}: {listed(parts)} at {most} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
 
 
@@ -513,6 +516,35 @@ def _angle_caption(rows: AttitudeRows, name: str) -> str:
     return f"{name.capitalize()}{reference} over time with its band of U, and U alone{shaded}"
 
 
+def _means(rows: AttitudeRows) -> Section | None:
+    """The windows averaged while the hole keeps its direction."""
+    found = average_windows(rows)
+    longest = np.argsort(-found.windows, kind="stable")[:MOST_ROWS]
+    body = []
+    for k in np.sort(longest[found.windows[longest] > 1]):
+        cells = [plain(found.start[k], 2), plain(found.stop[k], 2), str(found.windows[k])]
+        for name in ANGLES[:2]:
+            value, u, common = (
+                float(np.degrees(getattr(found, prefix + name)[k])) for prefix in ("", "u_", "u_common_")
+            )
+            lost = not np.isfinite(value)
+            cells += (
+                ["", "", ""] if lost else [rounded(value, u), *(significant(COVERAGE_FACTOR * x) for x in (u, common))]
+            )
+        body.append(TableRow(cells))
+    if not body:
+        return None
+    head = ["from, s", "to, s", "windows"]
+    for name in ANGLES[:2]:
+        head += [name, "U", "of it common"]
+    line = (
+        "Offsets, scale errors, the lag of the field and the site are the same in all windows of a run: their part of "
+        "U is common and does not average out; the rest falls with the root of the number of windows."
+    )
+    caption = f"Means while the hole keeps its direction; angles and U (k = {COVERAGE_FACTOR:g}) in deg"
+    return Section("Means of windows", [line], [Table(caption, head, body)])
+
+
 def _motion(run: DynamicRun) -> Section:
     vibration, pictures = run.vibration, []
     if np.isfinite(vibration.mean).any():
@@ -531,7 +563,7 @@ def _motion(run: DynamicRun) -> Section:
     if len(speed):
         low, middle, high = (plain(float(v), 1) for v in (speed.min(), np.median(speed), speed.max()))
         fastest = plain(float(RPM * np.nanmax(np.abs(vibration.fastest))), 1)
-        windows = f"Mean speed of a window: {low} to {high} rpm, half of them above {middle} rpm"
+        windows = f"Mean speed of a window: {low} to {high} rpm, median {middle} rpm"
         lines.append(f"{windows}; fastest moment {fastest} rpm.")
     else:
         lines.append("The speed of rotation is not known: no magnetometer or gyro shows it.")

@@ -20,7 +20,7 @@ from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_fi
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
 from inclinometry.report.survey import flag_table, summary_table
 from inclinometry.report.survey_figures import angle_figure
-from inclinometry.report.words import listed, plain, rounded, significant, with_uncertainty
+from inclinometry.report.words import listed, plain, rounded, significant, with_uncertainty, worst_and_median
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.reduce import Survey
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 SINGULAR = 0.1
 """|K| below which noise of the rates reaches the scale factor of the closed form more than tenfold."""
+LEAST_INCLINATION = 5e-4
+"""Expanded uncertainty of inclination, deg, that no accelerometer of a tool reaches: below it their errors were not
+stated."""
 
 
 def method_label(method: str) -> str:
@@ -378,12 +381,12 @@ def scale_picture(track: ScaleTrack) -> Picture:
 def learnt_sentences(track: ScaleTrack) -> list[str]:
     """How far the scale factor moved and how well it is known, and what the track itself notes."""
     low, high = float(track.temperature.min()), float(track.temperature.max())
-    spread = COVERAGE_FACTOR * 100.0 * float(np.median(track.scale_sd))
+    worst, median = (COVERAGE_FACTOR * 100.0 * float(of(track.scale_sd)) for of in (np.max, np.median))
     change = 100.0 * float(np.ptp(track.scale))
     over = f"From {low:.0f} to {high:.0f} °C" if track.thermometer else "Over the run"
     return [
         f"{over} the scale factor changed by {significant(change)} %; it is known within "
-        f"±{significant(spread)} % at half of the stations (k = {COVERAGE_FACTOR:g}).",
+        f"±{significant(worst)} % at the worst station (median ±{significant(median)} %, k = {COVERAGE_FACTOR:g}).",
         *(f"{note[0].upper()}{note[1:]}." for note in track.notes),
     ]
 
@@ -488,8 +491,10 @@ def gyro_report(
     ]
     size = len(survey)
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in ANGLES[:2]}
-    parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
+    expanded = {name: COVERAGE_FACTOR * np.degrees(survey.u(name)) for name in ANGLES[:2]}
+    # a number as small as this is not what accelerometers are good for, but what nobody stated of them
+    stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > LEAST_INCLINATION)
+    parts = listed([worst_and_median(name, u) for name, u in expanded.items() if stated or name != "inclination"])
     failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
     condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
     included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
@@ -504,7 +509,9 @@ def gyro_report(
         "bias that drifts unevenly over the index positions",
         "the gyros’ response to acceleration",
     )
+    left += [] if stated else ["errors of the accelerometers"]
     missing = listed([*not_included, *left])
+    condition = ("" if stated else " Inclination: the errors of the accelerometers are not stated.") + condition
     return render(
         "report.html",
         about="What was reduced",
@@ -514,7 +521,7 @@ def gyro_report(
         conventions=GYRO_CONVENTIONS,
         state=state,
         badge=badge,
-        verdict=f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).{condition}",
+        verdict=f"{span}: {parts} at the worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).{condition}",
         notes=[
             f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
             f"Not included: {missing}."

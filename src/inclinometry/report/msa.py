@@ -12,10 +12,11 @@ from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, new_figure, styled
+from inclinometry.report.language import parameter_name
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
 from inclinometry.report.quality import quality_pictures
 from inclinometry.report.survey_figures import thinned
-from inclinometry.report.words import listed, plain, significant, with_uncertainty
+from inclinometry.report.words import listed, plain, significant, with_uncertainty, worst_and_median
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.multistation import SOURCE, MultiStation
 from inclinometry.survey.quality import BLIND, QUANTITIES, FieldQuality, judge_fields
@@ -156,28 +157,26 @@ def described(name: str) -> str:
     Examples
     --------
     >>> described("MBZ"), described("ASX"), described("MXY")
-    ('axial magnetometer bias (interference included)', 'accelerometer x scale', 'magnetometer x reads of y')
+    ('axial magnetometer zero (interference included)', 'accelerometer X scale', 'magnetometer X cross-axis Y')
     >>> described("reference dip"), described("accelerometer.offset[0]"), described("magnetometer.tensor[2,0].T1")
-    ('dip of the reference', 'offset of sensor 1', 'sensor 3 per field along x, per (degC)^1')
+    ('dip of the reference', 'accelerometer X zero', 'magnetometer Z cross-axis X, per °C')
     """
     if name == "MBZ":
-        return "axial magnetometer bias (interference included)"
+        return "axial magnetometer zero (interference included)"
     patterns = (r"([AM])([BS])([XYZ])", r"M([XYZ])([XYZ])", r"reference (g|b|dip)")
     term, cross, reference = (re.fullmatch(pattern, name) for pattern in patterns)
     if term:
         kind = {"A": "accelerometer", "M": "magnetometer"}[term[1]]
-        return f"{kind} {term[3].lower()} {'bias' if term[2] == 'B' else 'scale'}"
+        return f"{kind} {term[3]} {'zero' if term[2] == 'B' else 'scale'}"
     if cross:
-        return f"magnetometer {cross[1].lower()} reads of {cross[2].lower()}"
+        return f"magnetometer {cross[1]} cross-axis {cross[2]}"
     if reference:
         return f"{reference[1]} of the reference"
-    found = re.fullmatch(r"\w+\.(tensor|offset)\[(\d+)(?:,([012]))?\](?:\.T(\d+))?", name)
-    if found is None:
-        return "axial magnetic interference of the assembly" if name == "axial interference" else "of the calibration"
-    heat = f", per (degC)^{found[4]}" if found[4] else ""
-    if found[3] is not None:
-        return f"sensor {int(found[2]) + 1} per field along {'xyz'[int(found[3])]}{heat}"
-    return f"offset of sensor {int(found[2]) + 1}{heat}"
+    interference = re.fullmatch(r"(?:axial|transverse) interference ?([xy]?)", name)
+    if interference:
+        across = {"x": "magnetic interference along x", "y": "magnetic interference along y"}
+        return across.get(interference[1], "axial magnetic interference of the assembly")
+    return parameter_name(name)
 
 
 def unit_of(unit: str) -> tuple[str, float]:
@@ -195,11 +194,11 @@ def unit_of(unit: str) -> tuple[str, float]:
 
 def labels(found: MultiStation) -> dict[str, str]:
     """Short names of the parameters that have a prior variance, for drawings."""
-    short = {"accelerometer.": "acc ", "magnetometer.": "mag ", "reference ": "ref "}
+    short = {"accelerometer ": "acc ", "magnetometer ": "mag ", "reference ": "ref "}
     names = {}
     for name, p in found.parameters.items():
         if p.prior > 0.0:
-            text = name
+            text = parameter_name(name)
             for long, brief in short.items():
                 text = text.replace(long, brief)
             names[name] = text
@@ -367,12 +366,12 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
         return f"{what[0].upper()}{what[1:]}. No station is inclined enough for an azimuth."
     old, new = (angles(s.g, s.b).azimuth[able] for s in (before, found.corrected))
     moved = np.abs(np.degrees(wrap_signed(new - old)))
-    left = COVERAGE_FACTOR * float(np.degrees(np.median(u_after[able])))
+    known = worst_and_median("azimuth", COVERAGE_FACTOR * np.degrees(u_after[able]))
     which = f"the {len(before)} stations" if able.all() else f"the {int(able.sum())} stations that are not vertical"
     half, most = significant(float(np.median(moved))), significant(float(moved.max()))
     return (
-        f"{what[0].upper()}{what[1:]}. Azimuth changes by {half}° at half of {which}, at most by {most}°, and is then "
-        f"known to ±{significant(left)}° at half of them (expanded, k = {COVERAGE_FACTOR:g})."
+        f"{what[0].upper()}{what[1:]}. Azimuth changes by at most {most}° (median {half}°) over {which}. "
+        f"Then {known} at the worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
     )
 
 
@@ -412,7 +411,8 @@ def _azimuths(found: MultiStation, before: Stations, u_before: Array, u_after: A
 
 def _parameters(found: MultiStation) -> Table:
     rows = []
-    for name, p in found.parameters.items():
+    # the one that turned the azimuths stands first, whatever its place in the model
+    for name, p in sorted(found.parameters.items(), key=lambda pair: -pair[1].significance):
         if p.prior <= 0.0:
             continue
         unit, f = unit_of(p.unit)
@@ -420,8 +420,9 @@ def _parameters(found: MultiStation) -> Table:
         cells = [*value, significant(f * p.u), significant(f * p.prior), unit or "-"]
         learned = f"{100.0 * p.learned:.0f} %"
         word = "yes" if p.significance > COVERAGE_FACTOR else ""
-        rows.append(TableRow([name, described(name), *cells, f"{p.significance:.1f}", word, learned]))
-    head = ["parameter", "meaning", "estimate", "u", "u before", "unit", "estimate / u", "stands out", "learned"]
+        code = name if re.fullmatch(r"[AM]\w\w", name) else ""
+        rows.append(TableRow([described(name), code, *cells, f"{p.significance:.1f}", word, learned]))
+    head = ["parameter", "term", "estimate", "u", "u before", "unit", "estimate / u", "stands out", "learned"]
     note = (
         "Estimate: what the sensors measure too much, and what has to be added to the reference. Learned: share of the "
         "prior variance that the run has removed; near 0 % the value is the prior's, not the run's."

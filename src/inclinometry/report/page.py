@@ -6,11 +6,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from html import unescape
+from html import escape, unescape
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from inclinometry.report.figure import inline_svg
+from inclinometry.report.language import spoken, translated, translated_page
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -30,7 +31,31 @@ def render(template: str, **content: Any) -> str:
         release = version("inclinometry")
     except PackageNotFoundError:
         release = "source"
-    return clean(_environment().get_template(template).render(version=release, clean=clean, **content))
+    page = _environment().get_template(template).render(version=release, language=spoken(), **content)
+    return clean(_with_contents(translated_page(page)))
+
+
+def _with_contents(page: str) -> str:
+    """A page of several headings with a list of them under its title, and from each a way back to the top."""
+    headings: list[str] = []
+
+    def heading(found: re.Match[str]) -> str:
+        headings.append(found[1])
+        place, top = len(headings), escape(translated("Back to the top"))
+        return f'<h2 id="part-{place}">{found[1]} <a class="top" href="#top" aria-label="{top}">↑</a></h2>'
+
+    # the headings of the index are links themselves
+    page = re.sub(r"<h2>([^<]*)</h2>", heading, page)
+    links = "\n".join(f'<a href="#part-{n}">{text}</a>' for n, text in enumerate(headings, 1))
+    title = escape(translated("Contents"))
+    bar = f'<nav class="contents" aria-label="{title}">\n{links}\n</nav>' if len(headings) > 2 else ""
+    return page.replace("<!-- contents -->", bar, 1)
+
+
+def linked_back(page: str, href: str, text: str) -> str:
+    """A report with a link to the page it is listed on."""
+    link = f'<p class="back"><a href="{escape(href)}">← {escape(translated(text))}</a></p>'
+    return page.replace("<header>", f"<header>\n{link}", 1)
 
 
 def clean(text: str) -> str:
@@ -82,10 +107,14 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing and what stands above it."""
+    """A drawing, what stands above it, its width in pixels, its points as CSV and their places."""
 
     caption: str
     svg: Markup
+    name: str
+    width: int
+    csv: str
+    places: str
 
 
 @dataclass(frozen=True)
@@ -106,7 +135,8 @@ class Section:
 
 def picture(figure: Figure, name: str, caption: str) -> Picture:
     """A figure as it goes into a page; `name` is unique there."""
-    return Picture(caption, inline_svg(figure, name, caption))
+    drawn = inline_svg(figure, name, caption)
+    return Picture(caption, drawn.svg, name, drawn.width, drawn.csv, drawn.places)
 
 
 def cut(table: Table) -> Table:
@@ -118,7 +148,8 @@ def cut(table: Table) -> Table:
 
 
 class Entry(NamedTuple):
-    """A report of the index: what it says in its verdict box, and one figure of it, a file beside it or its SVG."""
+    """A report of the index: what it says in its verdict box, one figure of it, a file beside it or its SVG, and the
+    files that were written with it."""
 
     title: str
     href: str
@@ -127,6 +158,7 @@ class Entry(NamedTuple):
     sentence: str = ""
     picture: str = ""
     svg: str = ""
+    files: Sequence[str] = ()
 
 
 def entry_of(title: str, href: str, report: str, picture: str = "") -> Entry:

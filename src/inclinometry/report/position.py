@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -13,12 +14,13 @@ from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
 from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
+from inclinometry.report.language import translated
 from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, cut, picture, render
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_positive
 from inclinometry.survey.path import Path, dogleg_severity_deg
-from inclinometry.uncertainty import coverage_factor, ellipsoid_factor
+from inclinometry.uncertainty import ellipsoid_factor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,20 +75,41 @@ def ellipse_rows(covariance: Array, most: int = 12) -> Index:
     return np.asarray(rows[np.trace(covariance[rows], axis1=1, axis2=2) > 0.0])
 
 
-def magnification(path: Path, covariance: Array | None) -> float:
+def magnification(path: Path, covariance: Array | None, plane: Array | None = None) -> float:
     """How much larger than life ellipses must be drawn to be seen: 1, 2, 5, 10 and so on.
 
-    The largest is then some twelfth of the well.
+    The largest is then some twelfth of the well, or of what a plane, two unit vectors (2, 3), shows of it.
     """
     if covariance is None or not (covariance != 0.0).any():
         return 1.0
-    span = max(float(np.ptp(x)) for x in (path.north, path.east, path.tvd))
-    largest = ellipsoid_factor(PROBABILITY, 2) * float(np.sqrt(np.linalg.eigvalsh(covariance).max()))
-    wanted = span / 12.0 / largest
+    view = np.eye(3) if plane is None else plane
+    span = float(np.ptp(_points(path) @ view.T, axis=0).max())
+    longest = float(np.sqrt(np.linalg.eigvalsh(view @ covariance @ view.T).max()))
+    largest = float(ellipsoid_factor(PROBABILITY, 2)) * longest
+    return _round_step(span / 12.0 / largest) if largest > 0.0 else 1.0
+
+
+def _round_step(wanted: float) -> float:
+    """The largest of 1, 2, 5, 10 ... that is not above; at least 1."""
     if wanted <= 1.0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1.0 + 1e-12)))
+
+
+EAST_NORTH: Final = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+"""Axes (2, 3) of the plan: east to the right, north up."""
+
+
+def stretched(path: Path, covariance: Array | None, direction: float, magnify: float) -> float:
+    """How many times as long a horizontal metre of the vertical section is drawn as a vertical one, to fill it."""
+    along = _points(path) @ section_axes(direction).T
+    wide, tall = (float(span) for span in np.ptp(along, axis=0))
+    if covariance is not None:
+        across = section_axes(direction)[0]
+        largest = float(np.sqrt(np.einsum("i,nij,j->n", across, covariance, across).max()))
+        wide = max(wide, 2.0 * magnify * float(ellipsoid_factor(PROBABILITY, 2)) * largest)
+    return _round_step(min(0.7 * tall / wide, 1000.0)) if wide > 0.0 else 1.0
 
 
 def _points(path: Path) -> Array:
@@ -120,8 +143,7 @@ def plan_figure(path: Path, covariance: Array | None, north: str, magnify: float
     """The well from above, with horizontal ellipses."""
     figure = new_figure(4.4)
     axes = figure.add_subplot()
-    east_north = np.eye(3)[:2][::-1]
-    _drawn(axes, path, covariance, east_north, magnify * ellipsoid_factor(PROBABILITY, 2))
+    _drawn(axes, path, covariance, EAST_NORTH, magnify * float(ellipsoid_factor(PROBABILITY, 2)))
     _scaled(axes)
     axes.set_xlabel("east, m")
     axes.set_ylabel(f"north ({north}), m")
@@ -133,8 +155,9 @@ def section_figure(path: Path, covariance: Array | None, direction: float, magni
     """The well from the side, with ellipses of the section's plane."""
     figure = new_figure(4.4)
     axes = figure.add_subplot()
-    _drawn(axes, path, covariance, section_axes(direction), magnify * ellipsoid_factor(PROBABILITY, 2))
+    _drawn(axes, path, covariance, section_axes(direction), magnify * float(ellipsoid_factor(PROBABILITY, 2)))
     _scaled(axes)
+    axes.set_aspect(1.0 / stretched(path, covariance, direction, magnify), adjustable="datalim")
     axes.invert_yaxis()
     axes.set_xlabel(f"along azimuth {plain(float(np.degrees(direction)), 1)}°, m")
     axes.set_ylabel("true vertical depth, m")
@@ -158,7 +181,7 @@ def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure
     for row in ellipse_rows(np.broadcast_to(np.eye(3), (len(path), 3, 3)), 8):
         drop = np.stack([corners[row], [*corners[row, :2], high[2]]]) @ plane.T
         axes.plot(drop[:, 0], drop[:, 1], color=INK, alpha=0.25, linewidth=0.7)
-    _drawn(axes, path, covariance, plane, magnify * ellipsoid_factor(PROBABILITY, 3))
+    _drawn(axes, path, covariance, plane, magnify * float(ellipsoid_factor(PROBABILITY, 3)))
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
     return figure
@@ -166,19 +189,23 @@ def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure
 
 @styled
 def source_figure(names: Sequence[str], sizes: Sequence[float], kinds: Sequence[str]) -> Figure:
-    """Bars, largest first: one standard deviation of each source, coloured by what shares it."""
-    figure = new_figure(0.9 + 0.235 * len(names))
+    """Bars, largest first: one standard deviation of each source, its name above it, coloured by what shares it."""
+    figure = new_figure(1.1 + 0.31 * len(names))
     axes = figure.add_subplot()
     seen = list(dict.fromkeys(kinds))
     places = np.arange(len(names))
     for colour, kind in zip(SERIES, seen, strict=False):
         chosen = np.array([k == kind for k in kinds])
-        axes.barh(places[chosen], np.asarray(sizes)[chosen], color=colour, height=0.72, label=kind)
-    axes.set_yticks(places, list(names))
-    axes.invert_yaxis()
+        axes.barh(places[chosen] + 0.25, np.asarray(sizes)[chosen], color=colour, height=0.42, label=kind)
+    # inside, from the zero on: names beside the bars would leave them no room
+    axes.set_yticks(places, list(names), ha="left", va="bottom")
+    axes.tick_params(axis="y", length=0.0, pad=-3.0)
+    for label in axes.get_yticklabels():
+        label.set_in_layout(False)
+    axes.set_ylim(len(names) - 0.3, -0.7)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("one standard deviation along the major axis, m")
-    axes.legend(loc="lower right")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2, columnspacing=1.0)
     return figure
 
 
@@ -315,7 +342,8 @@ def bottom_table(path: Path, survey: WellSurvey, uncertainty: PositionUncertaint
         rows = [TableRow([name, f"{value:.2f}", "", "", "m"]) for name, value in places]
         return Table(caption, head, rows + extra)
     covariance = uncertainty.covariance[-1]
-    two, three, one = (ellipsoid_factor(PROBABILITY, 2), ellipsoid_factor(PROBABILITY, 3), 1.96)
+    freedom = float(uncertainty.degrees_of_freedom[-1])
+    one, two, three = (float(ellipsoid_factor(PROBABILITY, size, freedom)) for size in (1, 2, 3))
     sigma = np.sqrt(np.diagonal(covariance))
     rows = [
         TableRow([name, f"{value:.2f}", significant(float(u), 3), significant(one * float(u), 3), "m"])
@@ -329,9 +357,14 @@ def bottom_table(path: Path, survey: WellSurvey, uncertainty: PositionUncertaint
     bars = [TableRow([n, "", significant(float(u), 3), significant(k * float(u), 3), "m"]) for n, u, k in lengths]
     turn = TableRow(["azimuth of the ellipse's major axis", f"{np.degrees(flat.direction):.1f}", "", "", "deg"])
     note = (
-        f"95 %: {one} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of a normal "
-        "distribution."
+        f"95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of a "
+        "normal distribution."
     )
+    if np.isfinite(freedom):
+        note = (
+            f"95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of "
+            f"Student's distribution of {freedom:.0f} effective degrees of freedom."
+        )
     return Table(caption, head, [*rows, *extra, *bars, turn], note)
 
 
@@ -344,6 +377,7 @@ def source_table(
     certified = {
         "calibration": "What the certificate of {} leaves unknown of its sensors, with all correlations",
         "sensor noise": "Noise of one reading of {}",
+        "stability": "What the sensors of {} may have moved by since its calibration",
         "declination": "The site's declination",
     }
     words = {} if calibration is None else {name: text.format(calibration) for name, text in certified.items()}
@@ -376,14 +410,15 @@ def source_table(
 def chain_table(survey: WellSurvey, reference: str) -> Table:
     """How the azimuth of one station came from the survey's north to the result's, step by step."""
     row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
-    site, true = survey.site, survey.azimuth[row]
+    site = survey.site
     steps = [("magnetic", site.declination), ("true", None), ("grid", site.convergence)]
     rows = []
     for name, correction in steps:
-        if correction is None and name != "true":
+        # from grid north without a convergence no other is known
+        if name != "grid" if survey.reference == "grid" else correction is None and name != "true":
             rows.append(TableRow([name, "not known", "", _role(name, reference, survey.north)]))
             continue
-        value, step = float(np.degrees(convert_azimuth(true, "true", name, site))), ""
+        value, step = float(np.degrees(convert_azimuth(survey.azimuth[row], survey.reference, name, site))), ""
         if correction is not None:
             quantity = {"magnetic": "declination", "grid": "convergence"}[name]
             sigma = getattr(site, f"{quantity}_sigma")
@@ -404,8 +439,10 @@ def _role(name: str, reference: str, north: str) -> str:
     return ", ".join(role for role in roles if role)
 
 
-def missing(uncertainty: PositionUncertainty | None, code: ToolCode | None, calibration: str | None) -> list[str]:
-    """What the numbers do not contain."""
+def missing(
+    uncertainty: PositionUncertainty | None, code: ToolCode | None, calibration: str | None, run: bool = False
+) -> list[str]:
+    """What the numbers do not contain; `run`: the error model is a gyro run itself."""
     if uncertainty is None:
         return ["Uncertainty of any kind: no tool code and no calibration was given."]
     lines = ["Gross errors: a wrong depth, a swapped sensor, a station of another well. They have no ellipse."]
@@ -413,6 +450,11 @@ def missing(uncertainty: PositionUncertainty | None, code: ToolCode | None, cali
         lines.append(
             f"Everything outside the certificate of {calibration}: measured depth, misalignment in the hole, sag, "
             "magnetic interference of the string, references where they are not in the table of sources."
+        )
+    elif run:
+        lines.append(
+            "Everything that a gyro run cannot see of itself: the tool askew in the hole, sag, measured depth, where "
+            "they are not in the table of sources."
         )
     elif code is not None:
         beside = "" if calibration is None else f"in the certificate of {calibration} or "
@@ -432,7 +474,7 @@ def station_table(path: Path, uncertainty: PositionUncertainty | None) -> Table:
     columns = [np.degrees(path.inclination), np.degrees(path.azimuth), path.tvd, path.north, path.east, severity]
     texts = [[f"{x:.2f}" for x in (values + 0.0).tolist()] for values in (path.md, *columns)]
     if uncertainty is not None:
-        ellipse = horizontal_ellipse(uncertainty.covariance, PROBABILITY)
+        ellipse = horizontal_ellipse(uncertainty.widened(PROBABILITY), PROBABILITY)
         vertical = np.sqrt(np.maximum(uncertainty.covariance[:, 2, 2], 0.0))
         head += ["semi-major 95 %, m", "semi-minor 95 %, m", "its azimuth", "σ vertical, m"]
         texts += [[f"{x:.2f}" for x in values.tolist()] for values in (ellipse.major, ellipse.minor)]
@@ -461,6 +503,8 @@ def fact_pairs(
         facts.append(("What it is", code.description or "not stated"))
     if calibration is not None:
         facts.append(("Error model of the sensors", f"the calibration of {calibration}"))
+    elif "errors" in inputs:
+        facts.append(("Error model of the sensors", "the gyro run itself"))
     # values of the site that the error model used, with where they come from
     site = survey.site
     shown = {
@@ -526,16 +570,21 @@ def position_report(
     >>> "30.00 m" in position_report(minimum_curvature(*stations), well, None, azimuth_reference="true")
     True
     """
-    magnify = magnification(path, None if uncertainty is None else uncertainty.covariance)
-    covariance = None if uncertainty is None else uncertainty.covariance
+    covariance = None if uncertainty is None else uncertainty.widened(PROBABILITY)
+    magnify = magnification(path, covariance)
     direction = section_azimuth(path)
-    what = "" if covariance is None else f"; 95 % ellipses{_drawn_at(magnify)}"
+    flat = magnification(path, covariance, EAST_NORTH)
+    upright = magnification(path, covariance, section_axes(direction))
+    shown = {size: "" if covariance is None else f"; 95 % ellipses{_drawn_at(size)}" for size in (flat, upright)}
+    times = stretched(path, covariance, direction, upright)
+    section = shown[upright] + ("" if times == 1.0 else f"; horizontal scale {times:g} times the vertical")
     severity = dogleg_severity_deg(path)
     found = []
     if uncertainty is not None:
         sigmas = hole_sigmas(uncertainty.covariance, path.inclination, path.azimuth)
         major = horizontal_ellipse(uncertainty.covariance).major
         found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
+    # counted from grid north where the site has no convergence: nothing to draw
     known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
     norths = [(name, angle) for name, angle in known.items() if angle is not None]
     row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
@@ -558,18 +607,20 @@ def position_report(
         warnings=list(warnings),
         bottom=bottom_table(path, survey, uncertainty),
         plans=[
-            picture(plan_figure(path, covariance, survey.north, magnify), "plan", f"Plan{what}"),
-            picture(section_figure(path, covariance, direction, magnify), "section", f"Vertical section{what}"),
+            picture(plan_figure(path, covariance, survey.north, flat), "plan", f"Plan{shown[flat]}"),
+            picture(section_figure(path, covariance, direction, upright), "section", f"Vertical section{section}"),
         ],
         still=_still(path, uncertainty, magnify),
         data=_data(path, uncertainty, magnify, survey.north),
         magnify=f"{magnify:g}",
-        sources=_sources_picture(uncertainty),
+        sources=_sources_picture(uncertainty, tool_code),
         source_table=source_table(uncertainty, tool_code, calibration),
         courses=[*found, picture(severity_figure(path.md, severity), "severity", "Dogleg severity of each interval")],
         chain=chain_table(survey, azimuth_reference),
-        compass=[picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)],
-        missing=missing(uncertainty, tool_code, calibration),
+        compass=[picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]
+        if survey.reference == "true"
+        else [],
+        missing=missing(uncertainty, tool_code, calibration, "errors" in (inputs or {})),
         stations=cut(station_table(path, uncertainty)),
         facts=fact_pairs(path, survey, azimuth_reference, tool_code, calibration, inputs or {}),
     )
@@ -583,13 +634,12 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
             f"At {path.md[-1]:.2f} m the well is at {where} ({survey.north} north); how sure that is is not known: no "
             "error model was given."
         )
-    covariance = uncertainty.covariance[-1]
-    ellipse = horizontal_ellipse(covariance, PROBABILITY)
-    sigma = np.sqrt(np.diagonal(covariance))
+    ellipse = horizontal_ellipse(uncertainty.widened(PROBABILITY)[-1], PROBABILITY)
+    sigma = np.sqrt(np.diagonal(uncertainty.covariance[-1]))
     north, east, down = (
         rounded(float(x[-1]), float(u)) for x, u in zip((path.north, path.east, path.tvd), sigma, strict=True)
     )
-    vertical = float(coverage_factor(PROBABILITY)) * float(sigma[2])
+    vertical = float(ellipsoid_factor(PROBABILITY, 1, uncertainty.degrees_of_freedom[-1])) * float(sigma[2])
     return (
         f"At {path.md[-1]:.2f} m the well is at north {north} m, east {east} m, true vertical depth {down} m "
         f"({survey.north} north); with 95 % probability within a horizontal ellipse of "
@@ -603,7 +653,7 @@ def _drawn_at(magnify: float) -> str:
 
 
 def _still(path: Path, uncertainty: PositionUncertainty | None, magnify: float) -> Picture:
-    covariance = None if uncertainty is None else uncertainty.covariance
+    covariance = None if uncertainty is None else uncertainty.widened(PROBABILITY)
     what = "" if covariance is None else f" with the shadows of 95 % ellipsoids{_drawn_at(magnify)}"
     turn, lift = np.degrees(first_view(path))
     view = f"seen from azimuth {turn:.0f}°, {lift:.0f}° from above"
@@ -616,24 +666,39 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
     rows = thinned(len(path))
     bodies: list[list[float]] = []
     if uncertainty is not None:
-        for row in ellipse_rows(uncertainty.covariance, 20):
-            c = uncertainty.covariance[row]
+        covariance = uncertainty.widened(PROBABILITY)
+        for row in ellipse_rows(covariance, 20):
+            c = covariance[row]
             upper = [float(f"{c[i, j]:.6g}") for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
             bodies.append([*columns[row].round(2).tolist(), *upper])
     return {
         "stations": columns[rows].round(2).tolist(),
         "bodies": bodies,
-        "factor": round(ellipsoid_factor(PROBABILITY, 3), 6),
+        "factor": round(float(ellipsoid_factor(PROBABILITY, 3)), 6),
         "magnify": magnify,
         "view": [round(angle, 6) for angle in first_view(path)],
-        "north": north,
+        "words": {
+            "grid": translated("grid lines every"),
+            "north": translated(f"{north} north"),
+            "north_m": translated("north, m"),
+            "east_m": translated("east, m"),
+            "tvd_m": translated("true vertical depth, m"),
+            "m": translated("m"),
+            **{side[0].upper(): translated(side)[0].upper() for side in ("north", "east", "south", "west")},
+        },
     }
 
 
-def _sources_picture(uncertainty: PositionUncertainty | None) -> list[Picture]:
+def _sources_picture(uncertainty: PositionUncertainty | None, code: ToolCode | None) -> list[Picture]:
     if uncertainty is None:
         return []
     parts = contributions(uncertainty)[:14]
-    figure = source_figure([p.name for p in parts], [p.major for p in parts], [p.propagation for p in parts])
+    said = {one.name: one.description for one in (() if code is None else code.terms) if one.description}
+    # its name with the code behind, as long as the figure is wide
+    names = [
+        f"{shorten(translated(said[name]), 46 - len(name), placeholder=' …')} ({name})" if name in said else name
+        for name in (part.name for part in parts)
+    ]
+    figure = source_figure(names, [p.major for p in parts], [p.propagation for p in parts])
     more = len(uncertainty.sources) - len(parts)
     return [picture(figure, "sources", f"The {len(parts)} largest sources" if more else "All sources")]

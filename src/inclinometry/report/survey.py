@@ -13,7 +13,7 @@ from inclinometry.report import survey_figures as draw
 from inclinometry.report.norths import chain_of_norths, compass
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
 from inclinometry.report.quality import check_table, quality_pictures
-from inclinometry.report.words import listed, plain, rounded, significant
+from inclinometry.report.words import listed, plain, rounded, significant, worst_and_median
 from inclinometry.survey.axial import SOURCE as AXIAL
 from inclinometry.survey.flags import FLAGS
 from inclinometry.survey.multistation import SOURCE as ANALYSIS
@@ -125,11 +125,11 @@ def _sentence(survey: Survey) -> str:
     if not size:
         return "No station was surveyed."
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    medians = {name: COVERAGE_FACTOR * float(np.degrees(np.median(survey.u(name)))) for name in _known(survey)}
-    if not any(medians.values()):
+    expanded = {name: COVERAGE_FACTOR * np.degrees(survey.u(name)) for name in _known(survey)}
+    if not any(u.any() for u in expanded.values()):
         return f"{span}; the calibration states no uncertainty."
-    parts = listed([f"{name} within ±{significant(value)}°" for name, value in medians.items()])
-    return f"{span}: {parts} at half of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
+    parts = listed([worst_and_median(name, u) for name, u in expanded.items()])
+    return f"{span}: {parts} at the worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
 
 
 def summary_table(survey: Survey, names: Sequence[str]) -> Table:

@@ -100,6 +100,19 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
     return f"{text} ± {significant(uncertainty)}"
 
 
+def worst_and_median(name: str, expanded: Array) -> str:
+    """What an angle is good for: its expanded uncertainty, deg, where it is worst and at the median.
+
+    Examples
+    --------
+    >>> worst_and_median("azimuth", np.array([0.2, 0.31, 1.4])), worst_and_median("azimuth", np.array([0.2, 0.3, 120]))
+    ('azimuth within ±1.4° (median ±0.31°)', 'azimuth not known at the worst (median ±0.30°)')
+    """
+    worst, median = float(np.max(expanded)), float(np.median(expanded))
+    size = f"within ±{significant(worst)}°" if worst < 90.0 else "not known at the worst"
+    return f"{name} {size} (median ±{significant(median)}°)"
+
+
 DECISIVE = 0.9
 """Leverage from which a station decides alone: an error there would go unseen."""
 
@@ -164,6 +177,8 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
         "field": "constant field strength in any attitude, no rig",
         "classical": "classical small-angle differences",
         "datasheet": "nameplate values of the sensors, nothing measured",
+        "norm": "constant field strength, each triad in its own axes",
+        "hand-rotations": "turned by hand between rests, in the accelerometer's axes",
     }
     span = calibration.tool.temperature_range
     left = 0 if readings is None else len(readings) - stations

@@ -15,6 +15,7 @@ from inclinometry.rotations import dcm, rotation_exp, rotation_x, rotation_y, ro
 from inclinometry.sensors import Tool
 from inclinometry.simulate.sensing import Characteristic, sense, sense_batch
 from inclinometry.simulate.tool import Seed, Streams, ToolBatch
+from inclinometry.tabular import check_record
 
 
 @dataclass(frozen=True)
@@ -253,6 +254,7 @@ def simulate_bench(
     >>> run.signals["accelerometer"].shape
     (3, 3)
     """
+    check_record(tool, Tool, "simulate_bench")
     record = _settings(azimuth, inclination, toolface)
     size = len(record)
     degrees = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), (size,))
@@ -334,6 +336,7 @@ def simulate_benches(
     >>> run.signals["magnetometer"].shape
     (100, 3, 3)
     """
+    check_record(tools, ToolBatch, "simulate_benches")
     record = _settings(azimuth, inclination, toolface)
     number = len(tools) if draws is None else draws
     if len(tools) not in (1, number):

@@ -16,6 +16,7 @@ from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import bench_reference, field_direction
 from inclinometry.simulate.sensing import sense
 from inclinometry.simulate.tool import Seed, Streams, random_rotations
+from inclinometry.tabular import check_record
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,7 @@ def simulate_field(
     >>> run.signals["accelerometer"].shape, run.roll_set[-1]
     ((32, 3), '2')
     """
+    check_record(tool, Tool, "simulate_field")
     orientation = hand.orientations(seed, 1)[0]
     fields = {kind: orientation @ field_direction(kind, hand.dip, hand.latitude, 0.0) for kind in tool.triads}
     sensed = sense(tool, fields, Streams(seed, "field"), noise=noise, bits=bits, repeats=repeats)

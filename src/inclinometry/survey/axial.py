@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array, Mask, within
+from inclinometry.constants import AXIAL_INTERFERENCE
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles_jacobian
 from inclinometry.survey.flags import Check
@@ -64,7 +65,7 @@ class AxialCorrection(Tabular):
 
 
 def axial_correction(
-    stations: Stations, reference: FieldReference, *, interference_sigma: float = 220.0
+    stations: Stations, reference: FieldReference, *, interference_sigma: float = AXIAL_INTERFERENCE
 ) -> AxialCorrection:
     """Replace the axial field by the one that fits the reference best.
 

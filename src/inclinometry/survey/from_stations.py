@@ -74,14 +74,19 @@ def survey_from_stations(
     if taken:
         raise InputError(f"a source of the stations is called {min(taken)!r}, which the survey adds itself; rename it")
     parts = {name: np.empty((len(stations), 4)) for name in (*stations.sources, NOISE)}
+    common, random = np.zeros((len(stations), 2, 2)), np.zeros((len(stations), 2, 2))
     for start in range(0, len(stations), BLOCK):
         here = slice(start, start + BLOCK)
         jacobian = angles_jacobian(stations.g[here], stations.b[here])
         for name, source in stations.sources.items():
             moved = jacobian @ source.by_field[here]
             parts[name][here] = np.sum((moved @ source.covariance) * moved, axis=2)
+            common[here] += moved[:, :2] @ source.covariance @ np.swapaxes(moved[:, :2], 1, 2)
         parts[NOISE][here] = np.sum((jacobian @ stations.noise[here]) * jacobian, axis=2)
+        random[here] = jacobian[:, :2] @ stations.noise[here] @ np.swapaxes(jacobian[:, :2], 1, 2)
+    own = set(parts)
     azimuth, parts, north, warnings = turned_to_north(found.azimuth, parts, site, "magnetic")
+    common[:, 1, 1] += sum(parts[name][:, 1] for name in set(parts) - own)
     size = _magnitudes(stations)
     inclination_sd = np.sqrt(np.asarray(sum(part[:, 0] for part in parts.values())))
     reference = reference_in({"accelerometer": 1.0, "magnetometer": 1.0}, site, calibration_dip)
@@ -109,6 +114,8 @@ def survey_from_stations(
         unknown,
         unknown,
         stations.history,
+        common=common,
+        random=random,
     )
 
 

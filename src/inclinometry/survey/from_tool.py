@@ -90,11 +90,11 @@ def stations_from_tool(
             )
         known.append(own)
     strengths = (known[0], known[1])
-    noise, source = field_errors(tool, seen, strengths, heat)
+    noise, sources = field_errors(tool, seen, strengths, heat)
     history.insert(0, f"raw channels reduced with the calibration of tool {tool.name}")
     if "gyro" in channels:
         history.append("the gyro was left out of the six-axis stations")
-    if source is None:
+    if not sources:
         history.append(NOTHING_STATED)
     return Stations(
         depth,
@@ -102,15 +102,15 @@ def stations_from_tool(
         strengths[1] * seen["magnetometer"],
         heat,
         noise,
-        {} if source is None else {"calibration": source},
+        sources,
         tuple(history),
     )
 
 
 def field_errors(
     tool: Tool, seen: Mapping[str, Array], strengths: tuple[float, float], temperature: Array | None
-) -> tuple[Array, Source | None]:
-    """Noise (n, 6, 6) of one reading and what the certificate's covariance does to the fields of n stations.
+) -> tuple[Array, dict[str, Source]]:
+    """Noise (n, 6, 6) of one reading, and what "calibration" and "stability" do to the fields of n stations.
 
     Parameters
     ----------
@@ -131,8 +131,9 @@ def field_errors(
         spread = inverse * tool.noise[kind]
         noise[:, here, here] = spread @ np.swapaxes(spread, 1, 2)
         start += count
-    covariance = tool.covariance[np.ix_(chosen, chosen)]
-    return noise, Source(by_field, covariance) if covariance.any() else None
+    causes = {"calibration": tool.covariance, "stability": tool.stability}
+    parts = {name: covariance[np.ix_(chosen, chosen)] for name, covariance in causes.items()}
+    return noise, {name: Source(by_field, part) for name, part in parts.items() if part.any()}
 
 
 def stations_plain(

@@ -17,6 +17,7 @@ from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.survey.flags import ROUNDING, Check, summary, worst
 from inclinometry.survey.reduce import Survey
 from inclinometry.tabular import Column, Tabular, in_degrees
+from inclinometry.uncertainty import AngleErrors
 
 
 class Stations(Protocol):
@@ -295,6 +296,7 @@ def gyro_survey(
     tool: str = "",
     inputs: Mapping[str, str] | None = None,
     notes: Sequence[str] = (),
+    errors: Mapping[str, AngleErrors] | None = None,
 ) -> Survey:
     """Stations of a gyro run as a survey.
 
@@ -312,6 +314,8 @@ def gyro_survey(
         Further flags.
     tool, inputs, notes
         Kept with the survey.
+    errors : mapping of cause to AngleErrors, optional
+        What the causes do to the stations in the order given.
 
     Raises
     ------
@@ -349,6 +353,7 @@ def gyro_survey(
     joined = [(*own, *more) for own, more in zip(north.flags, flags or [()] * len(depth), strict=True)]
     blank = np.full(len(depth), np.nan)
     total = blank if g_total is None else np.broadcast_to(np.asarray(g_total, dtype=np.float64), depth.shape)
+    sorted_errors = {name: one._replace(by_parameter=one.by_parameter[order]) for name, one in (errors or {}).items()}
     turned = ["the run was taken from the bottom up; its stations are listed from the top down"] * int(order[0] != 0)
     return Survey(
         depth[order],
@@ -365,4 +370,16 @@ def gyro_survey(
         tool,
         dict(inputs or {}),
         (*north.notes, *notes, *turned, *summary(joined, FLAGS)),
+        errors=sorted_errors,
+        common=_part(sorted_errors, True, len(depth)),
+        random=_part(sorted_errors, False, len(depth)),
     )
+
+
+def _part(errors: Mapping[str, AngleErrors], shared: bool, size: int) -> Array:
+    """Covariance (n, 2, 2) of inclination and azimuth by the causes that the stations share, or by the others."""
+    total = np.zeros((size if errors else 0, 2, 2))
+    for one in errors.values():
+        if one.shared == shared:
+            total += one.by_parameter[:, :2] @ one.covariance @ np.swapaxes(one.by_parameter[:, :2], 1, 2)
+    return total

@@ -438,14 +438,17 @@ def _horizontal_check(read: _Readings, run: Misfit, stated: float) -> Check:
     judged = sd <= 1.0 / 3.0 * wanted  # with a larger uncertainty no reasonable reading could fail
     name = "horizontal Earth rate"
     if not judged.any():
-        reason = "the horizontal rate of no station is known well enough (near a pole, or near horizontal with no gyro"
+        reason = (
+            "the horizontal rate of no station is known well enough (near a pole, or near horizontal with no gyro "
+            "along the tool)"
+        )
         return Check(
             name,
             "not judged",
             np.nan,
             np.nan,
             (),
-            f"{reason} along the tool)",
+            reason,
             "check at stations of lower inclination, or with a gyro along the tool",
             "rad/s",
         )
@@ -543,14 +546,17 @@ def _sign_check(read: _Readings, run: Misfit, stated: float, birge: float) -> Ch
     if gain < -9.0:  # three sigma squared, to say that the stations tell the sign at all
         reason = f"the rates fit latitude {said:+.3f} deg better than {-said:+.3f} (by {-value:.0f} sigma)"
         return Check(name, "pass", value, limit, rows, reason, unit="sigma")
-    reason = f"latitudes {said:+.3f} and {-said:+.3f} deg fit the rates alike (equator, or vertical with no gyro along"
+    reason = (
+        f"latitudes {said:+.3f} and {-said:+.3f} deg fit the rates alike (equator, or vertical with no gyro along the "
+        "tool)"
+    )
     return Check(
         name,
         "not judged",
         value,
         limit,
         rows,
-        f"{reason} the tool)",
+        reason,
         "use stations away from the vertical, or a gyro along the tool",
         "sigma",
     )
@@ -560,7 +566,6 @@ def _mistakes(mistakes: Sequence[str], stated_deg: float, sigmas: float) -> str:
     """The sentence that names every change of sign that explains the readings equally well."""
     if len(mistakes) == 1:
         return f"the rates fit far better (by {sigmas:.0f} sigma) with {mistakes[0]}"
-    listed = "; ".join(f"({number}) {text}" for number, text in enumerate(mistakes, 1))
     which = "any one of these mistakes" + (" or all three" if len(mistakes) == 3 else "")
     better = f"the rates fit latitude {-stated_deg:+.3f} deg far better than {stated_deg:+.3f} (by {sigmas:.0f} sigma)"
-    return f"{better}: {which}, which the readings cannot tell apart: {listed}"
+    return f"{better}: {which}, which the readings cannot tell apart: {'; '.join(mistakes)}"

@@ -10,10 +10,11 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import IdentifiabilityError, InputError
-from inclinometry.least_squares import Fit, Normal, levenberg_marquardt
-from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
+from inclinometry.least_squares import Normal, levenberg_marquardt
+from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.rotations import TAU
 from inclinometry.sensors import Tool
+from inclinometry.survey.multistation_evidence import averaged_over_sizes, noise_factors
 from inclinometry.survey.multistation_priors import (
     FieldReference,
     Priors,
@@ -57,14 +58,19 @@ class Model:
         moved = (moved + self.offset) * self.weights[:, :, None]
         return np.asarray(-inverse @ moved.transpose(0, 2, 1))
 
+    def residuals(self, x: Array) -> tuple[Array, Array]:
+        """Residuals (n, 3) at x and their derivatives (n, 3, p + 3) by the parameters."""
+        fields, inverse = self.fields(x)
+        found, rows = invariants(fields)
+        by_reference = np.broadcast_to(-np.eye(3), (len(fields), 3, 3))
+        jacobian = np.concatenate([rows @ self.by_parameter(fields, inverse), by_reference], axis=2)
+        return found - self.reference - x[-3:], jacobian
+
     def linear(self, z: Array) -> tuple[Array, Array]:
         """Whitened residuals (3n,) at z and their derivatives (3n, q) by the standardised parameters."""
-        x = self.root @ z
-        fields, inverse = self.fields(x)
-        residual = invariants(fields) - self.reference - x[-3:]
-        jacobian = invariants_jacobian(fields) @ self.by_parameter(fields, inverse) @ self.root[:-3] - self.root[-3:]
+        residual, jacobian = self.residuals(self.root @ z)
         whitened = np.einsum("nab,nb->na", self.whitener, residual)
-        return whitened.ravel(), (self.whitener @ jacobian).reshape(-1, len(z))
+        return whitened.ravel(), (self.whitener @ (jacobian @ self.root)).reshape(-1, len(z))
 
     def normal(self, z: Array) -> Normal:
         """Normal equations of the maximum a posteriori estimate."""
@@ -72,20 +78,24 @@ class Model:
         return Normal(float(r @ r + z @ z), j.T @ r + z, j.T @ j + np.eye(len(z)))
 
 
-def invariants(fields: Array) -> Array:
-    """|g|, |b| and dip (n, 3) of fields (n, 6)."""
-    g, b = fields[:, :3], fields[:, 3:]
-    return np.stack([np.linalg.norm(g, axis=1), np.linalg.norm(b, axis=1), dip_angle(g, b)], axis=1)
+def invariants(fields: Array) -> tuple[Array, Array]:
+    """|g|, |b| and dip (n, 3) of fields (n, 6), and their derivatives (n, 3, 6) as `orientation.dip_jacobian` has them.
 
-
-def invariants_jacobian(fields: Array) -> Array:
-    """Derivatives (n, 3, 6) of the invariants by the fields."""
+    g and b are not parallel, which `orientation.angles` refuses.
+    """
     g, b = fields[:, :3], fields[:, 3:]
+    strength = np.sqrt(np.einsum("na,na->n", fields.reshape(-1, 3), fields.reshape(-1, 3))).reshape(-1, 2)
+    down = g / strength[:, :1]
+    b_down = np.einsum("na,na->n", down, b)[:, None]
+    north = b - b_down * down
+    b_north = np.sqrt(np.einsum("na,na->n", north, north))[:, None]
+    north = north / b_north
     rows = np.zeros((len(fields), 3, 6))
-    rows[:, 0, :3] = g / np.linalg.norm(g, axis=1, keepdims=True)
-    rows[:, 1, 3:] = b / np.linalg.norm(b, axis=1, keepdims=True)
-    rows[:, 2] = dip_jacobian(g, b)
-    return rows
+    rows[:, 0, :3] = down
+    rows[:, 1, 3:] = b / strength[:, 1:]
+    rows[:, 2, :3] = north / strength[:, :1]
+    rows[:, 2, 3:] = (b_north * down - b_down * north) / strength[:, 1:] ** 2
+    return np.concatenate([strength, np.arctan2(b_down, b_north)], axis=1), rows
 
 
 def root_of(covariance: Array) -> Array:
@@ -97,16 +107,15 @@ def root_of(covariance: Array) -> Array:
     return np.asarray(scale[:, None] * vectors[:, keep] * np.sqrt(values[keep]))
 
 
-def left_out(model: Model, fit: Fit[Array], azimuth: Array) -> tuple[Array, Array]:
+def left_out(residual: Array, jacobian: Array, covariance: Array, azimuth: Array) -> tuple[Array, Array]:
     """Largest change of azimuth (n,), rad, without each station, and its squared error against the others' prediction.
 
-    Linear about the estimate: dz = C J' (1 - J C J')^-1 r for the rows of one station.
+    Linear about the estimate: dx = C J' (1 - J C J')^-1 r for the whitened residuals r (n, 3) and derivatives J
+    (n, 3, p) of one station, C (p, p) the covariance of the estimate; azimuth (n, s) by the first s parameters.
     """
-    r, j = model.linear(fit.estimate)
-    residual, jacobian = r.reshape(-1, 3), j.reshape(len(azimuth), 3, -1)
-    gain = fit.covariance @ np.swapaxes(jacobian, 1, 2)
+    gain = covariance @ np.swapaxes(jacobian, 1, 2)
     predicted = np.linalg.solve(np.eye(3) - jacobian @ gain, residual[:, :, None])
-    moved = (gain @ predicted)[:, :, 0] @ (azimuth @ model.root[:-3]).T
+    moved = (gain @ predicted)[:, :, 0][:, : azimuth.shape[1]] @ azimuth.T
     return np.abs(moved).max(axis=1), np.einsum("na,na->n", residual, predicted[:, :, 0])
 
 
@@ -174,7 +183,10 @@ def refuse_axial(spread: float, prior_nt: float, left_nt: float) -> None:
 
 
 class Parameter(NamedTuple):
-    """One estimate: value and standard uncertainty after, standard deviation before, in `unit`."""
+    """One estimate: value and standard uncertainty after, standard deviation before, in `unit`.
+
+    The standard deviation before is that of the size that the run shows, where the prior leaves its size open.
+    """
 
     value: float
     u: float
@@ -198,13 +210,16 @@ class MultiStation(Tabular):
 
     parameters : name -> Parameter, in the order of `covariance`; "reference g", "reference b" and "reference dip" are
         what has to be added to the reference.
-    covariance (p, p) : posterior covariance. It is the estimate's mean squared error when the priors and the noise are
-        true; it does not widen when they are not, `chi_square` shows that.
+    covariance (p, p) : posterior covariance, averaged over the sizes of the priors that the run leaves open, with the
+        noise that the run shows. It is the estimate's mean squared error when the other priors are true.
     corrected : stations freed from the estimate, with what remains as the source "multi-station analysis".
     before, after (n, 3) : |g|, m/s^2, |b|, nT, and dip, rad, of the stations less the (corrected) reference.
-    chi_square, freedom : sum of squares of the fit with its priors, expected to be near `freedom` = 3 n.
+    chi_square, freedom : sum of squares of the fit with noise and priors as stated, expected near `freedom` = 3 n.
     influence (n,) : largest change of azimuth at any station, rad, if this one were left out.
     surprise (n,) : squared error of the station against the prediction from all others, chi-square of 3 degrees.
+    noise_factors (2,) : noise variances of accelerometers and of magnetometers over the stated ones, from the run.
+    information (p, p), score (p,) : J' V^-1 J and J' V^-1 y of the stations without any prior, y their residuals taken
+        back to parameters of zero, V of the noise that the run shows.
     """
 
     parameters: Mapping[str, Parameter]
@@ -219,6 +234,9 @@ class MultiStation(Tabular):
     iterations: int
     warnings: tuple[str, ...]
     priors: str
+    noise_factors: tuple[float, float]
+    information: Array
+    score: Array
 
     def __repr__(self) -> str:
         lines = [f"MultiStation: {len(self.corrected)} stations, priors {self.priors}"]
@@ -248,7 +266,7 @@ def history_line(parameters: Mapping[str, Parameter], priors: Priors, size: int)
 
 
 def warnings_of(
-    parameters: Mapping[str, Parameter], gap: float, priors: Priors, cost: float, surprise: Array
+    parameters: Mapping[str, Parameter], gap: float, priors: Priors, cost: float, surprise: Array, scales: Array
 ) -> list[str]:
     """What speaks against the result, and what the run could not tell."""
     rare = 0.999  # probability within which the fit and each station are to stay
@@ -261,21 +279,35 @@ def warnings_of(
     if cost > limit:
         found.append(
             f"the fit's chi-square is {cost:.0f}, limit {limit:.0f}: noise or priors are larger than stated, or the "
-            "stations are not of one run; the uncertainties are too small"
+            "stations are not of one run; the uncertainties are those of the size that the run shows"
         )
+    scale_of = dict(zip(parameters, scales, strict=True))
+    for names, _ in priors.sized:
+        if len(names) > 1 and scale_of[names[0]] > 1.5:
+            found.append(
+                f"{names[0]} to {names[-1]} are together some {scale_of[names[0]]:.1f} times their priors, which are "
+                "widened to what the run shows: look for the cause"
+            )
     worst = int(np.argmax(surprise))
     if surprise[worst] > float(chi_square_limit(1.0 - (1.0 - rare) / len(surprise), 3)):
         found.append(f"station {worst + 1} does not fit the others (chi-square {surprise[worst]:.0f} of 3): check it")
-    for name, p in parameters.items():
-        if abs(p.value) > 3.3 * p.prior > 0.0:
-            found.append(f"{name} is {abs(p.value) / p.prior:.1f} times its prior: not what the priors are meant for")
+    for (name, p), scale in zip(parameters.items(), scales, strict=True):
+        stated = p.prior / scale
+        if abs(p.value) > 3.3 * stated > 0.0:
+            many = f"{abs(p.value) / stated:.1f}"
+            if scale > 3.0:
+                found.append(
+                    f"{name} is {many} times its prior, which is widened to what the run shows: look for its cause"
+                )
+            else:
+                found.append(f"{name} is {many} times its prior: not what the priors are meant for")
     return found
 
 
 SOURCE: Final = "multi-station analysis"
 """Name of the source of error that the analysis leaves."""
 
-REPLACED: Final = ("calibration", "sensors")
+REPLACED: Final = ("calibration", "stability", "sensors")
 """Sources that the analysis' own replaces: they are what its priors state."""
 
 
@@ -318,7 +350,9 @@ def multistation(
     Minimised is sum_n r' V^-1 r + x' P^-1 x with r = (|g|, |b|, dip)(corrected fields) - reference - correction, V the
     covariance of the three from one station's noise and P that of the priors. Azimuth, inclination and toolface of a
     station are free, which leaves just these three of six readings (exactly so for noise equal in all directions).
-    Gauss-Newton, damped, with analytic derivatives.
+    Gauss-Newton, damped, with analytic derivatives. From there on, linear about the estimate, V takes the noise that
+    the run shows (`noise_factors`), and the estimate is averaged over sizes of the priors that `Priors.sized` leaves
+    open, each weighted by its evidence (`averaged_over_sizes`), until it moves by less than a hundredth of u.
 
     References
     ----------
@@ -342,76 +376,101 @@ def multistation(
         raise InputError("these stations have been through a multi-station analysis; give the stations before it")
     chosen = priors_from_tool(calibration) if calibration is not None else priors or published_priors()
     readings = np.concatenate([stations.g, stations.b], axis=1)
-    measured, gap = invariants(readings), toolface_gap(readings)
+    gap, (measured, rows) = toolface_gap(readings), invariants(readings)
     _refuse(measured, reference.values, gap, chosen.largest_gap)
     before = measured - reference.values
     noise = stations.noise if stations.noise.any() else np.broadcast_to(chosen.noise, (len(stations), 6, 6))
-    rows = invariants_jacobian(readings)
-    spread = rows @ noise @ np.swapaxes(rows, 1, 2)
-    if stations.noise.any():  # the published noise of a station takes the field's own disturbance in
-        spread = spread + np.diag(reference.randoms**2)
-    scale = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
-    if not (scale > 0.0).all():
-        row = int(np.argmax((scale <= 0.0).any(axis=1)))
-        raise InputError(f"station {row + 1} has noise in some channels and none in others; state it for all six")
-    factor = np.linalg.cholesky(spread / (scale[:, :, None] * scale[:, None, :]))
+    # the published noise of a station takes the field's own disturbance in
+    disturbed = np.diag(reference.randoms**2) if stations.noise.any() else np.zeros((3, 3))
     size = len(chosen.names)
     prior = np.zeros((size + 3, size + 3))
     prior[:size, :size] = chosen.covariance
     prior[size:, size:] = np.diag(reference.sigmas**2)
+    root = root_of(prior)
+    whitener = _whitener(rows, noise, disturbed)
     model = Model(
         readings,
         chosen.weights(stations.temperature, len(stations)),
         chosen.gain,
         chosen.offset,
         reference.values,
-        root_of(prior),
-        np.linalg.inv(factor) / scale[:, None, :],
+        root,
+        whitener,
     )
-    # settled to a millionth of a standard deviation
-    fit = levenberg_marquardt(model.normal, np.zeros(model.root.shape[1]), lambda z, step: z + step, tolerance=1e-6)
-    return _result(stations, before, gap, chosen, noise, model, fit)
-
-
-def _result(
-    stations: Stations, before: Array, gap: float, priors: Priors, noise: Array, model: Model, fit: Fit[Array]
-) -> MultiStation:
-    """The fit in the user's parameters, the corrected stations and what is to be said about them."""
-    x, covariance = model.root @ fit.estimate, model.root @ fit.covariance @ model.root.T
-    u, prior = standard_deviations(covariance), np.linalg.norm(model.root, axis=1)
-    names, units = (*priors.names, "reference g", "reference b", "reference dip"), (*priors.units, "m/s^2", "nT", "rad")
-    rows = zip(x, u, prior, units, strict=True)
+    # settled to a thousandth of a standard deviation
+    fit = levenberg_marquardt(model.normal, np.zeros(root.shape[1]), lambda z, step: z + step, tolerance=1e-3)
+    # that was the fit with noise and priors as stated; from here on both have the size that the run shows
+    blocks = [(np.array([chosen.names.index(name) for name in names]), beliefs) for names, beliefs in chosen.sized]
+    known = 30.0 if stations.noise.any() else 4.0  # residuals that a stated and that a published noise is worth
+    x, factors, scales = root @ fit.estimate, np.ones(2), np.ones(size + 3)
+    for _ in range(8):
+        residual, jacobian = model.residuals(x)
+        y = jacobian @ x - residual
+        # with parameters ten times as free: what a prior is too tight for, a tool that drifted, is not noise
+        free = jacobian @ (10.0 * scales[:, None] * root)
+        factors = noise_factors(rows, noise, disturbed, y, free, factors, known)
+        spread = np.repeat(np.sqrt(factors), 3)
+        whitener = _whitener(rows, noise * np.outer(spread, spread), factors[1] * disturbed)
+        white = whitener @ jacobian
+        flat = white.reshape(-1, size + 3)
+        information, score = flat.T @ flat, flat.T @ (whitener @ y[:, :, None]).ravel()
+        averaged = averaged_over_sizes(root, information, score, blocks)
+        for (block, _), scale in zip(blocks, averaged.scales, strict=True):
+            scales[block] = scale
+        moved, x = averaged.estimate - x, averaged.estimate
+        if (np.abs(moved) <= 1e-2 * standard_deviations(averaged.covariance)).all():
+            break
+    u, before_u = standard_deviations(averaged.covariance), scales * np.linalg.norm(root, axis=1)
+    names, units = (*chosen.names, "reference g", "reference b", "reference dip"), (*chosen.units, "m/s^2", "nT", "rad")
     parameters = {
-        n: Parameter(float(v), float(s), float(p), unit) for n, (v, s, p, unit) in zip(names, rows, strict=True)
+        n: Parameter(float(v), float(s), float(p), unit)
+        for n, v, s, p, unit in zip(names, x, u, before_u, units, strict=True)
     }
     fields, inverse = model.fields(x)
     by_field = model.by_parameter(fields, inverse)
     azimuth = np.einsum("na,nap->np", heading_jacobian(fields), by_field)
-    if priors.axial:
-        at = priors.names.index(priors.axial)
-        refuse_axial(float(u[at] * np.sqrt(np.mean(azimuth[:, at] ** 2))), float(prior[at]), float(u[at]))
-    influence, surprise = left_out(model, fit, azimuth)
-    size = len(priors.names)
+    if chosen.axial:
+        at = chosen.names.index(chosen.axial)
+        refuse_axial(float(u[at] * np.sqrt(np.mean(azimuth[:, at] ** 2))), float(before_u[at]), float(u[at]))
+    wide = scales[:, None] * root
+    hessian = wide.T @ information @ wide + np.eye(root.shape[1])
+    own = wide @ np.linalg.solve(hessian, wide.T)
+    residual, jacobian = model.residuals(x)
+    influence, surprise = left_out((whitener @ residual[:, :, None])[:, :, 0], whitener @ jacobian, own, azimuth)
     sources = {name: source for name, source in stations.sources.items() if name not in REPLACED}
-    sources[SOURCE] = Source(by_field, covariance[:size, :size])
+    sources[SOURCE] = Source(by_field, averaged.covariance[:size, :size])
     corrected = stations.corrected(
         fields[:, :3],
         fields[:, 3:],
-        history_line(parameters, priors, len(stations)),
+        history_line(parameters, chosen, len(stations)),
         sources,
-        inverse @ noise @ np.swapaxes(inverse, 1, 2),
+        inverse @ (noise * np.outer(spread, spread)) @ np.swapaxes(inverse, 1, 2),
     )
     return MultiStation(
         parameters=parameters,
-        covariance=covariance,
+        covariance=averaged.covariance,
         corrected=corrected,
         before=before,
-        after=invariants(fields) - model.reference - x[-3:],
+        after=residual,
         chi_square=fit.cost,
         freedom=3 * len(stations),
         influence=influence,
         surprise=surprise,
         iterations=fit.iterations,
-        warnings=tuple(warnings_of(parameters, gap, priors, fit.cost, surprise)),
-        priors=priors.source,
+        warnings=tuple(warnings_of(parameters, gap, chosen, fit.cost, surprise, scales)),
+        priors=chosen.source,
+        noise_factors=(float(factors[0]), float(factors[1])),
+        information=information,
+        score=score,
     )
+
+
+def _whitener(rows: Array, noise: Array, disturbed: Array) -> Array:
+    """Inverse Cholesky factors (n, 3, 3) of the covariance of |g|, |b|, dip, of derivatives `rows` by the readings."""
+    spread = rows @ noise @ np.swapaxes(rows, 1, 2) + disturbed
+    scale = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
+    if not (scale > 0.0).all():
+        row = int(np.argmax((scale <= 0.0).any(axis=1)))
+        raise InputError(f"station {row + 1} has noise in some channels and none in others; state it for all six")
+    factor = np.linalg.cholesky(spread / (scale[:, :, None] * scale[:, None, :]))
+    return np.asarray(np.linalg.inv(factor) / scale[:, None, :])

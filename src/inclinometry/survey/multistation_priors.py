@@ -17,6 +17,7 @@ from inclinometry.earth.magnetic import reference_errors
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, Triad
+from inclinometry.survey.multistation_evidence import GUESSED, KEPT, STATED, Sized
 from inclinometry.uncertainty import covariance_matrix
 
 
@@ -30,6 +31,7 @@ class Priors:
     noise (6, 6) : covariance of one station's readings, for stations that do not bring their own
     power (p,), reference_temperature (p,) : the parameter acts times (T - reference)^power, degC
     axial : name of the parameter that is a bias of bz; "" where there is none
+    sized : parameters whose sizes the run's evidence scales
     largest_gap : gap between toolfaces, rad, beyond which these priors must not be used
     source : where they come from
     """
@@ -42,6 +44,7 @@ class Priors:
     noise: Array
     source: str
     axial: str = ""
+    sized: tuple[Sized, ...] = ()
     largest_gap: float = float(np.radians(270.0))
     power: Array = field(default_factory=lambda: np.zeros(0))
     reference_temperature: Array = field(default_factory=lambda: np.zeros(0))
@@ -135,6 +138,11 @@ def published_priors(name: str = "iscwsa", *, axial_sigma: float | None = None) 
         noise=_published_noise(),
         source=f"{name}, {content['revision']}",
         axial="MBZ",
+        sized=(
+            Sized(("MBX", "MBY"), GUESSED if name == "unknown" else STATED),
+            Sized(("MBZ",), GUESSED if axial_sigma is None else STATED),
+            Sized(tuple(term for term in sigmas if term[:2] != "MB"), KEPT),
+        ),
         largest_gap=float(np.radians(content["largest_toolface_gap_deg"][name])),
     )
 
@@ -170,9 +178,9 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
     >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=f) for k, f in zip(VECTORS, (9.8, 5e4))}
     >>> priors = priors_from_tool(Tool("1", triads, np.eye(24) * 1e-8), axial_sigma=300.0)
     >>> len(priors.names), priors.names[3], priors.names[-1]
-    (25, 'accelerometer.offset[0]', 'axial interference')
+    (27, 'accelerometer.offset[0]', 'axial interference')
     """
-    interference = "axial interference"
+    interference = ("transverse interference x", "transverse interference y", "axial interference")
     content = published()
     axial = content["axial_interference_nT"] if axial_sigma is None else axial_sigma
     within(axial, "axial_sigma", 0.0, 1e5, "nT")
@@ -190,25 +198,31 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
         if tool.noise[kind].any():
             spread = float(triad.field_strength or 1.0) * np.linalg.pinv(triad.tensor[0]) * tool.noise[kind]
             noise[here, here] = spread @ spread.T
-    size = len(chosen)
-    covariance = np.zeros((size + 1, size + 1))
-    covariance[:size, :size] = tool.covariance[np.ix_(chosen, chosen)]
-    covariance[size, size] = axial**2
+    names, size = tuple(tool.parameter_names[i] for i in chosen), len(chosen)
+    covariance = np.zeros((size + 3, size + 3))
+    covariance[:size, :size] = (tool.covariance + tool.stability)[np.ix_(chosen, chosen)]
+    across = content["transverse_interference_nT"]
+    covariance[size:, size:] = np.diag(np.square([across, across, axial]))
     heat = [
         np.full(len(part[2]), tool.triads[kind].reference_temperature)
         for part, kind in zip(parts, VECTORS, strict=True)
     ]
     return Priors(
-        names=(*(tool.parameter_names[i] for i in chosen), interference),
-        units=(*(tool.triads[tool.parameter_names[i].split(".")[0]].unit for i in chosen), "nT"),
-        gain=np.concatenate([*(part[0] for part in parts), np.zeros((1, 6, 6))]),
-        offset=np.concatenate([*(part[1] for part in parts), np.eye(6)[5:]]),
+        names=(*names, *interference),
+        units=(*(tool.triads[name.split(".")[0]].unit for name in names), "nT", "nT", "nT"),
+        gain=np.concatenate([*(part[0] for part in parts), np.zeros((3, 6, 6))]),
+        offset=np.concatenate([*(part[1] for part in parts), np.eye(6)[3:]]),
         covariance=covariance,
         noise=noise,
         source=f"calibration of tool {tool.name}",
-        axial=interference,
-        power=np.concatenate([*(part[2] for part in parts), [0.0]]),
-        reference_temperature=np.concatenate([*heat, [0.0]]),
+        axial=interference[2],
+        sized=(
+            Sized(interference[:2], STATED),
+            Sized(interference[2:], GUESSED if axial_sigma is None else STATED),
+            Sized(names, KEPT),
+        ),
+        power=np.concatenate([*(part[2] for part in parts), np.zeros(3)]),
+        reference_temperature=np.concatenate([*heat, np.zeros(3)]),
     )
 
 

@@ -676,6 +676,7 @@ def curve_jacobian(path: Path, md: ArrayLike) -> Array:
     >>> curve_jacobian(path, 60.0)[0, 3, [4, 7]].round(9)
     array([-1.,  2.])
     """
+    check_record(path, Path, "curve_jacobian")
     point = project_curve(path, md)
     return _arc_jacobian(path, point.md, point.inclination, point.azimuth)
 
@@ -690,6 +691,7 @@ def straight_jacobian(path: Path, md: ArrayLike) -> Array:
     >>> straight_jacobian(path, 60.0)[0, 3, [4, 7]]
     array([0., 1.])
     """
+    check_record(path, Path, "straight_jacobian")
     point = project_straight(path, md)
     last = np.full_like(point.md, path.md[-1])
     jacobian = _arc_jacobian(path, last, point.inclination, point.azimuth)

@@ -16,7 +16,7 @@ from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.axial import SOURCE as AXIAL
 from inclinometry.survey.flags import ROUNDING, Check, worst
-from inclinometry.survey.multistation import STEEP, invariants, invariants_jacobian, toolface_gap
+from inclinometry.survey.multistation import STEEP, invariants, toolface_gap
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import Column, Tabular, degrees
@@ -397,9 +397,10 @@ def _rows(stations: Stations) -> tuple[Array, Array, Mask, Mask]:
     """Inclination, azimuth, |g|, |b|, dip (n, 5), their derivatives (n, 5, 6), too steep (n,), hardly seen (n, 5)."""
     readings = np.concatenate([stations.g, stations.b], axis=1)
     found = angles(stations.g, stations.b)
-    values = np.column_stack([found.inclination, found.azimuth, invariants(readings)])
+    measured, rows = invariants(readings)
+    values = np.column_stack([found.inclination, found.azimuth, measured])
     turned = angles_jacobian(stations.g, stations.b)[:, :2]
-    jacobian = np.concatenate([turned, invariants_jacobian(readings)], axis=1)
+    jacobian = np.concatenate([turned, rows], axis=1)
     steep = np.sin(found.inclination) < np.sin(STEEP)
     jacobian[steep, _WRAPPED] = 0.0
     faint = np.zeros((len(readings), 5), dtype=bool)
@@ -654,7 +655,7 @@ def judge_fields(
     rounding = 1.0 + 1e-9  # a value on its limit passes
     k = float(within(k, "k", 1.0, 6.0))
     readings = np.concatenate([stations.g, stations.b], axis=1)
-    found, rows = invariants(readings), invariants_jacobian(readings)
+    found, rows = invariants(readings)
     difference = found - reference.values
     covariance = residual_covariance(stations, rows, reference)
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))

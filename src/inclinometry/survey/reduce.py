@@ -31,7 +31,7 @@ from inclinometry.survey.multistation import REPLACED, SOURCE, Model, MultiStati
 from inclinometry.survey.multistation_priors import FieldReference, Priors
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import Column, Tabular, check_record, draw, in_degrees
-from inclinometry.uncertainty import angle_sd
+from inclinometry.uncertainty import UNKNOWN, AngleErrors, angle_sd
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,12 +42,14 @@ class SensorCorrection:
     covariance : (p + 3, p + 3) of all of them.
     gain (p, 6, 6), offset (p, 6), power (p,), reference_temperature (p,) : as in `Priors`, of the sensors' parameters.
     noise (6, 6) : covariance of one station's readings, for stations that do not bring their own.
+    noise_factors (2,) : of the noise variances of accelerometers and magnetometers, as in `MultiStation`.
     reference : what the fields were compared with.
     priors : where the priors come from.
     tool : name of the calibrated tool the stations were reduced with, "" without one.
     md : first and last depth of the run, m.
     stations, chi_square, freedom : of the fit.
     inputs : name -> digest.
+    information (p + 3, p + 3), score (p + 3,) : of the stations alone, as in `MultiStation`; empty where not kept.
     """
 
     parameters: Mapping[str, Parameter]
@@ -66,6 +68,9 @@ class SensorCorrection:
     freedom: int = 0
     warnings: tuple[str, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
+    noise_factors: tuple[float, float] = (1.0, 1.0)
+    information: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    score: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         size = len(self.parameters) - 3
@@ -77,6 +82,8 @@ class SensorCorrection:
             "reference_temperature": (size,),
             "noise": (6, 6),
         }
+        if np.size(self.score):
+            shapes |= {"information": (size + 3, size + 3), "score": (size + 3,)}
         for name, shape in shapes.items():
             value = finite(getattr(self, name), name)
             if size < 1 or value.shape != shape:
@@ -122,6 +129,9 @@ def correction_of(
         freedom=found.freedom,
         warnings=found.warnings,
         inputs=dict(inputs or {}),
+        noise_factors=found.noise_factors,
+        information=found.information,
+        score=found.score,
     )
 
 
@@ -184,7 +194,8 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
         f"priors {correction.priors}"
     )
     own = stations.noise if stations.noise.any() else correction.noise  # as the analysis does
-    noise = inverse @ own @ np.swapaxes(inverse, 1, 2)
+    spread = np.repeat(np.sqrt(correction.noise_factors), 3)
+    noise = inverse @ (own * np.outer(spread, spread)) @ np.swapaxes(inverse, 1, 2)
     return stations.corrected(fields[:, :3], fields[:, 3:], line, sources, noise)
 
 
@@ -208,6 +219,10 @@ class Survey(Tabular):
     flags : per station, the names of what is remarkable; see `inclinometry.survey.flags.FLAGS`
     history : what was done to the stations before, a sentence each
     notes : what was estimated on the way, with nothing to be settled
+    common, random : (n, 2, 2) covariance of inclination and azimuth, rad^2, by what the stations of the run share (the
+        calibration, references), and by what is each station's own (noise); both together are the components. A mean
+        of stations averages the second away, never the first.
+    errors : cause -> what it does to the angles of all stations together, for positions; of a gyro run
     """
 
     md: Array
@@ -228,6 +243,9 @@ class Survey(Tabular):
     latitude: Array = field(default_factory=lambda: np.zeros(0))
     history: Sequence[str] = ()
     notes: Sequence[str] = ()
+    errors: Mapping[str, AngleErrors] = field(default_factory=dict)
+    common: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
+    random: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
 
     def __repr__(self) -> str:
         steps = sorted(set(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int).tolist()))
@@ -270,13 +288,33 @@ class Survey(Tabular):
         found |= in_degrees(self, "toolface", "magnetic_toolface")
         found |= {"g_total_m_s2": self.g_total, "b_total_nT": self.b_total, **in_degrees(self, "dip")}
         found |= in_degrees(self, "u_inclination", "u_azimuth", "u_toolface")
-        return found | {"flags": ["|".join(names) for names in self.flags]}
+        found |= {"flags": ["|".join(names) for names in self.flags]}
+        return found | (parts_of(self.common, self.random) if self.common.size else {})
 
     def plot(self, ax: Any = None) -> Any:
         """Inclination and azimuth by depth on matplotlib axes, which are returned."""
         angles = {"inclination": self.inclination, f"azimuth from {self.azimuth_reference} north": self.azimuth}
         lines = {name: (np.degrees(angle), self.md) for name, angle in angles.items()}
         return draw(ax, lines, "angle, deg", "measured depth, m", "o", down=True)
+
+
+def parts_of(common: Array, random: Array) -> dict[str, Array]:
+    """Columns of the common and the random part (n, 2, 2) of what is uncertain of inclination and azimuth.
+
+    Examples
+    --------
+    >>> own = np.array([[[4e-6, 1e-6], [1e-6, 1e-6]]])
+    >>> {name: float(column[0].round(4)) for name, column in parts_of(own, 0.0 * own).items()}["correlation_common"]
+    0.5
+    """
+    found = {}
+    for name, part in (("common", common), ("random", random)):
+        sd = np.minimum(np.sqrt(np.diagonal(part, axis1=1, axis2=2)), UNKNOWN)
+        product = np.sqrt(part[:, 0, 0] * part[:, 1, 1])
+        found[f"u_inclination_{name}_deg"], found[f"u_azimuth_{name}_deg"] = np.degrees(sd).T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found[f"correlation_{name}"] = np.where(product > 0.0, part[:, 0, 1] / product, 0.0)
+    return found
 
 
 def reduce_survey(
@@ -361,10 +399,12 @@ def reduce_survey(
     length, length_sd, assumed = _gravity(tool, site, hole, gravity_sd)
     seen, left_out = tool_fields(channels, tool, heat, len(depth), second, (hole, length))
     left_out += assumed
-    found, parts = _attitude(seen, tool, heat, second, length_sd)
+    found, parts, common, random = _attitude(seen, tool, heat, second, length_sd)
+    own = set(parts)
     azimuth, parts, reference, warnings = turned_to_north(
         found.azimuth, parts, site, "true" if second == "gyro" else "magnetic"
     )
+    common[:, 1, 1] += sum(parts[name][:, 1] for name in set(parts) - own)
     size = magnitudes(seen, tool, heat, len(depth))
     inclination_sd = np.sqrt(np.asarray(sum(p[:, 0] for p in parts.values())))
     in_plane = _in_plane(seen["accelerometer"], tool, inclination_sd)
@@ -389,6 +429,8 @@ def reduce_survey(
         (*warnings, *summary(flags)),
         _total(seen, tool, "gyro", len(depth)),
         size.latitude,
+        common=common,
+        random=random,
     )
 
 
@@ -505,21 +547,25 @@ def _gravity_of_two(triad: Triad, signals: Array, heat: Array | None, gravity: t
 
 def _attitude(
     seen: Mapping[str, Array], tool: Tool, heat: Array | None, second: str | None, gravity_sd: float
-) -> tuple[Angles, dict[str, Array]]:
-    """Angles and the variances (n, 4) of each by cause; NaN azimuth where there is no second field."""
+) -> tuple[Angles, dict[str, Array], Array, Array]:
+    """Angles, the variances (n, 4) of each by cause, common and random covariance; NaN azimuth without second field."""
     pieces: list[dict[str, Array]] = []
+    size = len(seen["accelerometer"])
+    common, random = np.zeros((size, 2, 2)), np.zeros((size, 2, 2))
     for start in range(0, len(seen["accelerometer"]), BLOCK):
         here = slice(start, start + BLOCK)
         block = {kind: field[here] for kind, field in seen.items()}
         warmth = None if heat is None else heat[here]
         parts = angle_sensitivity(tool, block, warmth, second or "magnetometer").components(tool, gravity_sd)
         pieces.append({name: np.diagonal(part, axis1=1, axis2=2) for name, part in parts.items()})
+        for name, part in parts.items():
+            (random if name == "sensor noise" else common)[here] += part[:, :2, :2]
     variances = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
     if second is not None:
-        return angles(seen["accelerometer"], seen[second]), variances
+        return angles(seen["accelerometer"], seen[second]), variances, common, random
     inclination, toolface = inclination_toolface(seen["accelerometer"])
     nothing = np.full(len(inclination), np.nan)
-    return Angles(inclination, nothing, toolface, nothing), variances
+    return Angles(inclination, nothing, toolface, nothing), variances, common, random
 
 
 def turned_to_north(

@@ -64,6 +64,17 @@ def method(name: str) -> Callable[..., Calibration]:
     return found
 
 
+def usual_method(readings: BenchReadings) -> MethodName:
+    """The method where none is named: field for roll sets without angles of a rig, joint for everything else.
+
+    Examples
+    --------
+    >>> usual_method(BenchReadings({"accelerometer": np.eye(3)}, roll_set=["1", "1", "1"]))
+    'field'
+    """
+    return "field" if readings.azimuth is None and any(readings.roll_set) else "joint"
+
+
 def attempt_all(
     readings: BenchReadings,
     *,
@@ -144,8 +155,33 @@ class Options:
 def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Calibration:
     """Calibrate with a method by name; an option the method cannot use is refused, never ignored."""
     run = method(method_name)
+    refuse_unused(method_name, options)
+    if method_name in ("field", "norm"):
+        return run(readings, specific_force=options.specific_force, name=options.name)
+    readings, stand = known_stand(readings, options)
+    if method_name != "joint":
+        plate = {"nameplate": options.nameplate} if method_name == "classical" else {}
+        return run(readings, rig_sd=stand["rig_sd"], name=options.name, **plate)
+    nuisance = {
+        "inclination_zero": options.inclination_zero_sd,
+        "outer_nonorthogonality": options.nonorthogonality_sd,
+        "inner_nonorthogonality": options.nonorthogonality_sd,
+    }
+    return run(
+        readings,
+        **stand,
+        nuisance_sd={name: sd for name, sd in nuisance.items() if sd is not None},
+        temperature_degree=options.temperature_degree,
+        robust=options.robust,
+        left_handed=options.left_handed,
+        name=options.name,
+    )
+
+
+def refuse_unused(method_name: str, options: Options) -> None:
+    """Refuse an option that the method cannot use."""
     given = {f.name for f in fields_of(Options) if getattr(options, f.name) != f.default} - {"name"}
-    rigless = method_name in ("field", "norm")
+    rigless = method_name in ("field", "norm", "hand-rotations")
     every_rig = {
         "rig_sd",
         "azimuth_sd",
@@ -169,26 +205,6 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
             in_degrees = option.endswith("_sd") or option in ("north", "dip")
             flag = option.replace("_", "-") + ("-deg" if in_degrees else "")
             raise InputError(f"method {method_name} has no use for --{flag}; {remedy}")
-    if rigless:
-        return run(readings, specific_force=options.specific_force, name=options.name)
-    readings, stand = known_stand(readings, options)
-    if method_name != "joint":
-        plate = {"nameplate": options.nameplate} if method_name == "classical" else {}
-        return run(readings, rig_sd=stand["rig_sd"], name=options.name, **plate)
-    nuisance = {
-        "inclination_zero": options.inclination_zero_sd,
-        "outer_nonorthogonality": options.nonorthogonality_sd,
-        "inner_nonorthogonality": options.nonorthogonality_sd,
-    }
-    return run(
-        readings,
-        **stand,
-        nuisance_sd={name: sd for name, sd in nuisance.items() if sd is not None},
-        temperature_degree=options.temperature_degree,
-        robust=options.robust,
-        left_handed=options.left_handed,
-        name=options.name,
-    )
 
 
 def known_stand(readings: BenchReadings, options: Options) -> tuple[BenchReadings, dict[str, Any]]:

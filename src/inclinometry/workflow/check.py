@@ -7,7 +7,6 @@ import gzip
 import hashlib
 import re
 import tempfile
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,18 +14,26 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from inclinometry.calibration.hand_rotations import LEAST_ROTATIONS
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, IdentifiabilityError, InclinometryError, InputError
 from inclinometry.files import _quantities
+from inclinometry.files.casing_csv import face
 from inclinometry.files.columns import TEXT, channel, is_number
-from inclinometry.files.layout import opened
-from inclinometry.files.profile import PLAIN, SEPARATORS, Profile, current, reading_with
+from inclinometry.files.holes_csv import hole_column
+from inclinometry.files.layout import NUMBER, find_layout, opened, with_layout
+from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.table import LONGEST_LINE, Table, read_table
+from inclinometry.workflow.allan import noise_of_log
+from inclinometry.workflow.check_sensors import Candidate, Sensors, sensors_of_bench, sensors_of_run, sensors_of_survey
+from inclinometry.workflow.stations import readings_of_log
 
 LOOKED_AT: Final = 20_000
 """Rows that are looked at; of a longer file the rest is only counted."""
-
-_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
+PROBED: Final = 2000
+"""Rows that each reader is tried on."""
+_TRIED: Final = 100
+"""Stations up to which `calibrate` is tried whole: a second of work."""
 
 
 class ColumnLook(NamedTuple):
@@ -46,7 +53,8 @@ class Look:
     layout : in words.
     rows : of values, in the whole file.
     columns : in the order of the file.
-    notes : rate, axes, units that would fit.
+    notes : rate, rests, axes, units that would fit.
+    candidates : how each convention of axes fits the sensors, where the file tells.
     uses : command -> "" where it can take the file, else what it lacks.
     draft : the profile the file was read with, as TOML.
     """
@@ -55,6 +63,7 @@ class Look:
     rows: int
     columns: tuple[ColumnLook, ...]
     notes: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
     uses: dict[str, str]
     draft: str
 
@@ -78,20 +87,67 @@ def look(path: str | Path) -> Look:
     [('MD (ft)', 'md_m'), ('INC (deg)', 'inclination_deg'), ('AZI (deg)', 'azimuth_deg')]
     """
     path, given = Path(path), current()
+    try:
+        return _look(path, given)
+    except FileError as error:
+        if error.path == path:
+            raise
+        # what was looked at is a copy of its beginning
+        raise FileError(error.problem, path=path, line=error.line) from None
+
+
+def _look(path: Path, given: Profile) -> Look:
     with tempfile.TemporaryDirectory() as folder:
         head, lines, whole = _head(path, Path(folder))
-        profile, layout = (given, "as the profile says") if given.lays_out else _layout(lines)
-        if not given.lays_out:
-            profile = _joined(profile, given)
+        profile, layout = (given, "as the profile says") if given.states_layout else find_layout(lines)
+        if not given.states_layout:
+            profile = with_layout(given, profile)
         if head.suffix != path.suffix and path.suffix != ".gz":
             layout = f"{path.suffix.removeprefix('.')}{layout.removeprefix('text, separated by comma')}"
         with reading_with(profile):
-            texts = read_table(head, numeric=lambda name: False)
-            table = read_table(head, numeric=_numeric(texts), gaps=texts.header)
+            written = read_table(head, numeric=lambda name: False).header
+            texts = read_table(head, numeric=lambda name: False, timed=True)
+            table = read_table(head, numeric=_numeric(texts), gaps=texts.header, timed=True)
             rows = len(table) if whole is None else whole - int(table.lines[0]) + 1
-            columns = tuple(_column(table, name, profile) for name in table.header)
-            uses = {command: _lacks(head, read) for command, read in _READERS.items()}
-    return Look(layout, rows, columns, tuple(_notes(table, columns)), uses, _draft(profile, columns))
+            probe = head if len(lines) <= PROBED else _beginning(head, Path(folder))
+            uses = {command: _lacks(probe, read) for command, read in _READERS.items()}
+            columns = tuple(_column(table, name, profile, uses) for name in table.header)
+            notes = _notes(table, columns)
+            gone = [name for name in written if name not in table.header]
+            if gone and "time_s" in table:
+                notes.insert(0, f"time_s counts from the first row, by {', '.join(gone)}")
+            # of a text the whole file, else the rows that were copied
+            seen = _sensors(path if head.suffix == path.suffix or path.suffix == ".gz" else head, head, uses)
+    if rows <= LOOKED_AT:  # what these two ask of the whole log
+        for command, whole_log in (("readings", readings_of_log), ("allan", noise_of_log)):
+            uses[command] = uses[command] or _lacks(head, whole_log)
+    if not uses[_BY_HAND] and seen.rests is not None and seen.rests <= LEAST_ROTATIONS:
+        uses[_BY_HAND] = f"{seen.rests} rests; at least {LEAST_ROTATIONS + 1} are needed, with a rotation between each"
+    notes += [note for note in seen.notes if note not in notes]
+    return Look(layout, rows, columns, tuple(notes), seen.candidates, uses, _draft(profile, columns))
+
+
+def _beginning(head: Path, folder: Path) -> Path:
+    """The first rows in a file of their own."""
+    probe = folder / f"beginning-{head.name.removesuffix('.gz')}"
+    unpacked: Callable[..., Any] = gzip.open if head.read_bytes()[:2] == b"\x1f\x8b" else open
+    with unpacked(head, "rb") as stream:
+        probe.write_bytes(b"".join(line for line, _ in zip(stream, range(PROBED), strict=False)))
+    return probe
+
+
+def _sensors(path: Path, head: Path, uses: dict[str, str]) -> Sensors:
+    """What the sensors show, by the reader that takes the file."""
+    ways = {
+        "readings": (sensors_of_run, path),
+        _VERIFY: (sensors_of_bench, head),
+        "survey --calibration": (sensors_of_survey, head),
+    }
+    for command, (look_at, where) in ways.items():
+        if not uses[command]:
+            with contextlib.suppress(InclinometryError):
+                return look_at(where)
+    return Sensors((), ())
 
 
 def _head(path: Path, folder: Path) -> tuple[Path, list[str], int | None]:
@@ -131,64 +187,6 @@ def _head(path: Path, folder: Path) -> tuple[Path, list[str], int | None]:
     return copy, texts[:LOOKED_AT], rows
 
 
-def _layout(lines: list[str]) -> tuple[Profile, str]:
-    """How the lines are cut into cells, and where the names and the rows begin."""
-    if not lines:
-        return PLAIN, "a table of its own format"
-    filled = [
-        (k, line.rstrip("\r\n")) for k, line in enumerate(lines[:400]) if line.strip() and line.lstrip()[0] != "#"
-    ]
-    if not filled:
-        return PLAIN, "text without a table"
-    best, width, mark = 0.0, 1, ","
-    for candidate in ("\t", ";", ",", " "):
-        counts = Counter(len(_cells(line, candidate)) for _, line in filled)
-        number, times = max(counts.items(), key=lambda item: (item[1] * (item[0] > 1), item[0]))
-        share = times / len(filled) if filled and number > 1 else 0.0
-        # a later separator must explain clearly more lines: decimal commas look like one
-        if share > best + 0.05:
-            best, width, mark = share, number, candidate
-    table = [(k, _cells(line, mark)) for k, line in filled if len(_cells(line, mark)) == width]
-    if not table:
-        return PLAIN, "text without a table"
-    numbers = [sum(bool(_NUMBER.fullmatch(cell.strip())) for cell in cells) for _, cells in table]
-    header = numbers[0] == 0 or (len(table) > 1 and numbers[0] < numbers[1] and numbers[0] * 2 < width)
-    units = header and len(table) > 2 and numbers[1] == 0 and numbers[2] > 0 and _units_row(table[1][1])
-    first = table[0][0]
-    before = sum(1 for line in lines[:first] if line.strip() and line.lstrip()[0] != "#")
-    plain = header and not units and mark in ",;\t" and not before
-    profile = PLAIN if plain else Profile(separator=mark, skip=first if before else 0, header=header, units_row=units)
-    name = next(name for name, text in SEPARATORS.items() if text == mark)
-    words = [f"text, separated by {name}", f"{first} lines before the names" if before else ""]
-    words += ["no names of columns" if not header else "", "a line of units" if units else ""]
-    return profile, ", ".join(word for word in words if word)
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    return line.split() if mark == " " else line.split(mark)
-
-
-def _units_row(cells: list[str]) -> bool:
-    written = [cell.strip().strip("[]()") for cell in cells if cell.strip()]
-    known = sum(_quantities.dimension_of(cell) is not None for cell in written)
-    return 0 < len(written) <= 2 * known
-
-
-def _joined(found: Profile, given: Profile) -> Profile:
-    """The layout that was found, with the units and columns that were stated."""
-    return Profile(
-        given.title,
-        found.separator,
-        found.skip,
-        found.header,
-        found.units_row,
-        given.columns,
-        given.given,
-        given.units,
-        given.axes,
-    )
-
-
 def _known(name: str) -> bool:
     return is_number(name) or _quantities.is_number(name)
 
@@ -198,15 +196,19 @@ def _numeric(texts: Table) -> Callable[[str], bool]:
     found = set()
     for name in texts.header:
         cells = [cell for cell in texts.text(name) if cell][:200]
-        if cells and all(_NUMBER.fullmatch(cell) for cell in cells):
+        if cells and all(NUMBER.fullmatch(cell) for cell in cells):
             found.add(name)
     return lambda name: name in found or (_known(name) and name not in texts.header)
 
 
-def _column(table: Table, name: str, profile: Profile) -> ColumnLook:
+def _column(table: Table, name: str, profile: Profile, uses: dict[str, str]) -> ColumnLook:
     values = table.columns[name]
     here, remark = "", ""
-    if name in TEXT or is_number(name):
+    if not uses["displacement"] and (run := face(name)) is not None:
+        here = f"axis {run.axis.upper()}, run {180 * run.run}"
+    elif not uses["holes"] and hole_column(name):
+        here = hole_column(name)
+    elif name in TEXT or is_number(name):
         here = name
     else:
         try:
@@ -240,22 +242,21 @@ def _notes(table: Table, columns: tuple[ColumnLook, ...]) -> list[str]:
             notes.append(
                 f"{1.0 / middle:.4g} rows a second{'' if even > 0.999 else f', {1 - even:.1%} of the steps uneven'}"
             )
+    units = {column.name: channel(column.here) for column in columns}
     for what, names in _triads(table, columns):
         values = np.stack([table.number(name) for name in names], axis=1)
         values = values[np.isfinite(values).all(axis=1)]
         if not len(values):
             continue
         size = float(np.median(np.linalg.norm(values, axis=1)))
-        stated = channel(names[0])
-        if stated is None or stated.unit == "counts":
+        here = units[names[0]]
+        stated = stated_unit(names[0]) is not None or (here is not None and here.unit != "counts")
+        if what != "gyro" and not stated:
             fits = _units_that_fit(what, size)
             notes.append(
                 f"{', '.join(names)}: median length {size:.5g}"
                 + (f"; that would fit {' or '.join(fits)}" if fits else "; raw counts or volts")
             )
-        moved = values.std(axis=0)
-        if moved.max() > 0.0 and moved.min() < 0.1 * np.median(moved):
-            notes.append(f"{what}: {names[int(np.argmin(moved))]} hardly changes: the tool turns about it")
     return notes
 
 
@@ -270,35 +271,68 @@ def _triads(table: Table, columns: tuple[ColumnLook, ...]) -> list[tuple[str, li
             three = [name[:place] + other + name[place + 1 :] for other in ("xyz" if letter == "x" else "XYZ")]
             if all(other in numbers for other in three):
                 signal = channel(name)
-                kind = signal.kind if signal is not None else next(
-                    (k for k, marks in _MARKS.items() if any(mark in name.lower() for mark in marks)), "triad"
-                )  # fmt: skip
-                found.append((kind, three))
+                found.append((_kind(name) if signal is None else signal.kind, three))
                 break
     return found
 
 
-_MARKS: Final = {"magnetometer": ("mag", "b", "h", "m"), "gyro": ("gyr", "w"), "accelerometer": ("acc", "g", "a")}
+_WORDS: Final = {"mag": "magnetometer", "gyr": "gyro", "acc": "accelerometer"}
+_LETTERS: Final = {"b": "magnetometer", "h": "magnetometer", "m": "magnetometer", "w": "gyro"} | dict.fromkeys(
+    "ga", "accelerometer"
+)
+
+
+def _kind(name: str) -> str:
+    """What a triad measures by its name, without the unit behind it: by a word in it, else by its first letter."""
+    plain = re.sub(r"[(\[].*", "", name.lower())
+    word = next((kind for word, kind in _WORDS.items() if word in plain), None)
+    return word or _LETTERS.get(plain[:1], "triad")
 
 
 def _units_that_fit(kind: str, size: float) -> list[str]:
     """Units in which a still tool on the Earth would read this length, with how far off it is."""
     fits = []
-    if kind != "magnetometer":
+    if kind in ("accelerometer", "triad"):
         for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
             if abs(size / one - 1.0) < 0.1:
                 fits.append(f"{unit} (gravity {round(size / one - 1.0, 3) + 0.0:+.1%})")
-    if kind != "accelerometer":
+    if kind in ("magnetometer", "triad"):
         for unit, one in (("nT", 1.0), ("uT", 1e-3), ("gauss", 1e-5), ("mG", 1e-2)):
             if 20_000.0 <= size / one <= 70_000.0:
                 fits.append(f"{unit} (a field of {size / one / 1000.0:.1f} uT)")
     return fits
 
 
-def _bench(path: Path) -> None:
+def _calibrated(path: Path, method: str = "") -> None:
+    """Refused as `calibrate` refuses it: by the fit itself, or of many stations by what it asks of the columns."""
+    from inclinometry.files.bench_csv import read_bench
+    from inclinometry.workflow.calibrate import Options, calibrate, usual_method
+
+    readings = read_bench(path)
+    method = method or usual_method(readings)
+    if method == "joint":
+        _ = readings.dials
+    if len(readings) <= _TRIED:
+        calibrate(readings, method, Options())
+    elif method == "norm":
+        with contextlib.suppress(IdentifiabilityError):
+            calibrate(readings.take(np.arange(_TRIED)), method, Options())
+
+
+def _norm(path: Path) -> None:
+    _calibrated(path, "norm")
+
+
+def _by_hand(path: Path) -> None:
+    from inclinometry.workflow.hand_rotations import read_both
+
+    read_both(path)
+
+
+def _verified(path: Path) -> None:
     from inclinometry.files.bench_csv import read_bench
 
-    read_bench(path)
+    _ = read_bench(path).dials
 
 
 def _raw(path: Path) -> None:
@@ -326,10 +360,26 @@ def _log(path: Path) -> None:
 
 
 def _run(path: Path) -> None:
+    from inclinometry.earth.site import Site
     from inclinometry.files.run_file import open_run
+    from inclinometry.workflow.dynamic_signals import Signals
 
-    for _ in open_run(path).blocks():
-        pass
+    run = open_run(path)
+    signals = Signals(run, Site())
+    for block in run.blocks():
+        signals.fields(block)
+
+
+def _even(path: Path) -> None:
+    from inclinometry.files.log_csv import read_even_log
+
+    read_even_log(path)
+
+
+def _gyro(path: Path) -> None:
+    from inclinometry.files.gyro_csv import read_gyro_run
+
+    read_gyro_run(path)
 
 
 def _casing(path: Path) -> None:
@@ -344,23 +394,32 @@ def _holes(path: Path) -> None:
     read_shots(path)
 
 
+_BY_HAND: Final = "calibrate --method hand-rotations"
+_VERIFY: Final = "verify"
 _READERS: Final[dict[str, Callable[[Path], None]]] = {
-    "calibrate, verify": _bench,
+    "calibrate": _calibrated,
+    "calibrate --method norm": _norm,
+    _BY_HAND: _by_hand,
+    _VERIFY: _verified,
     "survey --calibration": _raw,
     "survey, quality, msa": _six_axis,
     "position": _well,
     "readings": _log,
-    "dynamic, allan": _run,
+    "gyro north": _gyro,
+    "dynamic": _run,
+    "allan": _even,
     "displacement": _casing,
     "holes": _holes,
 }
 
 
-def _lacks(path: Path, read: Callable[[Path], None]) -> str:
+def _lacks(path: Path, read: Callable[[Path], object]) -> str:
     try:
         read(path)
     except InclinometryError as error:
-        text = str(error).partition(": ")[2] or str(error)
+        text = str(error)
+        if isinstance(error, FileError):
+            text = text.partition(": ")[2] or text
         return text.partition("; columns found")[0]
     return ""
 
@@ -387,6 +446,8 @@ def _draft(profile: Profile, columns: tuple[ColumnLook, ...]) -> str:
     lines += [f"{kind} = [{', '.join(map(text, axes))}]" for kind, axes in profile.axes.items()]
     lines += ["", "[constants]"] if profile.constants else []
     lines += [f"{name} = {text(v) if isinstance(v, str) else repr(v)}" for name, v in profile.constants.items()]
+    lines += ["", "[roll_sets]"] if profile.roll_sets else []
+    lines += [f"{text(name)} = {list(rows)}" for name, rows in profile.roll_sets.items()]
     lines += ["", "[columns]", '# name in the file = name here with its unit; "" leaves a column out']
     for column in columns:
         name = column.name if profile.header else column.name.removeprefix("column ")

@@ -15,13 +15,14 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.files.cave import HELD
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.survey_csv import OutColumn, columns_of
 from inclinometry.files.writing import replacing
 
 
 class Format(NamedTuple):
-    """A survey format: the endings of its files, and what reads and writes it, as "module:function"."""
+    """A survey format: the endings of its files, and what reads ("" for nothing) and writes it, "module:function"."""
 
     endings: tuple[str, ...]
     read: str
@@ -39,9 +40,16 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
         "wits": Format(
             (".wits", ".wits0"), "workflow.convert_formats:read_wits", "workflow.convert_formats:write_wits"
         ),
+        "csv-excel": Format((), "files.six_axis:read_csv", "files.six_axis:write_excel_csv"),
+        "survex": Format((".svx",), "", "files.cave:write_survex"),
+        "therion": Format((".th",), "", "files.cave:write_therion"),
+        "compass": Format((".dat",), "", "files.cave:write_compass"),
     }
 )
 """Name -> format; the functions take and give `SurveyFile` and are imported when they are needed."""
+
+TABLES: Final = (".txt", ".asc", ".gz", ".json", ".h5", ".hdf5", ".npz", ".mat")
+"""Endings of other tables, which the reader of CSV takes as well."""
 
 Options: TypeAlias = Mapping[str, str | Path | None]
 
@@ -76,15 +84,19 @@ def format_of(path: str | Path, name: str | None = None, option: str = "--from")
     >>> format_of("a.LAS"), format_of("a.txt", "csv")
     ('las', 'csv')
     """
+    # some are written only
+    known = {name: form for name, form in FORMATS.items() if option == "--to" or (form.read and form.endings)}
     if name is not None:
-        if name not in FORMATS:
-            raise InputError(f"format {name!r} is not known; allowed: {', '.join(FORMATS)}")
+        if name not in known:
+            raise InputError(f"format {name!r} is not known; allowed: {', '.join(known)}")
         return name
     ending = Path(path).suffix.lower()
-    found = next((name for name, known in FORMATS.items() if ending in known.endings), None)
+    found = next((name for name, form in known.items() if ending in form.endings), None)
+    if found is None and option == "--from" and ending in TABLES:
+        return "csv"
     if found is None:
         what = f"the ending {ending!r} does not tell the format" if ending else "the name has no ending"
-        raise FileError(f"{what}; give {option}: {', '.join(FORMATS)}", path=path)
+        raise FileError(f"{what}; give {option}: {', '.join(known)}", path=path)
     return found
 
 
@@ -155,7 +167,7 @@ def _write(survey: SurveyFile, target: Path, name: str, items: Options) -> tuple
         scratch = Path(folder, target.name)
         try:
             _function(place.write)(survey, scratch, **_known(place.write, items))
-            sentences = lost(survey, scratch, name, _known(place.read, items))
+            sentences = lost(survey, scratch, name, _known(place.read, items)) if place.read else _of_legs(survey)
         except FileError as error:
             if error.path != scratch:
                 raise  # of another file, the map
@@ -227,6 +239,14 @@ def lost(survey: SurveyFile, path: str | Path, name: str, options: Options = Map
     if gone:
         sentences.append(f"texts of the file's head: {', '.join(gone)}")
     return tuple(sentence for sentence in sentences if sentence)
+
+
+def _of_legs(survey: SurveyFile) -> tuple[str, ...]:
+    """What a file of legs, which is not read, does not hold."""
+    gone = (_column_lost(column, None) for column in columns_of(survey) if column.name not in HELD)
+    texts = [key for key, text in survey.header.items() if text]
+    more = [f"texts of the file's head: {', '.join(texts)}"] if texts else []
+    return ("angles at the stations: legs are the straight lines between them", *filter(None, gone), *more)
 
 
 def _read_back(survey: SurveyFile, path: str | Path, name: str, options: Options) -> SurveyFile:

@@ -14,6 +14,9 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import Verification, verify
+from inclinometry.calibration.drift import SIXTY
+from inclinometry.calibration.drift_check import plan_information
+from inclinometry.calibration.drift_status import FleetStatus, fleet_status
 from inclinometry.calibration.field import calibrate_field
 from inclinometry.calibration.norm import NormFit, calibrate_norm, calibrate_norms
 from inclinometry.calibration.plans import Plan
@@ -27,13 +30,14 @@ from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.tool_json import read_calibration, write_calibration, write_truth
 from inclinometry.files.writing import write_text
+from inclinometry.history import PARAMETERS
 from inclinometry.motion.result import DynamicRun
 from inclinometry.orientation import angles
 from inclinometry.position.well import horizontal_ellipse
 from inclinometry.report.calibration import calibration_report
 from inclinometry.report.dynamic import Found, errors_of, methods_figure, rms_of
 from inclinometry.report.gyro import gyro_report, scale_report
-from inclinometry.report.page import Entry, entry_of, index_page
+from inclinometry.report.page import Entry, entry_of, index_page, linked_back
 from inclinometry.report.survey import survey_report
 from inclinometry.report.verification import verification_report
 from inclinometry.report.words import significant
@@ -41,6 +45,7 @@ from inclinometry.rotations import dcm, dcm_from_quaternion, quaternion_from_dcm
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.drilling import DrillingSimulation, simulate_drilling
+from inclinometry.simulate.fleet import FleetScene, simulate_fleet
 from inclinometry.simulate.gyro import hot_run
 from inclinometry.simulate.hole import SurveySimulation
 from inclinometry.survey.gyro import gyro_survey
@@ -304,6 +309,7 @@ SEED = 1
 HOT_SEED = 8
 """A run in which the scale drifts by 1 % and K passes zero, so that every method shows its weakness."""
 HOT_RUNS = 150
+FLEET_TOOLS = 40
 
 
 @dataclass(eq=False)
@@ -323,13 +329,14 @@ class Demo:
     hot_runs_rms: dict[str, float] = field(default_factory=dict)  # method -> deg, over HOT_RUNS runs
     well: DemoWell | None = None
     drilling: tuple[float, Mapping[str, tuple[float, float]]] | None = None  # highest rpm, name -> rms errors, deg
+    fleet: FleetStatus | None = None
     pages: list[Entry] = field(default_factory=list)
 
     def page(self, title: str, name: str, text: str, picture: str = "") -> None:
         """Write a report and remember it for the index, with a picture of the folder where there is one."""
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(text, path)
+        write_text(linked_back(text, "../index.html", "All reports"), path)
         self.pages.append(entry_of(title, name, text, picture))
 
 
@@ -344,6 +351,7 @@ def steps() -> Iterator[tuple[str, Callable[[Demo], None]]]:
     yield "a hot gyro run, 20 to 140 degC", _hot_run
     yield "quality, multi-station analysis and ellipse of a well drilled with a magnetised string", _magnetised
     yield "drilling with stick-slip: single samples, a textbook filter and this package", _drilling
+    yield f"{FLEET_TOOLS} tools and their calibrations of years: drift, due dates, alarms", _fleet
     yield "drawing the methods side by side", _picture
 
 
@@ -494,6 +502,39 @@ def _drilling(demo: Demo) -> None:
     demo.pages.append(Entry(title, picture, sentence=sentence, picture=picture))
 
 
+def _fleet(demo: Demo) -> None:
+    from inclinometry.report.fleet import fleet_report
+
+    magnetometer_x, accelerometer_y = np.zeros(24), np.zeros(24)
+    magnetometer_x[PARAMETERS.index("mag_x_offset")] = 8e-3  # 400 nT of 50000
+    accelerometer_y[PARAMETERS.index("accel_y_offset")] = 3e-3  # 3 mg
+    certificate = np.asarray(np.linalg.inv(plan_information(plans.twelve())), dtype=np.float64)
+    last = 5
+    scene = FleetScene(
+        FLEET_TOOLS, certificate, last + 1, multiplier_sd=0.6, rigs=3,
+        jumps={(11, last): magnetometer_x, (29, last): accelerometer_y},
+    )  # fmt: skip
+    histories = simulate_fleet(scene, seed=SEED).histories
+    demo.fleet = fleet_status(histories, reproducibility=False)
+    title = f"fleet of {FLEET_TOOLS} simulated tools: drift, due dates, alarms"
+    demo.page(title, "fleet/fleet.html", fleet_report(demo.fleet))
+
+
+def fleet_sentences(found: FleetStatus | None) -> list[str]:
+    """What the calibrations of a fleet say, for the terminal."""
+    if found is None:
+        return []
+    alarms = [f"{t.history.serial}: {t.alarm.sentence}" for t in found.tools if t.alarm and t.alarm.raised]
+    overdue = sum(tool.due.date <= found.day for tool in found.tools)
+    now, six = np.degrees(np.median([(tool.now[SIXTY], tool.checked[SIXTY]) for tool in found.tools], axis=0))
+    return [
+        f"{len(found.tools)} tools, {sum(len(t.history) for t in found.tools)} calibrations: {overdue} overdue on "
+        f"{found.day}, first {found.tools[0].history.serial}",
+        f"azimuth at inclination 60, median: {now:.3f} deg now, {six:.3f} deg after a check of six positions",
+        *(f"alarm, {sentence}" for sentence in alarms),
+    ]
+
+
 def _picture(demo: Demo) -> None:
     from inclinometry.report.figure import save_png
 
@@ -504,7 +545,16 @@ def _picture(demo: Demo) -> None:
     at = np.degrees(found.inclination[1])
     sentence = f"{title}; of the tool above, azimuth at inclination {at:.0f}, deg: {', '.join(rms)}"
     picture = Entry("the methods side by side", "comparison.png", sentence=sentence, picture="comparison.png")
-    write_text(index_page("Demonstration", [*demo.pages, picture]), demo.folder / "index.html")
+    # every file beside a report is linked from the first of its folder
+    linked = {name for page in demo.pages for name in (page.href, page.picture)}
+    entries = []
+    for page in [*demo.pages, picture]:
+        folder = (demo.folder / page.href).parent
+        files = sorted(f"{folder.name}/{path.name}" for path in folder.iterdir()) if folder != demo.folder else []
+        rest = [name for name in files if name not in linked]
+        linked.update(rest)
+        entries.append(page._replace(files=rest))
+    write_text(index_page("Demonstration", entries), demo.folder / "index.html")
 
 
 def methods_compared(draws: int) -> tuple[Figure, str]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, within
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import DIP, FIELD_UNITS
+from inclinometry.constants import AXIAL_INTERFERENCE, DIP, FIELD_UNITS
 from inclinometry.conventions import AXES, Axes, axes_matrix, named
 from inclinometry.earth.site import REFERENCES, Site, convert_azimuth
 from inclinometry.errors import FileError, InputError
@@ -21,6 +21,7 @@ from inclinometry.files.attitude_file import write_attitude
 from inclinometry.files.columns import KIND_PREFIX, PREFIXES
 from inclinometry.files.run_file import BLOCK, RunFile
 from inclinometry.motion.decimate import unit_warning
+from inclinometry.motion.magnetic.phase import LAG_SIGMA, MagneticSettings
 from inclinometry.motion.result import (
     BITS,
     CHANNELS,
@@ -34,6 +35,7 @@ from inclinometry.motion.result import (
     Spectrogram,
     Vibration,
 )
+from inclinometry.motion.result import METHODS as RESULT_METHODS
 from inclinometry.motion.timing import Piece, StretchCutter, rejoined
 from inclinometry.orientation import SWITCH, Angles, angles_jacobian, fields
 from inclinometry.rotations import TAU, dcm_from_quaternion, quaternion_from_dcm, rotation_z
@@ -100,28 +102,29 @@ class Rows:
         self.notes += [note for note in found.notes if note not in self.notes]
         if not len(found):
             return
-        at, u = found.angles, found.u
+        at = found.angles
         good = ~found.refused
-        own = np.stack(u, axis=1) ** 2
+        common = np.stack(found.u_common, axis=1) ** 2
+        random = np.stack(found.u, axis=1) ** 2 - common
         if good.any():
             turning = np.abs(np.nan_to_num(found.rate[good])) * self._window > TAU
             seen = Angles(*(column[good] for column in at))
             if self._calibration is not None:
-                own[good] += self._by_calibration(self._calibration, seen, turning, found.north)
+                common[good] += self._by_calibration(self._calibration, seen, turning, found.north)
             elif self._scale:
-                own[good] += self._by_scale(seen, turning, found.north)
+                common[good] += self._by_scale(seen, turning, found.north)
         azimuth, north, quaternion = np.full(len(found), np.nan), found.north, found.quaternion.copy()
         if good.any():
             turned, variances, north, said = turned_to_north(
-                at.azimuth[good], {"own": own[good]}, self._site, found.north
+                at.azimuth[good], {"own": common[good]}, self._site, found.north
             )
             azimuth[good] = turned
-            own[good] = np.sum(list(variances.values()), axis=0)
+            common[good] = np.sum(list(variances.values()), axis=0)
             # C(A + d, I, T) = C(A, I, T) R_z(d)
             by = rotation_z(turned - at.azimuth[good])
             quaternion[good] = quaternion_from_dcm(dcm_from_quaternion(quaternion[good]) @ by)
             self.notes += [note for note in said if note not in self.notes]
-        spread = np.minimum(np.sqrt(own), UNKNOWN)
+        spread, shared = (np.minimum(np.sqrt(part), UNKNOWN) for part in (common + random, common))
         # share of the uncertainty of an angle nothing is known of from which it is left blank
         nothing = 0.999
         # an angle of which nothing is known is no angle, though the row has others
@@ -140,9 +143,17 @@ class Rows:
                 flags=found.flags,
                 method=found.method,
                 north=np.full(len(found), REFERENCES.index(north), dtype=np.uint8),
-                quaternion=np.where(unknown[:, 3:], np.nan, quaternion),
+                # of the filter of any motion it is given all the same: its azimuth counts from an arbitrary direction
+                quaternion=np.where(
+                    unknown[:, 3:] & (found.method != RESULT_METHODS.index("complementary"))[:, None],
+                    np.nan,
+                    quaternion,
+                ),
                 magnetic_toolface=np.where(unknown[:, 3], np.nan, at.magnetic_toolface),
                 u_magnetic_toolface=spread[:, 3],
+                u_common_inclination=shared[:, 0],
+                u_common_azimuth=shared[:, 1],
+                u_common_toolface=shared[:, 2],
             )
         )
 
@@ -388,6 +399,9 @@ class DynamicOptions:
         more.
     scale_sigma : without a calibration, of each scale error and coupling of the magnetometer, a third of it of the
         accelerometers.
+    axial_sigma : nT, standard uncertainty of the field that the string adds along the tool.
+    lag, lag_sigma : s, time constant of the eddy currents in the collar and its standard uncertainty: the transverse
+        field is late by atan(omega lag); a speed that changes shows it.
     block : samples handled at a time; results do not depend on it.
     gyro_noise, gyro_bias_sigma : of the gyro, rad/sqrt(s) and rad/s, where they are stated; see `gyro_known`.
     allan : content of an allan.json, where there is one.
@@ -395,6 +409,7 @@ class DynamicOptions:
     axes, mag_axes : without a calibration, the file's channels that are x, y and z of the convention: of all triads,
         and of the magnetometer before that.
     switch : rad, inclination below which a row is steered by its magnetic toolface, from there on by gravity's.
+    interval : s, between the rows of the complementary filter; the window when not given.
 
     Raises
     ------
@@ -414,6 +429,9 @@ class DynamicOptions:
     block: int = BLOCK
     delay_sigma: float = DELAY_SIGMA
     scale_sigma: float = SCALE_SIGMA
+    axial_sigma: float = AXIAL_INTERFERENCE
+    lag: float = 0.0
+    lag_sigma: float = LAG_SIGMA
     gyro_noise: float | None = None
     gyro_bias_sigma: float | None = None
     allan: Mapping[str, Any] | None = None
@@ -421,6 +439,7 @@ class DynamicOptions:
     axes: Axes | None = None
     mag_axes: Axes | None = None
     switch: float = SWITCH
+    interval: float | None = None
 
     def __post_init__(self) -> None:
         chosen_method(self.method)
@@ -428,11 +447,18 @@ class DynamicOptions:
             raise InputError(f"the window is {self.window:g} s; allowed {SHORTEST:g} to {LONGEST:g} s")
         within(self.delay_sigma, "the standard deviation of the delay", 0.0, 0.01, "s")
         within(self.scale_sigma, "the standard deviation of the scale errors", 0.0, 0.1)
+        within(self.axial_sigma, "the standard deviation of the axial interference", 0.0, 1e5, "nT")
+        within(self.lag, "the lag of the field", 0.0, 0.05, "s")
+        within(self.lag_sigma, "the standard deviation of the lag", 0.0, 0.05, "s")
         if self.gyro_noise is not None:
             within(self.gyro_noise, "the gyro's noise", 1e-9, 1.0, "rad/sqrt(s)")
         if self.gyro_bias_sigma is not None:
             within(self.gyro_bias_sigma, "the standard deviation of the gyro's bias", 0.0, 1.0, "rad/s")
         within(self.switch, "the inclination of the switch of toolfaces", 0.0, 0.5 * np.pi, "rad")
+        if self.interval is not None:
+            within(self.interval, "the interval between rows", 1e-4, LONGEST, "s")
+            if self.method != "complementary":
+                raise InputError(f"an interval is for the method complementary; {self.method} has a row a window")
         if self.block < 1:
             raise InputError(f"the block is {self.block} samples; allowed: 1 or more")
 
@@ -562,11 +588,35 @@ def _setup(
     if "gyro" not in run.names:
         if any(one is not None for one in stated):
             raise FileError("the gyro's noise or bias is stated, and the run has no gyro", path=run.path)
-        return Setup(place, options.window, offsets, options.delay_sigma), ()
+        return _made(place, calibration, options, offsets, {}), ()
     known, said = gyro_known(options.gyro_noise, options.gyro_bias_sigma, offsets, options.allan)
     # said where it decides: known from somewhere, or an azimuth that rests on the gyro
     say = bool(known) or options.method == "gyro" or "magnetometer" not in run.names
-    return Setup(place, options.window, offsets, options.delay_sigma, known), (said,) if say else ()
+    return _made(place, calibration, options, offsets, known), (said,) if say else ()
+
+
+def _made(
+    place: Site,
+    calibration: Calibration | None,
+    options: DynamicOptions,
+    offsets: Mapping[str, float],
+    gyro: Mapping[str, float],
+) -> Setup:
+    """What a method is made from, by the options."""
+    # a calibration does not tell how the axes lie to the axis of rotation
+    coupling = max(MagneticSettings.coupling_sigma, options.scale_sigma / 3.0 if calibration is None else 0.0)
+    return Setup(
+        place,
+        options.window,
+        offsets,
+        options.delay_sigma,
+        options.axial_sigma,
+        options.lag,
+        options.lag_sigma,
+        coupling,
+        gyro,
+        options.interval,
+    )
 
 
 def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptions) -> dict[str, Array]:
@@ -618,11 +668,12 @@ def attitude_stream(
     >>> [len(stream.push(still.part(start, start + 50))) for start in range(0, 250, 50)]
     [0, 1, 0, 1, 0]
     """
+    check_record(site, Site, "attitude_stream")
     chosen = options or DynamicOptions()
     place, _ = completed(site)
     offsets = offset_uncertainty(calibration, place)
     known, _ = gyro_known(chosen.gyro_noise, chosen.gyro_bias_sigma, offsets, chosen.allan)
-    return chosen_method(chosen.method).make(Setup(place, chosen.window, offsets, chosen.delay_sigma, known))
+    return chosen_method(chosen.method).make(_made(place, calibration, chosen, offsets, known))
 
 
 class _Pipeline:
@@ -656,6 +707,7 @@ class _Pipeline:
 
 def write_dynamic(found: DynamicRun, path: str | Path) -> None:
     """Write the attitude of a run, CSV or Parquet; digests of the inputs go into the metadata of Parquet."""
+    check_record(found, DynamicRun, "write_dynamic")
     header = {"method": found.method, "window_s": f"{found.window:g}"}
     header |= {f"input {name}": text for name, text in found.inputs.items()}
     write_attitude(found.rows, path, header, switch=found.switch)

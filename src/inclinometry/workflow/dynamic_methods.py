@@ -12,7 +12,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.constants import AXIAL_INTERFERENCE, EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.motion.axes import expected_dip
@@ -21,7 +21,7 @@ from inclinometry.motion.complementary.filter import ComplementarySettings, Comp
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.smoother import smoothed_attitude
 from inclinometry.motion.inertial.state import InertialSettings
-from inclinometry.motion.magnetic.phase import MagneticSettings
+from inclinometry.motion.magnetic.phase import LAG_SIGMA, MagneticSettings
 from inclinometry.motion.magnetic.window import MagneticStream
 from inclinometry.motion.reference import FAR_DIP, RunDip
 from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
@@ -188,7 +188,11 @@ class Setup:
     offsets : standard uncertainties of offsets by the calibration, SI, where there is one: "accelerometer",
         "magnetometer" across and "axial", "gyro" of its worst axis.
     delay : s, standard uncertainty of the time by which the sensors are out of step.
+    axial : nT, standard deviation of the field that the string adds along the tool.
+    lag, lag_sigma : s, time constant of eddy currents in the collar and its standard deviation.
+    coupling : scale errors, couplings and tilt of the accelerometers against the axis of rotation, standard deviation.
     gyro : what is known of the gyro, by the names of `InertialSettings`: gyro_noise, gyro_bias_sigma, gyro_bias_walk.
+    interval : s, spacing of the rows of the complementary filter, where it is not the window.
 
     One tool has one set of priors, whatever the method.
     """
@@ -197,7 +201,17 @@ class Setup:
     window: float
     offsets: Mapping[str, float]
     delay: float = 1e-4
+    axial: float = AXIAL_INTERFERENCE
+    lag: float = 0.0
+    lag_sigma: float = LAG_SIGMA
+    coupling: float = MagneticSettings.coupling_sigma
     gyro: Mapping[str, float] = field(default_factory=dict)
+    interval: float | None = None
+
+    @property
+    def late(self) -> float:
+        """s, by which the field may be late for either reason; what no method but the magnetic one tells apart."""
+        return float(np.hypot(self.delay, np.hypot(self.lag, self.lag_sigma)))
 
     def magnetic(self) -> MagneticSettings:
         """Windows side by side; offsets as the calibration leaves them, but no better than drilling allows."""
@@ -210,8 +224,11 @@ class Setup:
             overlap=0.0,
             offset_sigma=plain.offset_sigma if across is None else min(1e5, max(string_field, across)),
             accel_sigma=min(1.0, max(plain.accel_sigma, self.offsets.get("accelerometer", 0.0))),
-            axial_sigma=min(1e5, max(plain.axial_sigma, self.offsets.get("axial", 0.0))),
+            axial_sigma=min(1e5, max(1e-3, float(np.hypot(self.axial, self.offsets.get("axial", 0.0))))),
+            coupling_sigma=self.coupling,
             delay_sigma_s=self.delay,
+            lag_s=self.lag,
+            lag_sigma_s=self.lag_sigma,
             site=self.site,
         )
 
@@ -233,7 +250,7 @@ class Setup:
             window=self.window,
             accel_bias_sigma=same.accel_sigma,
             hard_iron_sigma=(same.offset_sigma, same.offset_sigma, same.axial_sigma),
-            delay_sigma_s=self.delay,
+            delay_sigma_s=self.late,
         )
         return replace(plain, **self.gyro)  # type: ignore[arg-type]
 
@@ -249,7 +266,7 @@ class Setup:
             if known in self.gyro
         }
         return ComplementarySettings(
-            every=max(1, round(self.window / interval)),
+            every=max(1, round((self.interval or self.window) / interval)),
             gravity=self.site.gravity or STANDARD_GRAVITY,
             accel_error=self.magnetic().accel_sigma,
             **gyro,
@@ -263,7 +280,7 @@ class Setup:
         return WindowFilterSettings(
             common_tilt=same.accel_sigma / STANDARD_GRAVITY,
             common_turn=min(3.0, same.axial_sigma / max(float(level), 1.0)),
-            common_delay=self.delay,
+            common_delay=self.late,
         )
 
 

@@ -182,8 +182,10 @@ def _weak(horizontal: float, sigma: float) -> list[str]:
     if horizontal >= weak:
         return []
     zone = "blackout" if horizontal < weakest else "caution"
-    said = f"the horizontal field is {horizontal:.0f} nT ({zone} zone of the WMM, below {weak:.0f} nT): the declination"
-    return [f"{said} is known to {np.degrees(sigma):.1f} deg only; prefer a gyro or in-field referencing"]
+    return [
+        f"the horizontal field is {horizontal:.0f} nT ({zone} zone of the WMM, below {weak:.0f} nT): the declination "
+        f"is known to {np.degrees(sigma):.1f} deg only; prefer a gyro or in-field referencing"
+    ]
 
 
 def _outside(site: Site) -> list[str]:

@@ -34,10 +34,11 @@ from inclinometry.gyro.tracking import (
 from inclinometry.survey.flags import HEAT_MARGIN, Check
 from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.gyro_quality import rate_unit_suspect
-from inclinometry.survey.reduce import Survey
+from inclinometry.survey.reduce import Survey, parts_of
 from inclinometry.tabular import Column, Tabular, check_record
 from inclinometry.workflow.gyro_average import Averages, average_run, gravity_suspect
 from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, gravity_scale, misfit_hint, refusal
+from inclinometry.workflow.gyro_errors import run_errors
 from inclinometry.workflow.gyro_methods import ScalePrior, Stations, solve, stations_of
 
 METHODS: Final = ("joint", "patent", "fixed")
@@ -222,9 +223,11 @@ def north_run(
     total = np.linalg.norm(averages.gravity.field, axis=1)
     digests = {"raw": readings.digest, **(inputs or {}), **_earlier(chosen.history)}
     name = "" if calibration is None else calibration.tool.name
+    errors = run_errors(north, stations, averages, known, calibration, site) if north.response else None
     survey = gyro_survey(
-        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, notes=notes
-    )
+        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, notes=notes,
+        errors=errors,
+    )  # fmt: skip
     survey = replace(survey, notes=(*averages.gravity.notes, *averages.rate.notes))
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
@@ -345,4 +348,5 @@ def write_run(run: GyroRun, path: str | Path) -> None:
     columns |= {"root": [north.root[n] for n in order]}
     columns["temperature_degC"] = None if run.temperature is None else run.temperature[order]
     columns |= dict(zip(CORRECTED, np.degrees(3600.0 * run.rates[order]).T, strict=True))
+    columns |= parts_of(survey.common, survey.random) if survey.common.size else {}
     write_gyro_stations(path, columns)

@@ -17,7 +17,7 @@ from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.gyro.result import IndexAverage
 from inclinometry.rotations import rotation_z
 from inclinometry.sensors import Triad
-from inclinometry.workflow.gyro_uncertainty import field_covariance_of_calibration, reading_variance
+from inclinometry.workflow.gyro_uncertainty import field_by_calibration, reading_variance
 
 TO_SI: Final = {
     "counts": 1.0,
@@ -41,6 +41,10 @@ class Averages:
     gravity, rate : as `average_index` returns them, in SI.
     gravity_calibration, rate_calibration : (n, 3, 3) from the calibration; for the rate without its scale.
     scale_calibration : (n,) relative standard uncertainty of the scale by the calibration.
+    gravity_bias, rate_bias : (n,) the part of the standard uncertainty along the tool that comes from the bias of the
+        sensor there, which turning cannot remove and which all stations share; 0 without such a sensor.
+    gravity_by_calibration, rate_by_calibration : (n, 3, p) derivatives by the tool's parameters whose covariance the
+        calibration states; no columns without one.
     """
 
     gravity: IndexAverage
@@ -48,6 +52,10 @@ class Averages:
     gravity_calibration: Array
     rate_calibration: Array
     scale_calibration: Array
+    gravity_bias: Array
+    rate_bias: Array
+    gravity_by_calibration: Array
+    rate_by_calibration: Array
 
 
 def average_run(
@@ -87,18 +95,21 @@ def average_run(
     """
     if calibration is not None:
         same_units({kind: readings.units[kind] for kind in readings.channels}, calibration)
-    gravity = _named(readings, calibration, "accelerometer", scheme, accelerometer_sd, None, sweep, g)
-    rate = _named(readings, calibration, "gyro", scheme, gyro_sd, z_bias_sd, sweep, g)
+    gravity, g_bias = _named(readings, calibration, "accelerometer", scheme, accelerometer_sd, None, sweep, g)
+    rate, w_bias = _named(readings, calibration, "gyro", scheme, gyro_sd, z_bias_sd, sweep, g)
     if calibration is None:
-        nothing = np.zeros((len(readings), 3, 3))
-        return Averages(gravity, rate, nothing, nothing, np.zeros(len(readings)))
+        nothing, none = np.zeros((len(readings), 3, 3)), np.zeros((len(readings), 3, 0))
+        return Averages(gravity, rate, nothing, nothing, np.zeros(len(readings)), g_bias, w_bias, none, none)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
-    own = field_covariance_of_calibration(calibration.tool, "accelerometer", gravity.field, heat)
-    turned = field_covariance_of_calibration(calibration.tool, "gyro", rate.field, heat)
+    tool = calibration.tool
+    by_gravity = field_by_calibration(tool, "accelerometer", gravity.field, heat)
+    by_rate = field_by_calibration(tool, "gyro", rate.field, heat)
+    own = by_gravity @ tool.covariance @ np.swapaxes(by_gravity, 1, 2)
+    turned = by_rate @ tool.covariance @ np.swapaxes(by_rate, 1, 2)
     unit = np.nan_to_num(rate.field / np.linalg.norm(np.nan_to_num(rate.field), axis=1, keepdims=True))
     across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
     along = np.einsum("ni,nij,nj->n", unit, turned, unit) / np.sum(np.nan_to_num(rate.field) ** 2, axis=1)
-    return Averages(gravity, rate, own, across @ turned @ across, np.sqrt(along))
+    return Averages(gravity, rate, own, across @ turned @ across, np.sqrt(along), g_bias, w_bias, by_gravity, by_rate)
 
 
 def _named(
@@ -110,7 +121,7 @@ def _named(
     z_bias_sd: float | None,
     sweep: float,
     g: float | None,
-) -> IndexAverage:
+) -> tuple[IndexAverage, Array]:
     """Average one kind of sensor; errors name the file, its stations and what to state."""
     try:
         return _average(readings, calibration, kind, scheme, stated_sd, z_bias_sd, sweep, g)
@@ -154,7 +165,8 @@ def _average(
     z_bias_sd: float | None,
     sweep: float,
     g: float | None,
-) -> IndexAverage:
+) -> tuple[IndexAverage, Array]:
+    """The average, and the standard deviation (n,) of its component along the tool by the bias of the sensor there."""
     if calibration is None:
         return _plain(readings, kind, scheme, stated_sd, z_bias_sd, sweep)
     tool = calibration.tool
@@ -177,7 +189,8 @@ def _average(
     bias = None if z_bias_sd is None else z_bias_sd / strength * np.linalg.norm(triad.tensor[0], axis=1)
     doubt = reading_variance(tool, kind, powers)
     if sd is None or not doubt.any():
-        return _two_passes(readings, signals, scheme, sd, sweep, tensor, offset, bias, kind, strength)[0]
+        found, known = _two_passes(readings, signals, scheme, sd, sweep, tensor, offset, bias, kind, strength)
+        return found, _along(known, tensor, strength, len(readings))
     # positions differ by the calibration's errors too, which are no fault of a reading
     plain = np.broadcast_to(sd, signals.shape)
     wide = np.sqrt(plain**2 + doubt[readings.station])
@@ -200,12 +213,21 @@ def _average(
         sweep=sweep,
         drift=SCHEMES[scheme].drift,
     )
-    return replace(found, field=again.field * strength, covariance=again.covariance * (strength / lenient) ** 2)
+    found = replace(found, field=again.field * strength, covariance=again.covariance * (strength / lenient) ** 2)
+    return found, _along(known, tensor, strength, len(readings))
+
+
+def _along(known: Array, tensor: Array, strength: float, size: int) -> Array:
+    """Standard deviation (size,) of the field along the tool by biases known to `known` (m,), in the field's unit."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # a bias that turning tells has no prior and brings nothing
+        weight = np.where(np.isfinite(known), (tensor[..., 2] / known) ** 2, 0.0).sum(axis=-1)
+        return np.broadcast_to(np.where(weight > 0.0, strength / np.sqrt(weight), 0.0), (size,))
 
 
 def _plain(
     readings: GyroReadings, kind: str, scheme: str, stated_sd: float | None, z_bias_sd: float | None, sweep: float
-) -> IndexAverage:
+) -> tuple[IndexAverage, Array]:
     """Channels that are already fields along the axes they are named after."""
     letters, unit = readings.letters.get(kind), readings.units[kind]
     if not letters:
@@ -226,7 +248,8 @@ def _plain(
     sd = np.full(len(letters), stated_sd / factor) if stated_sd is not None else sd
     bias = None if z_bias_sd is None else np.full(len(letters), z_bias_sd / factor)
     tensor = np.eye(3)[: len(letters)]
-    return _two_passes(readings, signals, scheme, sd, sweep, tensor, None, bias, kind, factor)[0]
+    found, known = _two_passes(readings, signals, scheme, sd, sweep, tensor, None, bias, kind, factor)
+    return found, _along(known, tensor, factor, len(readings))
 
 
 def _two_passes(
@@ -366,7 +389,7 @@ def _without_gravity(
     if triad.g_sensitivity is None:
         return signals
     steady = np.ones(calibration.tool.triads["accelerometer"].count)  # equal weights: only the mean is wanted
-    down = _average(readings, calibration, "accelerometer", scheme, float(steady[0]), None, sweep, g).field
+    down = _average(readings, calibration, "accelerometer", scheme, float(steady[0]), None, sweep, g)[0].field
     if not np.isfinite(down).all():
         raise InputError("the gyros are g-sensitive; gravity along the tool is needed: add the accelerometer's z")
     down = down / np.linalg.norm(down, axis=1, keepdims=True)

@@ -18,7 +18,7 @@ from inclinometry.workflow.gyro_average import Averages
 
 @dataclass(frozen=True, eq=False)
 class Stations:
-    """What every method is given."""
+    """What every method is given; `gravity_sd` as of `GyroOptions`, 0 where all of gravity is measured."""
 
     gravity: Array
     gravity_covariance: Array
@@ -28,6 +28,7 @@ class Stations:
     g: float
     hole: str | None
     latitude_sd: float
+    gravity_sd: float = 0.0
 
 
 def stations_of(averages: Averages, site: Site, hole: str | None, gravity_sd: float = 0.0) -> Stations:
@@ -52,6 +53,7 @@ def stations_of(averages: Averages, site: Site, hole: str | None, gravity_sd: fl
         g,
         hole,
         site.latitude_sigma or 0.0,
+        gravity_sd if blind.any() else 0.0,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.sensors import Tool
+from inclinometry.sensors import Tool, by_parameter
 
 
 def reading_variance(tool: Tool, kind: str, powers: Array) -> Array:
@@ -17,17 +17,14 @@ def reading_variance(tool: Tool, kind: str, powers: Array) -> Array:
     return np.asarray(np.einsum("np,spq,nq->ns", powers, mean, powers))
 
 
-def field_covariance_of_calibration(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
-    """Covariance (n, 3, 3) of a field from its triad's tensor; offsets are turned away by the index."""
+def field_by_calibration(tool: Tool, kind: str, field: Array, heat: Array | None) -> Array:
+    """Derivatives (n, 3, p) of a field by all parameters of the tool; offsets are turned away by the index."""
     triad = tool.triads[kind]
     seen = np.nan_to_num(field)
-    strength = np.linalg.norm(seen, axis=1, keepdims=True)
-    regressor = np.concatenate([seen / (triad.field_strength or strength.mean()), np.zeros((len(seen), 1))], axis=1)
-    powers = np.broadcast_to(triad.basis(heat), (len(seen), triad.degree + 1))
-    design = (powers[:, :, None] * regressor[:, None, :]).reshape(len(seen), -1)
-    size, count = triad.degree + 1, triad.count
-    own = tool.covariance[tool.slices[kind], tool.slices[kind]].reshape(size, count, 4, size, count, 4)
-    ordered = own.transpose(1, 0, 2, 4, 3, 5).reshape(count, size * 4, count, size * 4)
-    inverse = np.broadcast_to(triad.inverse(heat), (len(seen), 3, count))
-    signal = np.einsum("np,apbq,nq->nab", design, ordered, design, optimize=True)
-    return np.asarray(inverse @ signal @ np.swapaxes(inverse, -1, -2)) * (triad.field_strength or strength.mean()) ** 2
+    strength = triad.field_strength or float(np.linalg.norm(seen, axis=1).mean())
+    inverse = np.broadcast_to(strength * triad.inverse(heat), (len(seen), 3, triad.count))
+    own = by_parameter(triad, seen / strength, inverse, heat)
+    own[..., 3::4] = 0.0
+    found = np.zeros((len(seen), 3, len(tool.covariance)))
+    found[..., tool.slices[kind]] = own
+    return found

@@ -33,6 +33,11 @@ def advice(name: str) -> tuple[str, ...]:
     >>> advice("twelve")
     ()
     """
+    if name == "six":
+        return (
+            "six positions determine no tool by themselves: they complete the history of one that has been calibrated "
+            "before, and its full calibrations take twelve or more",
+        )
     if name != "rotations":
         return ()
     return (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,13 +13,15 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import FileError, InputError
+from inclinometry.files.errors_json import read_errors
 from inclinometry.files.position_csv import WellStations, read_well
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
 from inclinometry.files.table import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.position.propagation import MatrixSource, PositionUncertainty, propagate
+from inclinometry.position.certificate import with_terms
+from inclinometry.position.propagation import AngleRun, MatrixSource, PositionUncertainty, gyro_sources, propagate
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.rotations import wrap_signed
@@ -26,6 +29,7 @@ from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
 from inclinometry.survey.reduce import SensorCorrection
+from inclinometry.workflow.age import Age, at_the_run
 from inclinometry.workflow.calibration_error_model import calibration_error_model
 from inclinometry.workflow.corrections import matching_correction
 from inclinometry.workflow.field import completed, model_of
@@ -62,7 +66,9 @@ def read_position(
     tool: str | Path | None = None,
     raw: str | Path | None = None,
     corrections: str | Path | None = None,
+    errors: str | Path | None = None,
     *,
+    age: Age = Age(),  # noqa: B008
     tie_on: tuple[float, float, float] | None = None,
     tie_sigma: tuple[float, float, float] | None = None,
     north: str | None = None,
@@ -84,6 +90,10 @@ def read_position(
         Raw channels of the same stations, for the fields that the tool saw.
     corrections : str or Path, optional
         corrections.json of the multi-station analysis that the survey was corrected with.
+    errors : str or Path, optional
+        errors.json of the gyro run that the survey is: the error model of its angles.
+    age : Age
+        Of the calibration at the run; a year where nothing tells it.
     tie_on, tie_sigma, north
         As `well_position`.
     progress : callable, optional
@@ -96,7 +106,10 @@ def read_position(
     stations = read_well(survey, progress=progress)
     site, said = completed(Site() if site_path is None else read_site(site_path))
     code = None if tool_code is None else load_tool_code(tool_code)
-    calibration = None if tool is None else read_calibration(tool)
+    calibration = None
+    if tool is not None:
+        calibration, old = at_the_run(read_calibration(tool), tool, site, age, otherwise=1.0)
+        said = [*said, *old]
     channels = None if raw is None else read_raw_survey(raw)
     correction: SensorCorrection | None = None
     warned: list[str] = []
@@ -115,12 +128,20 @@ def read_position(
         calibration,
         channels,
         correction,
+        None if errors is None else read_errors(errors),
         tie_on=tie_on,
         tie_sigma=tie_sigma,
         north=north,
         site_path=site_path,
     )
-    files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw, "corrections": corrections}
+    files = {
+        "site": site_path,
+        "tool code": tool_code,
+        "tool": tool,
+        "raw": raw,
+        "corrections": corrections,
+        "errors": errors,
+    }
     read = {name: path for name, path in files.items() if path is not None and Path(path).is_file()}
     digests = {name: digest_file(path) for name, path in read.items()}
     warnings = (*warned, *found.warnings)
@@ -134,6 +155,7 @@ def well_position(
     calibration: Calibration | None = None,
     raw: RawSurvey | None = None,
     correction: SensorCorrection | None = None,
+    run: AngleRun | None = None,
     *,
     tie_on: tuple[float, float, float] | None = None,
     tie_sigma: tuple[float, float, float] | None = None,
@@ -156,6 +178,9 @@ def well_position(
         The raw channels of the same stations; without them the fields are those of the site.
     correction : SensorCorrection, optional
         Of the multi-station analysis that the survey was corrected with.
+    run : AngleRun, optional
+        The gyro run that the stations are, with what may be wrong with its angles; no calibration goes beside it. The
+        tool code then tells of depth, misalignment, sag and the course between stations.
     tie_on : (3,) floats, optional
         North, east and true vertical depth of the first station, m; 0, 0 and its measured depth where not given.
     tie_sigma : (3,) floats, optional
@@ -175,12 +200,12 @@ def well_position(
     target = north or (grid_or_true if site.north_reference == "magnetic" else site.north_reference)
     try:
         # the path from the north of the results, and the survey as the error model sees it
-        true = convert_azimuth(stations.azimuth, stations.azimuth_reference, "true", site)
         start = (0.0, 0.0, float(stations.md[0])) if tie_on is None else tie_on
-        turned = convert_azimuth(true, "true", target, site)
+        turned = convert_azimuth(stations.azimuth, stations.azimuth_reference, target, site)
         path = minimum_curvature(stations.md, stations.inclination, turned, start=start)
         tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
-        well = well_survey(stations.md, stations.inclination, true, site, "true", tvd=path.tvd, north=target, tie=tie)
+        seen = (stations.md, stations.inclination, stations.azimuth)
+        well = well_survey(*seen, site, stations.azimuth_reference, tvd=path.tvd, north=target, tie=tie)
     except InputError as error:
         raise _of_site(error, site_path) from None
     sources: Sequence[MatrixSource] = ()
@@ -193,6 +218,8 @@ def well_position(
             sources, code, notes, warnings = calibration_error_model(
                 calibration, well, stations, raw, tool_code, correction
             )
+        if run is not None:
+            sources, code, notes, warnings = _of_run(run, well, tool_code)
         if code is not None or sources:
             uncertainty = propagate(well, code, sources)
     except InputError as error:
@@ -219,6 +246,23 @@ def well_position(
         (*_doubts(stations, path, site), *warnings),
         {"survey": stations.digest},
     )
+
+
+def _of_run(
+    run: AngleRun, well: WellSurvey, code: ToolCode | None
+) -> tuple[Sequence[MatrixSource], ToolCode | None, list[str], list[str]]:
+    """The error model that a gyro run is, with what of a tool code is about other things than its angles' sensors."""
+    sources = gyro_sources(run, well)
+    if code is None:
+        return sources, None, [], [
+            "the run tells of its sensors alone: errors of measured depth, misalignment in the hole and sag are not in "
+            "the ellipses; a tool code beside --errors adds them"
+        ]  # fmt: skip
+    # depth, misalignment of tool and hole, sag, course between stations
+    kept = [term.name for term in code.terms if re.match(r"DR|DS|MIS|V?SAG|XYM|XCL", term.name, re.IGNORECASE)]
+    if not kept:
+        raise InputError(f"tool code {code.name} has no terms of depth, misalignment or sag: leave it out")
+    return sources, with_terms(code, kept), [f"beside the run's own errors: {', '.join(kept)} of {code.name}"], []
 
 
 def _of_site(error: InputError, path: str | Path | None) -> InputError:
@@ -268,6 +312,9 @@ def _doubts(stations: WellStations, path: WellPath, site: Site) -> list[str]:
     if away <= max(3.0 * sigma, np.radians(1.0)):
         return doubts
     turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
-    shown = f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
-    shown += f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there"
-    return [*doubts, shown + ("; its sign looks wrong (east is positive)" if turned else "; check it")]
+    doubt = "; its sign looks wrong (east is positive)" if turned else "; check it"
+    return [
+        *doubts,
+        f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
+        f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there{doubt}",
+    ]

@@ -12,7 +12,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.rate_table import RateCalibration, calibrate_rates, table_rates
 from inclinometry.calibration.result import UNSTATED, Calibration, Residuals, Rig
 from inclinometry.calibration.temperature import soaks
-from inclinometry.constants import EARTH_RATE
+from inclinometry.constants import EARTH_RATE, PER_RADIAN
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, IdentifiabilityError, InputError
@@ -25,9 +25,6 @@ from inclinometry.sensors import Tool, Triad
 #
 # The table turns against the Earth: of the rate as stated the Earth's is a known part. A rate in another unit or of the
 # other sign makes that part wrong, signals in another unit do not; so the residuals tell which of the two it is.
-
-PER_RADIAN = {"rad/s": 1.0, "deg/s": np.degrees(1.0), "deg/h": np.degrees(3600.0)}
-"""Signals in these units for a true rate of 1 rad/s."""
 
 NEAR = 1.2
 """A scale within this factor of the unit's is the gyro's own; and of a likely mistake, is that mistake."""

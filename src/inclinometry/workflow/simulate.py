@@ -33,12 +33,15 @@ PLANS = {
     "half": plans.half,
     "two-face": plans.two_face,
     "rotations": plans.rotations,
+    "six": plans.six,
 }
 """Plans that need no design, by name."""
 
 LAYOUTS = {"realistic": realistic_tool, "random": random_tool}
 """How the sensors sit: near the tool's axes, or anywhere."""
 
+
+_STAND = ("dip", "latitude", "declination", "base_tilt", "tilt_axis", "north_offset")
 
 BITS = 12
 """Of the usual converter."""
@@ -123,8 +126,7 @@ def bench(
     stand = rig
     if truth is not None and truth[1] is not None:
         # the errors of this visit on the base and in the field of the stand
-        names = ("dip", "latitude", "declination", "base_tilt", "tilt_axis", "north_offset")
-        stand = replace(rig, **{name: getattr(truth[1], name) for name in names})
+        stand = replace(rig, **{name: getattr(truth[1], name) for name in _STAND})
     characteristic = characteristic or {}
     run = simulate_bench(
         tool,
@@ -160,16 +162,14 @@ def bench(
         "seed": seed,
         "field_directions": dict(run.field_directions),
         "setting_errors_deg": np.degrees(run.setting_errors),
-        "rig": {
-            "dip_deg": float(np.degrees(run.rig.dip)),
-            "latitude_deg": float(np.degrees(run.rig.latitude)),
-            "declination_deg": float(np.degrees(run.rig.declination)),
-            "base_tilt_deg": float(np.degrees(run.rig.base_tilt)),
-            "tilt_axis_deg": 0.0 if run.rig.tilt_axis is None else float(np.degrees(run.rig.tilt_axis)),
-            "north_offset_deg": float(np.degrees(run.rig.north_offset)),
-        },
+        "rig": stand_content(run.rig),
     }
     return SimulatedBench(readings, run.tool, extras)
+
+
+def stand_content(rig: Rig) -> dict[str, float]:
+    """What a truth.json says of the stand, for `read_truth`."""
+    return {f"{name}_deg": float(np.degrees(getattr(rig, name) or 0.0)) for name in _STAND}
 
 
 def characteristics(
@@ -263,10 +263,10 @@ def write_well(found: SurveySimulation, path: str | Path, truth: str | Path | No
 
 
 def log(
-    plan: Plan, seed: int, *, dwell: float = 5.0, move: float = 2.0, rate: float = 100.0
+    plan: Plan, seed: int, known: Tool | None = None, *, dwell: float = 5.0, move: float = 2.0, rate: float = 100.0
 ) -> tuple[LogSimulation, Tool]:
-    """A continuous log over the positions of a plan; seconds and samples a second."""
-    tool = realistic_tool(seed, bits=None)
+    """A log over the positions of a plan, of a tool of the seed where none is known; seconds, samples a second."""
+    tool = known or realistic_tool(seed, bits=None)
     return simulate_log(
         tool, plan.azimuth, plan.inclination, plan.toolface, dwell=dwell, move=move, rate=rate, seed=seed
     ), tool

@@ -40,6 +40,8 @@ from inclinometry.survey.quality import FieldLimits, FieldQuality, judge_fields,
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correction, correction_of
 from inclinometry.survey.stations import Stations
+from inclinometry.tabular import check_record
+from inclinometry.workflow.age import Age, at_the_run
 from inclinometry.workflow.convert import format_of, read_survey_file
 from inclinometry.workflow.corrections import (
     apply_corrections,
@@ -246,6 +248,7 @@ def read_six_axis(
     raw: str | Path,
     site: str | Path | None,
     calibration: str | Path | None = None,
+    age: Age = Age(),  # noqa: B008
     *,
     form: str | None = None,
     convention: str | None = None,
@@ -262,6 +265,8 @@ def read_six_axis(
         site.toml; what it lacks is filled from models where place and date are known. Required without a calibration.
     calibration : str or Path, optional
         tool.json
+    age : Age
+        Of the calibration at the run.
     form : str, optional
         Format of `raw`; by its ending when not given.
     convention : str, optional
@@ -294,7 +299,8 @@ def read_six_axis(
         return SixAxis(stations, place, None, None, (*said, *notes), warned, {"raw": digest, **inputs})
     if convention is not None:
         raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
-    record = read_calibration(calibration)
+    record, old = at_the_run(read_calibration(calibration), calibration, place, age)
+    said = [*said, *old]
     stations, digest, notes = tool_stations(raw, record, place, form, progress)
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": digest, "tool": digest_file(calibration)}
@@ -359,6 +365,7 @@ def judge(stations: Stations, site: Site, limits: FieldLimits | None = None) -> 
     InputError
         The site knows no gravity, b or dip.
     """
+    check_record(stations, Stations, "quality")
     _refuse_unknown(site)
     reference = reference_of_site(site)
     return JudgedStations(judge_fields(stations, reference, limits=limits), wiring_check(stations, reference.dip))
@@ -536,6 +543,7 @@ def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = No
         As `multistation`; a site without g, b or dip; units, axes or signs that are wrong; an estimate beyond ten
         times its prior.
     """
+    check_record(run, SixAxis, "msa")
     before, reference = judge(run.stations, run.site), reference_of_site(run.site)
     refuse_uncorrectable(run.stations, reference)
     if run.tool is None:

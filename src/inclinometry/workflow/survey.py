@@ -16,11 +16,12 @@ from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey, survey_cells
 from inclinometry.files.table import Progress
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.files.writing import write_columns
+from inclinometry.files.writing import column, write_columns
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.from_tool import stations_from_tool
-from inclinometry.survey.reduce import Survey, reduce_survey
+from inclinometry.survey.reduce import Survey, parts_of, reduce_survey
 from inclinometry.tabular import check_record
+from inclinometry.workflow.age import Age, at_the_run
 from inclinometry.workflow.field import completed
 from inclinometry.workflow.six_axis import (
     JudgedStations,
@@ -87,6 +88,7 @@ def survey_file(
     second: str | None = None,
     hole: str = "down",
     gravity_sd: float | None = None,
+    age: Age = Age(),  # noqa: B008
     form: str | None = None,
     convention: str | None = None,
     charts: bool = False,
@@ -104,6 +106,8 @@ def survey_file(
         As `survey_raw`.
     gravity_sd : float, optional
         As `survey_raw`.
+    age : Age
+        Of the calibration at the run.
     second : {"magnetometer", "gyro"}, optional
         As `survey_raw`; corrections are of the magnetometer's survey only.
     charts : bool
@@ -122,13 +126,14 @@ def survey_file(
             raise InputError("--hole is for raw channels of two calibrated accelerometers; leave it out")
         if gravity_sd is not None:
             raise InputError("--gravity-sd-percent is for raw channels of two calibrated accelerometers; leave it out")
-        run = read_six_axis(raw, site, calibration, form=form, convention=convention, progress=progress)
+        run = read_six_axis(raw, site, calibration, age, form=form, convention=convention, progress=progress)
         return survey_six_axis(run, correct, bha)
     if convention is not None or form not in (None, "csv"):
         raise InputError("with --calibration the readings are a CSV of raw channels; leave --from and --convention out")
     place, notes = (None, []) if site is None else completed(read_site(site))
     data = read_raw_survey(raw, progress=progress)
-    record = read_calibration(calibration)
+    record, old = at_the_run(read_calibration(calibration), calibration, place or Site(), age)
+    notes = [*notes, *old]
     found = survey_raw(data, record, place, second=second, hole=hole, gravity_sd=gravity_sd)
     warned = [] if place is None or found.azimuth_reference == "magnetic" else declination_warnings(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
@@ -163,4 +168,5 @@ def write_survey(survey: Survey, path: str | Path, *, switch: float = SWITCH) ->
     flags = ["|".join(row) for row in survey.flags]
     header, cells = survey_cells({**columns, "azimuth_reference": survey.azimuth_reference, "flags": flags})
     steer = np.where(survey.inclination < switch, "magnetic", "gravity").tolist()
-    write_columns((*header, "toolface_type"), [*cells, steer], path)
+    parts = parts_of(survey.common, survey.random) if survey.common.size else {}
+    write_columns((*header, "toolface_type", *parts), [*cells, steer, *(column(v) for v in parts.values())], path)

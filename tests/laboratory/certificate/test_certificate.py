@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.stats
 from lxml import etree
 
 from inclinometry.calibration.expected import expected_uncertainty
@@ -25,11 +26,25 @@ from inclinometry.laboratory.certificate.record import (
     record_digest,
     words,
 )
+from inclinometry.stability import aged
 
 from ...report.conftest import calibrated
 from .certificates import LABORATORY, NASTY, ORDER, calibration, dcc_schema, record, verification
 
 poppler = pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext is not installed")
+
+
+@pytest.fixture
+def seen(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, str]]:
+    """What the typesetter is given, certificate by certificate; nothing is set."""
+    seen: list[dict[str, str]] = []
+
+    def compiled(*_: object, sys_inputs: dict[str, str], **__: object) -> bytes:
+        seen.append(json.loads(sys_inputs["data"]))
+        return b"%PDF"
+
+    monkeypatch.setattr("typst.compile", compiled)
+    return seen
 
 
 def pages(pdf: bytes, tmp_path: Path) -> list[str]:
@@ -69,6 +84,9 @@ def test_the_page_says_what_the_standard_asks_for(tmp_path: Path) -> None:
         assert f"2026-0001 Page {number} of {len(found)}" in page
         assert "relate only to the item calibrated" in page
     assert whole.endswith("End of certificate 2026-0001 — " + found[-1].rpartition("— ")[2])
+    # after a year the sensors may have moved; the variances of 24 positions were estimated
+    for text in ("effective degrees of freedom", "Ue(I), °", "at the end of the agreed interval of 12 months"):
+        assert text in whole, text
     for text in ("k = 2", "about 95 %", "U(I), °", "U0", "Residuals", "Verification at independent positions"):
         assert text in whole, text
 
@@ -130,14 +148,28 @@ def test_every_language_has_every_text() -> None:
 
 
 def test_uncertainties_are_those_of_the_calibration() -> None:
-    """Twice the worst standard uncertainty of each inclination, growing as 1 / sin I toward the vertical."""
+    """k times the worst standard uncertainty of each inclination, growing as 1 / sin I toward the vertical."""
     table, found = record()["results"]["uncertainty"], calibration()
     worst = expected_uncertainty(found, np.radians(table["inclination_deg"])).of_one_reading
+    # 24 positions of six readings less 24 parameters and 72 settings; Student's quantile times root (nu - 2) / nu
+    assert table["degrees_of_freedom"] == 24 * 6 - 24 - 72
+    k = float(scipy.stats.t(48).ppf(0.5 + 0.5 * coverage_probability(2.0)) * np.sqrt(46 / 48))
+    assert k <= table["coverage_factor"] < k + 0.01
     for place, name in enumerate(("inclination", "azimuth", "toolface")):
-        np.testing.assert_allclose(table[f"U_{name}_deg"], np.degrees(2.0 * worst[:, place]), rtol=1e-12)
+        np.testing.assert_allclose(
+            table[f"U_{name}_deg"], np.degrees(table["coverage_factor"] * worst[:, place]), rtol=1e-12
+        )
     product = np.array(table["U_toolface_deg"]) * np.sin(np.radians(table["inclination_deg"]))
     assert product[0] == pytest.approx(product[1], rel=1e-2)
     assert table["coverage_probability"] == round(coverage_probability(2.0), 4) == 0.9545
+    # at the end of the agreed interval the sensors may have moved
+    later = record(order=replace(ORDER, interval_months=24))["results"]["uncertainty"]
+    assert later["U_azimuth_deg"] == table["U_azimuth_deg"]
+    own = expected_uncertainty(replace(found, tool=aged(found.tool, 2.0)), np.radians(table["inclination_deg"]))
+    np.testing.assert_allclose(
+        later["end_of_interval"]["U_azimuth_deg"], np.degrees(table["coverage_factor"] * own.of_one_reading[:, 1])
+    )
+    assert "end_of_interval" not in table
 
 
 @pytest.mark.long
@@ -226,16 +258,21 @@ def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
         record(order=replace(ORDER, issued=None))
 
 
+def test_warnings_and_units_are_in_the_language_of_the_certificate(seen: list[dict[str, str]]) -> None:
+    """Nobody reads English on the Russian certificate of a doubtful verification, but names and codes."""
+    doubted = copy.deepcopy(verification(1.0))
+    doubted["report"]["warnings"] = ["4 positions verify little; take at least 6, spread over the range of use"]
+    certificate_pdf(record(verification=doubted) | {"language": "ru"})
+    text = json.dumps(seen[0], ensure_ascii=False)
+    assert "positions verify little" not in text
+    assert "положений 4 мало для проверки" in "".join(seen[0]["conformity"])
+    assert "counts" not in text
+    assert "ед. АЦП на g" in text
+
+
 @pytest.mark.long
-def test_the_box_is_green_only_where_nothing_speaks_against_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_box_is_green_only_where_nothing_speaks_against_it(seen: list[dict[str, str]]) -> None:
     """Warnings of the verification and remarks stand in the box itself, and take its green away."""
-    seen: list[dict[str, str]] = []
-
-    def compiled(*_: object, sys_inputs: dict[str, str], **__: object) -> bytes:
-        seen.append(json.loads(sys_inputs["data"]))
-        return b"%PDF"
-
-    monkeypatch.setattr("typst.compile", compiled)
     doubted = copy.deepcopy(verification(1.0))
     doubted["report"]["warnings"] = ["the stand is poor"]
     plain = copy.deepcopy(verification(1.0)) | {"report": verification(1.0)["report"] | {"warnings": []}}

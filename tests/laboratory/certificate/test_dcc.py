@@ -48,7 +48,10 @@ def test_the_numbers_come_back_to_the_bit() -> None:
     assert (said.number, said.digest, said.serial) == ("2026-0001", record_digest(content), "IN-7")
     np.testing.assert_array_equal(said.covariance, found.tool.covariance)
     for row in content["results"]["parameters"]:
-        assert said.parameters[row["name"]] == (row["value"], 2.0 * row["u"])
+        assert said.parameters[row["name"]] == (
+            row["value"],
+            content["results"]["uncertainty"]["coverage_factor"] * row["u"],
+        )
     for name, values in said.uncertainty.items():
         np.testing.assert_array_equal(values, content["results"]["uncertainty"][f"{name}_deg"])
     positions = content["verification"]["report"]["positions"]

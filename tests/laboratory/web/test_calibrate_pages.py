@@ -25,6 +25,9 @@ NAMES = (
     "position-1",
     "position-12",
     "events",
+    "judged-by",
+    "sound",
+    "large",
 )
 SERIAL = "<b>\"7'</b>"
 
@@ -61,9 +64,9 @@ def test_the_form_offers_what_is_registered(open_server, session):
     assert "stand" in text
     assert "Dip of the magnetic field" in text
     assert SERIAL not in text
-    for name in ("inclination_from", "azimuth_counts", "toolface_counts", "save-dials"):
+    for name in ("inclination_from", "azimuth_counts", "toolface_counts", "plan-size", "form-problem"):
         assert re.search(rf"data-testid\W+{name}\b", text), name
-    assert "Dials of a rig" in text
+    assert "24 positions, about 24 min" in text
     assert "Latitude of the stand" in text
 
 

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
+from inclinometry.calibration.drift import SIXTY
+from inclinometry.calibration.drift_alarm import Alarm
+from inclinometry.calibration.drift_status import fleet_status
+from inclinometry.cli import main
 from inclinometry.files.limits import read_limits
+from inclinometry.laboratory import drift
 from inclinometry.laboratory.demonstration import half_way, reading
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
 from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument
@@ -19,7 +29,7 @@ from inclinometry.laboratory.ledger.verify import verify
 from inclinometry.laboratory.registry import RegisteredSite, RegisteredTool, put_site, put_tool
 from inclinometry.laboratory.session import capture
 from inclinometry.laboratory.verification import begin_verification, finish_verification
-from inclinometry.laboratory.web.words import LANGUAGES, say
+from inclinometry.laboratory.web.words import LANGUAGES, say, sentence
 
 SCRIPT = "<script>alert(1)</script>"
 NAME = "=cmd|' /C calc'!A0"
@@ -84,6 +94,13 @@ def _pages(bench: SimpleNamespace) -> list[str]:
         "/ledger?kind=calibration&before=3",
         f"/ledger?kind=calibration&key={bench.calibration}",
         "/import",
+        "/rigs",
+        "/rigs?name=simulated%20stand",
+        "/sites",
+        "/standards",
+        "/laboratory",
+        "/help",
+        "/manual/",
         "/users",
     ]
 
@@ -91,7 +108,7 @@ def _pages(bench: SimpleNamespace) -> list[str]:
 def test_every_page_answers_and_shows_texts_as_texts(open_bench: SimpleNamespace) -> None:
     """No page holds a user's text as markup; the pages of tools and of the ledger show it."""
     for page in _pages(open_bench):
-        answer = open_bench.browser.get(page)
+        answer = open_bench.browser.get(page, follow_redirects=True)
         assert answer.status_code == 200, (page, answer.text[:300])
         assert SCRIPT not in answer.text, page
         assert "<b>anna" not in answer.text, page
@@ -114,6 +131,8 @@ def test_each_language_has_its_pages(open_bench: SimpleNamespace) -> None:
     [
         ("/tools/..%2F..%2Fnobody", 404),
         ("/tools/nobody", 404),
+        ("/rigs?name=nobody", 404),
+        ("/manual/../../../etc/passwd", 404),
         ("/results/none", 404),
         ("/verifications/..%2F..%2Fx", 404),
         ("/verify/none/finish", 404),
@@ -159,6 +178,83 @@ def test_verdict_before_and_after_it_is_recorded(open_bench: SimpleNamespace) ->
     assert say("en", "verify.closed") in browser.get(f"/verify/{open_bench.done}/finish").text
     text = browser.get(f"/verifications/{open_bench.verification}").text
     assert say("en", "verdict.pass") in text
+
+
+def test_the_guide_is_shown_until_a_session_is_there(tmp_path: Path, start: Any) -> None:
+    """What there is already is ticked; who has put it away does not see it again."""
+    with start("open") as server, server.local() as browser:
+        assert say("en", "guide.title") in browser.get("/").text
+        assert "✓" not in browser.get("/").text
+        assert browser.put("/api/v1/tools/IN-7", json={"name": "tool"}).status_code == 200
+        assert "✓" in browser.get("/").text
+        away = browser.get("/", headers={"cookie": "inclinometry_guide=off"}).text
+        assert say("en", "guide.title") not in away
+        assert browser.put("/api/v1/rigs/stand", json={"sd_deg": [0.1, 0.1, 0.1]}).status_code == 200
+        order = {"serial": "IN-7", "rig": "stand", "plan": "twelve"}
+        assert browser.post("/api/v1/sessions", json=order).status_code == 201
+        text = browser.get("/").text
+        assert say("en", "guide.title") not in text
+        # two sessions of one tool are told apart
+        assert re.search(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC · local", text)
+
+
+@pytest.mark.long
+def test_what_the_drift_says_of_tools_in_each_language(tmp_path: Path, start: Any) -> None:
+    """Due date, alarm and check of six positions on the first page and the tool's; its plot by the days of measurement.
+
+    The calibrations of a simulated fleet are recorded today and were made years ago.
+    """
+    with pytest.raises(SystemExit, match="0"):
+        main(
+            ["simulate", "fleet", "--tools=3", "--calibrations=3", "--runs=1", "--samples=200", "-o", f"{tmp_path}/sim"]
+        )
+    (tmp_path / "sim/lab.sqlite").rename(tmp_path / "ledger.sqlite")
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        found = fleet_status(
+            drift.ledger_histories(ledger)[0]["simulated"], reproducibility=False, own_drift=False, iterations=2
+        )
+        first, *others = found.tools
+        alarm = Alarm(True, "package turned about z", 2e-3, 1e-4, 30.0, 16.0, 1e-5)
+        status = replace(found, tools=[replace(first, alarms=[alarm]), *(replace(one, alarms=[]) for one in others)])
+        drift.put_fit(ledger, status, author="anna")
+    alarmed, sound = first.history, others[0]
+    with start("open") as server, server.local() as browser:
+        for language in LANGUAGES:
+            headers = {"cookie": f"inclinometry_language={language}"}
+            home = browser.get("/", headers=headers).text
+            assert say(language, "home.alarms") in home
+            assert f"{alarmed.serial}: {sentence(language, alarm.sentence)}" in home
+            page = browser.get(f"/tools/{alarmed.serial}", headers=headers).text
+            assert say(language, "tools.alarm", sentence=sentence(language, alarm.sentence)) in page
+            plotted = re.search(r'"type":\s*"category".*?"data":\s*(\[.*?\])', page.replace("&quot;", '"'))
+            assert plotted is not None
+            assert json.loads(plotted[1]) == [day.isoformat() for day in alarmed.date]
+            page = browser.get(f"/tools/{sound.history.serial}", headers=headers).text
+            assert say(language, "tools.due_by_drift", day=sound.due.date.isoformat()) in page
+            six, now = (f"{np.degrees(u[SIXTY]):.3f}" for u in (sound.checked, sound.now))
+            assert say(language, "tools.six", six=six, now=now) in page
+
+
+def test_the_laboratory_over_rest(open_bench: SimpleNamespace) -> None:
+    """Recorded, read again; a logo stays until an empty one removes it; what is none is refused in a sentence."""
+    browser = open_bench.browser
+    svg = base64.b64encode(b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>').decode()
+    about = {"name": "Hall", "country": "DE", "accreditation": "D-K-1"}
+    assert browser.put("/api/v1/laboratory", json={**about, "logo_base64": svg}).status_code == 200
+    assert browser.put("/api/v1/laboratory", json=about).status_code == 200
+    assert browser.get("/api/v1/laboratory").json() == {
+        "laboratory": about,
+        "logo": {"media_type": "image/svg+xml", "bytes": 62},
+    }
+    assert "data:image/svg+xml;base64" in browser.get("/laboratory").text
+    assert browser.put("/api/v1/laboratory", json={**about, "logo_base64": ""}).status_code == 200
+    assert browser.get("/api/v1/laboratory").json()["logo"] is None
+    for wrong in ({**about, "logo_base64": "%"}, {**about, "logo_base64": "R0lG"}, {**about, "country": "de"}, {}):
+        assert browser.put("/api/v1/laboratory", json=wrong).status_code == 422, wrong
+    assert browser.put("/api/v1/standards/T2", json={"certificate": "D-17", "due": "2020-01-31"}).status_code == 200
+    assert browser.get("/api/v1/standards").json()[0]["due"] == "2020-01-31"
+    assert say("en", "standards.overdue") in browser.get("/standards").text
+    assert browser.put("/api/v1/standards/T2", json={"due": "tomorrow"}).status_code == 422
 
 
 @pytest.mark.long

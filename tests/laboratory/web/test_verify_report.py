@@ -19,6 +19,6 @@ def test_the_table_states_the_u_of_the_bars(monkeypatch: pytest.MonkeyPatch) -> 
     angle = {"error_deg": 0.1, "U_deg": 0.4, "limit_deg": 0.4, "decision": "pass"}
     angles = ("inclination", "azimuth", "toolface")
     row = {"position": 1, **{f"{name}_deg": 15.0 for name in angles}, **dict.fromkeys(angles, angle)}
-    visitor = SimpleNamespace(say=lambda key, **_: key)
+    visitor = SimpleNamespace(say=lambda key, **_: key, sentence=str)
     verify_report.show_report(visitor, "pass", {"name": "certificate"}, {"coverage_factor": 4.0, "positions": [row]})
     assert tables[0][0]["e_azimuth"] == "+0.100 ± 0.200"

@@ -12,6 +12,7 @@ import numpy as np
 from lxml import etree
 
 from inclinometry.arrays import Array
+from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.certificate.record import record_digest
 
@@ -172,7 +173,10 @@ def result(parent: Element, name: str, ref: str, description: str = "") -> Eleme
 def uncertainty_result(parent: Element, table: Record) -> None:
     """U of each angle over inclination."""
     k = table["coverage_factor"]
-    about = f"Expanded uncertainty of one reading, k = {k:g}, at the worst azimuth and toolface of each inclination."
+    nu = table.get("degrees_of_freedom")
+    freedom = "" if nu is None else f", effective degrees of freedom {nu:g}"
+    where = "at the worst azimuth and toolface of each inclination"
+    about = f"Expanded uncertainty of one reading, k = {k:g}{freedom}, {where}."
     data = element(result(parent, "Uncertainty over inclination", "uncertainty", about), "dcc:list")
     made = quantity(data, "inclination", PREFIX + "inclination")
     values(made, table["inclination_deg"], [DEGREE])
@@ -180,6 +184,11 @@ def uncertainty_result(parent: Element, table: Record) -> None:
         if f"U_{name}_deg" in table:
             made = quantity(data, f"expanded uncertainty of {name}", f"{PREFIX}U_{name}")
             values(made, table[f"U_{name}_deg"], [DEGREE])
+    for name, later in (table.get("end_of_interval") or {}).items():
+        made = quantity(
+            data, f"expanded uncertainty of {name[2:-4]} at the end of the interval", f"{PREFIX}{name[:-4]}_end"
+        )
+        values(made, later, [DEGREE])
 
 
 def parameter_result(parent: Element, results: Record) -> None:
@@ -193,7 +202,8 @@ def parameter_result(parent: Element, results: Record) -> None:
     made = quantity(data, "tensors and offsets", PREFIX + "parameters")
     listed = values(made, [row["value"] for row in rows], units, [row["name"] for row in rows])
     if all(row["u"] is not None for row in rows):
-        expanded(listed, [2.0 * row["u"] for row in rows], 2.0)
+        k = (results["uncertainty"] or {}).get("coverage_factor", COVERAGE_FACTOR)
+        expanded(listed, [k * row["u"] for row in rows], k)
         covariance(listed, results["covariance"]["matrix"], units)
     if strange:
         meta = element(element(made, "dcc:measurementMetaData"), "dcc:metaData")

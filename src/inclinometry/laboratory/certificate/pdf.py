@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from inclinometry.errors import InputError
 from inclinometry.laboratory.certificate import record as tables
 from inclinometry.laboratory.certificate.record import LETTERS, NARROW, Words, families, record_digest, words
+from inclinometry.report.language import speaking, translated
 from inclinometry.report.words import plain, significant
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 Content = dict[str, Any]
 
 
-def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = ()) -> bytes:
+def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = (), logo: bytes | None = None) -> bytes:
     """A certificate as PDF/A-2b: every page numbered, drawings inside, a square code with number and digest.
 
     Parameters
@@ -33,6 +34,8 @@ def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = 
         As `inclinometry.laboratory.certificate.record.certificate_record` makes it.
     fonts : sequence of path
         Folders with further fonts.
+    logo : bytes, optional
+        Of the laboratory, PNG or SVG.
 
     Returns
     -------
@@ -46,10 +49,15 @@ def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = 
     """
     import typst
 
-    content = _view(dict(record))
+    with speaking(record["language"]):
+        content = _view(dict(record))
     data = json.dumps(content, ensure_ascii=False)
     chosen = families(data, fonts)
-    content |= {"fonts": list(chosen), "mono": ["DejaVu Sans Mono", *chosen]}
+    content |= {
+        "logo": None if logo is None else list(logo),
+        "fonts": list(chosen),
+        "mono": ["DejaVu Sans Mono", *chosen],
+    }
     day = date.fromisoformat(record["dates"]["issued"])
     try:
         # PDF/A-2b: what archives accept; every font is inside, nothing outside is needed
@@ -105,14 +113,19 @@ def _view(record: Content) -> Content:
     day = date.fromisoformat(record["dates"]["issued"])
     statement = record["conformity"]["statement"]
     # whoever reads the box alone reads what speaks against relying on it
-    warned = [] if statement == "not assessed" else [*record["verification"]["report"]["warnings"], *record["warnings"]]
+    remarks = [translated(warning) for warning in record["warnings"]]
+    warned = (
+        []
+        if statement == "not assessed"
+        else [*(translated(warning) for warning in record["verification"]["report"]["warnings"]), *remarks]
+    )
     sections = [
         tables.uncertainty_section(record, say),
         tables.parameter_section(record, say),
         tables.classical_section(record, say),
         tables.residual_section(record, say),
         tables.verification_section(record, say),
-        tables.section(say("remarks"), list=record["warnings"]) if record["warnings"] else None,
+        tables.section(say("remarks"), list=remarks) if remarks else None,
         _inputs(record, say),
     ]
     colours = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
@@ -161,7 +174,7 @@ def _facts(record: Content, say: Words) -> list[list[str]]:
     item, customer, dates, method = record["item"], record["customer"], record["dates"], record["method"]
     laboratory = record["laboratory"] or {}
     who = ", ".join(filter(None, (customer["name"], customer["address"].replace("\n", ", "))))
-    sensors = ", ".join(f"{say(t['kind'])} ({t['sensors']}, {t['unit']})" for t in item["triads"])
+    sensors = ", ".join(f"{say(t['kind'])} ({t['sensors']}, {translated(t['unit'])})" for t in item["triads"])
     performed = " – ".join(dict.fromkeys(filter(None, (dates["performed_from"], dates["performed_to"]))))
     pairs = [
         ("customer", who),

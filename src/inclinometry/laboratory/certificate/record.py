@@ -10,6 +10,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -18,7 +19,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.expected import ALL_ANGLES, expanded, expected_gravity_sd, expected_uncertainty
+from inclinometry.calibration.expected import (
+    ALL_ANGLES,
+    certified_factor,
+    expanded,
+    expected_gravity_sd,
+    expected_uncertainty,
+)
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, INCLINATIONS
 from inclinometry.digest import digest_bytes
@@ -30,9 +37,11 @@ from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import Row, classical_rows, differences, parameter_rows, sensor_names
 from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
 from inclinometry.report.glossary import terms
+from inclinometry.report.language import translated
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
+from inclinometry.stability import ASSUMED, aged
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,6 +74,8 @@ def uncertainty_figure(table: Mapping[str, Any]) -> Figure:
 @styled
 def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
     """Standardised residuals of one triad over the number of the station."""
+    from matplotlib.ticker import MaxNLocator
+
     many = 60
     values = np.array(standardised, dtype=float)
     figure = new_figure(1.9, width=WIDTH)
@@ -87,6 +98,7 @@ def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
     axes.set_xlim(0.3, len(values) + 0.7)
     axes.set_ylabel("r / σ")
     axes.set_xlabel("n")
+    axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
     return figure
 
 
@@ -95,6 +107,8 @@ def error_figure(
     setting: Array, error: Array, u: Array, limit: Array, letter: str, *, by_place: bool = False
 ) -> Figure:
     """Errors of one angle over its setting, or position by position, with U and limits; degrees, judged ones only."""
+    from matplotlib.ticker import MaxNLocator
+
     figure = new_figure(1.9, width=WIDTH)
     axes = figure.add_subplot()
     axes.errorbar(setting, error, u, linestyle="none", marker="o", markersize=3.5, color=SERIES[0], elinewidth=0.9)
@@ -109,6 +123,7 @@ def error_figure(
     axes.set_ylim(-reach, reach)
     axes.axhline(0.0, color=INK, linewidth=0.7)
     axes.set_xlabel("n" if by_place else f"{letter}, °")
+    axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
     axes.set_ylabel(f"Δ{letter}, °")
     return figure
 
@@ -320,7 +335,7 @@ def certificate_record(
             "humidity_percent": order.humidity_percent,
         },
         "results": {
-            "uncertainty": _uncertainty(calibration),
+            "uncertainty": _uncertainty(calibration, order.interval_months),
             "parameters": _parameters(tool),
             "classical": _classical(tool),
             "covariance": {"parameters": list(tool.parameter_names), "matrix": tool.covariance},
@@ -408,25 +423,36 @@ def _method(calibration: Calibration, order: Order) -> Record:
     }
 
 
-def _uncertainty(calibration: Calibration) -> Record | None:
-    """Expanded uncertainty over inclination, worst azimuth and toolface; None where none is known."""
+def _uncertainty(calibration: Calibration, months: int | None) -> Record | None:
+    """Expanded uncertainty over inclination, worst azimuth and toolface; None where none is known.
+
+    After the agreed interval of `months` too, where there is one.
+    """
     found = expected_uncertainty(calibration, INCLINATIONS)
     if not found.angles:
         return None
     second = found.azimuth_from
+    k, freedom = certified_factor(calibration), calibration.degrees_of_freedom
     table: Record = {
-        "coverage_factor": COVERAGE_FACTOR,
+        "coverage_factor": k,
         "coverage_probability": round(coverage_probability(COVERAGE_FACTOR), 4),
+        "degrees_of_freedom": freedom if math.isfinite(freedom) else None,
         "azimuth_from": second,
         "dip_deg": None if second is None else float(np.degrees(found.dip)),
         "dip_assumed": second is not None and found.dip_from == "assumed",
         "temperature_degC": found.temperature,
         "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
     }
-    one, alone = (np.degrees(expanded(u)) for u in (found.of_one_reading, found.from_calibration))
+    one, alone = (np.degrees(expanded(u, k)) for u in (found.of_one_reading, found.from_calibration))
     columns = {f"U_{name}_deg": ALL_ANGLES.index(name) for name in found.angles}
     table |= {key: one[:, place].tolist() for key, place in columns.items()}
     table["from_calibration"] = {key: alone[:, place].tolist() for key, place in columns.items()}
+    if months is not None:
+        # what the sensors may have moved by when the next calibration is due
+        later = replace(calibration, tool=aged(calibration.tool, months / 12.0))
+        end = np.degrees(expanded(expected_uncertainty(later, INCLINATIONS).of_one_reading, k))
+        table["end_of_interval"] = {key: end[:, place].tolist() for key, place in columns.items()}
+        table["end_of_interval_source"] = ASSUMED.source
     return table
 
 
@@ -547,6 +573,8 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     names = [name for name in LETTERS if f"U_{name}_deg" in found]
     k, probability = found["coverage_factor"], 100.0 * found["coverage_probability"]
     texts = [say("letters"), say("uncertainty_note", k=f"{k:g}", p=f"{probability:.0f}")]
+    if found.get("degrees_of_freedom") is not None:  # certificates of before had k = 2
+        texts.append(say("freedom_note", nu=f"{found['degrees_of_freedom']:g}", p=f"{probability:.0f}"))
     if found["azimuth_from"] is not None:
         key = "dip_assumed" if found["dip_assumed"] else "dip"
         texts.append(say(key, triad=say(found["azimuth_from"]), dip=plain(found["dip_deg"], 2)))
@@ -554,13 +582,17 @@ def uncertainty_section(record: Content, say: Words) -> Content:
         texts.append(say("at_temperature", heat=plain(found["temperature_degC"], 1)))
     alone = found.get("from_calibration")  # certificates of before state U of one reading only
     blocks = [found] if alone is None else [found, alone]
+    if found.get("end_of_interval") is not None:
+        blocks.append(found["end_of_interval"])
     rows = [
         [f"{x:g}", *(_degrees(block[f"U_{name}_deg"][place], say) for block in blocks for name in names)]
         for place, x in enumerate(found["inclination_deg"])
     ]
-    head = ["I, °", *(f"{sign}({LETTERS[name]}), °" for sign in ("U", "Uc")[: len(blocks)] for name in names)]
+    head = ["I, °", *(f"{sign}({LETTERS[name]}), °" for sign in ("U", "Uc", "Ue")[: len(blocks)] for name in names)]
     if alone is not None:
         texts.append(say("alone_note"))
+    if found.get("end_of_interval") is not None:
+        texts.append(say("end_note", months=record["interval_months"]))
     picture = figure(paper_svg(uncertainty_figure(found)), say("curve_u"))
     caption = f"U, k = {k:g}"
     return section(title, texts, tables=[table(caption, head, rows)], figures=[picture], new_page=True)
@@ -573,6 +605,7 @@ def _degrees(value: float | None, say: Words) -> str:
 def parameter_section(record: Content, say: Words) -> Content:
     """Tensor and offset of each triad, as the tool uses them."""
     results, tables = record["results"], []
+    k = _factor(record)
     texts = [say("parameters_note"), say("conventions")]
     for triad in record["item"]["triads"]:
         kind, count = triad["kind"], triad["sensors"]
@@ -584,19 +617,19 @@ def parameter_section(record: Content, say: Words) -> Content:
         for start in range(0, len(found), 4):
             power, sensor = divmod(start // 4, count)
             label = names[sensor] + (f" · T{power}" if power else "")
-            rows.append([label, *(_expanded(row) for row in found[start : start + 4])])
-        caption = say("tensor", triad=say(kind), unit=triad["unit"])
+            rows.append([label, *(_expanded(row, k) for row in found[start : start + 4])])
+        caption = say("tensor", triad=say(kind), unit=translated(triad["unit"]))
         tables.append(table(caption, [say("sensor"), "N x", "N y", "N z", "U0"], rows))
     return section(say("parameters"), texts, tables=tables)
 
 
-def _expanded(row: Content) -> str:
+def _expanded(row: Content, k: float) -> str:
     """Value ± expanded uncertainty."""
     if row["value"] is None:
         return "–"
     if not row["u"]:
         return f"{row['value']:.8g}"
-    return f"{rounded(row['value'], COVERAGE_FACTOR * row['u'])} ± {significant(COVERAGE_FACTOR * row['u'])}"
+    return f"{rounded(row['value'], k * row['u'])} ± {significant(k * row['u'])}"
 
 
 def classical_section(record: Content, say: Words) -> Content:
@@ -608,7 +641,7 @@ def classical_section(record: Content, say: Words) -> Content:
         head = [say("quantity"), say("unit"), say("value")]
         if old is not None:
             head = [say("quantity"), say("unit"), say("before"), say("after"), say("change")]
-        body = [_classical_row(row, old, say) for row in rows]
+        body = [_classical_row(row, old, _factor(record), say) for row in rows]
         tables.append(table(say("classical", triad=say(kind)), head, body, left=2))
     texts = []
     if adjustment is not None:
@@ -618,22 +651,27 @@ def classical_section(record: Content, say: Words) -> Content:
     return section(say("classical_title" if adjustment is None else "adjustment"), texts, tables=tables)
 
 
-def _classical_row(row: Content, old: Mapping[str, Content] | None, say: Words) -> list[str]:
+def _factor(record: Content) -> float:
+    """k of the certificate; where it states no uncertainty that of a normal distribution."""
+    return float((record["results"]["uncertainty"] or {}).get("coverage_factor", COVERAGE_FACTOR))
+
+
+def _classical_row(row: Content, old: Mapping[str, Content] | None, k: float, say: Words) -> list[str]:
     name, _, what = row["name"].partition(" ")
     if what.startswith("toward "):
         label = f"{name} {say('toward', axis=what.removeprefix('toward '))}"
     else:
         label = f"{name} {say(what)}"
-    cells = [label, "°" if row["unit"] == "deg" else row["unit"]]
+    cells = [label, "°" if row["unit"] == "deg" else translated(row["unit"])]
     if old is None:
-        return [*cells, _expanded(row)]
+        return [*cells, _expanded(row, k)]
     before = old.get(row["name"])
     if before is None or before["value"] is None or row["value"] is None:
-        return [*cells, "–", _expanded(row), "–"]
-    spread = COVERAGE_FACTOR * np.hypot(row["u"] or 0.0, before["u"] or 0.0)
+        return [*cells, "–", _expanded(row, k), "–"]
+    spread = k * np.hypot(row["u"] or 0.0, before["u"] or 0.0)
     change = row["value"] - before["value"]
     said = f"{rounded(change, spread)} ± {significant(spread)}" if spread else f"{change:.3g}"
-    return [*cells, _expanded(before), _expanded(row), said]
+    return [*cells, _expanded(before, k), _expanded(row, k), said]
 
 
 def residual_section(record: Content, say: Words) -> Content:
@@ -695,7 +733,7 @@ def verification_section(record: Content, say: Words) -> Content | None:
         tables=tables,
         figures=figures,
         new_page=True,
-        list=[*report["reasons"], *report["warnings"]],
+        list=[translated(line) for line in (*report["reasons"], *report["warnings"])],
     )
 
 

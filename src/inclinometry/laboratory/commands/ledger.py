@@ -174,13 +174,14 @@ def history(serial: str, /, *, ledger: LedgerAddress = None, json: Json = False)
         output.print_json(
             {
                 "serial": found.serial,
+                "measured": [day.isoformat() for day in found.measured],
                 "created": found.created,
                 "calibrations": found.records,
                 "parameters": {name: {"value": found.values[name], "u": found.u[name]} for name in found.values},
             }
         )
         return
-    days = [created[:10] for created in found.created]
+    days = [day.isoformat() for day in found.measured]
     rows = []
     for name in found.values:
         change, spread = found.change(name)

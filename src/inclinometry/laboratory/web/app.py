@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import uvicorn
 from fastapi import FastAPI
-from fastapi.responses import PlainTextResponse
+from fastapi.responses import PlainTextResponse, RedirectResponse
 from fastapi.staticfiles import StaticFiles
 from nicegui import core, ui
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -129,6 +129,7 @@ PAGES: Final = (
     "calibrate.start",
     "calibrate.page",
     "lists",
+    "registry",
     "tools",
     "results",
     "verify",
@@ -201,6 +202,12 @@ def create_app(
     app.mount(
         "/static", StaticFiles(directory=Path(str(files("inclinometry.laboratory.web").joinpath("static")))), "static"
     )
+    # the manual as it was built into the package; a short guide where it was not
+    manual = Path(str(files("inclinometry").joinpath("manual")))
+    if (manual / "index.html").is_file():
+        app.mount("/manual", StaticFiles(directory=manual, html=True), "manual")
+    else:
+        app.add_api_route("/manual/", _guide, include_in_schema=False)
     refusals.explain(app)
     app.add_api_route("/healthz", _alive, include_in_schema=False)
     app.include_router(importlib.import_module("inclinometry.laboratory.web.pages.home").router)
@@ -214,6 +221,10 @@ def create_app(
     guard_sockets()
     loopback_names = frozenset({"localhost", "127.0.0.1", "[::1]"})
     return Guard(app, logins=logins, hosts=loopback_names | frozenset(names), single_user=single_user)
+
+
+def _guide() -> RedirectResponse:
+    return RedirectResponse("/help", 303)
 
 
 def _alive() -> PlainTextResponse:

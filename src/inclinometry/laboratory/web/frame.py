@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
@@ -16,7 +17,7 @@ from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.results import at_the_bench
 from inclinometry.laboratory.web.logins import Login, Logins
-from inclinometry.laboratory.web.words import LANGUAGES, preferred, say
+from inclinometry.laboratory.web.words import LANGUAGES, preferred, say, sentence
 
 if TYPE_CHECKING:
     from inclinometry.laboratory.instruments.rig import RigDriver
@@ -109,6 +110,14 @@ class Visitor:
         """A text of the catalogue in the visitor's language."""
         return say(self.language, key, **values)
 
+    def sentence(self, text: str) -> str:
+        """A sentence of the program - a warning, what the instrument did - in the visitor's language."""
+        return sentence(self.language, self.bench.without_path(text))
+
+    def problem(self, error: InclinometryError) -> str:
+        """What went wrong, in the visitor's language."""
+        return self.sentence(str(error))
+
     def require(self, what: str) -> User:
         """The user as of now, when allowed to do this; RefusedError otherwise. Call it in every action."""
         return self.bench.require(self.login, what)
@@ -120,9 +129,7 @@ class Visitor:
             try:
                 do(self.require(what))
             except InclinometryError as error:
-                ui.notify(
-                    self.bench.without_path(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK"
-                )
+                ui.notify(self.problem(error), type="negative", multi_line=True, timeout=0, close_button="OK")
 
         return handler
 
@@ -138,6 +145,32 @@ def visitor_of(request: Request) -> Visitor:
     chosen = request.cookies.get(LANGUAGE_COOKIE, "")
     language = chosen if chosen in LANGUAGES else preferred(request.headers.get("accept-language", ""))
     return Visitor(bench, login, language, user)
+
+
+NAVIGATION: Final = (
+    ("/", "nav.home", "read"),
+    ("/tools", "nav.tools", "read"),
+    ("/calibrate", "nav.calibrate", "capture"),
+    ("/verify", "nav.verify", "capture"),
+    ("/certificates", "nav.certificates", "read"),
+)
+MORE: Final = (
+    ("/rigs", "rigs.title", "read"),
+    ("/sites", "sites.title", "read"),
+    ("/standards", "standards.title", "read"),
+    ("/laboratory", "settings.title", "administer"),
+    ("/ledger", "nav.ledger", "read"),
+    ("/import", "import.title", "capture"),
+    ("/users", "nav.users", "administer"),
+)
+"""Pages of the header and of its menu: address, text, what a visitor must be allowed to do."""
+
+
+def _nav(visitor: Visitor, request: Request, path: str, key: str) -> None:
+    here = request.url.path
+    link = ui.link(visitor.say(key), path).classes("nav")
+    if here == path or (path != "/" and here.startswith(path)):
+        link.props('aria-current="page"')
 
 
 @contextmanager
@@ -157,15 +190,6 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
     HTTPException
         303 to the login, 403 for a user who may not see it.
     """
-    navigation = (
-        ("/", "nav.home", "read"),
-        ("/tools", "nav.tools", "read"),
-        ("/calibrate", "nav.calibrate", "capture"),
-        ("/verify", "nav.verify", "capture"),
-        ("/certificates", "nav.certificates", "read"),
-        ("/ledger", "nav.ledger", "read"),
-        ("/users", "nav.users", "administer"),
-    )
     visitor = visitor_of(request)
     if not visitor.user.may(needs):
         raise HTTPException(403, visitor.say("error.not_allowed"))
@@ -173,14 +197,20 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
     ui.page_title(f"{visitor.say(title)} - inclinometry")
     with ui.row().classes("bar").props('role="navigation"'):
         ui.link(visitor.say("nav.skip"), "#content").classes("skip")
-        here = request.url.path
-        for path, key, needs in navigation:
+        for path, key, needs in NAVIGATION:
             if visitor.user.may(needs):
-                link = ui.link(visitor.say(key), path).classes("nav")
-                if here == path or (path != "/" and here.startswith(path)):
-                    link.props('aria-current="page"')
+                _nav(visitor, request, path, key)
+        with ui.element("details").classes("more"):
+            with ui.element("summary").classes("nav"):
+                ui.label(visitor.say("nav.more") + " ▾")
+            with ui.element("div").classes("sheet"):
+                for path, key, needs in MORE:
+                    if visitor.user.may(needs):
+                        _nav(visitor, request, path, key)
         ui.space()
-        # theme, language, the user
+        # help, theme, language, the user
+        help_ = ui.link("?", "/manual/").classes("nav help")
+        help_.props(f'aria-label="{visitor.say("nav.help")}" title="{visitor.say("nav.help")}"')
         store = "document.cookie = '{name}={value};path=/;max-age=31536000;samesite=strict'; location.reload()"
         dark = store.format(
             name=THEME_COOKIE, value="' + (document.body.classList.contains('body--dark') ? 'light' : 'dark') + '"
@@ -206,6 +236,9 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
             ui.label(visitor.say("frame.local"))
 
 
+_LANGUAGE_OF_PARTS: Final[Mapping[str, Any]] = {"ru": "ru", "zh": "zh-CN"}
+
+
 def set_theme(language: str, request: Request) -> None:
     """Styles, theme and language of a page."""
     ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
@@ -213,3 +246,6 @@ def set_theme(language: str, request: Request) -> None:
     ui.colors(primary="#2474c4")  # white on it, and it on either paper, can be read
     ui.dark_mode({"dark": True, "light": False}.get(theme))
     ui.query("html").props(f'lang="{language}"')
+    # the words of the framework's own parts: pages of a table, file fields
+    page = context.client.page = copy(context.client.page)
+    page.language = _LANGUAGE_OF_PARTS.get(language, "en-US")

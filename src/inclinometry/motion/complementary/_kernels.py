@@ -26,17 +26,22 @@ B_RATE2, B_GRAVITY2, B_FIELD2, B_HELD, BLOCK = 25, 26, 27, 28, 29
 # places in `slow`, what lasts longer than a block: low-passed rate and gravity, time at rest, misfit of the field (in
 # its squared unevenness) smoothed and judged, time it was rejected, the moving sums that find hard iron, another field
 # that may be the new one: its strength across and along gravity and how long it was seen; the trend of the rate; time
-# in motion
+# in motion; 1 while calm; of the stretch of calm being watched: blocks, the length (s) at which it is looked at next,
+# sum of squared times at the last look, 1 where that found it at rest; for gravity and the field what `_watch` keeps
 S_RATE, S_GRAVITY, S_READY, S_REST, S_MISFIT, S_JUDGED, S_REJECTED = 0, 3, 6, 7, 8, 9, 10
 S_COUNT, S_MATRIX, S_LEVEL, S_FIELD, S_FIELD2, S_ON, S_SOLVE = 11, 12, 21, 24, 27, 28, 29
-S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED, SLOW = 30, 31, 32, 33, 36, 37
+S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED = 30, 31, 32, 33, 36
+S_CALM, S_BLOCKS, S_LOOK, S_SPREAD, S_RESTS, S_SEEN_GRAVITY, S_SEEN_FIELD, SLOW = 37, 38, 39, 40, 41, 42, 62, 82
+# of a vector v in tool axes, less the turn the gyro reads: the last one, sums of it, of it times its place, of v, the
+# turn itself, sum of it times its time at the last look (3 each); sums of its squares and of its squared steps
+W_LAST, W_SUM, W_MOMENT, W_V, W_TURN, W_USED, W_SQUARE, W_STEP, WATCH = 0, 3, 6, 9, 12, 15, 18, 19, 20
 
 # places in `par`, settings in the units of the kernels
 (
     DT, TAU, G, R_SWAY, R_SPEED, R_BIAS, R_FIELD, UNEVEN, FRESH, Q_NOISE, Q_RATE, Q_BIAS, Q_FIELD, GATE, REST_RATE,
     REST_GRAVITY, REST_BOUND, REST_TIME, A_REST, A_MISFIT, KEEP, IRON, ACCEPT, USE_MAG, START, P_BIAS, P_SPEED,
-    P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, PAR,
-) = range(34)  # fmt: skip
+    P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, LONGEST, LEAST_TURN, PAR,
+) = range(36)  # fmt: skip
 
 
 @inlined
@@ -185,8 +190,139 @@ def follow_trend(p: Array, block: Array, slow: Array, par: Array, inverse: float
 
 
 @inlined
+def update_bias(p: Array, dx: Array, gain: Array, h: tuple[float, float, float], variance: float, z: float) -> None:
+    """Observation of h times the error of the bias (3); `z` as it was before the block's other observations."""
+    left, s = z, variance
+    for k in range(3):
+        left -= h[k] * dx[BIAS + k]
+    for i in range(STATES):
+        gain[i] = h[0] * p[i, BIAS] + h[1] * p[i, BIAS + 1] + h[2] * p[i, BIAS + 2]
+    for k in range(3):
+        s += h[k] * gain[BIAS + k]
+    for i in range(STATES):
+        k = gain[i] / s
+        dx[i] += k * left
+        for j in range(i, STATES):
+            p[i, j] -= k * gain[j]
+            p[j, i] = p[i, j]
+
+
+@inlined
+def _watch(seen: Array, v: Array, block: Array, inverse: float, place: float, t: float) -> None:
+    """Add a block's vector, less the turn that the gyro reads, to the sums of a stretch."""
+    v0, v1, v2 = v[0] * inverse, v[1] * inverse, v[2] * inverse
+    w0, w1, w2 = block[B_RATE] * inverse, block[B_RATE + 1] * inverse, block[B_RATE + 2] * inverse
+    turn = (t * (v1 * w2 - v2 * w1), t * (v2 * w0 - v0 * w2), t * (v0 * w1 - v1 * w0))
+    for k in range(3):
+        # the block's own turn counts half: v is its mean
+        now = v[k] * inverse - seen[W_TURN + k] - 0.5 * turn[k]
+        seen[W_TURN + k] += turn[k]
+        if place > 0.0:
+            seen[W_STEP] += (now - seen[k]) ** 2 / 6.0
+        seen[W_LAST + k] = now
+        seen[W_SUM + k] += now
+        seen[W_MOMENT + k] += place * now
+        seen[W_V + k] += v[k] * inverse
+        seen[W_SQUARE] += now * now
+
+
+@inlined
+def _bias_by_turn(
+    seen: Array, spread: float, nav: Array, p: Array, dx: Array, gain: Array, slow: Array, par: Array
+) -> float:
+    """The bias from a vector v fixed in space: less the turn that the gyro reads it drifts by -v x bias in tool axes.
+
+    A straight line by least squares; of a stretch that was looked at before only what came since is new. Where v itself
+    drifts the tool turns, or it is carried to where v is another: that much of its drift may be no turn. Returned is
+    the square of the turn, rad/s, that may hide in its noise, or less the square of the one that shows.
+    """
+    n, t = slow[S_BLOCKS], par[TAU]
+    m0, m1, m2 = seen[W_V] / n, seen[W_V + 1] / n, seen[W_V + 2] / n
+    about, new = 0.0, 1.0 / (spread - slow[S_SPREAD])
+    moment = (
+        (seen[W_MOMENT] - 0.5 * (n - 1.0) * seen[W_SUM]) * t,
+        (seen[W_MOMENT + 1] - 0.5 * (n - 1.0) * seen[W_SUM + 1]) * t,
+        (seen[W_MOMENT + 2] - 0.5 * (n - 1.0) * seen[W_SUM + 2]) * t,
+    )
+    drift = (
+        (moment[0] - seen[W_USED]) * new,
+        (moment[1] - seen[W_USED + 1]) * new,
+        (moment[2] - seen[W_USED + 2]) * new,
+    )
+    for k in range(3):
+        about += seen[W_SUM + k] ** 2 / n + moment[k] ** 2 / spread
+        seen[W_USED + k] = moment[k]
+    # noise that is no larger from block to block than about the line is white; smoother noise spoils the slope by as
+    # much more as it is smoother. 1e-10: rounding
+    size = m0 * m0 + m1 * m1 + m2 * m2
+    white = max(seen[W_STEP] / (n - 1.0), 1e-10 * size)
+    noise = max((seen[W_SQUARE] - about) / (3.0 * (n - 2.0)), white)
+    # and the gyro's own, which the turn has summed
+    variance = noise * noise / white * new + 1.2 * size * par[Q_NOISE] / (t * t * n) * spread * new
+    # square of the drift of v itself, its own noise left out (chi-square of 3 degrees of freedom, one in a thousand)
+    apart = -16.0 * noise * noise / white / spread
+    for k in range(3):
+        apart += (moment[k] / spread + seen[W_TURN + k] / (n * t)) ** 2
+    variance += max(apart, 0.0) * spread * new
+    b0, b1, b2 = nav[N_BIAS], nav[N_BIAS + 1], nav[N_BIAS + 2]
+    update_bias(p, dx, gain, (0.0, m2, -m1), variance, drift[0] + m1 * b2 - m2 * b1)
+    update_bias(p, dx, gain, (-m2, 0.0, m0), variance, drift[1] + m2 * b0 - m0 * b2)
+    update_bias(p, dx, gain, (m1, -m0, 0.0), variance, drift[2] + m0 * b1 - m1 * b0)
+    seen_turn: float = -apart / size if apart > 0.0 else 16.0 * noise * noise / white / spread / size
+    return seen_turn
+
+
+@inlined
+def observe_bias(nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array) -> None:
+    """The bias of a calm tool, which rests or turns slowly and evenly: the rate less the turn of gravity and field.
+
+    Where both stay in their places, so well that the least turn would show, and the rate is the bias within its
+    uncertainty, the tool is at rest and the rate the bias. A turn about the vertical shows only in a field: without one
+    nothing is taken for rest.
+    """
+    inverse, t = par[DT] / par[TAU], par[TAU]
+    turn, unknown = 0.0, 0.5 * par[LEAST_TURN]
+    for k in range(3):
+        turn += (slow[S_RATE + k] - nav[N_BIAS + k]) ** 2
+        unknown += 16.0 * p[BIAS + k, BIAS + k]
+    ended = slow[S_RESTS] > 0.0 and turn > unknown
+    if slow[S_CALM] == 0.0 or ended or slow[S_BLOCKS] * t >= par[LONGEST]:
+        for k in range(S_BLOCKS, SLOW):
+            slow[k] = 0.0
+        slow[S_LOOK] = par[REST_TIME]
+    if slow[S_CALM] == 0.0:
+        return
+    if slow[S_RESTS] > 0.0:
+        for k in range(3):
+            update(p, dx, gain, BIAS + k, par[R_BIAS], block[B_RATE + k] * inverse - nav[N_BIAS + k])
+    n = slow[S_BLOCKS] + 1.0
+    _watch(slow[S_SEEN_GRAVITY:S_SEEN_FIELD], block[B_GRAVITY : B_GRAVITY + 3], block, inverse, n - 1.0, t)
+    _watch(slow[S_SEEN_FIELD:SLOW], block[B_FIELD : B_FIELD + 3], block, inverse, n - 1.0, t)
+    slow[S_BLOCKS] = n
+    if n * t >= slow[S_LOOK] and n >= 4.0:  # a line and its noise need four
+        spread = t * t * n * (n * n - 1.0) / 12.0
+        most = _bias_by_turn(slow[S_SEEN_GRAVITY:S_SEEN_FIELD], spread, nav, p, dx, gain, slow, par)
+        least = most
+        if par[USE_MAG] > 0.0:
+            hidden = _bias_by_turn(slow[S_SEEN_FIELD:SLOW], spread, nav, p, dx, gain, slow, par)
+            # only what of the field lies across gravity tells a turn about it
+            across = nav[N_FIELD] ** 2 + nav[N_FIELD + 1] ** 2 + 1e-300
+            most, least = max(most, (1.0 + nav[N_FIELD + 2] ** 2 / across) * hidden), min(least, hidden)
+        if least < -par[LEAST_TURN] / 16.0 and slow[S_RESTS] > 0.0:
+            # a turn that has begun was taken for bias meanwhile
+            for k in range(3):
+                p[BIAS + k, BIAS + k] -= least
+        slow[S_RESTS] = 1.0 if par[USE_MAG] > 0.0 and least >= 0.0 and most < par[LEAST_TURN] else 0.0
+        slow[S_SPREAD] = spread
+        slow[S_LOOK] = 1.2 * slow[S_LOOK]
+
+
+@inlined
 def still(block: Array, slow: Array, par: Array, inverse: float) -> bool:
-    """Whether the tool has rested long enough; keeps the low-passed rate and gravity and the time at rest."""
+    """Whether the tool has been calm long enough; keeps the low-passed rate and gravity and the time.
+
+    It rests or turns slowly and evenly, in one place: `observe_bias` tells them apart.
+    """
     if slow[S_READY] == 0.0:
         slow[S_READY] = 1.0
         for k in range(3):
@@ -204,7 +340,9 @@ def still(block: Array, slow: Array, par: Array, inverse: float) -> bool:
         most = max(most, abs(slow[S_RATE + k]))
         trend += slow[S_RATE + k] * slow[S_RATE + k]
     calm = rate < par[REST_RATE] and gravity < par[REST_GRAVITY] and most < par[REST_BOUND]
-    slow[S_REST] = slow[S_REST] + par[TAU] if calm and block[B_HELD] == 0.0 else 0.0
+    calm = calm and block[B_HELD] == 0.0
+    slow[S_CALM] = 1.0 if calm else 0.0
+    slow[S_REST] = slow[S_REST] + par[TAU] if calm else 0.0
     # a tool that only shakes sees the field of one place
     slow[S_MOVED] += par[TAU] if trend > par[REST_RATE] else 0.0
     return bool(slow[S_REST] >= par[REST_TIME])
@@ -356,15 +494,13 @@ def predict(nav: Array, p: Array, block: Array, slow: Array, par: Array, inverse
 
 @inlined
 def observe(nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array, resting: bool) -> None:
-    """Sway and, at rest, speed are nil; at rest the rate is the bias."""
+    """Sway and, at rest, speed are nil; the bias of a calm tool."""
     for i in range(2):
         update(p, dx, gain, SWAY + i, par[R_SWAY], -nav[N_SWAY + i])
     if resting:
-        inverse = par[DT] / par[TAU]
         for i in range(2):
             update(p, dx, gain, SPEED + i, par[R_SPEED], -nav[N_SPEED + i])
-        for i in range(3):
-            update(p, dx, gain, BIAS + i, par[R_BIAS], block[B_RATE + i] * inverse - nav[N_BIAS + i])
+    observe_bias(nav, p, dx, gain, block, slow, par)
 
 
 @inlined

@@ -245,6 +245,8 @@ def parameters(interval: float, settings: ComplementarySettings, magnetometer: b
         k.PLACE: s.unevenness_s,
         k.SCALE: s.rate_error**2,
         k.A_TREND: -np.expm1(-t / 10.0),  # s over which a rate counts as steady
+        k.LONGEST: 24.0,  # s of a calm stretch over which the bias is taken for constant
+        k.LEAST_TURN: np.radians(0.2) ** 2,  # rad/s: a tool that turns as fast must be seen to do so
         k.LEAST_SLOPE: (s.accel_error / s.gravity) ** 2,
     }
     for place, value in values.items():

@@ -172,7 +172,7 @@ def _field(c: Array, m: Array, nominal: Array, strength: float, east: bool, axis
 
     axis: the tool's, in north, east, down, averaged over minutes. The field leaves one direction open (azimuth with
     axial hard iron); taken from c, h would carry the same noise of the level as the residual, and their product pushes
-    along that direction: 0.3 deg in half an hour.
+    along that direction: 0.3 deg in half an hour. A tool whose axis moves has no such average (zero): c is taken.
     """
     cosine, sine = math.cos(nominal[16]), math.sin(nominal[16])
     z = 0.0
@@ -182,7 +182,8 @@ def _field(c: Array, m: Array, nominal: Array, strength: float, east: bool, axis
         z += u * (m[j] - nominal[13 + j])
         h[12 + j] = -u
         h[j] = -strength * across if east else strength * c[j, 1]
-    h[14] = -(axis[1] if east else cosine * axis[2] - sine * axis[0])
+    if axis[0] != 0.0 or axis[1] != 0.0 or axis[2] != 0.0:
+        h[14] = -(axis[1] if east else cosine * axis[2] - sine * axis[0])
     h[15] = 0.0 if east else -strength
     return z
 

@@ -12,6 +12,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.motion.inertial.state import InertialSettings, Model, State
 from inclinometry.motion.inertial.window import (
+    LOST,
     MISFIT,
     MOST_REFUSED,
     Observation,
@@ -33,8 +34,6 @@ from inclinometry.tabular import check_record
 
 SETTLED: Final = 2
 """Windows after a start of which the rows are flagged."""
-LOST: Final = 0.26
-"""Standard uncertainty of azimuth, rad, from which nothing is said to determine it: no longer small."""
 
 
 def row(
@@ -53,7 +52,7 @@ def row(
     covariance = covariance + common(
         quaternion, dip, float(np.sqrt(np.mean(np.asarray(window.gyro)[:, 2] ** 2))), model
     )
-    names = _names(quaternion, covariance, seen, age, window, model)
+    names = _names(state, covariance, seen, age, window, model)
     # least of what uncertainty, field and gravity leave of their limits
     spread = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     shares = [spread / model.settings.u_limit, 1.0 if seen.gravity < 0.0 else seen.gravity / model.settings.gate]
@@ -108,16 +107,18 @@ def common(quaternion: Array, dip: float, speed: float, model: Model) -> Array:
     return np.asarray(found)
 
 
-def _names(
-    quaternion: Array, covariance: Array, seen: Observation, age: int, window: Samples, model: Model
-) -> list[str]:
-    down = dcm_from_quaternion(quaternion)[:, 2]
+def _names(state: State, covariance: Array, seen: Observation, age: int, window: Samples, model: Model) -> list[str]:
+    down = dcm_from_quaternion(state.quaternion)[:, 2]
+    told = model.settings.gyro_bias_sigma**2 + 3600.0 * model.settings.gyro_bias_walk**2  # s: an hour of its walk
     fastest = np.abs(np.asarray(window.gyro)).max() * window.interval
     conditions = {
         "clipped": seen.clipped,
         "start": age < SETTLED,
         "disturbed": seen.disturbed,
-        "misfit": not seen.clipped and seen.gravity < 0.0,
+        # 16.3: a gyro bias as large as that is in one tool of a thousand, so the setting is not this tool's
+        "misfit": (not seen.clipped and seen.gravity < 0.0) or bool(np.sum(state.nominal[4:7] ** 2) > 16.3 * told),
+        # heave that a window's mean feels more than the sensor's offset and what shaking leaves by chance
+        "vibration": seen.slow > max(model.settings.accel_bias_sigma, 3.0 * seen.shaking),
         "drift": (seen.disturbed or not model.magnetic) and not seen.still,
         # azimuth and toolface hardly defined
         "vertical": float(np.hypot(down[0], down[1])) < np.sin(float(np.radians(1.0))),
@@ -160,7 +161,9 @@ class Engine:
         self._lost = True  # nothing tells the attitude: at the beginning and after a gap
         self._seeking = False  # a standstill in which azimuth is being found
         self._age = 0
+        self._given = False  # the attitude rests on the start that was given
         self._misfits = 0  # windows in a row whose gravity contradicts the filter
+        self._slow = np.zeros((4, 4))  # of `Shaking`, kept when the filter begins anew
         self._first, self._count = np.nan, 0
 
     def advance(self, window: Samples) -> Node:
@@ -176,7 +179,9 @@ class Engine:
             self._first, self._count, self._lost, self._seeking = float(window.time[0]), 0, True, False
         self._count += len(window)
         time = self._first + window.interval * (self._count - 1)
+        stated = self._start is not None
         state, anew, model = self._before(window)
+        self._start, self._given = None, stated or (self._given and not anew)  # a restart is of another time
         if state is None:
             return Node(None, None, None, True, 0, time, model)
         if not anew and is_moving(state, window):
@@ -189,15 +194,15 @@ class Engine:
                 after, seen = reduce_window(state, window, model)
         else:
             after, seen = reduce_window(state, window, model)
-        if self._lost and not self._stated and (seen.disturbed or seen.gravity < 0.0):
+        if self._lost and not stated and (seen.disturbed or seen.gravity < 0.0):
             return Node(None, None, None, True, 0, time, model)  # no beginning to build on; the next window may be one
         self._age = 0 if self._lost else self._age + 1
         self._misfits = self._misfits + 1 if seen.gravity < 0.0 else 0
         self._state, self._lost = after, False
         rough = seen.shaking > ROUGH
-        if rough or self._misfits >= 3 or (self._misfits and self._age < SETTLED):
+        if rough or self._misfits >= 3 or (self._misfits and self._age < SETTLED and not self._given):
             # a filter that gravity contradicts three times in a row is wrong, however sure it is: begin anew
-            self._state, self._lost = None, True
+            self._state, self._lost, self._slow = None, True, after.shaking.slow
             return Node(None, None, seen, True, 0, time, model)
         return Node(state, after, seen, anew, self._age, time, model)
 
@@ -211,17 +216,16 @@ class Engine:
         covariance = node.after.covariance[:3, :3]
         return row(node.time, node.after, covariance, node.seen, node.age, window, self.model, method)
 
-    @property
-    def _stated(self) -> bool:
-        """Whether the start that was given is still to be used."""
-        return self._state is None and self._start is not None
-
     def _before(self, window: Samples) -> tuple[State | None, bool, Model]:
         """State before the window (None: nothing to start from), whether its attitude is a new one, and the model."""
         model, anew, sought_before = self.model, self._lost, self._seeking
-        state = blank(window, model) if self._state is None else self._state
+        state = self._state
+        if state is None:
+            state = blank(window, model)
+            state = replace(state, shaking=state.shaking._replace(slow=self._slow))
         clipped = window.clipped is not None and bool(window.clipped.any())
-        if self._stated and self._start is not None:
+        stated = self._start is not None
+        if self._start is not None:
             state = given(state, window, self._start, model)
             anew = False
         elif self._lost and clipped:
@@ -233,7 +237,7 @@ class Engine:
             anew = anew or (self._seeking and not sought_before)  # later windows of the standstill add to the first
         if anew:
             state = sought(state, window, model)
-        if anew or self._stated:
+        if anew or stated:
             return linearised(state, window, model, model.magnetic), True, model
         return state, False, model
 

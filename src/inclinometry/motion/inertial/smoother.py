@@ -26,6 +26,7 @@ from inclinometry.motion.inertial.window import reduce_window
 from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.rotations import dcm_from_quaternion, rotation_log
+from inclinometry.tabular import check_record
 
 
 def smoothed_attitude(
@@ -99,7 +100,7 @@ def continuous_survey(
     -------
     Attitude
         A row a window, method "survey", north "true". A note tells the misclosure; where it is larger than the
-        uncertainties allow every row is flagged "misfit".
+        uncertainties allow, or the last window gives no attitude to close at, every row is flagged "misfit".
 
     Raises
     ------
@@ -112,6 +113,7 @@ def continuous_survey(
     and the backward pass of `smoothed_attitude`. What a constant gyro bias and scale error do to the azimuth grows in
     proportion to time and turns, is seen whole at the end, and leaves what random walk makes: most in the middle.
     """
+    check_record(samples, Samples, "continuous_survey")
     model = Model(settings or InertialSettings(), site or Site(), False)
     if not len(end) or end.refused[0]:
         raise InputError("the end station has no row with an attitude; give one that was measured")
@@ -129,7 +131,9 @@ def _smoothed(samples: Samples, model: Model, start: Attitude | None, end: Attit
             raise InputError(f"the run is shorter than half a window of {model.settings.window:g} s; nothing to survey")
         return refusals([], (), method, "magnetic" if model.magnetic else "true")
     lam, info, misclosure = np.zeros(STATES), np.zeros((STATES, STATES)), 0.0
-    if end is not None:
+    # a misfit in the last window leaves the survey open at its end; a run without any attitude is refused
+    opened = nodes[-1].after is None and any(node.after is not None for node in nodes)
+    if end is not None and not opened:
         misclosure = _close(nodes[-1], end, model, lam, info)
     rows = [
         _row(node, before, window, engine, lam, info, method)
@@ -138,6 +142,9 @@ def _smoothed(samples: Samples, model: Model, start: Attitude | None, end: Attit
     found = joined(rows[::-1])
     if end is None:
         return found
+    if opened:
+        why = "gravity of the last window contradicts the run: the survey is not closed at the end station"
+        return replace(found, flags=(found.flags | BITS["misfit"]).astype(np.uint32), notes=(*found.notes, why))
     note = f"misclosure at the end station {misclosure:.2f} standard deviations (root mean square of three axes)"
     # standard deviations, root mean square of three
     bit = BITS["misfit"] if misclosure > 4.0 else 0
@@ -174,6 +181,8 @@ def _row(
     from inclinometry.motion.inertial._recursions import backward
 
     if node.before is None or node.after is None or node.seen is None:
+        if node.seen is not None:  # the filter began anew with nothing known, not even of the sensors
+            lam[:], info[:] = 0.0, 0.0
         return engine.row(node, window, method)
     covariance = node.after.covariance
     state: State = corrected(node.after, -covariance @ lam)

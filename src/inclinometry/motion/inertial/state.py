@@ -49,8 +49,8 @@ class InertialSettings(Settings):
     lever_sigma: Annotated[float, Range(0.0, 1.0, "m"), "Its standard uncertainty."] = 0.02
     gate: Annotated[float, Range(1.0, 1e6, "variances"), "Innovation beyond which a measurement is refused."] = 36.0
     weight: Annotated[Callable[[Array], Array] | None, "Of normalised innovations of gravity, to [0, 1]."] = None
-    still_rate: Annotated[float, Range(0.0, 1.0, "rad/s"), "Rate and its scatter below which a tool is held."] = 0.01
-    still_accel: Annotated[float, Range(0.0, 100.0, "m/s^2"), "The same of the accelerometers' scatter."] = 0.2
+    still_rate: Annotated[float, Range(0.0, 1.0, "rad/s"), "Turn a gyro alone must exclude to hold a tool."] = 2e-5
+    still_accel: Annotated[float, Range(0.0, 100.0, "m/s^2"), "Accelerometers' scatter beyond which it is not."] = 0.2
     creep: Annotated[float, Range(0.0, 0.1, "rad/sqrt(s)"), "What a tool that is held may turn unseen."] = 1e-6
     u_limit: Annotated[float, Range(1e-6, 3.0, "rad"), "Uncertainty at which quality is 0."] = float(np.radians(2.0))
 
@@ -179,9 +179,14 @@ class Ends:
         self._next += 1
         return float(measure(h, z, variance, gate, self._p, self._x, row))
 
-    def surprise(self, h: Array, z: float, variance: float) -> float:
-        """Normalised innovation, before anything is done."""
-        return float((z - h @ self._x) / np.sqrt(h @ self._p @ h + variance))
+    def innovation(self, h: Array, z: float) -> tuple[float, float]:
+        """Of a measurement without noise, and its variance, before anything is done."""
+        return float(z - h @ self._x), float(h @ self._p @ h)
+
+    def doubt(self, variance: Array, slope: float, most: float) -> None:
+        """Add covariance (3, 3) to that of the attitude, and `slope` times as much to the bias's, up to `most`."""
+        self._p[:3, :3] += variance
+        self._p[3:6, 3:6] += variance * min(slope, most / max(float(np.trace(variance)), 1e-300))
 
 
 NOMINAL = 20
@@ -197,6 +202,9 @@ class Shaking(NamedTuple):
     bands : (2, 2) the same of the tapers of 2 and of 3 turns alone; horizontal, vertical.
     lever : (3,) m, position of the accelerometers; information : (3, 3) its inverse covariance.
     windows : seen in all; level : of these, since the level of shaking last rose.
+    slow : (4, 4) of what moves more slowly than a window and shows in no taper, from the innovations of gravity north,
+        east, down and along the tool: sums over windows, each a twentieth less than the next, of their square over its
+        variance s, of (square - s) / s^2, of 1 / s^2 and of 1.
     """
 
     scatter: Array
@@ -205,6 +213,7 @@ class Shaking(NamedTuple):
     information: Array
     windows: int
     level: int
+    slow: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +227,7 @@ class State:
     strength : nT, of the reference field.
     field_variance : nT^2, of the noise that successive samples of the field show, averaged over windows.
     shaking : of the tool, as far as known.
-    axis : (3,) of the tool, north, east, down, averaged over some minutes; zero before the first window.
+    axis : (3,) of the tool, north, east, down, averaged over some minutes; zero at the start and while it turns.
     """
 
     nominal: Array

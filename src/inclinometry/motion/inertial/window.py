@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, Mask, frozen
+from inclinometry.constants import EARTH_RATE
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.motion.inertial.state import (
     NO_GATE,
@@ -40,6 +41,10 @@ from inclinometry.wahba import solve_triad
 
 MEMORY: Final = 10
 """Windows over which the noise that shaking leaves in gravity is averaged."""
+ANY: Final = 1e6
+"""Gate, in variances, of a window that is only linearised at."""
+SLOW_MEMORY: Final = 20
+"""The same of what is slower than a window."""
 FREE: Final = 10 / 3.0
 """Degrees of freedom of that noise in one window and direction: 4 tapers in 3 directions less the lever arm."""
 
@@ -91,7 +96,7 @@ def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) ->
         square = (left**2).reshape(2, -1, 3).mean(axis=1)
         apart = np.stack([square[:, :2].mean(axis=1), square[:, 2]], axis=1)
         bands = apart if count == 1 else before.bands + (apart - before.bands) / min(count, MEMORY)
-    return Shaking(scatter, bands, lever, information, before.windows + 1, count)
+    return Shaking(scatter, bands, lever, information, before.windows + 1, count, before.slow)
 
 
 def at_zero(shaking: Shaking) -> Array:
@@ -138,12 +143,56 @@ def measure_gravity(
     rows[:, 9:12] = -kept[0, 3:].reshape(3, 3)
     residual = kept[0, :3] - levers[0] @ shaking.lever - [0.0, 0.0, g]
     variance = _variance(shaking, levers[0], float(matrix[2, 2]), window, model)
-    axes = range(3 if model.site.gravity is not None else 2)
+    count = 3 if model.site.gravity is not None else 2
+    expected = np.array([ends.innovation(rows[i], residual[i]) for i in range(count)])
     if settings.weight is not None:
-        t = np.array([ends.surprise(rows[i], residual[i], variance[i]) for i in axes])
-        variance[: len(t)] /= np.maximum(settings.weight(t), 1e-12)
-    found = [ends.measure(rows[i], float(residual[i]), float(variance[i]), settings.gate) for i in axes]
-    return (-1.0 if min(found) < 0.0 else max(found)), shaking
+        t = expected[:, 0] / np.sqrt(expected[:, 1] + variance[:count])
+        variance[:count] /= np.maximum(settings.weight(t), 1e-12)
+    spread = expected[:, 1] + variance[:count]
+    known = heaving(shaking.slow, matrix[2])
+    refused = bool((expected[:, 0] ** 2 > settings.gate * (spread + known[:count])).any())
+    found = known
+    if settings.gate < ANY:  # what is only linearised at is not surprising
+        shaking = shaking._replace(slow=_watched(shaking, expected[:, 0], spread, matrix[2, :count], window, model))
+        found = heaving(shaking.slow, matrix[2])
+    # the windows before were believed too much by the same acceleration; that to the north tilts about east
+    fresh = np.where(known == 0.0, found, 0.0) / g**2
+    # and a straight line through so many of them gave the bias, by rate / tilt
+    slope = 12.0 / max(float(shaking.slow[3, 0]), 1.0) ** 3 / (len(window) * window.interval) ** 2
+    ends.doubt(matrix @ np.diag([fresh[1], fresh[0], 0.0]) @ matrix.T, slope, settings.gyro_bias_sigma**2)
+    known = found
+    taken = [ends.measure(rows[i], float(residual[i]), variance[i] + known[i], settings.gate) for i in range(count)]
+    return (-1.0 if refused or min(taken) < 0.0 else max(taken)), shaking
+
+
+def _watched(shaking: Shaking, innovation: Array, spread: Array, axis: Array, window: Samples, model: Model) -> Array:
+    """`slow` of `Shaking` after another window's innovations of gravity (2 or 3) of variance `spread`."""
+    count = len(axis)
+    along = axis / max(float(axis @ axis), 1e-3)
+    square = np.append(innovation, along @ innovation) ** 2
+    scatter = shaking.scatter[:count] * at_zero(shaking)[:count]
+    scatter = np.where(scatter > _white(len(window), model), scatter, 0.0)
+    scatter, spread = np.append(scatter, along**2 @ scatter), np.append(spread, along**2 @ spread)
+    # of Student's square with the freedom of a variance that is partly estimated the normal one of the same chance
+    # (Wallace, Annals of Mathematical Statistics 30, 1959)
+    free = FREE * min(shaking.level, MEMORY) * (spread / np.maximum(scatter, 1e-6 * spread)) ** 2
+    normal = ((8.0 * free + 1.0) / (8.0 * free + 3.0)) ** 2 * free * np.log1p(square / spread / free)
+    seen = np.zeros((4, 4))
+    seen[:, [*range(count), 3]] = normal, (square - spread) / spread**2, 1.0 / spread**2, np.ones(count + 1)
+    return np.asarray((1.0 - 1.0 / SLOW_MEMORY) * shaking.slow + seen)
+
+
+def heaving(slow: Array, axis: Array) -> Array:
+    """Variance (3,) of a window's gravity by accelerations slower than the window: `slow` of `Shaking`, where it shows.
+
+    It does, along north, east, down or the tool's axis (its direction is given), where the mean square, 1 expected,
+    exceeds that by 2.5 of its standard deviations, sqrt(2 / windows), and by more in the first windows, whose square
+    has a long tail: by chance in about one window of a hundred.
+    """
+    windows = np.maximum(slow[3], 1e-9)
+    shows = slow[0] / windows > 1.0 + (2.5 + 3.0 / windows) * np.sqrt(2.0 / windows)
+    found = np.where(shows, np.maximum(slow[1], 0.0) / np.maximum(slow[2], 1e-300), 0.0)
+    return np.asarray(np.maximum(found[:3], found[3] * axis**2))
 
 
 def _white(size: int, model: Model) -> float:
@@ -186,6 +235,7 @@ class Observation(NamedTuple):
     disturbed : the field was left out.
     gravity : largest squared normalised innovation of gravity, negative when it was refused.
     shaking : m/s^2, what shaking leaves in a mean of the window, as far as known.
+    slow : m/s^2, the same of accelerations slower than the window, where they show.
     """
 
     rate: float
@@ -197,6 +247,7 @@ class Observation(NamedTuple):
     disturbed: bool
     gravity: float
     shaking: float
+    slow: float
 
 
 def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_TAPE) -> tuple[State, Observation]:
@@ -263,9 +314,12 @@ def filter_window(
     if len(tape.steps):
         tape.error[:] = x
     done = corrected(done, x)
-    axis = dcm_from_quaternion(done.quaternion)[2]
+    axis, before_axis = (dcm_from_quaternion(one.quaternion)[2] for one in (done, state))
+    mean = state.axis if state.axis.any() else axis
+    # rad by which the axis of a tool that goes straight on may differ from one window to the next, and from its average
+    moved = max(np.linalg.norm(axis - before_axis), np.linalg.norm(axis - mean)) > 0.03
     slow = 30  # windows over which the direction of the tool is averaged for `_field`
-    return replace(done, axis=axis if not state.axis.any() else state.axis + (axis - state.axis) / slow), seen
+    return replace(done, axis=np.zeros(3) if moved else mean + (axis - mean) / slow), seen
 
 
 def _seen(
@@ -283,6 +337,7 @@ def _seen(
         disturbed=False,
         gravity=level,
         shaking=float(np.sqrt(np.max(shaking.scatter))) if shaking.windows else 0.0,
+        slow=float(np.sqrt(np.max(heaving(shaking.slow, dcm_from_quaternion(state.quaternion)[2])))),
     )
 
 
@@ -302,20 +357,50 @@ def hann_mean(state: State, window: Samples, vectors: Array) -> Array:
     return sums[:3].copy()
 
 
+LOST: Final = 0.26
+"""Standard uncertainty of azimuth, rad, from which nothing is said to determine it: no longer small."""
+
+
 def is_still(state: State, window: Samples, model: Model, bad: Mask) -> bool:
-    """Whether nothing but the Earth moves the tool: rate, its scatter and that of the accelerometers are small."""
-    settings = model.settings
-    if bad.any():
+    """Whether nothing but the Earth moves the tool, as far as a gyro alone can say.
+
+    The mean rate must be bias and Earth rate: in the attitude found, or of its magnitude where the azimuth is not
+    known. A gyro whose bias may hide a turn as fast as `still_rate` cannot say so, and the tool is taken to move: the
+    strapdown is right either way. Gravity must stay where it is in tool axes, and the rate must not swing. With a field
+    no tool is held: the field shows the bias at rest, and a turn of 0.002 deg/s that is held against it tilts the tool.
+    """
+    settings, seconds = model.settings, window.interval * len(window)
+    if model.magnetic or bad.any():
         return False
     gyro, accel = np.asarray(window.gyro), np.asarray(window.accel)
-    middle = len(window) // 2
-    if np.linalg.norm(gyro.mean(axis=0) - state.nominal[4:7]) > settings.still_rate:
+    rate = gyro.mean(axis=0)
+    rows, residual = _rate_of_rest(state.nominal, rate, model)
+    p = state.covariance
+    own = rows[:, 3:9] @ p[3:9, 3:9] @ rows[:, 3:9].T + settings.gyro_noise**2 / seconds * np.eye(3)
+    hidden = 4.0 * float(np.sqrt(np.linalg.eigvalsh(own)[-1]))  # 4 standard deviations: once in ten thousand windows
+    if hidden > settings.still_rate:
         return False
-    if gyro.std(axis=0).max() > settings.still_rate:
+    if azimuth_variance(state) > LOST**2:
+        size = float(np.linalg.norm(rate * (1.0 - state.nominal[7:10]) - state.nominal[4:7]))
+        if size > EARTH_RATE + hidden or (model.site.latitude is not None and size < EARTH_RATE - hidden):
+            return False
+    else:
+        together = rows @ p @ rows.T + model.gyro_noise**2 / seconds * np.eye(3)
+        off = residual - rows @ state.offset
+        if off @ np.linalg.solve(together, off) > 22.0:  # chi-square of 3 degrees of freedom, the same chance
+            return False
+    swing = np.ptp(np.cumsum(gyro - rate, axis=0), axis=0).max() * window.interval
+    if swing > settings.still_rate * seconds + 4.0 * settings.gyro_noise * np.sqrt(seconds):
         return False
-    scatter = accel.std(axis=0).max()
-    moved = np.abs(accel[:middle].mean(axis=0) - accel[middle:].mean(axis=0)).max()
-    return bool(scatter <= settings.still_accel and moved <= 6.0 * 2.0 * scatter / np.sqrt(len(window)) + 1e-9)
+    # the means of both halves must agree within the noise that the means of tenths show from one to the next
+    count = min(10, len(accel)) // 2 * 2
+    if accel.std(axis=0).max() > settings.still_accel or count < 4:
+        return False
+    means = np.array([part.mean(axis=0) for part in np.array_split(accel, count)])
+    turned = means[: count // 2].mean(axis=0) - means[count // 2 :].mean(axis=0)
+    variance = 2.0 / count * float(np.mean(np.diff(means, axis=0) ** 2))
+    # 5: the noise has some 18 degrees of freedom; a steady turn without noise is at 11
+    return bool(np.abs(turned).max() <= 5.0 * np.sqrt(variance) + 1e-9)
 
 
 def _constants(state: State, interval: float, model: Model, still: bool) -> Array:
@@ -329,19 +414,23 @@ def _constants(state: State, interval: float, model: Model, still: bool) -> Arra
         (0.2 * interval) ** 2,  # rad/s, how far the rate may have moved while an unusable sample was bridged
         *settings.step_variances(interval, settings.creep if still else model.gyro_noise),
         0.0 if still else 1.0,
-        *(state.axis if state.axis.any() else dcm_from_quaternion(state.quaternion)[2]),
+        *state.axis,
     ]
     return np.array(head)
 
 
-def _standstill(nominal: Array, rate: Array, seconds: float, model: Model, ends: Ends) -> None:
-    """The mean rate of a held tool is bias and Earth rate: 0 = rate (1 - scale) - bias - Earth rate."""
+def _rate_of_rest(nominal: Array, rate: Array, model: Model) -> tuple[Array, Array]:
+    """Rows (3, 16) and residual (3,) of the mean rate of a tool at rest: 0 = rate (1 - scale) - bias - Earth rate."""
     earth = dcm_from_quaternion(nominal[:4]) @ model.spin
-    residual = rate * (1.0 - nominal[7:10]) - nominal[4:7] - earth
     rows = np.zeros((3, STATES))
     rows[:, :3], rows[:, 3:6], rows[:, 6:9] = cross_matrix(earth), -np.eye(3), -np.diag(rate)
+    return rows, rate * (1.0 - nominal[7:10]) - nominal[4:7] - earth
+
+
+def _standstill(nominal: Array, rate: Array, seconds: float, model: Model, ends: Ends) -> None:
+    """The mean rate of a held tool as a measurement."""
     variance = model.gyro_noise**2 / seconds
-    for row, value in zip(rows, residual, strict=True):
+    for row, value in zip(*_rate_of_rest(nominal, rate, model), strict=True):
         ends.measure(row, float(value), variance, NO_GATE)
 
 
@@ -365,7 +454,15 @@ def unshaken(model: Model) -> Shaking:
     """Before the first window."""
     settings = model.settings
     information = np.eye(3) / max(settings.lever_sigma, 1e-6) ** 2
-    return Shaking(np.zeros(3), np.zeros((2, 2)), np.array(settings.lever_arm, dtype=np.float64), information, 0, 0)
+    return Shaking(
+        np.zeros(3),
+        np.zeros((2, 2)),
+        np.array(settings.lever_arm, dtype=np.float64),
+        information,
+        0,
+        0,
+        np.zeros((4, 4)),
+    )
 
 
 def sought(state: State, window: Samples, model: Model) -> State:
@@ -465,7 +562,7 @@ def linearised(state: State, window: Samples, model: Model, with_field: bool) ->
     from inclinometry.motion.inertial._recursions import backward
 
     # nothing is surprising yet: what is refused now would be refused for ever, but for a millionfold variance
-    model = replace(model, settings=replace(model.settings, gate=1e6, weight=None))
+    model = replace(model, settings=replace(model.settings, gate=ANY, weight=None))
     size = len(beginning(window, model))
     while True:
         part = window.part(0, size)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -134,6 +134,10 @@ class ToolConstants:
         Transverse accelerometer offset, m/s^2, and lever arm, m, complex.
     motion_covariance : (2, 2) ndarray
         Per real component.
+    axial : (2,) ndarray
+        What axial gravity takes over of omega^2 and of its rate of change, m: lever arm times coupling.
+    axial_covariance : (2, 2) ndarray
+        m^2.
     trust : (4, r) ndarray
         Log weights of the noise spectra of transverse gravity and field, axial gravity and field.
     delay : tuple of float
@@ -142,6 +146,8 @@ class ToolConstants:
         Likewise of the gyro against the magnetometer.
     met : (2, SECTORS) ndarray
         Sums and numbers of the transverse field by direction, as long as no arc sufficed.
+    sighted : tuple of float, optional
+        Of the last window: angle from field to gravity as read, its variance, rad^2, and the speed, rad/s.
     """
 
     offset: complex
@@ -149,10 +155,13 @@ class ToolConstants:
     seen: bool
     motion: Complex
     motion_covariance: Complex
+    axial: Array
+    axial_covariance: Array
     trust: Array
     delay: tuple[float, float]
     gyro_lag: tuple[float, float]
     met: Complex
+    sighted: tuple[float, float, float] | None = None
 
     def aged(self, seconds: float) -> ToolConstants:
         """After some time in which they may have wandered."""
@@ -160,29 +169,32 @@ class ToolConstants:
         lever_walk = 1e-5  # m / sqrt(s)
         walk = np.diag([accel_walk**2, lever_walk**2]) * seconds
         offset_walk = 1.0  # nT / sqrt(s), with temperature and stress
-        return ToolConstants(
-            self.offset,
-            self.offset_covariance + offset_walk**2 * seconds * np.eye(2),
-            self.seen,
-            self.motion,
-            self.motion_covariance + walk,
-            remembered(self.trust),
-            self.delay,
-            self.gyro_lag,
-            self.met,
+        axial_walk = 1e-8  # m / sqrt(s): the lever arm's times a coupling
+        direction_walk = 2e-4  # rad / sqrt(s): 3 deg in 30 m at 60 m/h
+        return replace(
+            self,
+            offset_covariance=self.offset_covariance + offset_walk**2 * seconds * np.eye(2),
+            motion_covariance=self.motion_covariance + walk,
+            axial_covariance=self.axial_covariance + axial_walk**2 * seconds * np.eye(2),
+            trust=remembered(self.trust),
+            sighted=self.sighted and (self.sighted[0], self.sighted[1] + direction_walk**2 * seconds, self.sighted[2]),
         )
 
 
 def prior_constants(settings: MagneticSettings) -> ToolConstants:
     """What is known before the first window."""
+    # m, per component: two couplings with two components of the lever arm
+    axial = max(float(np.sqrt(2.0)) * settings.coupling_sigma * settings.lever_sigma, 1e-9)
     return ToolConstants(
         complex(settings.offset_x, settings.offset_y),
         settings.offset_sigma**2 * np.eye(2),
         False,
         np.zeros(2, dtype=np.complex128),
         np.diag([settings.accel_sigma**2, settings.lever_sigma**2]).astype(np.complex128),
+        np.zeros(2),
+        axial**2 * np.eye(2),
         np.tile(untried(), (4, 1)),
-        (DELAY_SIGMA**-2, settings.mag_delay_s * DELAY_SIGMA**-2),
+        (DELAY_SIGMA**-2, (settings.mag_delay_s + settings.lag_s) * DELAY_SIGMA**-2),
         (DELAY_SIGMA**-2, 0.0),
         np.zeros((2, SECTORS), dtype=np.complex128),
     )
@@ -211,7 +223,7 @@ class Demodulated:
     turned : (m,) ndarray
         Angle by the gyro, rad; empty where none was used.
     delay : float
-        s, by which the magnetometer was taken to be late against the accelerometer.
+        s, by which the magnetometer was taken to be late against the accelerometer, eddy currents included.
     gyro_lag : float
         s, by which the gyro was taken to be late against the magnetometer.
     lag : (m,) ndarray
@@ -237,7 +249,14 @@ class Demodulated:
 
 
 def demodulate(
-    samples: Samples, step: int, offset: complex, *, with_gyro: bool, delay: float, gyro_lag: float = 0.0
+    samples: Samples,
+    step: int,
+    offset: complex,
+    *,
+    with_gyro: bool,
+    delay: float,
+    eddy: float = 0.0,
+    gyro_lag: float = 0.0,
 ) -> Demodulated:
     """Turn a window back.
 
@@ -253,6 +272,9 @@ def demodulate(
         Whether the gyro carries the phase from sample to sample; the magnetometer then only guides it, slowly.
     delay : float
         By how much the magnetometer is late against the accelerometer, s.
+    eddy : float
+        Time constant of the collar's eddy currents, s: the transverse field is late by atan(eddy omega), and weaker by
+        sqrt(1 + (eddy omega)^2). The root of that is given back: a clock that is late takes nothing.
     gyro_lag : float
         By how much the gyro is late against the magnetometer, s: its angle is brought to the magnetometer's time.
     """
@@ -287,11 +309,11 @@ def demodulate(
     u = np.stack([phasor.real, phasor.imag])
     _kernels.demodulated(accel, mag, local, u, offset.real, offset.imag, step, table)
     table /= table[-1]
-    lag = delay * rate
+    lag = delay * rate + np.arctan(eddy * rate)
     late = np.exp(1j * lag)
     return Demodulated(
         gravity=(table[0] + 1j * table[1]) * late,
-        field=np.asarray(table[3] + 1j * table[4], dtype=np.complex128),
+        field=np.asarray((table[3] + 1j * table[4]) * np.sqrt(np.hypot(1.0, eddy * rate)), dtype=np.complex128),
         axial_gravity=table[2],
         axial_field=table[5],
         back=(table[6] + 1j * table[7]) * late,
@@ -300,7 +322,7 @@ def demodulate(
         acceleration=acceleration,
         track=track,
         turned=middle,
-        delay=delay,
+        delay=delay + eddy,
         gyro_lag=gyro_lag,
         lag=lag,
         turn=float(np.abs(np.diff(middle if middle.size else phase)).max(initial=0.0)),
@@ -322,8 +344,19 @@ def regressors(d: Demodulated) -> Complex:
     return np.stack([np.ones_like(d.back), d.back, lever], axis=1)
 
 
-def prior(known: ToolConstants) -> Complex:
-    """Precision (3, 3) of their coefficients; nothing is known of gravity."""
+def axial_regressors(d: Demodulated) -> Array:
+    """Columns (m, 3): axial gravity, and what a coupled or tilted axis takes over of the lever arm's accelerations.
+
+    Notes
+    -----
+    A row (e_x, e_y) of couplings meets (omega^2 - i alpha) r: omega^2 e.r + alpha (e x r). At an even speed omega^2 is
+    a constant like gravity: its share stays in the covariance, by the prior.
+    """
+    return np.stack([np.ones_like(d.rate), d.rate**2, d.acceleration], axis=1)
+
+
+def prior(covariance: Complex | Array) -> Complex:
+    """Precision (3, 3) of the coefficients of `regressors`, of the last two (2, 2) `covariance`; none of the first."""
     precision = np.zeros((3, 3), dtype=np.complex128)
-    precision[1:, 1:] = np.linalg.inv(known.motion_covariance)
+    precision[1:, 1:] = np.linalg.inv(covariance)
     return precision

@@ -10,9 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
+from inclinometry.constants import AXIAL_INTERFERENCE
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.settings import Range, Settings
+
+LAG_SIGMA: Final = 3e-3
+"""s: a collar of 170 mm with a bore of 70 mm of non-magnetic steel (0.7 microohm m) lets a transverse field through
+with about 2.7 ms (mu0 / rho times mean radius times half the wall, Kaden H., Wirbelstroeme und Schirmung, 1959)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,13 +29,26 @@ class MagneticSettings(Settings):
     offset_x: Annotated[float, Range(-1e9, 1e9, "nT"), "Transverse magnetic offset known from a calibration."] = 0.0
     offset_y: Annotated[float, Range(-1e9, 1e9, "nT"), "The same along y."] = 0.0
     offset_sigma: Annotated[float, Range(1e-3, 1e5, "nT"), "Its sd per axis; fitted where the arc suffices."] = 300.0
-    axial_sigma: Annotated[float, Range(1e-3, 1e5, "nT"), "Sd of the axial offset: nothing in a window shows it."] = (
-        10.0
-    )
+    axial_sigma: Annotated[
+        float, Range(1e-3, 1e5, "nT"), "Sd of the axial offset and interference: nothing in a window shows it."
+    ] = AXIAL_INTERFERENCE
     accel_sigma: Annotated[float, Range(1e-9, 1.0, "m/s^2"), "Sd of the accelerometer's offset per axis."] = 0.01
     lever_sigma: Annotated[float, Range(1e-6, 1.0, "m"), "Sd of its distance from the axis of rotation, per axis."] = (
         0.03
     )
+    coupling_sigma: Annotated[
+        float,
+        Range(0.0, 0.1),
+        "Sd of the accelerometers' scale errors, couplings and tilt against the axis of rotation.",
+    ] = 1e-3
+    tilt_sigma: Annotated[float, Range(0.0, 0.1, "rad"), "Sd of the tilt of an axis that whirls."] = float(
+        np.radians(0.1)
+    )
+    mag_scale_sigma: Annotated[
+        float,
+        Range(0.0, 0.1),
+        "Sd of the magnetometer's scale errors and couplings, where the site is held against it.",
+    ] = 3e-3
     least_arc: Annotated[float, Range(0.2, 2.0 * np.pi, "rad"), "Arc from which a circle is fitted to the field."] = 4.0
     clipped_share: Annotated[float, Range(0.0, 0.5), "Share of clipped samples above which a window is refused."] = 0.01
     bandwidth_hz: Annotated[
@@ -40,6 +58,12 @@ class MagneticSettings(Settings):
     delay_sigma_s: Annotated[
         float, Range(0.0, 0.01, "s"), "Sd of what that leaves; the default is of alike anti-alias filters."
     ] = 1e-4
+    lag_s: Annotated[
+        float, Range(0.0, 0.05, "s"), "Time constant of eddy currents in the collar: tan(lag) = omega lag_s."
+    ] = 0.0
+    lag_sigma_s: Annotated[
+        float, Range(0.0, 0.05, "s"), "Its sd; a speed that changes shows it to some hundredths of a millisecond."
+    ] = LAG_SIGMA
     use_gyro: bool = True
     site: Site | None = None
 
@@ -104,6 +128,8 @@ class BandFit:
         Logarithm of the weight of each spectrum, the largest 0.
     taken : float
         How many of the sums the regressors used up; 1 is a plain mean.
+    shared : float
+        Variance of the first coefficient, per real component, that comes from the priors: what windows have in common.
     """
 
     value: Complex
@@ -111,6 +137,7 @@ class BandFit:
     gain: Complex
     trust: Array
     taken: float
+    shared: float
 
 
 @lru_cache(maxsize=16)
@@ -205,6 +232,7 @@ def fit(
     # the widening belongs to the noise, not to the prior
     wide = noise * freedom / np.maximum(freedom - 2.0, 1.0)
     covariance = np.linalg.inv(gram / wide[:, None, None] + precision)
+    given = covariance[:, 0]
     weights = weight / noise
     gain = np.einsum("r,rp,rkp,rkl->l", weights, inverse[:, 0], x.conj(), of.whiteners)
     middle = weight @ value
@@ -216,6 +244,7 @@ def fit(
         np.asarray(gain, dtype=np.complex128),
         score,
         float(weight @ taken),
+        float(weight @ np.einsum("rp,pq,rq->r", given, precision, given.conj()).real),
     )
 
 

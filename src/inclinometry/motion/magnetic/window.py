@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.constants import STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.errors import InputError
 from inclinometry.motion.magnetic.demodulate import (
     DELAY_SIGMA,
@@ -16,6 +16,7 @@ from inclinometry.motion.magnetic.demodulate import (
     Demodulated,
     Held,
     ToolConstants,
+    axial_regressors,
     demodulate,
     prior,
     prior_constants,
@@ -36,10 +37,11 @@ from inclinometry.motion.magnetic.phase import (
     raised,
     sectors,
 )
-from inclinometry.motion.reference import SiteCheck, departure, inflated
+from inclinometry.motion.magnetic.whirl import whirl_acceleration
+from inclinometry.motion.reference import SiteCheck, departure, inflated, referenced
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined
 from inclinometry.orientation import angles, dip_angle, dip_jacobian
-from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_z
+from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_z, wrap_signed
 from inclinometry.tabular import check_record
 from inclinometry.uncertainty import propagate
 
@@ -50,6 +52,8 @@ from inclinometry.uncertainty import propagate
 
 FLOOR_S: Final = 2e-5
 """Least standard deviation stated: what differences of filters leave."""
+EVIDENCE_S: Final = 10.0
+"""s, longest stretch in which what goes with the speed is sought: speeds swing in some seconds."""
 SIGNIFICANT: Final = 5.0
 """Standard deviations from which a delay is called one."""
 
@@ -87,19 +91,24 @@ class Clocks(NamedTuple):
 
     Attributes
     ----------
-    delay, sigma : float
-        Of the magnetometer against the accelerometer, and the standard deviation left.
+    delay, eddy, sigma : float
+        Of the magnetometer against the accelerometer: of its clock, by eddy currents in the collar, and the standard
+        deviation left of both together.
     seen : bool
         Whether the readings tell more of it than the prior.
-    stepped : bool
+    late : bool
         Whether it departs from the setting by five standard deviations.
+    stepped : bool
+        Whether by more than eddy currents explain.
     gyro_lag : float
         Of the gyro against the magnetometer; 0 unless it is five standard deviations.
     """
 
     delay: float
+    eddy: float
     sigma: float
     seen: bool
+    late: bool
     stepped: bool
     gyro_lag: float
 
@@ -109,20 +118,24 @@ def clocks(known: ToolConstants, settings: MagneticSettings) -> Clocks:
 
     Notes
     -----
-    A found delay that `delay_sigma_s` allows is weighed with it; one far beyond is taken as it is: the tool is then not
-    what was stated.
+    What is found of both together is shared out by what `delay_sigma_s` and `lag_sigma_s` allow each of them; one far
+    beyond that is a clock's, and taken as it is: the tool is then not what was stated.
     """
-    delay, sigma = _found(known.delay)
-    off, prior_sigma = delay - settings.mag_delay_s, settings.delay_sigma_s
+    found, sigma = _found(known.delay)
+    off = found - settings.mag_delay_s - settings.lag_s
+    prior_sigma = float(np.hypot(settings.delay_sigma_s, settings.lag_sigma_s))
     both = float(np.hypot(sigma, prior_sigma))
-    stepped = abs(off) > SIGNIFICANT * sigma
+    late = abs(off) > SIGNIFICANT * sigma
+    stepped = abs(off) > SIGNIFICANT * float(np.hypot(sigma, settings.lag_sigma_s))
     seen = sigma < prior_sigma
     lag, lag_sigma = _found(known.gyro_lag)
     lag = lag if abs(lag) > SIGNIFICANT * lag_sigma else 0.0
     if abs(off) > SIGNIFICANT * both:
-        return Clocks(delay, sigma, True, stepped, lag)
-    share = (prior_sigma / both) ** 2
-    return Clocks(settings.mag_delay_s + share * off, sigma * prior_sigma / both, seen, stepped, lag)
+        return Clocks(found - settings.lag_s, settings.lag_s, sigma, True, late, stepped, lag)
+    total = settings.mag_delay_s + settings.lag_s + off * (prior_sigma / both) ** 2
+    # no current makes a field early
+    eddy = max(settings.lag_s + off * (settings.lag_sigma_s / both) ** 2, 0.0)
+    return Clocks(total - eddy, eddy, sigma * prior_sigma / both, seen, late, stepped, lag)
 
 
 def _found(evidence: tuple[float, float]) -> tuple[float, float]:
@@ -167,6 +180,7 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
     >>> round(found.delay_s, 5), found.significant
     (0.003, True)
     """
+    check_record(samples, Samples, "clock_offset")
     chosen = settings or MagneticSettings()
     if not (samples.has("accel") and samples.has("mag")):
         raise InputError("the delay of the magnetometer needs an accelerometer and a magnetometer")
@@ -216,25 +230,65 @@ def gyro_evidence(d: Demodulated, span: float) -> tuple[float, float]:
     return information, information * (d.gyro_lag - early)
 
 
-def delay_evidence(d: Demodulated, known: ToolConstants) -> tuple[float, float]:
+def sight(window: WindowFit, clock: float) -> tuple[float, float, float]:
+    """Angle from field to gravity as the sensors read it, its variance by noise, rad^2, and the speed, rad/s.
+
+    Parameters
+    ----------
+    window : WindowFit
+    clock : float
+        s, the delay that was taken off gravity.
+    """
+    g, b = complex(*window.gravity[:2]), complex(*window.field[:2])
+    noise = window.covariance - window.common
+    variance = noise[0, 0] / max(abs(g) ** 2, 1e-12) + noise[3, 3] / max(abs(b) ** 2, 1e-12)
+    return float(np.angle(g / b)) - clock * window.rate, float(variance), window.rate
+
+
+def sight_evidence(before: tuple[float, float, float], now: tuple[float, float, float]) -> tuple[float, float]:
+    """Information (1/s^2) about the magnetometer's delay, and information times delay, of two windows of other speeds.
+
+    Notes
+    -----
+    The hole points where it did, so that the angle from field to gravity changes by the lag alone: by -(w2 - w1) tau.
+    """
+    faster = now[2] - before[2]
+    bends = 2e-3  # rad, by which a string that turns otherwise bends a tool otherwise
+    change = float(wrap_signed(now[0] - before[0]))
+    variance = before[1] + now[1] + bends**2
+    # five standard deviations of the lags there are: the hole has been left, or steel is nearby
+    if abs(faster) < 0.5 or abs(change) > SIGNIFICANT * float(np.sqrt(variance + (5e-3 * faster) ** 2)):
+        return 0.0, 0.0
+    information = faster**2 / variance
+    return information, -information * change / faster
+
+
+def delay_evidence(d: Demodulated, known: ToolConstants, centre: Array | None = None) -> tuple[float, float]:
     """Information (1/s^2) about the magnetometer's delay against the accelerometer, and information times delay.
 
-    Fit of gravity turned back with one regressor more; the delay that was taken off is counted in.
+    Fit of gravity turned back with one regressor more; the delay that was taken off is counted in. `centre` is the
+    covariance (2, 2) of the magnetic offset, nT^2: what it does to the phase is noise.
     """
     of, rows = basis(d.rate.size), regressors(d)
     mean = np.concatenate([[0.0], known.motion])
-    gravity = fit(of, d.gravity, rows, mean, prior(known), known.trust[0]).value[0]
+    precision = prior(known.motion_covariance)
+    gravity = fit(of, d.gravity, rows, mean, precision, known.trust[0]).value[0]
     slip = -1j * (d.rate - d.rate.mean()) * gravity
     wide = np.zeros((4, 4), dtype=np.complex128)
-    wide[:3, :3] = prior(known)
-    wide[3, 3] = DELAY_SIGMA**-2
-    columns = np.concatenate([rows, slip[:, None]], axis=1)
-    found = fit(of, d.gravity, columns, np.append(mean, 0.0), wide, known.trust[0])
-    variance = float(found.covariance[3, 3].real)
+    wide[1:, 1:] = precision
+    wide[0, 0] = DELAY_SIGMA**-2
+    columns = np.concatenate([slip[:, None], rows], axis=1)
+    found = fit(of, d.gravity, columns, np.append(0.0, mean), wide, known.trust[0])
+    variance = float(found.covariance[0, 0].real)
     if variance >= 0.25 * DELAY_SIGMA**2:
         return 0.0, 0.0
+    if centre is not None:
+        field = max(float(np.abs(d.field).mean()), 1.0)
+        turns = [filtered(-np.imag(unit * d.back) / field, d.track.half) for unit in (1.0, 1j)]
+        late = np.array([float((found.gain @ (of.tapers @ (-1j * turn * d.gravity))).real) for turn in turns])
+        variance += float(late @ centre @ late)
     information = 1.0 / (variance + FLOOR_S**2)
-    return information, information * (d.delay + float(found.value[3].real))
+    return information, information * (d.delay + float(found.value[0].real))
 
 
 def clock_notes(known: ToolConstants, settings: MagneticSettings, fastest: float) -> list[str]:
@@ -246,21 +300,23 @@ def clock_notes(known: ToolConstants, settings: MagneticSettings, fastest: float
     agrees = with_gyro and abs(lag + delay) < 1e3 * SIGNIFICANT * float(
         np.hypot(_found(known.gyro_lag)[1], _found(known.delay)[1])
     )
-    if found.stepped and not settings.mag_delay_s and with_gyro and not lag:
+    if found.late and not settings.mag_delay_s and with_gyro and not lag:
         return [f"the accelerometer is late by {-delay:.2f} ms against magnetometer and gyro: taken off their phases"]
     said = []
-    if found.stepped:
+    if found.late:
         against = "the other sensors" if agrees or not with_gyro else "the accelerometer"
-        said.append(f"the magnetometer is late by {delay:.2f} ms against {against}: taken off")
+        why = "" if found.stepped else " (eddy currents in the collar, or its clock)"
+        said.append(f"the magnetometer is late by {delay:.2f} ms against {against}{why}: taken off")
     if lag and not agrees:
-        against = "the magnetometer" if found.stepped else "magnetometer and accelerometer"
+        against = "the magnetometer" if found.late else "magnetometer and accelerometer"
         said.append(f"the gyro is late by {lag:.2f} ms against {against}: its angle is brought to their time")
     shift = float(np.degrees(fastest * found.sigma))
     # deg, turn of the field by a delay that cannot be seen, from which it is said
     if not found.seen and shift > 0.01:
         said.append(
-            "the speed of rotation changes too little to show a delay between magnetometer and accelerometer: the "
-            f"standard deviation of {1e3 * found.sigma:.2g} ms that is allowed turns the field by up to {shift:.2g} deg"
+            "the speed of rotation changes too little to show a delay between magnetometer and accelerometer, or eddy "
+            f"currents in the collar: the standard deviation of {1e3 * found.sigma:.2g} ms that is allowed turns the "
+            f"field by up to {shift:.2g} deg"
         )
     return said
 
@@ -272,8 +328,9 @@ class WindowFit:
     gravity: Array
     field: Array
     covariance: Array
+    common: Array
     phase: float
-    phase_sigma: float
+    phase_sigma: tuple[float, float]
     rate: float
     arc: float
     circle: Circle
@@ -285,6 +342,7 @@ class WindowFit:
     turn: float
     mirrored: bool
     stepped: bool
+    whirl: float
 
 
 def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstants) -> WindowFit:
@@ -312,9 +370,16 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
     clipped = 0.0 if samples.clipped is None else clipped_share(samples.clipped)
     with_gyro = settings.use_gyro and samples.has("gyro")
     offset, clock = known.offset, clocks(known, settings)
+    most = round(EVIDENCE_S / (step * samples.interval))
     for _ in range(3):
         found = demodulate(
-            samples, step, offset, with_gyro=with_gyro, delay=settings.mag_delay_s, gyro_lag=clock.gyro_lag
+            samples,
+            step,
+            offset,
+            with_gyro=with_gyro,
+            delay=settings.mag_delay_s,
+            eddy=settings.lag_s,
+            gyro_lag=clock.gyro_lag,
         )
         covered = arc(np.unwrap(np.angle(found.phasor)))
         points = found.field * found.phasor + offset
@@ -323,18 +388,47 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
             break
         offset = circle.centre
     # of the transverse field: an offset less known spoils the phase so that a delay cannot be told
-    if float(np.linalg.eigvalsh(circle.covariance)[-1]) < (2e-3 * circle.radius) ** 2:
-        if with_gyro:
+    spoilt = float(np.sqrt(np.linalg.eigvalsh(circle.covariance)[-1])) / circle.radius
+    if spoilt < 2e-2:
+        if with_gyro and spoilt < 2e-3:
             known = replace(known, gyro_lag=summed(known.gyro_lag, gyro_evidence(found, step * samples.interval)))
             lag = clocks(known, settings).gyro_lag
             if lag != found.gyro_lag:
-                found = demodulate(samples, step, offset, with_gyro=True, delay=found.delay, gyro_lag=lag)
-        known = replace(known, delay=summed(known.delay, delay_evidence(found, known)))
+                found = demodulate(
+                    samples,
+                    step,
+                    offset,
+                    with_gyro=True,
+                    delay=settings.mag_delay_s,
+                    eddy=settings.lag_s,
+                    gyro_lag=lag,
+                )
+        for piece in _pieces(found, most):
+            known = replace(known, delay=summed(known.delay, delay_evidence(piece, known, circle.covariance)))
         clock = clocks(known, settings)
-    if clock.delay != found.delay:
-        found = demodulate(samples, step, offset, with_gyro=with_gyro, delay=clock.delay, gyro_lag=found.gyro_lag)
-    fitted = _fields(found, settings, known, circle, covered, clipped, clock)
+    if clock.delay + clock.eddy != found.delay:
+        found = demodulate(
+            samples,
+            step,
+            offset,
+            with_gyro=with_gyro,
+            delay=clock.delay,
+            eddy=clock.eddy,
+            gyro_lag=found.gyro_lag,
+        )
+    fitted = _fields(found, settings, known, circle, covered, clipped, clock, most)
     return replace(fitted, constants=replace(fitted.constants, met=met))
+
+
+def _pieces(d: Demodulated, most: int) -> list[Demodulated]:
+    """Equal parts of at most so many nodes: the band of a longer window is too narrow for a swinging speed."""
+    count = -(-d.rate.size // max(most, 1))
+    if count == 1:
+        return [d]
+    size = d.rate.size // count
+    names = ("gravity", "field", "axial_gravity", "axial_field", "back", "phasor", "rate", "acceleration", "lag")
+    cuts = [slice(k * size, (k + 1) * size) for k in range(count)]
+    return [replace(d, **{name: getattr(d, name)[cut] for name in names}) for cut in cuts]
 
 
 def _centre(points: Complex, covered: float, known: ToolConstants, least: float) -> tuple[Circle, float, Complex]:
@@ -362,40 +456,67 @@ def _fields(
     covered: float,
     clipped: float,
     clock: Clocks,
+    most: int,
 ) -> WindowFit:
     """Band-limited fits of the four series, put together."""
     of = basis(d.rate.size)
     one = np.ones((d.rate.size, 1))
-    g = fit(of, d.gravity, regressors(d), np.concatenate([[0.0], known.motion]), prior(known), known.trust[0])
+    rows = regressors(d)
+    g = fit(of, d.gravity, rows, np.concatenate([[0.0], known.motion]), prior(known.motion_covariance), known.trust[0])
     free, nothing = np.zeros((1, 1), dtype=np.complex128), np.zeros(1, dtype=np.complex128)
-    b, gz, bz = (
-        fit(of, np.asarray(series), one, nothing, free, trust)
-        for series, trust in zip((d.field, d.axial_gravity, d.axial_field), known.trust[1:], strict=True)
-    )
+    b = fit(of, d.field, one, nothing, free, known.trust[1])
+    # what turns with the tool is no whirl; at an even speed it lies outside the band of the fit
+    fixed = np.linalg.lstsq(rows[:, 1:], d.gravity - g.value[0], rcond=None)[0]
+    whirl = whirl_acceleration(d.gravity - g.value[0] - rows[:, 1:] @ fixed, np.unwrap(np.angle(d.phasor)))
+    # an axis that leans outwards as it whirls leaves a part of that along the tool, in proportion to omega^2
+    leaning = (settings.tilt_sigma * whirl / max(float(np.mean(d.rate**2)), 1e-6)) ** 2
+    axial = np.concatenate([[0.0], known.axial]).astype(np.complex128)
+    spread: Complex | Array = known.axial_covariance
+    spread = spread + np.diag([max(leaning - spread[0, 0].real, 0.0), 0.0])
+    pieces = _pieces(d, most)
+    # a long window's band is too narrow for what swings in it: its parts tell first what goes with the speed
+    for piece in [*(pieces if len(pieces) > 1 else []), d]:
+        gz = fit(
+            basis(piece.rate.size), piece.axial_gravity, axial_regressors(piece), axial, prior(spread), known.trust[2]
+        )
+        axial, spread = np.concatenate([[0.0], gz.value[1:]]), gz.covariance[1:, 1:]
+    bz = fit(of, d.axial_field, one, nothing, free, known.trust[3])
     gravity = np.array([g.value[0].real, g.value[0].imag, gz.value[0].real])
     by_offset = _by_offset(of, d, g, b)
     gain = _by_gain(complex(g.value[0]), complex(b.value[0]), d.rate, settings.bandwidth_hz)
-    covariance = _by_noise((g, gz, b, bz), settings) + by_offset @ circle.covariance @ by_offset.T
-    covariance += np.outer(gain, gain) + _by_clipping(clipped, gravity)
     hann = np.hanning(d.rate.size + 2)[1:-1]
     rate = float(hann @ d.rate / hann.sum())
     turn = _by_delay(complex(b.value[0]), rate * clock.sigma)
-    covariance += np.outer(turn, turn)
+    # of the transverse field, what eddy currents keep out beside their lag, half the square of omega tau: half of it
+    # has been given back
+    weak = 0.5 * float(np.mean(d.rate**2)) * (0.5 * clock.eddy**2 + settings.lag_sigma_s * clock.sigma)
+    kept = np.array([0.0, 0.0, 0.0, weak * b.value[0].real, weak * b.value[0].imag, 0.0])
+    shared = np.array([g.shared, g.shared, gz.shared, 0.0, 0.0, 0.0])
+    # offsets along the tool that no rotation shows
+    along = np.array([0.0, 0.0, settings.accel_sigma**2, 0.0, 0.0, settings.axial_sigma**2])
+    common = np.diag(shared + along) + by_offset @ circle.covariance @ by_offset.T
+    common += np.outer(gain, gain) + np.outer(turn, turn) + np.outer(kept, kept)
+    noise = np.array([float(one.covariance[0, 0].real) for one in (g, g, gz, b, b, bz)])
+    covariance = common + np.diag(np.maximum(noise - shared, 0.0)) + _by_clipping(clipped, gravity)
     constants = ToolConstants(
         circle.centre,
         circle.covariance,
         known.seen or covered >= settings.least_arc,
         g.value[1:],
         g.covariance[1:, 1:],
+        gz.value[1:].real,
+        gz.covariance[1:, 1:].real,
         np.stack([g.trust, b.trust, gz.trust, bz.trust]),
         known.delay,
         known.gyro_lag,
         known.met,
+        known.sighted,
     )
     return WindowFit(
         gravity=gravity,
         field=np.array([b.value[0].real, b.value[0].imag, bz.value[0].real]),
         covariance=covariance,
+        common=common,
         phase=_middle(np.unwrap(np.angle(d.phasor)) - d.lag),
         phase_sigma=_phase_sigma(d, rate, settings.delay_sigma_s, clock.sigma),
         rate=rate,
@@ -409,13 +530,8 @@ def _fields(
         turn=d.turn,
         mirrored=_mirrored(d, covered),
         stepped=clock.stepped,
+        whirl=whirl,
     )
-
-
-def _by_noise(fits: tuple[BandFit, BandFit, BandFit, BandFit], settings: MagneticSettings) -> Array:
-    """Covariance (6, 6) of gravity and field by noise, and by axial offsets that no rotation shows."""
-    g, gz, b, bz = (float(one.covariance[0, 0].real) for one in fits)
-    return np.diag([g, g, gz + settings.accel_sigma**2, b, b, bz + settings.axial_sigma**2])
 
 
 def _by_offset(of: Basis, d: Demodulated, g: BandFit, b: BandFit) -> Array:
@@ -445,10 +561,10 @@ def _by_delay(field: complex, angle: float) -> Array:
     return np.array([0.0, 0.0, 0.0, -angle * field.imag, angle * field.real, 0.0])
 
 
-def _phase_sigma(d: Demodulated, mean: float, stamps: float, delay: float) -> float:
-    """rad, of the phase at the middle instant: late stamps, and a delay seen at the mean speed of the window."""
+def _phase_sigma(d: Demodulated, mean: float, stamps: float, delay: float) -> tuple[float, float]:
+    """rad, of the phase at the middle instant: noise; late stamps, and a delay seen at the mean speed of the window."""
     now = _middle(d.rate)
-    return float(np.linalg.norm([d.track.sigma, now * stamps, (now - mean) * delay]))
+    return d.track.sigma, float(np.hypot(now * stamps, (now - mean) * delay))
 
 
 def clipped_share(clipped: Mask) -> float:
@@ -490,8 +606,10 @@ def _middle(values: Array) -> float:
     return float((9.0 * (b + c) - (a + d)) / 16.0)
 
 
-def attitude_of(window: WindowFit) -> tuple[Array, Array]:
-    """Matrix from north-east-down to tool at the middle of the window and its covariance, rad^2, in tool axes."""
+def attitude_of(window: WindowFit) -> tuple[Array, Array, Array]:
+    """Matrix from north-east-down to tool at the middle of the window, its covariance, rad^2, in tool axes, and the
+    part of it that the windows of a run have in common.
+    """
     g, b = window.gravity, window.field
     found = angles(g, b)
     matrix = dcm(found.azimuth, found.inclination, found.toolface)
@@ -501,11 +619,13 @@ def attitude_of(window: WindowFit) -> tuple[Array, Array]:
     # small rotation of north, east and down as g and b change (see `orientation`)
     by_g = cross_matrix(down) / strength - np.outer(down, east) * down_part / (north_part * strength)
     by_b = np.outer(down, east) / north_part
-    covariance = propagate(np.concatenate([by_g, by_b], axis=1), window.covariance)
     back = rotation_z(-window.phase)
-    covariance = back @ covariance @ back.T
-    covariance[2, 2] += window.phase_sigma**2
-    return np.asarray(back @ matrix), 0.5 * (covariance + covariance.T)
+    rows = back @ np.concatenate([by_g, by_b], axis=1)
+    random, late = window.phase_sigma
+    covariance, common = propagate(rows, window.covariance), propagate(rows, window.common)
+    covariance[2, 2] += random**2 + late**2
+    common[2, 2] += late**2
+    return np.asarray(back @ matrix), 0.5 * (covariance + covariance.T), 0.5 * (common + common.T)
 
 
 # What a window can be trusted for: flags, quality, refusal.
@@ -522,6 +642,7 @@ class Verdict:
 
     quaternion: Array
     covariance: Array
+    common: Array
     flags: tuple[str, ...]
     quality: float
     method: str
@@ -564,18 +685,62 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     extra, far = departure(window.gravity, window.field, window.covariance, settings.site)
     if far:
         return _refused(("disturbed", "axes"), method, far)
-    doubtful = replace(window, covariance=inflated(window.covariance, extra))
-    matrix, covariance = attitude_of(doubtful)
+    excess = _whirl_excess(window, settings)
+    window = replace(
+        window,
+        covariance=inflated(window.covariance, extra, excess),
+        common=inflated(window.common, extra, excess),
+        whirl=max(window.whirl, excess),
+    )
+    seen = window
+    if not extra:
+        told = referenced(
+            window.gravity,
+            window.field,
+            window.covariance,
+            window.common,
+            settings.site,
+            settings.mag_scale_sigma,
+        )
+        window = replace(
+            window,
+            gravity=window.gravity + told.change[:3],
+            field=window.field + told.change[3:],
+            covariance=told.covariance,
+            common=told.common,
+        )
+    matrix, covariance, common = attitude_of(window)
     # from six times that on linear covariance and the small mean of shaking no longer hold
     if _tilt(covariance, matrix) > 6.0 * SHAKEN:
         return _refused(("vibration",), method)
-    flags, worst = _doubts(window, settings, covariance, matrix)
-    return Verdict(quaternion_from_dcm(matrix), covariance, flags, float(np.clip(1.0 - worst, 0.0, 1.0)), method)
+    flags, worst = _doubts(seen, settings, covariance, matrix)
+    return Verdict(
+        quaternion_from_dcm(matrix), covariance, common, flags, float(np.clip(1.0 - worst, 0.0, 1.0)), method
+    )
 
 
 def _refused(names: tuple[str, ...], method: str, said: str = "") -> Verdict:
     """No attitude, for these reasons."""
-    return Verdict(np.full(4, np.nan), np.full((3, 3), np.nan), names, 0.0, method, said)
+    nothing = np.full((3, 3), np.nan)
+    return Verdict(np.full(4, np.nan), nothing, nothing, names, 0.0, method, said)
+
+
+def _whirl_excess(window: WindowFit, settings: MagneticSettings) -> float:
+    """m/s^2 by which the mean gravity of a tool that turns differs from the site's, where nothing else explains it.
+
+    An axis that leans as it whirls turns lateral acceleration into a constant; so far as that lies along gravity it is
+    seen in the strength.
+    """
+    site = settings.site
+    if site is None or site.gravity is None or abs(window.rate) * settings.window_s < 4.0 * np.pi:
+        return 0.0
+    strength = float(np.linalg.norm(window.gravity))
+    along = window.gravity / strength
+    spread = STATED_GRAVITY_SD * site.gravity if site.gravity_sigma is None else site.gravity_sigma
+    own = float(along @ window.covariance[:3, :3] @ along)
+    sigma = float(np.sqrt(own + (settings.coupling_sigma * site.gravity) ** 2 + spread**2))
+    off = abs(strength - site.gravity)
+    return off if off > 4.0 * sigma else 0.0
 
 
 def _tilt(covariance: Array, matrix: Array) -> float:
@@ -624,6 +789,8 @@ def _doubts(
         flags.append("vertical")
     if window.stepped:
         flags.append("step")
+    if window.whirl > 0.0:
+        flags.append("whirl")
     return tuple(flags), max(shares.values())
 
 
@@ -726,6 +893,27 @@ class MagneticStream:
         self._rows += len(times)
         return _table(times, rates, verdicts)
 
+    def rest(self, samples: Samples) -> None:
+        """A window of the same run in which the tool was at rest: nothing turns, and no lag is in its field.
+
+        Against it, the window that turned before and the one that turns next show theirs. The magnetic offset has to
+        be known: at rest it turns the field, while it averages out where the tool turns.
+        """
+        end, known = self._known[-1]
+        if not known.seen or samples.accel is None or samples.mag is None:
+            return
+        settings = self.settings
+        g = complex(*samples.accel[:, :2].mean(axis=0)) - complex(known.motion[0])
+        b = complex(*samples.mag[:, :2].mean(axis=0)) - known.offset
+        offsets = float(known.motion_covariance[0, 0].real) / max(abs(g) ** 2, 1e-12)
+        offsets += float(np.linalg.eigvalsh(known.offset_covariance)[-1]) / max(abs(b) ** 2, 1e-12)
+        # scale errors and couplings, which average out where the tool turns as well
+        variance = offsets + settings.coupling_sigma**2 + settings.mag_scale_sigma**2
+        now = float(np.angle(g / b)), variance, 0.0
+        if known.sighted is not None:
+            known = replace(known, delay=summed(known.delay, sight_evidence(known.sighted, now)))
+        self._known[-1] = end, replace(known, sighted=now)
+
     def finish(self) -> Attitude:
         """End of the run: no rows, but what was found out on the way."""
         constants = self._known[-1][1]
@@ -756,11 +944,20 @@ class MagneticStream:
         told = not np.isnan(verdict.quaternion[0])
         if told and not set(verdict.flags) & {"clipped", "stuck", "aliased", "no-field"}:
             slopes = dip_jacobian(window.gravity, window.field)
-            u = float(np.sqrt(slopes @ window.covariance @ slopes))
+            # of noise: what is allowed for steel along the tool does not excuse it
+            u = float(np.sqrt(max(float(slopes @ (window.covariance - window.common) @ slopes), 0.0)))
             self._site_check.add(window.gravity, window.field, u)
         if verdict.said:
             self._far = (self._far[0] or verdict.said, self._far[1] + 1)
         if told:
+            # what the field is turned by is no lag where it is disturbed
+            if not set(verdict.flags) & {"clipped", "stuck", "aliased", "no-field", "disturbed", "misfit", "offset"}:
+                found = clocks(window.constants, self.settings)
+                now = sight(window, found.delay + found.eddy)
+                before, delay = constants.sighted, window.constants.delay
+                if before is not None:
+                    delay = summed(delay, sight_evidence(before, now))
+                window = replace(window, constants=replace(window.constants, delay=delay, sighted=now))
             self._known.append((start + size, window.constants))
             self._fastest = max(self._fastest, abs(window.rate))
         return window.rate, verdict
@@ -773,6 +970,7 @@ def _table(times: list[float], rates: list[float], verdicts: list[Verdict], note
         time=np.array(times, dtype=np.float64),
         quaternion=np.array([v.quaternion for v in verdicts], dtype=np.float64).reshape(-1, 4),
         covariance=np.array([v.covariance for v in verdicts], dtype=np.float64).reshape(-1, 3, 3),
+        common=np.array([v.common for v in verdicts], dtype=np.float64).reshape(-1, 3, 3),
         rate=np.array(rates, dtype=np.float64),
         quality=np.array([v.quality for v in verdicts], dtype=np.float64),
         flags=np.array(bits, dtype=np.uint32),

@@ -243,6 +243,7 @@ class Shaking:
             if band is not None and band.rms > 0.0
         ]
         self._whirl_phase = noise.streams["whirl"].uniform(0.0, 2.0 * np.pi)
+        self._tone_phase = noise.streams["tones"].uniform(0.0, 2.0 * np.pi, len(vibration.tones))
 
     def at(self, start: int, stop: int) -> Array:
         """Acceleration (3, n), m/s^2, of internal samples start to stop - 1."""
@@ -253,7 +254,20 @@ class Shaking:
             self._blows(total, self._vibration.shocks, "shocks", start, stop)
         if self._vibration.whirl is not None:
             self._whirling(total, self._vibration.whirl, start, stop)
+        time = np.arange(start, stop) / self._rate
+        for tone, phase in zip(self._vibration.tones, self._tone_phase, strict=True):
+            total[2] += tone.size * np.sin(2.0 * np.pi * tone.rate * time + phase)
         return total
+
+    def tilted(self, start: int, stop: int) -> tuple[Array, Array] | None:
+        """Slope of the axis in the hole (high side, right), rad, and its rate, rad/s, while the tool whirls tilted."""
+        whirl = self._vibration.whirl
+        if whirl is None or not whirl.tilt:
+            return None
+        turned = self._drive.at(np.arange(start, stop) / self._rate)
+        cosine, sine = self._whirl_direction(whirl, turned.angle)
+        slope = whirl.tilt * np.stack([cosine, sine])
+        return slope, whirl.ratio * turned.rate * whirl.tilt * np.stack([-sine, cosine])
 
     def _whirling(self, total: Array, whirl: Whirl, start: int, stop: int) -> None:
         """The axis at e exp(i f) accelerates by e (i f'' - f'^2) exp(i f); f is `ratio` times the angle turned."""
@@ -316,6 +330,9 @@ class Physics:
         self._drive = Drive(scenario.rotation, noise.streams)
         self._shaking = Shaking(scenario.vibration, self._rate, self._drive, noise, reach)
         torsion = scenario.rotation.torsion
+        # twenty time constants of what came before a chunk: what is left of its beginning is 2e-9
+        self._memory = int(np.ceil(20.0 * scenario.instrument.eddy * self._rate))
+        reach += self._memory
         self._torsion = None if torsion is None else BandNoise(torsion, self._rate, "torsion", noise, reach)
         self._lag = sum(fault.delay for fault in scenario.faults if isinstance(fault, MagLag))
         self._casings = [fault for fault in scenario.faults if isinstance(fault, Casing)]
@@ -348,14 +365,35 @@ class Physics:
             if not lever.any()
             else (rate, -(_cross(change, lever) + _cross(rate, _cross(rate, lever))))
         )
-        accel += _to_tool(
-            _to_hole(np.array([[0.0], [0.0], [self._hole.gravity]]), path) - self._shaking.at(start, stop), turn
-        )
+        apparent = _to_hole(np.array([[0.0], [0.0], [self._hole.gravity]]), path) - self._shaking.at(start, stop)
+        tilted = self._shaking.tilted(start, stop)
+        accel += _to_tool(apparent if tilted is None else _leaning(apparent, tilted[0]), turn)
         gyro += _to_tool(_to_hole(self._earth, path), turn)
+        if tilted is not None:
+            gyro += _to_tool(np.stack([-tilted[1][1], tilted[1][0], zero]), turn)
+        if self._scenario.instrument.eddy:
+            mag = self._delayed(start, stop)
+            return Sensed(accel, mag, gyro, angle.angle, drive.rate)
         if self._lag:
             turn, path = self._lagging(time, start, stop)
         mag = _to_tool(_to_hole(self._field(time - self._lag), path), turn)
         return Sensed(accel, mag, gyro, angle.angle, drive.rate)
+
+    def _delayed(self, start: int, stop: int) -> Array:
+        """Flux density in the collar, whose currents let what turns through late: the external field, convolved."""
+        from scipy.signal import lfilter
+
+        eddy = self._scenario.instrument.eddy
+        first = start - self._memory
+        at = np.arange(first, stop) / self._rate
+        turn, path = self._lagging(at, first, stop)
+        outside = _to_tool(_to_hole(self._field(at - self._lag), path), turn)
+        # exact for a field that goes straight from one internal sample to the next
+        x = 1.0 / (eddy * self._rate)
+        keep = float(np.exp(-x))
+        share = (1.0 - keep) / x
+        inside = lfilter([1.0 - share, share - keep], [1.0, -keep], outside[:2], axis=-1)
+        return np.concatenate([inside, outside[2:]])[:, start - first :]
 
     def _twist(self, start: int, stop: int, orders: tuple[int, ...], shift: float = 0.0) -> list[Array] | None:
         return None if self._torsion is None else self._torsion.at(start, stop, orders, shift)
@@ -415,6 +453,11 @@ def _to_tool(v: Array, turn: tuple[Array, Array]) -> Array:
     """Components in the axes of the hole (3, 1 or n) to tool axes (3, n); cosine and sine of the toolface."""
     c, s = turn
     return np.stack([c * v[0] + s * v[1], c * v[1] - s * v[0], np.broadcast_to(v[2], c.shape)])
+
+
+def _leaning(v: Array, slope: Array) -> Array:
+    """Components in the axes of the hole (3, n) as a tool sees them whose axis leans by `slope` (2, n), rad."""
+    return np.stack([v[0] - slope[0] * v[2], v[1] - slope[1] * v[2], v[2] + slope[0] * v[0] + slope[1] * v[1]])
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -513,6 +556,8 @@ class Reading:
 
     def _triad(self, name: str, errors: TriadErrors, sensed: Array, index: int, warming: Array, clipped: Mask) -> Array:
         signal = (1.0 + np.asarray(errors.scale))[:, None] * sensed + np.asarray(errors.bias)[:, None]
+        if errors.coupling:
+            signal += np.reshape(errors.coupling, (3, 3)) @ sensed
         if np.isfinite(errors.reach):
             clipped |= self._under_filter((np.abs(signal) >= errors.reach).any(axis=0))
             signal = np.clip(signal, -errors.reach, errors.reach)

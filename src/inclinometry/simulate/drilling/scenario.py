@@ -154,7 +154,8 @@ class TriadErrors:
 
     noise : sd of one sample written, white.
     bias : of each axis at the first temperature; bias_per_kelvin : its change.
-    scale : relative error of each axis.
+    scale : relative error of each axis; coupling : nine of the matrix, by rows, that is added to it: what a channel
+        reads of the other axes.
     walk : unit/sqrt(s), random walk of the bias.
     reach : end of the range, of both signs; the element clips, before the filter.
     step : of the converter; 0 for none.
@@ -164,12 +165,15 @@ class TriadErrors:
     bias: Triple = (0.0, 0.0, 0.0)
     bias_per_kelvin: Triple = (0.0, 0.0, 0.0)
     scale: Triple = (0.0, 0.0, 0.0)
+    coupling: tuple[float, ...] = ()
     walk: float = 0.0
     reach: float = math.inf
     step: float = 0.0
 
     def __post_init__(self) -> None:
         triple(self, "bias", "bias_per_kelvin", "scale")
+        if len(self.coupling) not in (0, 9) or not all(map(math.isfinite, self.coupling)):
+            raise InputError(f"coupling is {self.coupling}; nine finite numbers are needed, a matrix by its rows")
         inside(self, 0.0, 1e6, noise="", walk="", step="")
         if not self.reach > 0.0:
             raise InputError(f"reach is {self.reach}; the range of a sensor must be positive")
@@ -184,6 +188,8 @@ class Instrument:
         linear phase; 1 tap is no filter. Stamps are those of the middle of the filter.
     lever : m, from the axis of rotation to the accelerometers, in tool axes.
     hard_iron : nT in tool axes: transverse x, y and axial z.
+    eddy : s, time constant of the currents that a turning field drives in a conductive collar: they let the transverse
+        field through as a low-pass of the first order does, late by atan(eddy omega).
     """
 
     rate: float = 2000.0
@@ -192,6 +198,7 @@ class Instrument:
     cutoff: float = 80.0
     lever: Triple = (0.0, 0.0, 0.0)
     hard_iron: Triple = (0.0, 0.0, 0.0)
+    eddy: float = 0.0
     accel: TriadErrors = field(default_factory=TriadErrors)
     mag: TriadErrors = field(default_factory=TriadErrors)
     gyro: TriadErrors = field(default_factory=TriadErrors)
@@ -199,6 +206,7 @@ class Instrument:
     def __post_init__(self) -> None:
         triple(self, "lever", "hard_iron")
         inside(self, 10.0, 100_000.0, rate="Hz")
+        inside(self, 0.0, 0.05, eddy="s")
         inside(self, 1, 1000, factor="")
         inside(self, 1, 4001, taps="")
         if int(self.factor) != self.factor or int(self.taps) != self.taps:
@@ -368,26 +376,45 @@ class Whirl:
     ratio : whirl rate over rotation rate: 1 forward synchronous, negative backward; a tool of diameter d rolling
         without slip in a hole of diameter D whirls at -d / (D - d).
     eccentricity : m, radius of the circle.
+    tilt : rad, of the axis towards the outside of the circle: along the tool the centripetal acceleration leaves a
+        constant part.
     contacts : blows of the wall, towards the middle of the hole.
     """
 
     ratio: float
     eccentricity: float
     contacts: Shocks | None = None
+    tilt: float = 0.0
 
     def __post_init__(self) -> None:
         inside(self, -100.0, 100.0, ratio="")
         inside(self, 0.0, 0.5, eccentricity="m")
+        inside(self, -0.05, 0.05, tilt="rad")
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A sine along the hole: `size` m/s^2 at `rate` Hz; the phase is drawn. A bit that bounces on three lobes shakes at
+    three times the rate of rotation, a mud pulser at 0.5 to 2 Hz, a floating rig heaves in 8 to 15 s.
+    """
+
+    rate: float
+    size: float
+
+    def __post_init__(self) -> None:
+        inside(self, 0.01, 1e3, rate="Hz")
+        inside(self, 0.0, 1e3, size="m/s^2")
 
 
 @dataclass(frozen=True)
 class Vibration:
-    """Accelerations of the tool in the hole: lateral on each of two axes, axial, m/s^2."""
+    """Accelerations of the tool in the hole: lateral on each of two axes, axial with tones, m/s^2."""
 
     lateral: Band | None = None
     axial: Band | None = None
     shocks: Shocks | None = None
     whirl: Whirl | None = None
+    tones: tuple[Tone, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 from inclinometry.laboratory import demonstration
@@ -19,6 +20,7 @@ from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
 from inclinometry.laboratory.certificates import issue
 from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument, StandSettings, parse_faults
 from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.registry import RegisteredStandard, put_laboratory, put_standard
 from inclinometry.laboratory.session import capture
 from inclinometry.laboratory.verification import begin_verification, finish_verification
 
@@ -89,6 +91,8 @@ def furnish(where: Path, seed: int) -> dict[str, str]:
     laboratory = Laboratory("Demonstration laboratory", address="Example street 1", country="NO")
     with create(str(where)) as ledger, SimulatedInstrument(seed=seed) as instrument:
         session = demonstration.half_way(ledger, instrument).id
+        put_laboratory(ledger, laboratory, author="anna")
+        put_standard(ledger, RegisteredStandard("T2", "D-17", date(2020, 1, 31)), author="anna")
         calibration = ledger.find("calibration", newest=True, limit=1)[0].id
         rolls = begin_verification(ledger, calibration, "roll-4", author="anna")
         for position in rolls.positions:
@@ -108,6 +112,13 @@ def furnish(where: Path, seed: int) -> dict[str, str]:
         "issue": f"/certificates/new?calibration={calibration}",
         "certificates": "/certificates",
         "certificate": f"/certificates/{number}",
+        "rigs": "/rigs",
+        "rig": "/rigs?name=simulated%20stand",
+        "sites": "/sites",
+        "standards": "/standards",
+        "laboratory": "/laboratory",
+        "import": "/import",
+        "help": "/help",
         "ledger": "/ledger",
         "users": "/users",
     }

@@ -49,7 +49,7 @@ def open_rolls(browser: Browser) -> None:
     """A verification of the calibration that is shown, at four rolls."""
     browser.click("Verify it")
     browser.wait(lambda: browser.at("/verify"), "no form")
-    browser.pick("Positions", "roll-4")
+    browser.pick("Positions", "four toolfaces")
     browser.click("Open the session")
     browser.named("capture")
 

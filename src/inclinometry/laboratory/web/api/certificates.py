@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from inclinometry.laboratory import certificates as workflow
 from inclinometry.laboratory.certificate.laboratory_toml import LONGEST, Laboratory
+from inclinometry.laboratory.ledger.ledger import LedgerError
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.web.api.access import REFUSALS, After, Limit, Metrologist, Reader, TheLedger
 
@@ -96,7 +97,10 @@ def one_certificate(ledger: TheLedger, _: Reader, number: Number) -> dict[str, A
 @router.get("/{number}/{document}", response_class=Response)
 def download(ledger: TheLedger, _: Reader, number: Number, document: Literal["pdf", "dcc", "json"]) -> Response:
     """One document of a certificate, checked against its digest."""
-    name, media, data = workflow.documents(ledger, workflow.status(ledger, number).record)[document]
+    kept = workflow.documents(ledger, workflow.status(ledger, number).record)
+    if document not in kept:
+        raise LedgerError(f"certificate {number} was issued without {document}; it has {', '.join(kept)}")
+    name, media, data = kept[document]
     disposition = f"attachment; filename*=UTF-8''{quote(name, safe='')}"
     return Response(data, media_type=media, headers={"content-disposition": disposition})
 

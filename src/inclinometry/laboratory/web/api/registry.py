@@ -1,17 +1,30 @@
-"""Tools, rigs and sites."""
+"""Tools, rigs, sites, reference standards and the laboratory itself."""
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, asdict, fields, is_dataclass
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 from fastapi import APIRouter, HTTPException, Query
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
+from inclinometry.errors import InputError
 from inclinometry.laboratory import registry
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
 from inclinometry.laboratory.ledger.ledger import Record
-from inclinometry.laboratory.web.api.access import REFUSALS, Key, Limit, Operator, Reader, TheLedger
+from inclinometry.laboratory.web.api.access import (
+    REFUSALS,
+    Administrator,
+    Key,
+    Limit,
+    Metrologist,
+    Operator,
+    Reader,
+    TheLedger,
+)
+from inclinometry.laboratory.web.api.certificates import LaboratoryBody, Text
 
 router = APIRouter(tags=["registry"], responses=REFUSALS)
 
@@ -23,7 +36,7 @@ def body_of(of: type[Any], *without: str) -> Callable[[type[B]], type[B]]:
 
     def filled(body: type[B]) -> type[B]:
         made: dict[str, Any] = {}
-        for one, hint, (name, _) in registry.declared(of):
+        for one, hint, (name, _, _) in registry.declared(of):
             if is_dataclass(hint):
                 made |= {inner.name: (get_type_hints(hint)[inner.name], inner.default) for inner in fields(hint)}
             elif one.name not in without:
@@ -61,6 +74,23 @@ class SiteBody(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+@body_of(registry.RegisteredStandard)
+class StandardBody(BaseModel):
+    """A reference standard: number of its certificate, day on which it is due."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class SettingsBody(LaboratoryBody):
+    """What the laboratory says of itself on certificates; a logo that is not given stays, an empty one is removed."""
+
+    email: Text = ""
+    phone: Text = ""
+    authoriser: Text = ""
+    authoriser_role: Text = ""
+    logo_base64: Annotated[str, Field(max_length=4 * registry.LARGEST_LOGO // 3 + 4)] | None = None
 
 
 @router.get("/tools")
@@ -111,6 +141,43 @@ def change_site(ledger: TheLedger, user: Operator, name: Key, body: SiteBody) ->
     """Register a site, or record what changed."""
     site = registry.registered(registry.RegisteredSite, name, body.model_dump(exclude_unset=True))
     return shown(registry.put_site(ledger, site, author=user.name))
+
+
+@router.get("/standards")
+def list_standards(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
+    """Reference standards by name."""
+    return [{"name": one.name, **registry.stored(one)} for one in registry.standards(ledger)]
+
+
+@router.put("/standards/{name:path}")
+def change_standard(ledger: TheLedger, user: Metrologist, name: Key, body: StandardBody) -> dict[str, Any]:
+    """Register a reference standard, or record what changed."""
+    standard = registry.registered(registry.RegisteredStandard, name, body.model_dump(exclude_unset=True))
+    return shown(registry.put_standard(ledger, standard, author=user.name))
+
+
+@router.get("/laboratory")
+def the_laboratory(ledger: TheLedger, _: Reader) -> dict[str, Any]:
+    """What the laboratory says of itself on certificates; empty where nothing is recorded."""
+    found, logo = registry.find_laboratory(ledger), registry.find_logo(ledger)
+    about = {} if found is None else {name: value for name, value in asdict(found).items() if value}
+    return {"laboratory": about, "logo": None if logo is None else {"media_type": logo[0], "bytes": len(logo[1])}}
+
+
+@router.put("/laboratory")
+def change_laboratory(ledger: TheLedger, user: Administrator, body: SettingsBody) -> dict[str, Any]:
+    """Record what the laboratory says of itself on certificates."""
+    logo = None
+    if body.logo_base64 is not None:
+        try:
+            logo = base64.b64decode(body.logo_base64, validate=True)
+        except ValueError:
+            raise InputError("logo_base64 is no Base64; encode the bytes of a PNG or SVG file") from None
+    return shown(
+        registry.put_laboratory(
+            ledger, Laboratory(**body.model_dump(exclude={"logo_base64"})), author=user.name, logo=logo
+        )
+    )
 
 
 def shown(record: Record) -> dict[str, Any]:

@@ -81,6 +81,7 @@ def tool_history(ledger: TheLedger, _: Reader, serial: Key) -> dict[str, Any]:
     }
     return {
         "serial": serial,
+        "measured": [day.isoformat() for day in found.measured],
         "created": list(found.created),
         "calibrations": list(found.records),
         "parameters": numbers,

@@ -9,11 +9,11 @@ import numpy as np
 from fastapi import APIRouter, HTTPException, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
+from inclinometry.laboratory import drift
 from inclinometry.laboratory.guided import plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.progress import Progress, goal_of, proposal, session_progress
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
-from inclinometry.laboratory.results import finish_calibration
 from inclinometry.laboratory.session import (
     Capture,
     RecordedReading,
@@ -181,6 +181,8 @@ def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, 
     """What the readings would certify now, what is an outlier, where to go next."""
     seen = load_session(ledger, session)
     rig, goal = rig_of(ledger, session) or _rig(ledger, seen.rig), goal_of(ledger, seen)
+    if seen.plan == drift.CHECK:
+        return _progress(drift.check_progress(ledger, seen, goal)) | {"next_deg": None}
     now = session_progress(seen, goal, rig, find_site(ledger, str(seen.settings.get("site", ""))))
     place = proposal(seen, goal, rig, now)
     return _progress(now) | {
@@ -194,7 +196,7 @@ def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, 
 def finish(ledger: TheLedger, user: Operator, session: RecordId) -> dict[str, Any]:
     """Fit the readings, record the calibration, close the session."""
     goal = goal_of(ledger, load_session(ledger, session))
-    return shown(finish_calibration(ledger, session, author=user.name, goal=goal))
+    return shown(drift.finish(ledger, session, author=user.name, goal=goal))
 
 
 @router.post("/sessions/{session}/abandon", status_code=204)

@@ -66,11 +66,11 @@ def history_table(
     """The parameters of a tool, a row a calibration and parameter."""
     found = history(ledger, serial)
     rows = [
-        (created, record, name, float(found.values[name][place]), float(found.u[name][place]))
-        for place, (created, record) in enumerate(zip(found.created, found.records, strict=True))
+        (day.isoformat(), created, record, name, float(found.values[name][place]), float(found.u[name][place]))
+        for place, (day, created, record) in enumerate(zip(found.measured, found.created, found.records, strict=True))
         for name in found.values
     ]
-    return _csv("history", ("created", "calibration", "parameter", "value", "u"), rows)
+    return _csv("history", ("measured", "created", "calibration", "parameter", "value", "u"), rows)
 
 
 @router.get("/verification/{verification}.csv", response_class=Response)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import date
+from datetime import UTC, date, datetime
 from typing import Any, Final
 
 from fastapi import HTTPException, Request
@@ -22,8 +22,16 @@ from inclinometry.laboratory.certificates import (
     void,
 )
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
-from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.registry import extract, find_rig, find_site, find_tool, listed
+from inclinometry.laboratory.ledger.users import LOCAL, User
+from inclinometry.laboratory.registry import (
+    extract,
+    find_laboratory,
+    find_rig,
+    find_site,
+    find_tool,
+    listed,
+    standards,
+)
 from inclinometry.laboratory.web.frame import Visitor, aside, frame
 from inclinometry.laboratory.web.pages.lists import Cell, day, table, to, visible
 from inclinometry.laboratory.web.pages.verify import verdict_of
@@ -44,7 +52,7 @@ def new_page(request: Request, calibration: str = "", verification: str = "", su
         try:
             record = ledger.get("calibration", calibration) if calibration else None
         except LedgerError as error:
-            ui.label(visitor.bench.without_path(str(error))).classes("warn")
+            ui.label(visitor.problem(error)).classes("warn")
             record = None
         if record is None:
             found = listed(visitor.bench.ledger, "calibration", limit=OFFERED)
@@ -58,7 +66,10 @@ def new_page(request: Request, calibration: str = "", verification: str = "", su
 
 
 class IssueForm:
-    """Verification, laboratory, order, language; the authoriser is who is logged in."""
+    """Verification, laboratory, order, language.
+
+    Who is logged in answers for the certificate; where nobody logs in, whom the laboratory's settings name.
+    """
 
     def __init__(self, visitor: Visitor, calibration: Record, verification: str, supersedes: str) -> None:
         self._visitor, self._calibration, self._supersedes = visitor, calibration, supersedes
@@ -74,16 +85,23 @@ class IssueForm:
         # what the site of the session says of the laboratory, what the rig says of traceability
         site, rig = find_site(ledger, str(session.body.get("site", ""))), find_rig(ledger, session.body["rig"])
         found: dict[str, str] = {}
+        self._settings = settings = find_laboratory(ledger)
         if site is not None and site.laboratory.get("name"):
             try:
                 known = laboratory_from(dict(site.laboratory))
                 found = {name: getattr(known, name) for name in LABORATORY}
             except InputError:
                 found = {name: str(site.laboratory.get(name, "")) for name in LABORATORY}
+        elif settings is not None:
+            found = {name: getattr(settings, name) for name in LABORATORY}
         if rig is not None:
             found["traceability"] = found.get("traceability") or rig.traceability
             found["place"] = found.get("place") or rig.place
-        self.laboratory = _fields({name: say(f"laboratory.{name}") for name in LABORATORY}, found)
+        self.laboratory = _fields({name: say(f"field.{name}") for name in LABORATORY}, found)
+        today = datetime.now(UTC).date()
+        usable = [one.cited for one in standards(ledger) if not one.retired and not one.overdue(today)]
+        self.standards = ui.select(usable, value=[], multiple=True, label=say("standards.used")).classes("wide")
+        self.standards.props("use-chips").set_visibility(bool(usable))
         ui.label(say("certificates.order")).classes("subtitle")
         stated: dict[str, Any] = {name: session.body.get(name, "") for name in ORDER}
         tool = find_tool(ledger, session.keys["serial"])
@@ -95,15 +113,26 @@ class IssueForm:
             self.language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
             if supersedes:
                 self.reason = ui.input(say("bench.reason")).props("maxlength=2000")
-        ui.label(say("certificates.authoriser", name=_name(visitor.user)))
+        ui.label(say("certificates.authoriser", name=self._authoriser(visitor.user)[0]))
+        self._problem = ui.label("").classes("bad").props('role="alert" data-testid="form-problem"')
         self.button = ui.button(say("certificates.issue"), on_click=self._issue).props("unelevated no-caps")
+
+    def _authoriser(self, user: User) -> tuple[str, str]:
+        """Name and role of who answers for the certificate."""
+        if user != LOCAL:
+            return user.full_name or user.name, user.role
+        return (
+            (self._settings.authoriser or user.name, self._settings.authoriser_role)
+            if self._settings
+            else (user.name, "")
+        )
 
     def _verifications(self, ledger: Ledger) -> dict[str, str]:
         say = self._visitor.say
         found = {}
         for one in listed(ledger, "verification", calibration=self._calibration.id, limit=OFFERED):
             verdict, limits = extract(ledger, one, "verdict", verdict_of)
-            found[one.id] = f"{day(one.created)} · {say(f'verdict.{verdict}')} · {limits}"
+            found[one.id] = f"{day(one.created)} · {say(f'verdict.{verdict}')} · {self._visitor.sentence(limits)}"
         return {**found, "": say("certificates.no_verification")}
 
     async def _issue(self) -> None:
@@ -115,16 +144,20 @@ class IssueForm:
             if about["environment"]:
                 about["environment"] = {"text": about["environment"]}
             said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
+            said["traceability"] = "; ".join(filter(None, (said["traceability"], *self.standards.value)))
+            name, role = self._authoriser(user)
+            named = Laboratory(**said, authoriser=name, authoriser_role=role)
+            if self._settings is not None and self._settings.name == named.name:
+                named = replace(named, email=self._settings.email, phone=self._settings.phone)
             wish = {
-                "laboratory": replace(Laboratory(**said), authoriser=_name(user), authoriser_role=user.role),
+                "laboratory": named,
                 "language": str(self.language.value),
                 "nonconforming": bool(self.nonconforming.value),
                 "about": about,
             }
             made = await aside(lambda: self._issued(user, wish))
         except InclinometryError as error:
-            sentence = self._visitor.bench.without_path(str(error))
-            ui.notify(sentence, type="negative", multi_line=True, timeout=0, close_button="OK")
+            self._problem.set_text(self._visitor.problem(error))
             self.button.enable()
             return
         ui.navigate.to(to("/certificates", made.keys["number"]))
@@ -156,10 +189,6 @@ def _day(text: str) -> str:
         return date.fromisoformat(text).isoformat()
     except ValueError:
         raise InputError(f"received is {text[:40]!r}; write the date as 2026-01-31") from None
-
-
-def _name(user: User) -> str:
-    return user.full_name or user.name
 
 
 STYLES: Final = {"issued": "good", "void": "bad", "superseded": "warn"}

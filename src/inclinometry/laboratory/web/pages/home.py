@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from html import escape
+from typing import Final
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from nicegui import ui
+from nicegui.elements.mixins.text_element import TextElement
 
+from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.registry import due_days, listed, tools
 from inclinometry.laboratory.session import closing, load_session
-from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, current, frame
+from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, Visitor, current, frame
 from inclinometry.laboratory.web.logins import Login, TooManyError
-from inclinometry.laboratory.web.pages.lists import to
+from inclinometry.laboratory.web.pages.lists import day as when
+from inclinometry.laboratory.web.pages.lists import plan_words, to
 from inclinometry.laboratory.web.refusals import login_cookie
 from inclinometry.laboratory.web.words import LANGUAGES, preferred, say
+from inclinometry.report.glossary import glossary
 
 router = APIRouter(include_in_schema=False)
 
@@ -76,12 +81,58 @@ def _end(request: Request) -> None:
         current().logins.log_out(login.token)
 
 
+GUIDE_COOKIE: Final = "inclinometry_guide"
+
+
+def _guide(visitor: Visitor, request: Request, begun: list[bool]) -> None:
+    """What to do first with an empty ledger; put away for this browser by its button."""
+    if request.cookies.get(GUIDE_COOKIE) == "off":
+        return
+    say = visitor.say
+    steps = (("guide.tool", "/tools"), ("guide.rig", "/rigs"), ("guide.start", "/calibrate"))
+    with ui.card().classes("panel guide").props('data-testid="guide"') as card:
+        ui.label(say("guide.title")).classes("subtitle")
+        for number, ((key, path), done) in enumerate(zip(steps, (*begun, False), strict=True), 1):
+            with ui.row().classes("items-center"):
+                ui.label("✓" if done else str(number)).classes("step good" if done else "step")
+                ui.link(say(key), path)
+        with ui.row().classes("items-center"):
+            ui.link(say("guide.more"), "/manual/").classes("dim")
+            away = ui.button(say("guide.away"), on_click=card.delete).props('flat dense no-caps data-testid="away"')
+            cookie = f"{GUIDE_COOKIE}=off;path=/;max-age=31536000;samesite=strict"
+            away.on("click", js_handler=f"() => {{ document.cookie = '{cookie}'; }}")
+
+
+@ui.page("/help")
+def help_page(request: Request) -> None:
+    """A short guide and the words of the field, where no manual is shipped."""
+    with frame(request, "nav.help") as visitor:
+        with ui.card().classes("panel guide"):
+            ui.label(visitor.say("guide.title")).classes("subtitle")
+            for number in range(1, 8):
+                with ui.row().classes("items-center"):
+                    ui.label(str(number)).classes("step")
+                    ui.label(visitor.say(f"help.{number}"))
+        with ui.card().classes("panel"):
+            ui.label(visitor.say("help.words")).classes("subtitle")
+            own = visitor.language
+            with ui.element("dl").classes("glossary"):
+                for key in sorted(glossary(), key=lambda key: glossary()[key][own].lower()):
+                    TextElement(tag="dt", text=glossary()[key][own])
+                    # definitions are in English; other readers have the English word to look it up by
+                    about = glossary()[key]["definition" if own == "en" else "en"]
+                    TextElement(tag="dd", text=about).props("lang=en").classes("dim")
+
+
 @ui.page("/")
 def home(request: Request) -> None:
     """What to do next."""
     shown = 10
     with frame(request, "home.title") as visitor:
         ledger = visitor.bench.ledger
+        begun = [bool(ledger.current(kind, limit=1)) for kind in ("tool", "rig")]
+        if visitor.user.may("capture") and not listed(ledger, "session", limit=1):
+            _guide(visitor, request, begun)
         with ui.card().classes("panel"):
             ui.label(visitor.say("home.open_sessions")).classes("subtitle")
             still_open = [one for one in listed(ledger, "session", limit=5 * shown) if not closing(ledger, one.id)][
@@ -90,7 +141,8 @@ def home(request: Request) -> None:
             for record in still_open:
                 session = load_session(ledger, record.id)
                 with ui.row().classes("items-center"):
-                    ui.label(f"{session.serial}, {session.plan}").classes("number")
+                    ui.label(f"{session.serial}, {plan_words(visitor, session.plan)}").classes("number")
+                    ui.label(f"{when(record.created)} UTC · {record.author}").classes("dim number")
                     done = visitor.say("home.progress", done=len(session.valid), all=len(session.positions))
                     ui.label(done).classes("dim number")
                     ui.link(visitor.say("home.resume"), f"/calibrate/{session.id}")
@@ -112,7 +164,11 @@ def home(request: Request) -> None:
         with ui.card().classes("panel"):
             ui.label(visitor.say("home.due")).classes("subtitle")
             # tools asked for their next calibration
-            days = due_days(visitor.bench.ledger, tools(visitor.bench.ledger, limit=500))
+            registered = tools(visitor.bench.ledger, limit=500)
+            days = due_days(visitor.bench.ledger, registered)
+            # and by their own drift, where that is earlier
+            drift = kept_drift(visitor.bench.ledger, registered)
+            days |= {s: min(date.fromisoformat(one["due"]), days.get(s, date.max)) for s, one in drift.items()}
             due = sorted((day, serial) for serial, day in days.items() if day <= today)
             for day, serial in due[:shown]:
                 ui.link(f"{serial} ({day:%Y-%m-%d})", to("/tools", serial)).classes("number")
@@ -120,3 +176,15 @@ def home(request: Request) -> None:
                 ui.link(visitor.say("home.more_due", number=len(due) - shown), "/tools")
             if not due:
                 ui.label(visitor.say("home.none_due")).classes("dim")
+            _alarms(visitor, {serial: one["alarm"] for serial, one in sorted(drift.items()) if one["alarm"]}, shown)
+
+
+def _alarms(visitor: Visitor, alarms: dict[str, str], shown: int) -> None:
+    """Tools whose last calibration does not fit their history, as `fleet fit` found."""
+    if not alarms:
+        return
+    ui.label(visitor.say("home.alarms")).classes("subtitle")
+    for serial, sentence in list(alarms.items())[:shown]:
+        ui.link(f"{serial}: {visitor.sentence(sentence)}", to("/tools", serial)).classes("bad")
+    if len(alarms) > shown:
+        ui.link(visitor.say("home.more_due", number=len(alarms) - shown), "/tools")

@@ -144,7 +144,7 @@ def _check(visitor: Visitor) -> None:
                 wanted = parse_head(noted.value.strip()) if noted.value.strip() else None
                 found = await aside(lambda: verify(ledger, head=wanted, progress=lambda x: _set(done, x)))
             except InclinometryError as error:
-                found = visitor.bench.without_path(str(error))
+                found = visitor.problem(error)
             timer.cancel()
             box.clear()
             button.enable()
@@ -189,7 +189,8 @@ def _search(visitor: Visitor, kind: str, key: str) -> None:
 def _row(visitor: Visitor, one: Listed) -> None:
     """One record; its body is read when it is opened."""
     longest_shown = 20_000
-    keys = ", ".join(str(value) for value in one.keys.values())
+    # what an event is of, and what happened, are words of the program; the other keys are names
+    keys = ", ".join(visitor.sentence(str(value)) if one.kind == "event" else str(value) for value in one.keys.values())
     title = f"{one.seq} · {one.created[:19].replace('T', ' ')} · {one.author} · {keys}"
     with ui.expansion(visible(title)).classes("w-full number").props("dense") as box:
         loaded: list[bool] = []

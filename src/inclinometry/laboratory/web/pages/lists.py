@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any, Final, NamedTuple
@@ -14,10 +15,12 @@ from nicegui import events, ui
 from nicegui.elements.mixins.text_element import TextElement
 
 from inclinometry.errors import InclinometryError, InputError
+from inclinometry.laboratory.guided import CALIBRATING
 from inclinometry.laboratory.import_file import LARGEST, import_file
 from inclinometry.laboratory.ledger.ledger import Record
 from inclinometry.laboratory.registry import rigs, sites, tools
 from inclinometry.laboratory.session import PURPOSES
+from inclinometry.laboratory.verification import protocols
 from inclinometry.laboratory.web.frame import Visitor, aside, frame
 
 
@@ -46,10 +49,11 @@ class ImportForm:
             self.purpose = ui.select(purposes, value="calibrate", label=say("tools.purpose"))
         if not serials or not names:
             ui.label(say("import.register")).classes("warn")
+        self._problem = ui.label("").classes("bad").props('role="alert" data-testid="form-problem"')
         self.upload = ui.upload(
             label=say("import.file"), auto_upload=True, max_files=1, max_file_size=LARGEST, on_upload=self._arrived
         ).classes("wide")
-        self.upload.on("rejected", lambda: ui.notify(say("import.too_large"), type="negative"))
+        self.upload.on("rejected", lambda: self._problem.set_text(say("import.too_large")))
 
     async def _arrived(self, event: events.UploadEventArguments) -> None:
         try:
@@ -60,13 +64,7 @@ class ImportForm:
             made = await aside(lambda: self._recorded(content, user.name))
         except InclinometryError as error:
             self.upload.reset()
-            ui.notify(
-                self._visitor.bench.without_path(str(error)),
-                type="negative",
-                multi_line=True,
-                timeout=0,
-                close_button="OK",
-            )
+            self._problem.set_text(self._visitor.problem(error))
             return
         place = "/results" if made.kind == "calibration" else "/calibrate"
         ui.navigate.to(f"{place}/{made.id}")
@@ -175,7 +173,7 @@ def bars(
     ]
     bar = {"type": "custom", "name": f"{name} ±", ":renderItem": _BAR, "encode": {"x": 0, "y": [1, 2]}, "data": edges}
     return [
-        {"type": "scatter", "name": name, "symbolSize": 7, "data": points, "itemStyle": {"color": BLUE}},
+        {"type": "scatter", "name": name, "symbolSize": 7, "data": points, "itemStyle": {"color": GREY}},
         {**bar, "silent": True, "tooltip": {"show": False}},
     ]
 
@@ -223,6 +221,29 @@ class Cell(NamedTuple):
     text: str
     link: str = ""
     style: str = ""
+
+
+def plan_words(visitor: Visitor, name: str) -> str:
+    """A plan or protocol as a visitor reads it; one of his own as it is called."""
+    reach = re.fullmatch(r"(.+), (\d+) of (\d+) positions within reach of the rig", name)
+    if reach is not None:
+        first = plan_words(visitor, reach[1])
+        return f"{first}, {visitor.say('home.progress', done=reach[2], all=reach[3])}"
+    known = {*CALIBRATING, *protocols()}
+    return visitor.say(f"plan.{name}") if name in known else visible(name)
+
+
+def parameter_words(visitor: Visitor, name: str) -> str:
+    """A parameter of a tool as people call it: sensor and what of it; one of another form as it is called."""
+    found = re.fullmatch(r"(\w+)\.(tensor|offset)\[(\d+)(?:,(\d+))?\](?:\.T(\d+))?", name)
+    if found is None:
+        return name
+    kind, what, sensor, axis, power = found.groups()
+    names = ["XYZ"[int(x)] if x is not None and int(x) < 3 else str(int(x or 0) + 1) for x in (sensor, axis)]
+    of = f"{visitor.say(f'live.{kind}')} {names[0]}"
+    key = "zero" if what == "offset" else "scale" if sensor == axis else "cross"
+    said = visitor.say(f"parameter.{key}", sensor=of, axis=names[1])
+    return f"{said}, °C{'⁻' + '⁰¹²³⁴⁵⁶⁷⁸⁹'[int(power)]}" if power else said
 
 
 def visible(text: str) -> str:

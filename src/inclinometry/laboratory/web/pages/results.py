@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from fastapi import HTTPException, Request
 from nicegui import ui
 
-from inclinometry.calibration.expected import ALL_ANGLES, FROM_CALIBRATION, expanded, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, INCLINATION_RANGE, INCLINATIONS
 from inclinometry.errors import InclinometryError
 from inclinometry.laboratory.ledger.ledger import LedgerError, Record
-from inclinometry.laboratory.registry import extract, listed
+from inclinometry.laboratory.progress import Goal
+from inclinometry.laboratory.registry import extract, find_tool, listed
 from inclinometry.laboratory.results import calibration_of, parameters, recorded_parameters
 from inclinometry.laboratory.session import bench_readings, load_session
 from inclinometry.laboratory.web.frame import Visitor, aside, frame
-from inclinometry.laboratory.web.pages.lists import BLUE, axis, chart, day, legend, paged, to
-from inclinometry.report.words import calibration_tests
+from inclinometry.laboratory.web.pages.lists import (
+    BLUE,
+    axis,
+    chart,
+    day,
+    legend,
+    paged,
+    parameter_words,
+    plan_words,
+    to,
+)
+from inclinometry.report.words import calibration_tests, rounded, significant
 from inclinometry.workflow.calibrate import Options, compare
+
+METHODS: Final = ("joint", "twelve", "orthogonal", "rotations", "field", "norm", "classical", "datasheet")
+"""Methods that have a name in every language."""
 
 
 @ui.page("/results/{calibration}")
@@ -58,7 +72,7 @@ def result_page(request: Request, calibration: str) -> None:
         series = []
         for kind, values in residuals.standardised.items():
             for column in range(values.shape[1]):
-                name = f"{kind} {'xyz'[column] if column < 3 else column + 1}"
+                name = f"{say(f'live.{kind}')} {'XYZ'[column] if column < 3 else column + 1}"
                 data = [None if np.isnan(v) else round(v, 3) for v in values[:, column].tolist()]
                 series.append({"type": "scatter", "symbolSize": 7, "name": name, "data": data})
         with ui.card().classes("panel"):
@@ -82,25 +96,65 @@ def _summary(visitor: Visitor, record: Record, found: Calibration) -> None:
     with ui.card().classes("panel"):
         ui.label(f"{record.keys['serial']} · {day(record.created)} UTC").classes("subtitle number")
         about = record.body.get("summary", {})
-        text = f"{about.get('plan', '')} · {about.get('rig', '')} · {found.method} · {record.author}"
-        ui.label(text).classes("dim")
+        plan = plan_words(visitor, str(about.get("plan", "")))
+        method = say(f"method.{found.method}") if found.method in METHODS else found.method
+        ui.label(" · ".join(filter(None, (plan, str(about.get("rig", "")), method, record.author)))).classes("dim")
         tests = calibration_tests(found)
         failed = [test for test in tests if test.passed is False]
+        sound = not failed and not found.warnings
+        ui.label(say("results.sound" if sound else "results.doubted")).classes(
+            "judgement " + ("good" if sound else "warn")
+        ).props('data-testid="verdict"')
+        _headline(visitor, record)
         for sentence in found.warnings:
-            ui.label(visitor.bench.without_path(sentence)).classes("warn")
+            ui.label(visitor.sentence(sentence)).classes("warn")
         for test in failed if not found.warnings else ():
-            ui.label(say("results.test_failed", what=test.what, found=test.found, limit=test.limit)).classes("warn")
-        if not failed:
-            ui.label(say("results.no_warnings")).classes("good")
+            said = say("results.test_failed", what=visitor.sentence(test.what), found=test.found, limit=test.limit)
+            ui.label(said).classes("warn")
         for sentence in found.notes:
-            ui.label(visitor.bench.without_path(sentence)).classes("dim")
-        with ui.row():
-            ui.link(say("tools.one"), to("/tools", record.keys["serial"]))
-            if visitor.user.may("capture"):
-                ui.link(say("results.verify"), f"/verify?calibration={record.id}")
-            if visitor.user.may("issue"):
-                ui.link(say("results.certificate"), f"/certificates/new?calibration={record.id}")
-            ui.link(say("results.tool_json"), f"/api/v1/calibrations/{record.id}")
+            ui.label(visitor.sentence(sentence)).classes("dim")
+        _next_step(visitor, record)
+
+
+def _headline(visitor: Visitor, record: Record) -> None:
+    """What one reading is worth at the worst attitude of the tool's range, as recorded."""
+    say, table = visitor.say, record.body.get("capability_deg", {})
+    if not table:
+        return
+    tool = find_tool(visitor.bench.ledger, record.keys["serial"])
+    low, high = np.degrees(Goal().inclination_range if tool is None else tool.inclination_range)
+    places = np.array(table["inclination_deg"])
+    rows = (places >= low - 1e-6) & (places <= high + 1e-6)
+    parts = []
+    for name in ("azimuth", "inclination"):
+        values = [
+            x for x, inside in zip(table.get(f"U_{name}_deg", ()), rows, strict=False) if inside and x is not None
+        ]
+        if values:
+            parts.append(f"{say(f'bench.{name}')} ±{significant(max(values))}°")
+    if parts:
+        k = f"{table['coverage_factor']:g}"
+        text = say("results.headline", values=", ".join(parts), low=f"{low:.0f}", high=f"{high:.0f}", k=k)
+        ui.label(text).classes("subtitle number")
+
+
+def _next_step(visitor: Visitor, record: Record) -> None:
+    """What is to be done next as one button, the rest as links."""
+    say, ledger, user = visitor.say, visitor.bench.ledger, visitor.user
+    verify, certify = f"/verify?calibration={record.id}", f"/certificates/new?calibration={record.id}"
+    steps = [("results.verify", verify)] if user.may("capture") else []
+    steps += [("results.certificate", certify)] if user.may("issue") else []
+    if listed(ledger, "verification", calibration=record.id, limit=1):
+        steps.reverse()
+    with ui.row().classes("items-center"):
+        for place, (key, path) in enumerate(steps):
+            if place == 0:
+                go = ui.button(say(key), on_click=lambda path=path: ui.navigate.to(path))
+                go.props('unelevated no-caps size=lg data-testid="next-step"')
+            else:
+                ui.link(say(key), path)
+        ui.link(say("tools.one"), to("/tools", record.keys["serial"]))
+        ui.link(say("results.tool_json"), f"/api/v1/calibrations/{record.id}")
 
 
 def _map(visitor: Visitor, found: Calibration) -> None:
@@ -125,10 +179,13 @@ def _map(visitor: Visitor, found: Calibration) -> None:
                 data=[f"{x:g}" for x in np.degrees(inclinations).round(6)],
             ),
             "visualMap": {
-                "min": 0.0,
+                "min": float(values.min()),
                 "max": float(np.quantile(values, 0.9)),
                 "calculable": True,
-                "precision": 4,
+                "precision": 3,
+                "formatter": "{value}°",
+                # from good to bad, to be told apart on either paper
+                "inRange": {"color": ["#1f6fb4", "#58a6a6", "#e2c15a", "#d0703b"]},
                 "right": 0,
                 "textStyle": {"color": "#8896a4"},
             },
@@ -151,9 +208,11 @@ def _heat(visitor: Visitor, found: Calibration) -> None:
             ui.label(say("results.no_temperature")).classes("dim")
             return
         low, high = tool.temperature_range
-        ui.label(say("results.range", low=f"{low:.1f}", high=f"{high:.1f}")).classes("number")
         if max(degrees.values()) == 0:
-            ui.label(say("results.constant")).classes("dim")
+            ends = dict.fromkeys((f"{low:.1f}", f"{high:.1f}"))
+            ui.label(say("results.at", at=" … ".join(ends))).classes("number")
+        else:
+            ui.label(say("results.range", low=f"{low:.1f}", high=f"{high:.1f}")).classes("number")
         feed = visitor.bench.feed
         now = None if feed is None else feed.stability().temperature
         if now is not None and not low - heat_slack <= now <= high + heat_slack:
@@ -167,21 +226,30 @@ def _parameters(visitor: Visitor, record: Record, found: Calibration) -> None:
     ledger = visitor.bench.ledger
     seen = listed(ledger, "calibration", serial=record.keys["serial"], before=record.seq, limit=1)
     before = extract(ledger, seen[0], "parameters", recorded_parameters) if seen else {}
+    units = {kind: triad.unit for kind, triad in found.tool.triads.items()}
     rows = []
     for name, (value, u) in parameters(found).items():
-        row: dict[str, Any] = {"name": name, "value": f"{value:.7g}", "u": f"{u:.2g}", "change": "", "ratio": ""}
+        unit = units.get(name.partition(".")[0], "")
+        row: dict[str, Any] = {"key": name, "name": parameter_words(visitor, name), "unit": visitor.sentence(unit)}
+        # as many digits as the uncertainty leaves
+        row |= {"value": rounded(value, u), "u": significant(u), "change": "", "ratio": ""}
         if name in before:
             change, spread = value - before[name][0], float(np.hypot(u, before[name][1]))
-            row["change"] = f"{change:+.3g}"
+            row["change"] = rounded(change, spread)
             row["ratio"] = f"{abs(change) / spread:.1f}" if spread > 0.0 else ""
         rows.append(row)
     columns = [
-        {"name": key, "label": say(f"results.{key}"), "field": key, "align": "left" if key == "name" else "right"}
-        for key in ("name", "value", "u", "change", "ratio")
+        {
+            "name": key,
+            "label": say(f"results.{key}"),
+            "field": key,
+            "align": "left" if key in ("name", "unit") else "right",
+        }
+        for key in ("name", "value", "u", "unit", "change", "ratio")
     ]
     with ui.card().classes("panel"):
         ui.label(say("results.parameters")).classes("subtitle")
-        paged(columns, rows, "name", 12)
+        paged(columns, rows, "key", 12)
 
 
 def _methods(visitor: Visitor, record: Record) -> None:
@@ -198,7 +266,7 @@ def _methods(visitor: Visitor, record: Record) -> None:
             try:
                 lines = await aside(lambda: _compared(visitor, record))
             except InclinometryError as error:
-                lines = [visitor.bench.without_path(str(error))]
+                lines = [visitor.problem(error)]
             box.clear()
             with box:
                 for line in lines:
@@ -214,10 +282,11 @@ def _compared(visitor: Visitor, record: Record) -> list[str]:
     lines = []
     for attempt in found.attempts:
         expected = found.uncertainty.get(attempt.method)
+        method = visitor.say(f"method.{attempt.method}") if attempt.method in METHODS else attempt.method
         if attempt.calibration is None:
-            lines.append(f"{attempt.method}: {visitor.bench.without_path(attempt.reason)}")
+            lines.append(f"{method}: {visitor.sentence(attempt.reason)}")
         elif expected is not None:
             worst = ", ".join(f"{x:.3f}" for x in np.degrees(expected.from_calibration[:, ALL_ANGLES.index("azimuth")]))
             at = ", ".join(f"{x:g}" for x in np.degrees(found.inclination).round(9))
-            lines.append(f"{attempt.method}: u(azimuth) {FROM_CALIBRATION} {worst} deg at {at} deg")
+            lines.append(visitor.say("results.method_line", method=method, values=worst, places=at))
     return lines

@@ -12,10 +12,9 @@ from nicegui import ui
 
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
+from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.registry import (
-    LONGEST_TEXT,
-    MONTHS,
     RegisteredTool,
     due_days,
     find_tool,
@@ -25,7 +24,8 @@ from inclinometry.laboratory.registry import (
 )
 from inclinometry.laboratory.results import history
 from inclinometry.laboratory.web.frame import Visitor, frame
-from inclinometry.laboratory.web.pages.lists import Cell, axis, band, chart, day, table, to, visible
+from inclinometry.laboratory.web.pages.forms import RecordForm
+from inclinometry.laboratory.web.pages.lists import Cell, axis, band, chart, day, parameter_words, table, to, visible
 
 SHOWN: Final = 20
 
@@ -46,7 +46,7 @@ def tools_page(request: Request, after: str = "") -> None:
         if visitor.user.may("capture"):
             with ui.card().classes("panel"):
                 ui.label(visitor.say("tools.register")).classes("subtitle")
-                ToolForm(visitor, None)
+                _form(visitor, None)
 
 
 def _find(visitor: Visitor) -> None:
@@ -73,7 +73,7 @@ def _table(visitor: Visitor, found: list[RegisteredTool]) -> None:
         late = "bad" if when is not None and when <= today else ""
         return Cell(tool.serial, to("/tools", tool.serial)), tool.name, tool.customer, Cell(text, style=late)
 
-    table([say(f"tools.{key}") for key in ("serial", "name", "customer", "due")], map(line, found))
+    table([say(key) for key in ("tools.serial", "field.name", "tools.customer", "tools.due")], map(line, found))
     if not found:
         ui.label(say("tools.none")).classes("dim")
 
@@ -88,7 +88,8 @@ def tool_page(request: Request, serial: str) -> None:
         with ui.card().classes("panel"):
             ui.label(visible(f"{tool.serial} · {tool.name}")).classes("subtitle number")
             about = " · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)
-            ui.label(visible(about)).classes("dim")
+            if about:
+                ui.label(visible(about)).classes("dim")
             if tool.retired:
                 ui.label(visitor.say("tools.retired")).classes("warn")
             else:
@@ -100,6 +101,7 @@ def tool_page(request: Request, serial: str) -> None:
                     ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}").classes(
                         "number " + ("bad" if late else "good")
                     )
+                _drift(visitor, tool)
             if visitor.user.may("capture"):
                 with ui.row():
                     ui.link(visitor.say("home.start"), to("/calibrate", serial=tool.serial))
@@ -109,7 +111,24 @@ def tool_page(request: Request, serial: str) -> None:
         if visitor.user.may("capture"):
             with ui.card().classes("panel"):
                 ui.label(visitor.say("tools.change")).classes("subtitle")
-                ToolForm(visitor, tool)
+                _form(visitor, tool)
+
+
+def _drift(visitor: Visitor, tool: RegisteredTool) -> None:
+    """Due date by the tool's own drift, alarm, what a check of six positions would reach, as `fleet fit` kept them."""
+    found = kept_drift(visitor.bench.ledger, [tool]).get(tool.serial)
+    if found is None:
+        return
+    due = str(found["due"])
+    late = due <= datetime.now(UTC).date().isoformat()
+    ui.label(visitor.say("tools.due_by_drift", day=due)).classes("number " + ("bad" if late else "good"))
+    if found["alarm"]:
+        ui.label(visitor.say("tools.alarm", sentence=visitor.sentence(found["alarm"]))).classes("bad")
+    else:
+        six, now = (f"{found[name]:.3f}" for name in ("six_deg", "now_deg"))
+        ui.label(visitor.say("tools.six", six=six, now=now)).classes("dim number")
+    stands = visitor.say("tools.fitted", day=found["day"], last=found["last"])
+    ui.label(stands).classes("dim number")
 
 
 def _history(visitor: Visitor, serial: str) -> None:
@@ -122,12 +141,12 @@ def _history(visitor: Visitor, serial: str) -> None:
             ui.label(visitor.say("tools.no_calibration")).classes("dim")
             return
         with ui.row().classes("list-of-links"):
-            for record, created in list(zip(found.records, found.created, strict=True))[: -SHOWN - 1 : -1]:
-                ui.link(day(created), f"/results/{record}").classes("number")
+            for record, when in list(zip(found.records, found.measured, strict=True))[: -SHOWN - 1 : -1]:
+                ui.link(when.isoformat(), f"/results/{record}").classes("number")
             ui.link("CSV", to("/api/v1/tables/history.csv", serial=serial))
         if len(found) == drawn:
             ui.label(visitor.say("tools.newest", number=drawn)).classes("dim")
-        names = list(found.values)
+        names = {name: parameter_words(visitor, name) for name in found.values}
         box = ui.column().classes("w-full")
 
         def show(name: str) -> None:
@@ -135,12 +154,13 @@ def _history(visitor: Visitor, serial: str) -> None:
             with box:
                 # change of one parameter since the first calibration, with a band of two standard uncertainties
                 change, spread = found.change(name)
-                days = [day(created) for created in found.created]
+                days = [when.isoformat() for when in found.measured]
                 options = {
                     "xAxis": axis(visitor.say("tools.day"), kind="category", data=days),
-                    "yAxis": axis(visitor.say("tools.change_of", name=name)),
-                    "series": band(name, _plain(change), _plain(2.0 * spread)),
+                    "yAxis": axis(visitor.say("tools.axis")),
+                    "series": band(names[name], _plain(change), _plain(2.0 * spread)),
                 }
+                ui.label(visitor.say("tools.change_of", name=names[name]))
                 chart(options, visitor.say("tools.drift"))
                 worst = (
                     float(np.nanmax(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
@@ -149,8 +169,10 @@ def _history(visitor: Visitor, serial: str) -> None:
                     "number " + ("bad" if worst > 3.0 else "dim")
                 )
 
-        ui.select(names, value=names[0], label=visitor.say("tools.parameter"), on_change=lambda e: show(str(e.value)))
-        show(names[0])
+        ui.select(
+            names, value=next(iter(names)), label=visitor.say("tools.parameter"), on_change=lambda e: show(str(e.value))
+        )
+        show(next(iter(names)))
 
 
 def _plain(values: Array) -> list[float | None]:
@@ -172,39 +194,13 @@ def _sessions(visitor: Visitor, serial: str) -> None:
         table([visitor.say("verify.when"), visitor.say("tools.purpose"), visitor.say("verify.by")], lines)
 
 
-class ToolForm:
+def _form(visitor: Visitor, tool: RegisteredTool | None) -> None:
     """Fields of a tool; saved as a new record."""
+    ledger = visitor.bench.ledger
 
-    def __init__(self, visitor: Visitor, tool: RegisteredTool | None) -> None:
-        self._visitor, self._new, say = visitor, tool is None, visitor.say
-        self._old = tool = tool or RegisteredTool("", "")
-        low, high = np.degrees(tool.inclination_range)
-        with ui.row().classes("form"):
-            self.serial = ui.input(say("tools.serial"), value=tool.serial).props("maxlength=200")
-            self.serial.set_enabled(self._new)
-            self.name = ui.input(say("tools.name"), value=tool.name).props(f"maxlength={LONGEST_TEXT}")
-            self.customer = ui.input(say("tools.customer"), value=tool.customer)
-            self.low = ui.number(say("tools.from"), value=round(float(low), 3), min=0, max=180)
-            self.high = ui.number(say("tools.to"), value=round(float(high), 3), min=0, max=180)
-            self.months = ui.number(
-                say("tools.months"), value=tool.interval_months, min=MONTHS[0], max=MONTHS[-1], step=1
-            )
-            self.retired = ui.switch(say("tools.retired"), value=tool.retired)
-        ui.button(say("tools.save"), on_click=visitor.action("capture", self._save)).props("unelevated no-caps")
+    def save(user: User, made: RegisteredTool) -> None:
+        put_tool(ledger, replace(made, name=made.name or made.serial), author=user.name)
+        ui.navigate.to(to("/tools", made.serial))
 
-    def _save(self, user: User) -> None:
-        ledger, serial = self._visitor.bench.ledger, str(self.serial.value).strip()
-        if self._new and find_tool(ledger, serial) is not None:
-            raise InputError(f"tool {serial!r} is registered already; change it on its own page")
-        low, high = (float(np.radians(float(x.value or 0.0))) for x in (self.low, self.high))
-        tool = replace(
-            self._old,
-            serial=serial,
-            name=str(self.name.value).strip() or serial,
-            customer=str(self.customer.value).strip(),
-            inclination_range=(low, high),
-            interval_months=None if self.months.value is None else int(self.months.value),
-            retired=bool(self.retired.value),
-        )
-        put_tool(ledger, tool, author=user.name)
-        ui.navigate.to(to("/tools", serial))
+    hidden = ("triads", "convention")
+    RecordForm(visitor, RegisteredTool, tool, save, find=lambda serial: find_tool(ledger, serial), leave_out=hidden)

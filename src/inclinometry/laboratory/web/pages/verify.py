@@ -10,7 +10,7 @@ from fastapi import HTTPException, Request
 from nicegui import ui
 
 from inclinometry.calibration.acceptance import GUARDS, Limits
-from inclinometry.constants import ANGLES, COVERAGE_FACTOR
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.files.verification_json import stated_limits
@@ -41,6 +41,7 @@ from inclinometry.laboratory.web.pages.lists import (
     day,
     legend,
     paged,
+    plan_words,
     table,
     to,
     visible,
@@ -67,16 +68,16 @@ def finish_page(request: Request, session: str) -> None:
             return
         limits = limits_of(seen)
         done = visitor.say("home.progress", done=len(seen.valid), all=len(seen.positions))
-        ui.label(f"{seen.serial} · {seen.plan} · {done}").classes("subtitle number")
+        ui.label(f"{seen.serial} · {plan_words(visitor, seen.plan)} · {done}").classes("subtitle number")
         ui.link(visitor.say("verify.capture"), f"/calibrate/{session}")
         try:
             found = judged(ledger, session, calibration, limits)
         except InclinometryError as error:
-            ui.label(visitor.bench.without_path(str(error))).classes("warn")
+            ui.label(visitor.problem(error)).classes("warn")
             return
         lost = missing_positions(seen, found, limits)
         if lost:
-            ui.label(lost).classes("warn")
+            ui.label(visitor.sentence(lost)).classes("warn")
         verdict = "incomplete" if lost else found.verdict
         show_report(visitor, verdict, stated_limits(found, limits), report(found, seen))
         if visitor.user.may("capture") and not lost:
@@ -93,9 +94,7 @@ def _record_button(visitor: Visitor, ledger: Ledger, session: str, calibration: 
                 lambda: finish_verification(ledger, session, calibration, author=user.name, limits=limits)
             )
         except InclinometryError as error:
-            ui.notify(
-                visitor.bench.without_path(str(error)), type="negative", multi_line=True, timeout=0, close_button="OK"
-            )
+            ui.notify(visitor.problem(error), type="negative", multi_line=True, timeout=0, close_button="OK")
             button.enable()
             return
         ui.navigate.to(f"/verifications/{made.id}")
@@ -132,12 +131,15 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
         doubted = "warn" if content.get("warnings") else "good"
         ui.label(say(f"verdict.{verdict}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
         if protocol := content.get("protocol"):
-            ui.label(say("verify.of_protocol", **protocol))
+            ui.label(say("verify.of_protocol", **{**protocol, "name": plan_words(visitor, str(protocol["name"]))}))
         for sentence in content.get("reasons", ()):
-            ui.label(visitor.bench.without_path(str(sentence)))
+            ui.label(visitor.sentence(str(sentence)))
         for sentence in content.get("warnings", ()):
-            ui.label(visitor.bench.without_path(str(sentence))).classes("warn")
-        ui.label(say("verify.against", name=str(limits.get("name", "")), source=visible(str(limits.get("source", "")))))
+            ui.label(visitor.sentence(str(sentence))).classes("warn")
+        source = visible(visitor.sentence(str(limits.get("source", ""))))
+        against = str(limits.get("name", ""))
+        name = say("verify.own_uncertainty") if against == UNCERTAINTY else visitor.sentence(against)
+        ui.label(say("verify.against", name=name, source=source))
         guard = str(limits.get("guard", "none"))
         k = float(content.get("coverage_factor", 2.0))
         rule = guard if "guard" in limits else "derived"
@@ -152,14 +154,14 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
     shown = []
     for row in content["positions"]:
         line = {"position": str(row["position"])}
-        line |= {key: f"{row[f'{key}_deg']:g}" for key in ("inclination", "azimuth", "toolface")}
+        line |= {key: f"{row[f'{key}_deg']:g}" for key in DIALS}
         for name in ANGLES:
             error, u = _cell(row, name, "error_deg"), _cell(row, name, "U_deg")
             line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {share * u:.3f}"
             line[f"d_{name}"] = say(f"decision.{row[name]['decision']}")
         shown.append(line)
     columns = [_column("position", say("verify.position"))]
-    columns += [_column(key, f"{say(f'bench.{key}')} °") for key in ("inclination", "azimuth", "toolface")]
+    columns += [_column(key, f"{say(f'bench.{key}')} °") for key in DIALS]
     for name in ANGLES:
         columns.append(_column(f"e_{name}", say("verify.error_of", name=say(f"bench.{name}"))))
         columns.append(_column(f"d_{name}", say("verify.decision")))
@@ -179,7 +181,7 @@ def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str, share:
         inside = [None if x is None or u is None else max(x - u, 0.0) for x, u in zip(limit, expanded, strict=True)]
         series += _lines(say("verify.acceptance"), inside, GREY, "dashed")
     places = [
-        f"{row['position']}: {row['inclination_deg']:g}° {row['azimuth_deg']:g}° {row['toolface_deg']:g}°"
+        f"{row['position']}: {row['azimuth_deg']:g}° {row['inclination_deg']:g}° {row['toolface_deg']:g}°"
         for row in rows
     ]
     options = {
@@ -266,7 +268,7 @@ def _line(visitor: Visitor) -> Any:
             Cell(day(one.created), f"/verifications/{one.id}"),
             Cell(one.keys["serial"], to("/tools", one.keys["serial"])),
             Cell(visitor.say(f"verdict.{verdict}"), style="good" if verdict == "pass" else "bad"),
-            limits,
+            visitor.sentence(limits),
             one.author,
         )
 
@@ -287,7 +289,7 @@ class VerifyForm:
         chosen = calibration if calibration in choices else next(iter(choices), None)
         self.calibration = ui.select(choices, value=chosen, label=say("verify.calibration"), with_input=True)
         self.calibration.classes("wide")
-        plans = {name: f"{name}: {p.title} ({len(p.plan)})" for name, p in protocols().items()}
+        plans = {name: f"{plan_words(visitor, name)} ({len(p.plan)})" for name, p in protocols().items()}
         self.protocol = ui.select(plans, value=next(iter(plans)), label=say("verify.protocol")).classes("wide")
         presets = {UNCERTAINTY: say("verify.own_uncertainty"), **{name: name for name in limit_names()}}
         presets[OWN] = say("verify.own_values")

@@ -25,6 +25,63 @@
     cells.forEach((text, i) => put(`live-${i}`, text));
   };
 
+  // three angles as they are now, then their differences to the target; empty without a calibration
+  window.benchNow = (angles) => {
+    ["azimuth", "inclination", "toolface"].forEach((name, i) => {
+      const place = document.getElementById(`now-${name}`)?.parentElement;
+      if (place) place.style.visibility = angles.length ? "visible" : "hidden";
+      put(`now-${name}`, angles[i] || "");
+      put(`off-${name}`, angles[i + 3] || "");
+    });
+  };
+
+  window.benchStrip = (html) => {
+    const place = document.getElementById("strip");
+    if (place) place.innerHTML = html;
+  };
+
+  // a short sound when a position is captured, unless this browser has it switched off
+  const SOUND = "inclinometry_sound";
+  const quiet = () => localStorage.getItem(SOUND) === "off";
+  let audio = null;
+  window.benchBeep = () => {
+    if (quiet()) return;
+    audio = audio || new AudioContext();
+    const tone = audio.createOscillator(), volume = audio.createGain();
+    tone.frequency.value = 880;
+    volume.gain.setValueAtTime(0.2, audio.currentTime);
+    volume.gain.exponentialRampToValueAtTime(0.001, audio.currentTime + 0.25);
+    tone.connect(volume).connect(audio.destination);
+    tone.start();
+    tone.stop(audio.currentTime + 0.25);
+    window.beeped = (window.beeped || 0) + 1;
+  };
+  const showSound = () => {
+    const icon = document.querySelector("#bench-sound .q-icon");
+    if (icon) icon.textContent = quiet() ? "volume_off" : "volume_up";
+    document.getElementById("bench-sound")?.setAttribute("aria-pressed", String(!quiet()));
+  };
+  window.benchSound = () => {
+    localStorage.setItem(SOUND, quiet() ? "on" : "off");
+    showSound();
+    window.benchBeep();
+  };
+  const waiting = setInterval(() => {
+    if (!document.querySelector("#bench-sound .q-icon")) return;
+    clearInterval(waiting);
+    showSound();
+  }, 100);
+
+  // target, live angles, verdict and channels alone, to be read from two metres
+  const large = (on) => document.body.classList.toggle("large", on);
+  window.benchLarge = () => {
+    const on = !document.body.classList.contains("large");
+    large(on);
+    if (on) document.documentElement.requestFullscreen?.().catch(() => {});
+    else if (document.fullscreenElement) document.exitFullscreen();
+  };
+  document.addEventListener("fullscreenchange", () => large(!!document.fullscreenElement));
+
   // a long list of positions shows the chosen one; the page itself stays where it is
   window.benchHere = () => {
     const here = document.querySelector(".place.here");
@@ -62,6 +119,11 @@
         return;
       event.preventDefault();
       if (event.target.closest?.(".page, body")) emitEvent("bench_key", "capture");
+      return;
+    }
+    if (event.key.toLowerCase() === "f") {
+      event.preventDefault();
+      if (!event.repeat) window.benchLarge();
       return;
     }
     const what = KEYS[event.key] || KEYS[event.key.toLowerCase()];

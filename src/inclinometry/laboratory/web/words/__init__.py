@@ -6,12 +6,14 @@ Texts that are a term are not there but in terms.json, which names the term of t
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
 from inclinometry.report.glossary import terms
+from inclinometry.report.language import speaking, translated
 
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
 
@@ -37,6 +39,33 @@ def say(language: str, key: str, **values: Any) -> str:
     ('Bench', 'Рабочее место')
     """
     return catalogue(language if language in LANGUAGES else "en")[key].format(**values)
+
+
+_LEFT: Final = re.compile(r"\b[a-z]{3,} [a-z]{2,} [a-z]{2,}\b")
+"""English left over: three words of it in a row."""
+_COMMAND: Final = re.compile("`[^`]*`")
+
+
+def sentence(language: str, text: str) -> str:
+    """A sentence of the program in a language, by the table of the reports; as it is where the table lacks a part.
+
+    Warnings and records keep their English sentences, so that those of years ago are understood as well: a sentence
+    is recognised by its words, and what stands in its places - numbers, names - is put into the translation. A place
+    may hold a sentence or a word of its own.
+
+    Examples
+    --------
+    >>> sentence("ru", "COM3 is open")
+    'порт COM3 открыт'
+    >>> sentence("en", "COM3 is open")
+    'COM3 is open'
+    """
+    if language not in LANGUAGES or language == "en":
+        return text
+    with speaking(language):
+        said = translated(text)
+    # half a sentence in each of two languages is worse than an English one
+    return text if _LEFT.search(_COMMAND.sub("", said)) else said
 
 
 def preferred(header: str) -> str:

@@ -10,6 +10,7 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.motion.complementary.filter import ComplementarySettings, ComplementaryStream
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples
 from inclinometry.rotations import dcm_from_quaternion
+from inclinometry.tabular import check_record
 
 
 def complementary_smoothed(samples: Samples, settings: ComplementarySettings | None = None) -> Attitude:
@@ -43,6 +44,7 @@ def complementary_smoothed(samples: Samples, settings: ComplementarySettings | N
     >>> bool(complementary_smoothed(still).angles.inclination.max() < 1e-9)
     True
     """
+    check_record(samples, Samples, "complementary_smoothed")
     chosen = settings or ComplementarySettings()
     every = max(len(samples), 1)
     first = _Pass(samples, replace(chosen, every=every))

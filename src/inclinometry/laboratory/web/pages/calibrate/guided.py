@@ -12,14 +12,17 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.design import NextPosition
+from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import InclinometryError, InputError
+from inclinometry.laboratory import drift
+from inclinometry.laboratory.attitude import attitude_in_stand, earlier_calibration
 from inclinometry.laboratory.instruments.rig import ManualRig, rig_driver
 from inclinometry.laboratory.ledger.ledger import Record
 from inclinometry.laboratory.live import LiveFeed, Stability
 from inclinometry.laboratory.progress import Progress, goal_of, proposal, session_progress
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
-from inclinometry.laboratory.results import finish_calibration
+from inclinometry.laboratory.results import calibration_of
 from inclinometry.laboratory.session import (
     Capture,
     Position,
@@ -30,9 +33,10 @@ from inclinometry.laboratory.session import (
     dial_at,
     load_session,
     reject,
+    setting_of,
 )
 from inclinometry.laboratory.web.frame import Visitor
-from inclinometry.rotations import dcm
+from inclinometry.rotations import dcm, wrap_signed
 
 if TYPE_CHECKING:
     from inclinometry.laboratory.instruments.rig import RigDriver
@@ -340,7 +344,10 @@ class Guided:
         self.place: NextPosition | None = None
         self.automatic = False
         self._moved = True
+        self.retakes = False  # a position that was captured has been chosen again
         self._known = self._mark()
+        earlier = earlier_calibration(self.ledger, self.session)
+        self._earlier = None if earlier is None else (calibration_of(earlier), earlier.created)
         self.chosen: Position = self.session.next or self.positions[-1]
 
     @property
@@ -382,6 +389,31 @@ class Guided:
         goes_on = self.adaptive or self.wants
         missing = [p for p in self.positions if not self.session.has(p.number)]
         return tuple(p for p in missing if p.number != self.proposed or goes_on)
+
+    @property
+    def judged_by(self) -> tuple[Calibration, str] | None:
+        """The calibration that turns channels into angles, and when it was made; "" for the running one.
+
+        The earlier one of this tool on this rig until the running one knows the azimuth to a degree.
+        """
+        running = None if self.now is None else self.now.calibration
+        good = self.now is not None and self.now.from_calibration[1] < float(np.radians(1.0))
+        if running is not None and (good or self._earlier is None):
+            return running, ""
+        return self._earlier
+
+    def angles_now(self, seen: Stability) -> tuple[Array, Array] | None:
+        """What the dials would say of the tool as it stands now, and its difference to the target, (3,), rad."""
+        by = self.judged_by
+        if by is None or not seen.mean:
+            return None
+        session = self.session
+        target = setting_of(session.dials, self.chosen.dial)
+        found = attitude_in_stand(by[0], seen.mean, seen.temperature, target)
+        if found is None:
+            return None
+        shown = np.array(dial_at(session.dials, *found))
+        return shown, wrap_signed(shown - np.array(self.chosen.dial))
 
     def gain(self) -> tuple[float, float] | None:
         """Expanded uncertainty of the goal's angle now and after the proposed position, rad; None when not known."""
@@ -433,8 +465,11 @@ class Guided:
         """Make the running fit, and where it is wanted the next position."""
         if self.verifies:
             return
-        self.now = session_progress(self.session, self.goal, self.about_rig, self.site)
         self.place = None
+        if self.session.plan == drift.CHECK:
+            self.now = drift.check_progress(self.ledger, self.session, self.goal)
+            return
+        self.now = session_progress(self.session, self.goal, self.about_rig, self.site)
         if self.session.next is None and not self.now.reached and (self.adaptive or self.now.calibration is not None):
             self.place = proposal(self.session, self.goal, self.about_rig, self.now)
 
@@ -448,6 +483,7 @@ class Guided:
         """Put a position on the card; the rig stays where it is."""
         self.chosen = next((p for p in self.positions if p.number == number), self.chosen)
         self._moved = self.turner is not None
+        self.retakes = self.session.has(number)
 
     def choose_next(self) -> bool:
         """Put the first open position on the card; whether there was one."""
@@ -507,7 +543,7 @@ class Guided:
         reading: Capture = self.feed.capture(chosen.dial, how=how)
         attempt = self.session.attempts.get(chosen.number, 0) + 1
         taken = capture(self.ledger, self.session.id, chosen.number, reading, author=user.name, attempt=attempt)
-        self._moved = False
+        self._moved = self.retakes = False
         self._cut()
         self.reload()
         return taken
@@ -523,7 +559,7 @@ class Guided:
     def finish(self) -> Record:
         """Record the calibration and close the session."""
         user = self.visitor.require("capture")
-        return finish_calibration(self.ledger, self.session.id, author=user.name, goal=self.goal)
+        return drift.finish(self.ledger, self.session.id, author=user.name, goal=self.goal)
 
     def abandon(self, reason: str) -> None:
         """Close the session without a result."""

@@ -10,10 +10,12 @@ For tests and assistive programs, `data-testid` names what does not depend on th
 - `u_azimuth`, `u_inclination` what would be certified now; `goal` the large sentence when the end is reached;
   `outlier-N` the sentence on an outlier, `retake-N` its button; `proposed` the next best position;
 - `finish`, `abandon`; `rig` the state of the rig, `events` the log of the instrument, `picture` the drawing;
+- `now-azimuth`, `now-inclination`, `now-toolface` the angles of the tool as it stands, `judged-by` the calibration that
+  gives them; `strip` the last minute; `sound` and `large` switch the sound of a capture and the large display;
 - in the dialogs `reason`, `confirm`, `cancel`.
 
 Keys: space or Enter captures (when no button has the focus), arrows choose, N goes to the next open position, T turns a
-motorised rig, A switches automatic capture.
+motorised rig, A switches automatic capture, F the large display.
 """
 
 from __future__ import annotations
@@ -37,9 +39,11 @@ from inclinometry.laboratory.web.pages.calibrate.show_progress import (
     Live,
     Picture,
     PositionList,
+    Strip,
     Target,
 )
 from inclinometry.laboratory.web.pages.calibrate.start import ask_reason, ask_sure, say_problem
+from inclinometry.laboratory.web.pages.lists import plan_words
 
 
 @ui.page("/calibrate/{session}")
@@ -61,8 +65,13 @@ class BenchView:
     def __init__(self, guided: Guided) -> None:
         self.guided, self._busy, self._ended = guided, False, float("-inf")
         say, session = guided.visitor.say, guided.session
-        about = f"{session.serial} · {session.plan} · {session.rig}"
-        ui.label(about).classes("number dim about").props('data-testid="about"')
+        about = f"{session.serial} · {plan_words(guided.visitor, session.plan)} · {session.rig}"
+        with ui.row().classes("about"):
+            ui.label(about).classes("number dim").props('data-testid="about"')
+            for name, icon in (("sound", "volume_up"), ("large", "fullscreen")):
+                button = ui.button(icon=icon).props(f'flat dense data-testid="{name}" id=bench-{name}')
+                button.props(f'aria-label="{say(f"bench.{name}")}" title="{say(f"bench.{name}")}"')
+                button.on("click", js_handler=f"() => bench{name.capitalize()}()")
         self._rig_shown: RigState | None = None
         self._problem: ui.notification | None = None
         live = Live(guided)
@@ -74,6 +83,7 @@ class BenchView:
                     live.verdict()
                     self._buttons()
                 live.table()
+                self._strip = Strip(guided)
             with ui.element("div").classes("right"):
                 self._picture = Picture(guided)
                 self._certifies = Certifies(guided, self._choose, self._finish)
@@ -160,7 +170,9 @@ class BenchView:
         if rig is not None and not closed:
             there = rig.word == "ready" and not rig.at(guided.chosen.dial)
             word = "elsewhere" if there else rig.word
-            self._rig.set_text(rig.reason or say(f"bench.rig_{word}", number=guided.chosen.number))
+            self._rig.set_text(
+                guided.visitor.sentence(rig.reason) or say(f"bench.rig_{word}", number=guided.chosen.number)
+            )
             self._rig.classes(
                 replace=f"rig number {'good' if word == 'ready' else 'warn' if word != 'lost' else 'bad'}"
             )
@@ -219,6 +231,7 @@ class BenchView:
             number = guided.chosen.number
             if await self._tried(lambda: guided.take(how), by_itself=how == "automatic"):
                 ui.notify(say("bench.taken", number=number), type="positive", timeout=1500, position="bottom")
+                ui.run_javascript("benchBeep()")
                 self._progress.show()
                 await aside(guided.judge)
                 if guided.choose_next() and guided.turner is not None:
@@ -234,6 +247,7 @@ class BenchView:
 
     async def _watch(self) -> None:
         self._events.show()
+        self._strip.show()
         self._target.show_heat()
         if not self._busy and await aside(self.guided.news) and not self._busy:
             await self.refresh()
@@ -264,7 +278,7 @@ class BenchView:
         try:
             record = await aside(self.guided.finish)
         except InclinometryError as error:
-            self._complain(str(error))
+            self._complain(error)
             return
         ui.navigate.to(f"/results/{record.id}")
 
@@ -284,10 +298,10 @@ class BenchView:
 
         ask_reason(self.guided.visitor, "bench.leave_out_ask", "bench.leave_out", go, number=number)
 
-    def _complain(self, sentence: str) -> None:
+    def _complain(self, error: InclinometryError) -> None:
         """Say what went wrong, instead of what was said before."""
         self._settle()
-        self._problem = say_problem(self.guided.visitor.bench.without_path(sentence))
+        self._problem = say_problem(self.guided.visitor.problem(error))
 
     def _settle(self) -> None:
         """What was said is out of date."""
@@ -301,10 +315,10 @@ class BenchView:
             await aside(do)
         except CaptureError as error:
             if not by_itself:  # the tool has just begun to move: it will be still again
-                self._complain(str(error))
+                self._complain(error)
             return False
         except InclinometryError as error:
-            self._complain(str(error))
+            self._complain(error)
             self._auto.set_value(False)
             if isinstance(error, ConflictError):
                 self.guided.reload()

@@ -13,12 +13,14 @@ from typing import Final
 import numpy as np
 from nicegui import ui
 
+from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
 from inclinometry.laboratory.instruments.protocol import InstrumentEvent
-from inclinometry.laboratory.live import LiveFeed, Stability
+from inclinometry.laboratory.live import WINDOW, LiveFeed, Stability
 from inclinometry.laboratory.session import Position, setting_of
 from inclinometry.laboratory.web.frame import Bench
 from inclinometry.laboratory.web.pages.calibrate.guided import Guided, drawing
+from inclinometry.laboratory.web.pages.lists import day
 from inclinometry.report.words import significant
 
 # The verdict and the live channels: ten times a second, one small message a browser, worked out once for all.
@@ -87,7 +89,18 @@ class Live:
         say, bench = guided.visitor.say, guided.visitor.bench
         self._words: Mapping[str, tuple[str, str]] = {
             word: (say(f"live.{word}"), say(f"live.do_{word}"))
-            for word in ("still", "learning", "few", "moving", "drifting", "knocked", "faulty", "stale", "disconnected")
+            for word in (
+                "still",
+                "learning",
+                "few",
+                "moving",
+                "drifting",
+                "knocked",
+                "faulty",
+                "stale",
+                "disconnected",
+                "done",
+            )
         }
         self._shared = _shared(bench)
 
@@ -113,7 +126,7 @@ class Live:
         head = "".join(f"<th scope='col'>{escape(say(f'live.{name}'))}</th>" for name in ("mean", "sd", "drift"))
         rows, cell = [], 0
         for kind, count in channel_counts(feed).items():
-            unit = escape(feed.protocol.units.get(kind, ""))
+            unit = escape(self._guided.visitor.sentence(feed.protocol.units.get(kind, "")))
             for axis in range(count):
                 name = f"{say(f'live.{kind}')} {'XYZ'[axis] if axis < 3 else axis + 1}"
                 cells = "".join(f"<td id='live-{cell + j}'>{_DASH}</td>" for j in range(3))
@@ -129,12 +142,30 @@ class Live:
         found = _shared(self._guided.visitor.bench)
         if found is None or found.seen is None:
             return None
-        seen = found.seen
+        seen, guided = found.seen, self._guided
         word, advice = self._words[seen.word]
+        state = seen.word
+        # when all is captured, and none chosen to be captured again, there is nothing to wait for
+        ended = not (guided.open_positions or guided.retakes or guided.session.closed)
+        if ended and state in ("few", "learning", "still"):
+            state, word, advice = "done", *self._words["done"]
         heat = "" if seen.temperature is None else f"{seen.temperature:.1f} °C"
-        colour = {"still": "good", "learning": "warn", "few": "warn"}  # of a verdict; bad for the others
-        said = [seen.word, colour.get(seen.word, "bad"), word, advice, heat, seen.reason, *found.cells]
-        ui.run_javascript(f"benchLive({json.dumps(said, ensure_ascii=False, separators=(',', ':'))})")
+        colour = {
+            "still": "good",
+            "done": "good",
+            "learning": "warn",
+            "few": "warn",
+        }  # of a verdict; bad for the others
+        reason = guided.visitor.sentence(seen.reason)
+        said = [state, colour.get(state, "bad"), word, advice, heat, reason, *found.cells]
+        now = guided.angles_now(seen)
+        angles = (
+            []
+            if now is None
+            else [*(f"{x:.2f}°" for x in np.degrees(now[0])), *(f"{x:+.2f}" for x in np.degrees(now[1]))]
+        )
+        both = [json.dumps(part, ensure_ascii=False, separators=(",", ":")) for part in (said, angles)]
+        ui.run_javascript(f"benchLive({both[0]});benchNow({both[1]})")
         return seen
 
 
@@ -161,13 +192,74 @@ def folded(events: tuple[InstrumentEvent, ...], most: int = 5) -> list[tuple[Ins
     return found
 
 
+class Strip:
+    """The last minute of every channel; `show` is called once a second.
+
+    Each line is the deviation from the mean of the last seconds, between plus and minus ten times the noise at rest: a
+    tool that moves leaves the strip, and one that settles is seen to do so.
+    """
+
+    SECONDS: Final = 60.0
+    WIDTH, HEIGHT, POINTS = 600, 60, 240
+
+    def __init__(self, guided: Guided) -> None:
+        self._guided = guided
+        if guided.feed is None:
+            return
+        with ui.card().classes("panel strips"):
+            ui.label(guided.visitor.say("bench.strip")).classes("subtitle")
+            ui.html("<div id='strip'></div>", sanitize=False).props('data-testid="strip" aria-live="off"')
+
+    def show(self) -> None:
+        """Draw the strips anew."""
+        feed, found = self._guided.feed, _shared(self._guided.visitor.bench)
+        if feed is None or found is None or found.seen is None:
+            return
+        window = feed.window(self.SECONDS)
+        if len(window) < 2:
+            return
+        say, parts = self._guided.visitor.say, []
+        every = max(1, len(window) // self.POINTS)
+        x = self.WIDTH * (1.0 - (window.time[-1] - window.time[::every]) / self.SECONDS)
+        for kind, values in window.channels.items():
+            rest = values[window.time > window.time[-1] - WINDOW].mean(axis=0)
+            apart = values[::every] - rest
+            noise = found.seen.floor.get(kind)
+            half = 10.0 * float(np.max(noise)) if noise is not None else float(np.abs(apart).max())
+            half = half or 1.0
+            y = self.HEIGHT / 2.0 * (1.0 - np.clip(apart / half, -1.0, 1.0))
+            lines = "".join(
+                f"<polyline class='channel-{axis % 3}' points='{_polyline(x, y[:, axis])}'/>"
+                for axis in range(y.shape[1])
+            )
+            unit = self._guided.visitor.sentence(feed.protocol.units.get(kind, ""))
+            name = f"{say(f'live.{kind}')} ±{significant(half)} {unit}"
+            parts.append(
+                f"<div class='strip'><span class='dim small'>{escape(name)}</span>"
+                f"<svg viewBox='0 0 {self.WIDTH} {self.HEIGHT}' preserveAspectRatio='none' role='img' "
+                f"aria-label='{escape(say('bench.strip'), quote=True)}'><line class='zero' x1='0' x2='{self.WIDTH}' "
+                f"y1='{self.HEIGHT / 2:g}' y2='{self.HEIGHT / 2:g}'/>{lines}</svg></div>"
+            )
+        # what the channels' colours mean, and the scale of time
+        key = "".join(f"<span class='channel-{i}'>{axis}</span>" for i, axis in enumerate("XYZ"))
+        start, end = (escape(say("bench.seconds", number=number)) for number in (f"−{self.SECONDS:g}", "0"))
+        parts.append(
+            f"<p class='key dim small'><span>{start}</span><span class='axes'>{key}</span><span>{end}</span></p>"
+        )
+        ui.run_javascript(f"benchStrip({json.dumps(''.join(parts), ensure_ascii=False)})")
+
+
+def _polyline(x: Array, y: Array) -> str:
+    return " ".join(f"{a:.0f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+
 class Events:
     """The list; `show` is called once a second and sends nothing when nothing happened."""
 
     def __init__(self, guided: Guided) -> None:
         self._guided, self._shown = guided, ""
-        with ui.card().classes("panel events"):
-            ui.label(guided.visitor.say("bench.events")).classes("subtitle")
+        # closed: it is looked at when something is wrong, and what is wrong is said by the verdict
+        with ui.expansion(guided.visitor.say("bench.events")).classes("panel events"):
             self._html = ui.html("", sanitize=False).props('data-testid="events" aria-live="off"')
         self.show()
 
@@ -178,7 +270,8 @@ class Events:
         for event, times in folded(() if feed is None else feed.events):
             clock = datetime.fromtimestamp(event.time, UTC).strftime("%H:%M:%S")
             often = f" ×{times}" if times > 1 else ""
-            lines.append(f"<li data-kind='{escape(event.kind)}'>{clock} {escape(event.sentence)}{often}</li>")
+            sentence = escape(self._guided.visitor.sentence(event.sentence))
+            lines.append(f"<li data-kind='{escape(event.kind)}'>{clock} {sentence}{often}</li>")
         text = (
             f"<ul class='number'>{''.join(lines)}</ul>" if lines else f"<p class='dim'>{escape(say('bench.quiet'))}</p>"
         )
@@ -215,6 +308,7 @@ class Target:
             self._state = ui.label().props('data-testid="position-state"')
             self._leave = ui.button(say("bench.leave_out")).props('flat dense no-caps data-testid="reject"')
         self._dials = ui.html("", sanitize=False).classes("dials").props('data-testid="target"')
+        self._by = ui.label().classes("dim small judged-by").props('data-testid="judged-by"')
         self._heat = ui.label().classes("heat number").props('data-testid="heat"')
         self._heat.set_visibility(guided.target_temperature(1) is not None)
 
@@ -238,15 +332,21 @@ class Target:
         self._state.set_text(text)
         self._state.classes(replace=f"state number {colour}")
         self._leave.set_visibility(guided.session.has(chosen.number) and not guided.session.closed)
-        dials = zip(DIALS, chosen.dial, strict=True)
+        dials, now = zip(DIALS, chosen.dial, strict=True), escape(say("bench.now"))
         cells = [
             f"<div class='dial'><span class='dim'>{escape(say(f'bench.{name}'))}</span>"
-            f"<span class='digits number' data-testid='target-{name}'>{big(angle)}</span></div>"
+            f"<span class='digits number' data-testid='target-{name}'>{big(angle)}</span>"
+            f"<span class='now number'><span class='dim small'>{now}</span> "
+            f"<span id='now-{name}' data-testid='now-{name}'></span> "
+            f"<span class='off' id='off-{name}'></span></span></div>"
             for name, angle in dials
         ]
         if "".join(cells) != self._shown:
             self._shown = "".join(cells)
             self._dials.set_content(self._shown)
+        by = guided.judged_by
+        by_words = "" if by is None else say("bench.by_earlier", when=day(by[1])) if by[1] else say("bench.by_running")
+        self._by.set_text(by_words if guided.feed is not None else "")
         self.show_heat()
 
     def show_heat(self) -> None:
@@ -395,7 +495,7 @@ class Certifies:
         guided, say = self._guided, self._guided.visitor.say
         for number, sentence in ({} if guided.now is None else guided.now.outliers).items():
             with ui.element("div").classes("outlier-row").props('role="alert"'):
-                ui.label(sentence).classes("bad").props(f'data-testid="outlier-{number}"')
+                ui.label(guided.visitor.sentence(sentence)).classes("bad").props(f'data-testid="outlier-{number}"')
                 retake = ui.button(say("bench.retake", number=number), on_click=lambda n=number: self._choose(n))
                 retake.props(f'outline dense no-caps data-testid="retake-{number}"')
 
@@ -403,7 +503,7 @@ class Certifies:
         guided, say = self._guided, self._guided.visitor.say
         now = guided.now
         if now is None or now.calibration is None:
-            ui.label(say("bench.no_fit") if now is None else guided.visitor.bench.without_path(now.waiting)).classes(
+            ui.label(say("bench.no_fit") if now is None else guided.visitor.sentence(now.waiting)).classes(
                 "dim waiting"
             )
             return
@@ -418,7 +518,7 @@ class Certifies:
         )
         others = [w for w in now.calibration.warnings if w not in now.outliers.values()]
         for sentence in others[:3]:
-            ui.label(guided.visitor.bench.without_path(sentence)).classes("warn small")
+            ui.label(guided.visitor.sentence(sentence)).classes("warn small")
 
     def _line(self, angle: str, value: float, alone: float, noise: float, wanted: float | None) -> None:
         """U of one reading as the certificate will print it; below, from the calibration alone, and what is wanted."""
@@ -436,7 +536,8 @@ class Certifies:
 
     def _next_best(self) -> None:
         guided, say, number = self._guided, self._guided.visitor.say, self._guided.proposed
-        if number is None or guided.session.closed:
+        # when all is captured and no uncertainty was agreed the run is at its end
+        if number is None or guided.session.closed or not guided.open_positions:
             return
         gain = guided.gain()
         name = say(f"bench.U_{guided.goal.criterion}") if gain is not None else ""

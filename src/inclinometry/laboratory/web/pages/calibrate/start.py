@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from dataclasses import astuple, replace
-from typing import Any, get_args, get_type_hints
+from typing import Any, Final
 
 import numpy as np
 from fastapi import Request
 from nicegui import ui
 
-from inclinometry.calibration.conventions import USUAL, Dials
-from inclinometry.errors import InputError
+from inclinometry.errors import InclinometryError, InputError
 from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, plan_for
+from inclinometry.laboratory.ledger.engine import plain as is_plain
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.registry import (
@@ -21,6 +20,7 @@ from inclinometry.laboratory.registry import (
     RegisteredTool,
     find_rig,
     find_site,
+    limits_of,
     put_rig,
     put_site,
     put_tool,
@@ -28,8 +28,10 @@ from inclinometry.laboratory.registry import (
     sites,
     tools,
 )
-from inclinometry.laboratory.session import open_session
+from inclinometry.laboratory.session import Session, open_session
 from inclinometry.laboratory.web.frame import Visitor, frame
+from inclinometry.laboratory.web.pages.forms import LONGEST_KEY, DialsChoice, FieldError, NumberField, tell
+from inclinometry.workflow.plan import make_plan
 
 
 def say_problem(sentence: str) -> ui.notification:
@@ -79,65 +81,16 @@ def ask_sure(visitor: Visitor, question: str, action: str, go: Callable[[], Awai
 @ui.page("/calibrate")
 def start_page(request: Request, serial: str = "") -> None:
     """A form, and the session it opens."""
-    with frame(request, "start.title", needs="capture") as visitor:
-        with ui.card().classes("panel start"):
-            StartForm(visitor, serial)
-        names = [rig.name for rig in rigs(visitor.bench.ledger)]
-        if names:
-            with ui.card().classes("panel start"):
-                ui.label(visitor.say("start.dials")).classes("subtitle")
-                ui.label(visitor.say("start.dials_about")).classes("dim")
-                DialsForm(visitor, names)
+    with frame(request, "start.title", needs="capture") as visitor, ui.card().classes("panel start"):
+        StartForm(visitor, serial)
 
 
-class DialsChoice:
-    """How the three dials of a rig count; call within a form."""
-
-    def __init__(self, visitor: Visitor, known: Dials = USUAL) -> None:
-        say = visitor.say
-        self.parts = []
-        for name, allowed in get_type_hints(Dials).items():
-            words = {word: say(f"dials.{word}") for word in get_args(allowed)}
-            part = ui.select(words, value=getattr(known, name), label=say(f"start.{name}"))
-            self.parts.append(part.props(f'data-testid="{name}"'))
-
-    def show(self, known: Dials) -> None:
-        """Those of a rig."""
-        for part, value in zip(self.parts, astuple(known), strict=True):
-            part.set_value(value)
-
-    @property
-    def dials(self) -> Dials:
-        """What is chosen."""
-        return Dials(*(part.value for part in self.parts))
-
-
-class DialsForm:
-    """Puts right how the dials of a registered rig count."""
-
-    def __init__(self, visitor: Visitor, names: list[str]) -> None:
-        self._visitor, say = visitor, visitor.say
-        ledger = visitor.bench.ledger
-        self.rig = ui.select(names, value=names[0], label=say("start.rig"), on_change=self._fill)
-        found = find_rig(ledger, names[0])
-        self.choice = DialsChoice(visitor, USUAL if found is None else found.dials)
-        save = ui.button(say("tools.save"), on_click=visitor.action("capture", self._save))
-        save.props('outline no-caps data-testid="save-dials"')
-
-    def _fill(self) -> None:
-        found = find_rig(self._visitor.bench.ledger, str(self.rig.value))
-        self.choice.show(USUAL if found is None else found.dials)
-
-    def _save(self, user: User) -> None:
-        ledger = self._visitor.bench.ledger
-        found = find_rig(ledger, str(self.rig.value))
-        if found is not None and found.dials != self.choice.dials:
-            put_rig(ledger, replace(found, dials=self.choice.dials), author=user.name)
-        ui.notify(self._visitor.say("start.dials_saved", rig=self.rig.value), type="positive")
+ADAPTIVE_LEAST: Final = 9
+"""Positions an adaptive plan takes at least."""
 
 
 class StartForm:
-    """Tool, rig, plan, wanted uncertainty."""
+    """Tool, rig, plan, wanted uncertainty; of these only what the chosen plan takes."""
 
     def __init__(self, visitor: Visitor, serial: str) -> None:
         self._visitor, ledger, say = visitor, visitor.bench.ledger, visitor.say
@@ -146,56 +99,125 @@ class StartForm:
         places = [""] + [site.name for site in sites(ledger)]
         self.serial = _known(say("start.tool"), "serials", serials, serial or (serials[0] if serials else ""))
         self.rig = _known(say("start.rig"), "rigs", names, names[0] if names else "")
-        self.rig_sd = ui.number(say("start.rig_sd"), value=0.1, min=0.0, max=10.0, step=0.01)
+        self.rig_sd = NumberField(visitor, say("start.rig_sd"), 0.1, limits_of(RegisteredRig, "sd"), needed=True)
         self.dials = DialsChoice(visitor)
-        for part in (self.rig_sd, *self.dials.parts):
+        for part in (self.rig_sd.input, *self.dials.parts):
             part.bind_visibility_from(self.rig, "value", lambda name: bool(name) and str(name).strip() not in names)
-        self.site = ui.select(places, label=say("start.site"), value=places[-1])
-        self.dip = ui.number(say("start.dip"), value=None, min=-90.0, max=90.0, step=0.1)
-        self.latitude = ui.number(say("start.latitude"), value=None, min=-90.0, max=90.0, step=0.1)
+        with ui.row().classes("with-link"):
+            self.site = ui.select(places, label=say("start.site"), value=places[-1])
+            ui.link(say("start.new_site"), "/sites")
+        self.dip = NumberField(visitor, say("start.dip"), None, limits_of(RegisteredSite, "dip"))
+        self.latitude = NumberField(visitor, say("start.latitude"), None, limits_of(RegisteredSite, "latitude"))
         for field in (self.dip, self.latitude):
-            field.bind_visibility_from(self.site, "value", lambda name: not name)
-        self.left_handed = ui.switch(say("start.left_handed"))
+            field.input.bind_visibility_from(self.site, "value", lambda name: not name)
         plans = {name: say(f"plan.{name}") for name in CALIBRATING}
-        self.plan = ui.select(plans, label=say("start.plan"), value="orthogonal").props('data-testid="plan"')
-        self.number = ui.number(say("start.number"), value=16, min=6, max=200, step=1)
-        self.number.bind_visibility_from(self.plan, "value", lambda name: name == "optimal")
-        self.wanted = ui.number(say("start.wanted"), value=None, min=0.001, max=90.0, step=0.01)
-        self.wanted_inclination = ui.number(say("start.wanted_inclination"), value=None, min=0.001, max=90.0, step=0.01)
-        self.heat = ui.input(say("start.temperatures"), placeholder="20, 60, 100")
+        self.plan = ui.select(plans, label=say("start.plan"), value="orthogonal", on_change=self._count)
+        self.plan.props('data-testid="plan"')
+        self.number = NumberField(visitor, say("start.number"), 16, (6, 200), needed=True, whole=True)
+        self.number.input.on_value_change(self._count)
+        span = (0.001, 90.0)
+        self.wanted = NumberField(visitor, say("start.wanted"), None, span)
+        self.wanted_inclination = NumberField(visitor, say("start.wanted_inclination"), None, span)
+        self.size = ui.label("").classes("number wide-row").props('data-testid="plan-size" role="status"')
+        with ui.expansion(say("start.more")).classes("wide-row"):
+            self.heat = ui.input(say("start.temperatures"), placeholder="20, 60, 100", on_change=self._count)
+            self.left_handed = ui.switch(say("start.left_handed"))
+        self._problem = ui.label("").classes("bad wide-row").props('role="alert" data-testid="form-problem"')
         go = ui.button(say("start.go"), on_click=visitor.action("capture", self._open))
         go.props('unelevated no-caps size=lg data-testid="begin"')
+        self._count()
+
+    def _count(self) -> None:
+        """Which fields the plan takes, how many positions it has, how long they take."""
+        say, name = self._visitor.say, str(self.plan.value)
+        self.number.input.set_visibility(name == "optimal")
+        for field in (self.wanted, self.wanted_inclination):
+            field.input.set_visibility(name in (ADAPTIVE, "optimal"))
+        try:
+            number = int(self.number.read() or 0) if name == "optimal" else 0
+            times = max(len(_temperatures(str(self.heat.value or ""))), 1)
+        except (FieldError, InputError):
+            self.size.set_text("")
+            return
+        count = times * (ADAPTIVE_LEAST if name == ADAPTIVE else number or len(make_plan(name)))
+        # min a position takes: turned by hand; by a motor, turning, settling and five seconds of samples
+        minutes = count * (1.0 if self._visitor.bench.rig is None else 0.15)
+        text = "start.size_least" if name == ADAPTIVE else "start.size"
+        self.size.set_text(say(text, positions=count, minutes=max(round(minutes), 1)))
+
+    def _read(self) -> dict[str, Any] | None:
+        """What the form says; None when something in it cannot be used, which is then said at its field."""
+        say, ledger, optimal = self._visitor.say, self._visitor.bench.ledger, self.plan.value == "optimal"
+        aimed = optimal or self.plan.value == ADAPTIVE
+        new_rig = find_rig(ledger, str(self.rig.value or "").strip()) is None
+        numbers = {
+            "sd": (self.rig_sd, new_rig),
+            "dip": (self.dip, not self.site.value),
+            "latitude": (self.latitude, not self.site.value),
+            "number": (self.number, optimal),
+            "u_azimuth_deg": (self.wanted, aimed),
+            "u_inclination_deg": (self.wanted_inclination, aimed),
+        }
+        found: dict[str, Any] = {}
+        wrong = False
+        for name, widget in (("serial", self.serial), ("rig", self.rig)):
+            found[name] = str(widget.value or "").strip()
+            label = say("start.tool" if name == "serial" else "start.rig")
+            sentence = "" if is_plain(found[name]) else say("form.needed", field=label, most=LONGEST_KEY)
+            tell(widget, sentence)
+            wrong |= bool(sentence)
+        for name, (field, asked) in numbers.items():
+            try:
+                found[name], sentence = field.read() if asked else None, ""
+            except FieldError as error:
+                sentence, wrong = str(error), True
+            tell(field.input, sentence)
+        try:
+            found["heat"], sentence = _temperatures(str(self.heat.value or "")), ""
+        except InputError:
+            sentence, wrong = say("form.number", field=say("start.temperatures")), True
+        tell(self.heat, sentence)
+        # an adaptive plan would not end without a wanted uncertainty
+        if not wrong and self.plan.value == ADAPTIVE and not (found["u_azimuth_deg"] or found["u_inclination_deg"]):
+            tell(self.wanted.input, say("start.needs_wanted"))
+            return None
+        return None if wrong else found
 
     def _open(self, user: User) -> None:
-        # wanted uncertainties, degrees; an adaptive plan would not end without one
-        asked = {"u_azimuth_deg": self.wanted.value, "u_inclination_deg": self.wanted_inclination.value}
-        wanted = {name: float(value) for name, value in asked.items() if value is not None}
-        if self.plan.value == ADAPTIVE and not wanted:
-            raise InputError(self._visitor.say("start.needs_wanted"))
-        ledger, author = self._visitor.bench.ledger, user.name
-        serial, name = str(self.serial.value or "").strip(), str(self.rig.value or "").strip()
+        self._problem.set_text("")
+        said = self._read()
+        if said is None:
+            return
+        try:
+            session = self._begun(said, user.name)
+        except InclinometryError as error:
+            self._problem.set_text(self._visitor.problem(error))
+            return
+        ui.navigate.to(f"/calibrate/{session.id}")
+
+    def _begun(self, said: dict[str, Any], author: str) -> Session:
+        ledger, serial, name, heat = self._visitor.bench.ledger, said["serial"], said["rig"], said["heat"]
+        wanted = {key: said[key] for key in ("u_azimuth_deg", "u_inclination_deg") if said[key] is not None}
         if ledger.latest("tool", serial=serial) is None:
             put_tool(ledger, RegisteredTool(serial, serial), author=author)
         rig = find_rig(ledger, name)
         if rig is None:
-            sd = float(np.radians(float(self.rig_sd.value or 0.0)))
+            sd = float(np.radians(said["sd"]))
             rig = RegisteredRig(name, (sd, sd, sd), dials=self.dials.dials)
             put_rig(ledger, rig, author=author)
-        number = int(self.number.value) if self.plan.value == "optimal" and self.number.value else None
-        heat = _temperatures(str(self.heat.value or ""))
+        number = None if said["number"] is None else int(said["number"])
         plan, settings = plan_for(str(self.plan.value), ledger, serial, rig, number=number, temperatures=heat)
         if self.site.value:
             settings["site"] = str(self.site.value)
-        elif self.dip.value is not None or self.latitude.value is not None:
-            settings["site"] = _site_of(ledger, name, self.dip.value, self.latitude.value, author)
+        elif said["dip"] is not None or said["latitude"] is not None:
+            settings["site"] = _site_of(ledger, name, said["dip"], said["latitude"], author)
         if self.left_handed.value:
             settings["settings"] = {**settings.get("settings", {}), "left_handed": True}
         if wanted:
             only = "inclination" if set(wanted) == {"u_inclination_deg"} else "azimuth"
             settings["wanted"] = {**wanted, "criterion": only}
         purpose = "temperature" if heat else "calibrate"
-        session = open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
-        ui.navigate.to(f"/calibrate/{session.id}")
+        return open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
 
 
 def _site_of(ledger: Ledger, rig: str, dip_deg: float | None, latitude_deg: float | None, author: str) -> str:

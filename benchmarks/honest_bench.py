@@ -1,0 +1,262 @@
+"""Stated uncertainty of a bench calibration where rig and sensors are worse than the model: a simulator of its own.
+
+    python -m benchmarks.honest_bench --runs 60
+    python -m benchmarks.honest_bench --plan twelve --scene "magnetised cradle, 200 nT"
+
+Readings are drawn here, without anything of the package: dials that err at random and alike at each value, eccentric,
+with backlash, read wrongly; sensors that bend, drift, wander, feel gravity; a cradle that is magnetised. The tool is
+calibrated as a user does, with nothing stated. Its azimuth and inclination are those of readings without noise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.errors import InclinometryError
+from inclinometry.sensors import angle_sensitivity
+
+FIELD, GRAVITY, DIP = 50000.0, 9.81, np.radians(70.0)
+INCLINATIONS = (5.0, 30.0, 60.0, 90.0)
+PLANS = {"12 positions": plans.twelve, "24 positions": plans.orthogonal}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is wrong, deg where nothing else is said; dials as azimuth, inclination, toolface."""
+
+    random: tuple[float, float, float] = (0.03, 0.03, 0.03)
+    repeating: float = 0.0  # of each dial at each of its values
+    shape: str = "normal"  # of the random part: normal, uniform, student (3 degrees of freedom)
+    eccentric: tuple[float, float] = (0.0, 0.0)  # first and second harmonic
+    backlash: float = 0.0
+    misread: float = 0.0  # one dial at one station
+    inclination_zero: float = 0.0
+    axes: float = 0.0  # of the rig, not perpendicular
+    bent: float = 0.0  # quadratic and cubic part of each sensor, of full scale
+    products: float = 0.0  # of an accelerometer's axes
+    by_gravity: float = 0.0  # nT a g
+    cradle: float = 0.0  # nT
+    drift: tuple[float, float, float] = (0.0, 0.0, 0.0)  # over the run: g, nT, of the scale
+    wander: tuple[float, float] = (0.0, 0.0)  # a step: g, nT
+    bits: int = 0
+    field_drift: float = 0.0  # nT
+
+
+USUAL = Scene((0.1, 0.1, 0.1))
+SCENES = {
+    "the model holds": USUAL,
+    "uniform errors": replace(USUAL, shape="uniform"),
+    "Student errors, 3 dof": replace(USUAL, shape="student"),
+    "repeating errors, 0.1": Scene((0.02, 0.02, 0.02), repeating=0.1),
+    "half repeating, 0.07": Scene((0.07, 0.07, 0.07), repeating=0.07),
+    "dials 0.5, 0.02, 0.02": Scene((0.5, 0.02, 0.02)),
+    "dials 0.02, 0.02, 0.5": Scene((0.02, 0.02, 0.5)),
+    "one dial misread by 2": replace(USUAL, misread=2.0),
+    "one dial misread by 1": replace(USUAL, misread=1.0),
+    "backlash 0.15": Scene(backlash=0.15),
+    "backlash 0.05": Scene(backlash=0.05),
+    "eccentric 0.15, 0.07": Scene(eccentric=(0.15, 0.07)),
+    "axes not perpendicular, 0.2": Scene(axes=0.2),
+    "inclination zero 0.15": Scene(inclination_zero=0.15),
+    "drift 1 mg, 60 nT, 5e-4": Scene(drift=(1e-3, 60.0, 5e-4)),
+    "wander 0.3 mg, 20 nT a position": Scene(wander=(3e-4, 20.0)),
+    "converter of 12 bit": Scene(bits=12),
+    "sensors bent, 1e-3": Scene(bent=1e-3),
+    "accelerometer's axes multiplied, 1e-3": Scene(products=1e-3),
+    "magnetometer feels gravity, 30 nT/g": Scene(by_gravity=30.0),
+    "magnetised cradle, 200 nT": Scene(cradle=200.0),
+    "field drifts by 30 nT": Scene(field_drift=30.0),
+}
+
+
+def turn_x(a: float) -> np.ndarray:
+    """Coordinates in axes turned about x."""
+    return np.array([[1.0, 0.0, 0.0], [0.0, np.cos(a), np.sin(a)], [0.0, -np.sin(a), np.cos(a)]])
+
+
+def turn_y(a: float) -> np.ndarray:
+    """Coordinates in axes turned about y."""
+    return np.array([[np.cos(a), 0.0, -np.sin(a)], [0.0, 1.0, 0.0], [np.sin(a), 0.0, np.cos(a)]])
+
+
+def turn_z(a: float) -> np.ndarray:
+    """Coordinates in axes turned about z."""
+    return np.array([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+
+
+def stood(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> np.ndarray:
+    """Angles (K, 3) at which the tool stood, rad, when the dials were set to those given."""
+    size, found = len(dials), dials.copy()
+    draw = {
+        "normal": lambda: rng.standard_normal(size),
+        "uniform": lambda: np.sqrt(3.0) * rng.uniform(-1.0, 1.0, size),
+        "student": lambda: rng.standard_t(3.0, size) / np.sqrt(3.0),
+    }[scene.shape]
+    for j in range(3):
+        own = dials[:, j]
+        error = scene.random[j] * draw()
+        values, place = np.unique(np.round(np.degrees(own) % 360.0, 6), return_inverse=True)
+        error += scene.repeating * rng.standard_normal(len(values))[place]
+        first, second = rng.uniform(0.0, 2.0 * np.pi, 2)
+        error += scene.eccentric[0] * np.sin(own + first) + scene.eccentric[1] * np.sin(2.0 * own + second)
+        way = np.sign(np.diff(own, prepend=own[-1]))
+        for k in range(size):
+            way[k] = way[k] or (way[k - 1] if k else 1.0)
+        found[:, j] += np.radians(error + scene.backlash * way)
+    if scene.misread:
+        found[rng.integers(size), rng.integers(3)] += np.radians(scene.misread) * rng.choice([-1.0, 1.0])
+    found[:, 1] += np.radians(scene.inclination_zero) * rng.choice([-1.0, 1.0])
+    return found
+
+
+def drawn(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> tuple[dict, dict]:
+    """Signals (K, 3) of both triads, and kind -> (tensor, offset) they follow without their flaws."""
+    at = stood(dials, scene, rng)
+    size = len(at)
+    outer, inner = np.radians(scene.axes) * rng.standard_normal(2)
+    tilt = np.radians(2.0) * rng.standard_normal(2)
+    base = turn_x(tilt[0]) @ turn_y(tilt[1]) @ turn_z(np.radians(20.0) * rng.standard_normal())
+    down, field = base @ [0.0, 0.0, 1.0], base @ [np.cos(DIP), 0.0, np.sin(DIP)]
+    held = rng.standard_normal(3)
+    held *= scene.cradle / FIELD / np.linalg.norm(held)
+    pulled = scene.by_gravity / FIELD * rng.standard_normal((3, 3))
+    products = scene.products * rng.standard_normal((3, 3))
+    seen = {"accelerometer": np.zeros((size, 3)), "magnetometer": np.zeros((size, 3))}
+    for k, (azimuth, inclination, toolface) in enumerate(at):
+        turn = turn_z(toolface) @ turn_x(inner) @ turn_y(inclination) @ turn_x(outer) @ turn_z(azimuth)
+        g = turn @ down
+        moving = np.array([scene.field_drift / FIELD * k / size, 0.0, 0.0])
+        seen["accelerometer"][k] = g + products @ (g * np.roll(g, -1))
+        seen["magnetometer"][k] = turn @ (field + moving) + turn_z(toolface) @ held + pulled @ g
+    signals, truth = {}, {}
+    time = np.linspace(-0.5, 0.5, size)[:, None]  # the tool is that of the middle of the run
+    of = {
+        "accelerometer": (GRAVITY, 2e-5, scene.drift[0], scene.wander[0]),
+        "magnetometer": (FIELD, 20.0 / FIELD, scene.drift[1] / FIELD, scene.wander[1] / FIELD),
+    }
+    for kind, (unit, noise, drift, step) in of.items():
+        tensor, offset = np.eye(3) + 0.02 * rng.standard_normal((3, 3)), 0.02 * rng.standard_normal(3)
+        y = seen[kind] @ tensor.T
+        square, cube = scene.bent * rng.choice([-1.0, 1.0], (2, 3))
+        y = y + square * y**2 + cube * y**3 + offset
+        y = y * (1.0 + scene.drift[2] * time) + drift * time + np.cumsum(step * rng.standard_normal(y.shape), axis=0)
+        y = y + noise * rng.standard_normal(y.shape)
+        if scene.bits:
+            least = 4.0 / 2**scene.bits
+            y = least * np.round(y / least)
+        signals[kind], truth[kind] = unit * y, (unit * tensor, unit * offset)
+    return signals, truth
+
+
+def errors(tool, truth) -> tuple[np.ndarray, np.ndarray]:
+    """Errors and stated u (4, 64, 2) of inclination and azimuth, rad, at each of `INCLINATIONS` over 64 attitudes."""
+    turn = np.radians(np.arange(0.0, 360.0, 45.0))
+    inclination, azimuth, toolface = np.meshgrid(np.radians(INCLINATIONS), turn, turn, indexing="ij")
+    seen = {"accelerometer": np.zeros((*azimuth.shape, 3)), "magnetometer": np.zeros((*azimuth.shape, 3))}
+    for place in np.ndindex(azimuth.shape):
+        matrix = turn_z(toolface[place]) @ turn_y(inclination[place]) @ turn_z(azimuth[place])
+        seen["accelerometer"][place] = matrix @ [0.0, 0.0, 1.0]
+        seen["magnetometer"][place] = matrix @ [np.cos(DIP), 0.0, np.sin(DIP)]
+    read = {}
+    for kind, (tensor, offset) in truth.items():
+        triad = tool.triads[kind]
+        read[kind] = (seen[kind] @ tensor.T + offset - triad.offset[0]) @ np.linalg.inv(triad.tensor[0]).T
+    g, b = read["accelerometer"], read["magnetometer"]
+    g = g / np.linalg.norm(g, axis=-1, keepdims=True)
+    east = np.cross(g, b)
+    found = np.arctan2(east[..., 2], np.cross(east, g)[..., 2])
+    off = np.stack(
+        [
+            np.arctan2(np.hypot(g[..., 0], g[..., 1]), g[..., 2]) - inclination,
+            (found - azimuth + np.pi) % (2.0 * np.pi) - np.pi,
+        ],
+        axis=-1,
+    )
+    slope = angle_sensitivity(tool, seen, np.full(azimuth.shape, 20.0)).by_parameter[..., :2, :]
+    u = np.sqrt(np.einsum("...ip,pq,...iq->...i", slope, tool.covariance, slope))
+    return off.reshape(len(INCLINATIONS), -1, 2), u.reshape(len(INCLINATIONS), -1, 2)
+
+
+def one(plan: str, scene: Scene, seed: int) -> dict | None:
+    """Mean squares (4, 2) of a run, what it said; None where it was refused."""
+    at, rng = PLANS[plan](), np.random.default_rng([15, seed])
+    dials = np.stack([at.azimuth, at.inclination, at.toolface], axis=1)
+    signals, truth = drawn(dials, scene, rng)
+    try:
+        found = calibrate_joint(BenchReadings(signals, *dials.T, reference={"dip": DIP, "north": 0.0}))
+    except InclinometryError:
+        return None
+    off, u = errors(found.tool, truth)
+    return {
+        "square": np.mean(off**2, axis=1),
+        "stated": np.mean(u**2, axis=1),
+        "inside": np.mean(np.abs(off) < 1.96 * u, axis=1),
+        "warned": bool(found.warnings),
+        "said": [*found.warnings, *found.notes],
+    }
+
+
+def run(runs: int = 40, scenes: Sequence[str] = tuple(SCENES), of: Sequence[str] = tuple(PLANS)) -> dict:
+    """Scenes by plans: rms error, u (deg) and coverage of 95 % at each inclination, azimuth and inclination apart."""
+    rows = []
+    for name in scenes:
+        for plan in of:
+            found = [one(plan, SCENES[name], seed) for seed in range(runs)]
+            kept = [row for row in found if row is not None]
+            mean = {key: np.mean([row[key] for row in kept], axis=0) for key in ("square", "stated", "inside")}
+            said = Counter(re.sub(r"[-+]?\d[\d.e+-]*", "#", text) for row in kept for text in set(row["said"]))
+            row = {"scene": name, "plan": plan, "runs": runs, "refused": runs - len(kept)}
+            for place, angle in ((1, "azimuth"), (0, "inclination")):
+                row[f"{angle}_error"] = np.degrees(np.sqrt(mean["square"][:, place])).tolist()
+                row[f"{angle}_u"] = np.degrees(np.sqrt(mean["stated"][:, place])).tolist()
+                row[f"{angle}_coverage"] = mean["inside"][:, place].tolist()
+            row["warned"] = float(np.mean([entry["warned"] for entry in kept]))
+            row["worded"] = float(np.mean([bool(entry["said"]) for entry in kept]))
+            row["said"] = dict(said.most_common(5))
+            rows.append(row)
+    return {"inclinations_deg": list(INCLINATIONS), "rows": rows}
+
+
+def report(result: dict, *, words: bool = False) -> None:
+    """One line a scene and plan: error / u (coverage) at each inclination."""
+    for row in result["rows"]:
+        parts = [f"{row['scene']:38}{row['plan']:13}warned {row['warned']:.2f}, worded {row['worded']:.2f} "]
+        for angle in ("azimuth", "inclination"):
+            columns = zip(row[f"{angle}_error"], row[f"{angle}_u"], row[f"{angle}_coverage"], strict=True)
+            parts.append(" ".join(f"{error:.3f}/{u:.3f} ({inside:.2f})" for error, u, inside in columns))
+        print("  ".join(parts), flush=True)
+        for text, count in row["said"].items() if words else ():
+            print(f"      {count:4} {text}")
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=40, help="runs of each scene and plan")
+    parser.add_argument("--scene", choices=list(SCENES), help="this one only")
+    parser.add_argument("--plan", choices=list(PLANS), help="this one only")
+    parser.add_argument("--words", action="store_true", help="print what the calibrations said")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    options = parser.parse_args()
+    total = []
+    for name in [options.scene] if options.scene else SCENES:
+        result = run(options.runs, [name], [options.plan] if options.plan else tuple(PLANS))
+        total += result["rows"]
+        if not options.json:
+            report(result, words=options.words)
+    if options.json:
+        print(json.dumps({"rows": total}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,270 @@
+"""Errors with structure: of dials that err alike at the same value, of sensors that bend or wander, of a cradle.
+
+    y = N C(setting + d) a + U0 + Z x + e,   x ~ N(0, 1),   d = d_kj + z_j[v]
+
+z_j[v] is one draw for each value v of dial j: a graduation, an eccentricity and a backlash err alike whenever a dial
+shows the same value, and nine stations at one inclination do not make its error three times smaller. Z x are blocks of
+further errors, each of the size it usually has. A block is fitted where the readings ask for it, by the ratio of
+evidence with the block's prior integrated out; what they do not exclude of the others stays in the covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.arrays import Array, Index
+from inclinometry.calibration.dials import groups
+from inclinometry.calibration.likelihood import Model, State, orientation
+from inclinometry.calibration.outliers import deletion_statistics
+from inclinometry.calibration.variance import REPEATING, Fitted, fit_with_variances, repeating_evidence
+from inclinometry.constants import DIALS, VECTORS
+from inclinometry.errors import ConvergenceError
+from inclinometry.orientation import fields
+from inclinometry.rotations import rotation_z
+from inclinometry.sensors import Tool, angle_sensitivity
+
+_BENT: Final = 1e-3
+"""Usual quadratic and cubic part of a sensor's response, its drift, and products of an accelerometer's axes, of full
+scale."""
+_CRADLE: Final = 4e-3
+"""Usual field of a magnetised cradle: 200 nT of 50,000."""
+_BY_GRAVITY: Final = {"magnetometer": 6e-4, "gyro": 0.02}
+"""Usual sensitivity to 1 g: 30 nT of 50,000, 0.3 deg/h of the Earth's 15."""
+_WANDER: Final = (3e-5, 3e-4, 3e-3)
+"""Steps of an offset from one station to the next, of the field: sizes tried."""
+_NOT_LINEAR: Final = "the {} is not linear"
+_GRADUATION: Final = 1e-3
+"""Usual error of a graduation of a dial that was stated to be exact, rad."""
+
+_OPEN: Final = -1.0  # the same, below which the readings speak against a block
+_CHOSEN: Final = 3.0  # logarithm of the ratio of evidence above which a block is fitted
+_ODDS: Final = 0.2  # that a block of the usual size is there, before the readings are seen
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Errors of one cause.
+
+    name : what the readings show where they ask for it
+    columns : (K, M, n) what errors of usual size do to the readings
+    sizes : multiples of the usual size that are tried
+    stays : what the readings do not exclude of it stays in the covariance
+    """
+
+    name: str
+    columns: Array
+    sizes: tuple[float, ...] = (1.0,)
+    stays: bool = True
+
+
+class Evidence(NamedTuple):
+    """What a run says of a block.
+
+    ratio : logarithm of the ratio of evidence with and without it, at the best of its sizes
+    size : that size
+    added : (p, p) what it adds to the covariance of the fit if it is there
+    """
+
+    block: Block
+    ratio: float
+    size: float
+    added: Array
+
+
+def with_repeating(fitted: Fitted) -> tuple[Model, State]:
+    """Model and state with an error of its own for each value of a dial that stations share.
+
+    Dials whose standard deviation was stated are left as stated, and so are those that never show a value twice: there
+    the two cannot be told apart, and make no difference.
+    """
+    model, state = fitted.model, fitted.state
+    for dial in np.flatnonzero(~model.rig_known & (model.rig_sd > 0.0)).tolist():
+        columns = _by_value(fitted, dial)
+        if (count := columns.shape[2]) < len(columns):
+            sd = np.full(count, model.rig_sd[dial] * np.exp(REPEATING / 2.0))
+            model, state = model.with_structure(state, columns, sd, [f"{DIALS[dial]} dial"] * count, [dial] * count)
+    return model, state
+
+
+def repeating_sentences(fitted: Fitted) -> list[str]:
+    """Which dials err alike whenever they show the same value, where the readings show it."""
+    ratios = repeating_evidence(fitted)
+    sentences = []
+    for dial in np.flatnonzero(ratios > _CHOSEN):
+        sd = np.degrees(fitted.model.structure_sd[fitted.model.structure_dial == dial][0])
+        sentences.append(
+            f"the readings show that the {DIALS[dial]} dial errs alike each time it shows the same value (by {sd:.2g} "
+            "deg): a graduation, an eccentricity or a backlash"
+        )
+    return sentences
+
+
+def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
+    """The causes that are looked for in a run, from what the fit says the sensors saw.
+
+    What depends on time takes the stations in their order; `free_noise` are the kinds whose noise is estimated.
+    """
+    model, state = fitted.model, fitted.state
+    size, count = fitted.at.residual.shape
+    matrix = orientation(model.settings + state.errors, state.nuisance)[0]
+    # a random walk by its largest components (Karhunen and Loeve); what is left of it is like noise
+    left, spread, _ = np.linalg.svd(np.tri(size, size - 1, -1), full_matrices=False)
+    walk = (left * spread)[:, : min(8, size - 1)]
+    time = np.linspace(-0.5, 0.5, size)[:, None]
+    start = 0
+    for kind, signals in model.signals.items():
+        at = np.arange(start, start + signals.shape[1])
+        start += signals.shape[1]
+        tensor = np.tensordot(model.powers, state.coefficients[kind], axes=1)[..., :3]
+        full = np.linalg.norm(tensor, axis=2)  # (K, m) signal of a field along the sensor
+        seen = matrix @ state.directions[kind]
+        share = np.where(full > 0.0, (tensor @ seen[..., None])[..., 0] / np.where(full > 0.0, full, 1.0), 0.0)
+
+        def each(what: Array, at: Index = at, full: Array = full) -> Array:
+            """Columns (K, M, m n) that do the same to each sensor alone; `what` (K, n) or (K, m, n) of full scale."""
+            wide = np.broadcast_to(what[:, None, :] if what.ndim == 2 else what, (size, len(at), what.shape[-1]))
+            columns = np.zeros((size, count, len(at), what.shape[-1]))
+            columns[:, at, np.arange(len(at))] = full[..., None] * wide
+            return columns.reshape(size, count, -1)
+
+        drift = np.stack([np.broadcast_to(time, share.shape), time * share], axis=2)
+        if kind not in free_noise:
+            own = np.zeros((size, count, size, len(at)))
+            for row in range(size):
+                own[row, at, row, np.arange(len(at))] = model.noise_sd[row, at]
+            name = f"the noise of the {kind} is larger than stated"
+            yield Block(name, own.reshape(size, count, -1), (1.0, 3.0, 10.0), stays=False)
+        yield Block(f"the {kind} drifts during the run", each(_BENT * drift))
+        yield Block(_NOT_LINEAR.format(kind), each(_BENT * np.stack([share**2, share**3], axis=2)))
+        yield Block(f"the offset of the {kind} wanders from station to station", each(walk), _WANDER)
+        if kind == "accelerometer":
+            products = seen * np.roll(seen, -1, axis=1)
+            yield Block("the accelerometer multiplies its axes", each(_BENT * products))
+        if kind in _BY_GRAVITY and "accelerometer" in state.directions:
+            pulled = _BY_GRAVITY[kind] * (matrix @ state.directions["accelerometer"])
+            yield Block(f"the {kind} feels gravity", each(pulled))
+        if kind == "magnetometer":
+            held = np.zeros((size, count, 3))
+            held[:, at] = _CRADLE * tensor @ rotation_z(model.settings[:, 2] + state.errors[:, 2])
+            yield Block("the cradle that holds the tool is magnetised", held)
+    for dial in np.flatnonzero(model.rig_known).tolist():
+        own = _by_value(fitted, dial)
+        if own.shape[2] < size:
+            sd = float(model.rig_sd[dial]) or _GRADUATION
+            name = f"the {DIALS[dial]} dial errs alike each time it shows the same value"
+            yield Block(name, sd * own, (1.0, 3.0), stays=False)
+
+
+def _by_value(fitted: Fitted, dial: int) -> Array:
+    """Columns (K, M, v) of what a turn of the dial does at each of its values."""
+    values = groups(fitted.model.settings[:, dial])
+    columns = np.zeros((*fitted.at.residual.shape, len(values)))
+    for place, rows in enumerate(values):
+        columns[rows, :, place] = fitted.at.by_setting[rows, :, dial]
+    return columns
+
+
+def evidence(fitted: Fitted, free_noise: Set[str], skip: Set[str] = frozenset()) -> list[Evidence]:
+    """What a run says of each block, those named in `skip` left out; `free_noise` as for `blocks`."""
+    model, jacobian = fitted.model, fitted.at.jacobian
+    inverse = np.linalg.inv(model.station_covariance(fitted.at))
+    residual = fitted.marginal_residual()
+    width = jacobian.shape[2]
+    flat = jacobian.reshape(-1, width)
+    explained = (inverse @ jacobian).reshape(-1, width) @ fitted.covariance  # V^-1 J C
+    left = (inverse @ residual[..., None]).ravel() - explained @ (flat.T @ (inverse @ residual[..., None]).ravel())
+    found = []
+    for block in blocks(fitted, free_noise):
+        if block.name in skip:
+            continue
+        columns = block.columns.reshape(len(flat), -1)
+        white = (inverse @ block.columns).reshape(len(flat), -1)
+        carried = explained.T @ columns  # C J' V^-1 Z
+        seen = columns.T @ white - (flat.T @ white).T @ carried
+        values, vectors = np.linalg.eigh((seen + seen.T) / 2.0)
+        values = np.maximum(values, 0.0)
+        along = vectors.T @ (columns.T @ left)
+        sizes = np.array(block.sizes)[:, None]
+        known = 1.0 + sizes**2 * values
+        ratios = 0.5 * np.sum((sizes * along) ** 2 / known - np.log(known), axis=1)
+        best = int(np.argmax(ratios))
+        size = block.sizes[best]
+        moved = size * (carried @ vectors) / np.sqrt(known[best])
+        shift = moved @ (size * along / np.sqrt(known[best]))
+        found.append(Evidence(block, float(ratios[best]), size, moved @ moved.T + np.outer(shift, shift)))
+    return found
+
+
+def structure_first(fitted: Fitted, free_noise: Set[str]) -> bool:
+    """Whether a block explains a run better than one bad station would: else outliers are looked for before blocks."""
+    free_offsets = 10.0  # what a station with an offset of its own in every channel pays in evidence, about
+    ratio = max(one.ratio for one in evidence(fitted, free_noise))
+    return bool(ratio > max(_CHOSEN, deletion_statistics(fitted).max() / 2.0 - free_offsets))
+
+
+def fit_structured(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tuple[Fitted, list[str]]:
+    """The fit with the blocks the readings ask for, one after the other; the name of each."""
+    chosen: list[str] = []
+    while True:
+        best = max(evidence(fitted, free_noise, {*chosen}), key=lambda one: one.ratio)
+        if best.ratio < _CHOSEN:
+            return fitted, chosen
+        columns = best.size * best.block.columns
+        ones = np.ones(columns.shape[2])
+        model, state = fitted.model.with_structure(fitted.state, columns, ones, [best.block.name] * len(ones))
+        try:
+            fitted = fit_with_variances(model, state, free_noise, free_rig)
+        except ConvergenceError:
+            return fitted, chosen
+        chosen.append(best.block.name)
+
+
+def bent(fitted: Fitted) -> dict[str, Array]:
+    """Kind -> (m, 2) quadratic and cubic part of each sensor's response, of full scale, where they were fitted."""
+    names, found = fitted.model.structure_name, {}
+    for kind, signals in fitted.model.signals.items():
+        at = [place for place, name in enumerate(names) if name == _NOT_LINEAR.format(kind)]
+        if at:
+            found[kind] = _BENT * fitted.state.structured[at].reshape(signals.shape[1], 2)
+    return found
+
+
+def not_excluded(looked_for: Sequence[Evidence], covariance: Array) -> Array:
+    """What blocks that were not fitted may still add to a covariance (p, p), each by how probable it is."""
+    total = np.zeros_like(covariance)
+    for one in looked_for:
+        if one.block.stays:
+            odds = _ODDS * np.exp(min(one.ratio, 50.0))
+            total += odds / (1.0 + odds) * one.added
+    return total
+
+
+def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence]) -> list[str]:
+    """Which causes the readings leave open that would move the angles by more than the calibration's uncertainty."""
+    if any(kind not in tool.triads or not tool.triads[kind].full for kind in VECTORS):
+        return []
+    dip = float(np.arcsin(np.clip(directions["accelerometer"] @ directions["magnetometer"], -1.0, 1.0)))
+    turn = np.pi / 2.0 * np.arange(4) + 0.3
+    azimuth, inclination, toolface = np.meshgrid(turn, np.radians([30.0, 60.0, 90.0]), turn, indexing="ij")
+    seen = dict(zip(VECTORS, fields(azimuth, inclination, toolface, dip), strict=True))
+    heat = np.full(azimuth.shape, tool.triads["accelerometer"].reference_temperature)
+    slope = angle_sensitivity(tool, seen, heat).by_parameter[..., :2, :]  # inclination, azimuth
+    size = slope.shape[-1]
+
+    def moved(covariance: Array) -> Array:
+        return np.asarray(np.sqrt(np.einsum("aitjp,pq,aitjq->ij", slope, covariance[:size, :size], slope) / 16.0))
+
+    u = moved(tool.covariance)
+    open_to = [one for one in looked_for if one.block.stays and one.ratio > _OPEN and (moved(one.added) > u).any()]
+    if not open_to:
+        return []
+    most = np.degrees(np.max([moved(one.added) for one in open_to], axis=(0, 1)))
+    causes = "; ".join(one.block.name for one in open_to)
+    return [
+        f"what these positions leave open would at its usual size move inclination by up to {most[0]:.2g} deg and "
+        f"azimuth by {most[1]:.2g} deg, of which the uncertainty holds a part (more positions tell): {causes}"
+    ]

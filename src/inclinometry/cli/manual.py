@@ -1,0 +1,38 @@
+"""The manual, as it was built into the package."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.options import OUTPUT, Flag, Json
+from inclinometry.errors import FileError
+
+
+def manual(*, where: Annotated[Flag, Parameter(group=OUTPUT)] = False, json: Json = False) -> None:
+    """Open the manual in the browser.
+
+    Parameters
+    ----------
+    where
+        Only print where its first page is.
+    """
+    page = Path(str(files("inclinometry"))) / "manual" / "index.html"
+    if not page.is_file():
+        raise FileError(
+            "the manual is not built into this installation; make docs builds it in a copy of the repository and puts "
+            "it there, and it is part of a wheel made after that",
+            path=page.parent,
+        )
+    if json:
+        output.print_json({"manual": page})
+        return
+    output.say(str(page))
+    if not where:
+        import webbrowser
+
+        webbrowser.open(page.as_uri())

@@ -1,0 +1,170 @@
+"""Files of cave-survey programs: Survex (.svx), Therion (.th) and Compass (.dat).
+
+They know straight legs between stations, so a leg here is the chord of minimum curvature between two stations: the
+program finds the same positions. Azimuths from magnetic north go with the declination where the survey states one;
+azimuths from true or grid north are written as they are, with no declination to be added.
+
+Sources: the manual of Survex, commands BEGIN, DATA, UNITS, DECLINATION; the Therion Book, centreline; the page "Survey
+data file format" of Compass, fountainware.com.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.constants import FOOT
+from inclinometry.errors import InputError
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.writing import write_bytes, write_text
+from inclinometry.survey.path import minimum_curvature
+
+HELD: Final = ("md_m", "inclination_deg", "azimuth_deg", "azimuth_reference", "declination_deg")
+"""Columns of a survey that these files hold."""
+
+
+class Leg(NamedTuple):
+    """From one station to the next: names, m, and degrees from north and from the horizontal, upwards."""
+
+    start: str
+    end: str
+    length: float
+    compass: float
+    clino: float
+    md: float
+
+
+def legs(survey: SurveyFile) -> list[Leg]:
+    """Legs between the stations that are used.
+
+    Raises
+    ------
+    InputError
+        Fewer than two stations; an inclination or azimuth that is missing.
+
+    Examples
+    --------
+    >>> survey = SurveyFile(md=[0, 10, 30], inclination=[0.5, 0.5, 0.5], azimuth=[1, 1, 1], azimuth_reference="true")
+    >>> [(leg.start, leg.end, round(leg.length, 6), round(leg.clino, 3)) for leg in legs(survey)]
+    [('0', '1', 10.0, -61.352), ('1', '2', 20.0, -61.352)]
+    """
+    if survey.inclination is None or survey.azimuth is None:
+        raise InputError("legs need inclination and azimuth at every station; the survey lacks one of them")
+    rows = np.arange(len(survey)) if survey.used is None else np.flatnonzero(survey.used)
+    angles = survey.inclination[rows], survey.azimuth[rows]
+    for name, values in zip(("inclination", "azimuth"), angles, strict=True):
+        if np.isnan(values).any():
+            row = rows[int(np.argmax(np.isnan(values)))]
+            raise InputError(f"{name} is empty at {survey.md[row]:.12g} m; fill it in or remove the station")
+    if len(rows) < 2:
+        raise InputError("a leg needs two stations; the survey has one")
+    path = minimum_curvature(survey.md[rows], *angles)
+    north, east, down = (np.diff(part) for part in (path.north, path.east, path.tvd))
+    flat = np.hypot(north, east)
+    length = np.hypot(flat, down)
+    compass = np.degrees(np.arctan2(east, north)) % 360.0
+    clino = -np.degrees(np.arctan2(down, flat))
+    return [
+        Leg(str(k), str(k + 1), float(length[k]), float(compass[k]), float(clino[k]), float(survey.md[rows[k + 1]]))
+        for k in range(len(length))
+    ]
+
+
+def write_survex(file: SurveyFile, path: str | Path) -> None:
+    """Write a survey as Survex data; errors as `legs`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> survey = SurveyFile(md=[0, 10], inclination=[0, 0], azimuth=[0, 0], azimuth_reference="true")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_survex(survey, Path(folder, "hole 7.svx"))
+    ...     print(Path(folder, "hole 7.svx").read_text())
+    *begin hole_7
+    ; azimuths from true north; legs are chords of minimum curvature between the stations
+    *units tape metres
+    *units compass clino degrees
+    *data normal from to tape compass clino
+    0	1	10.0000	-	-90.0000	; 10 m
+    *end hole_7
+    <BLANKLINE>
+    """
+    name = _name(path)
+    rows = [
+        # a plumbed leg has no bearing
+        f"{leg.start}\t{leg.end}\t{leg.length:.4f}\t"
+        f"{'-' if abs(leg.clino) > 90.0 - 5e-5 else f'{leg.compass:.4f}'}\t{leg.clino:.4f}\t; {leg.md:.12g} m"
+        for leg in legs(file)
+    ]
+    declination = _declination(file)
+    lines = [
+        f"*begin {name}", f"; {_north(file)}", "*units tape metres", "*units compass clino degrees",
+        *([] if declination is None else [f"*declination {declination:.4f} degrees"]),
+        "*data normal from to tape compass clino", *rows, f"*end {name}",
+    ]  # fmt: skip
+    write_text("\n".join(lines) + "\n", path)
+
+
+def write_therion(file: SurveyFile, path: str | Path) -> None:
+    """Write a survey as Therion data; errors as `legs`."""
+    declination = _declination(file)
+    lines = [
+        "encoding utf-8", f"survey {_name(path)}", f"  # {_north(file)}", "  centreline", "    units length metres",
+        "    units compass clino degrees",
+        *([] if declination is None else [f"    declination {declination:.4f} degrees"]),
+        "    data normal from to length compass clino",
+        *(f"      {leg.start} {leg.end} {leg.length:.4f} {leg.compass:.4f} {leg.clino:.4f} # {leg.md:.12g} m"
+          for leg in legs(file)),
+        "  endcentreline", "endsurvey",
+    ]  # fmt: skip
+    write_text("\n".join(lines) + "\n", path)
+
+
+def write_compass(file: SurveyFile, path: str | Path) -> None:
+    """Write a survey as Compass data: feet and degrees whatever is shown, passages unknown; errors as `legs`."""
+    declination = _declination(file)
+    unknown = " ".join(["-9.90"] * 4)  # left, up, down, right
+    lines = [
+        _name(path).upper(),
+        "SURVEY NAME: A",
+        "SURVEY DATE: 1 1 1900  COMMENT:date not stated; " + _north(file),
+        "SURVEY TEAM:",
+        "",
+        # shown in degrees and metres, passages in metres
+        f"DECLINATION: {declination or 0.0:.2f}  FORMAT: DMMDLUDRLADN  CORRECTIONS: 0.00 0.00 0.00",
+        "",
+        "FROM TO LENGTH BEARING INC LEFT UP DOWN RIGHT FLAGS COMMENTS",
+        "",
+        *(
+            f"{leg.start} {leg.end} {leg.length / FOOT:.4f} {leg.compass:.4f} {leg.clino:.4f} {unknown}"
+            for leg in legs(file)
+        ),
+        "\f",
+    ]
+    write_bytes("\r\n".join(lines).encode("ascii", "replace"), path)
+
+
+def _name(path: str | Path) -> str:
+    """What all three programs take as the name of a survey."""
+    return re.sub(r"[^A-Za-z0-9_]+", "_", Path(path).stem).strip("_") or "survey"
+
+
+def _north(file: SurveyFile) -> str:
+    return f"azimuths from {file.azimuth_reference} north; legs are chords of minimum curvature between the stations"
+
+
+def _declination(file: SurveyFile) -> float | None:
+    """Degrees, east positive, to be added to the bearings; None where they are no magnetic ones, or it is not known."""
+    known = file.reference.get("declination")
+    if file.azimuth_reference != "magnetic" or known is None or np.isnan(known).all():
+        return None
+    values = np.degrees(known[~np.isnan(known)])
+    if np.ptp(values) > 0.005:
+        raise InputError(
+            f"the declination goes from {values.min():.4g} to {values.max():.4g} deg; one is needed: convert the "
+            "azimuths to true north first"
+        )
+    return float(values[0])

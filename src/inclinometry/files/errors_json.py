@@ -1,0 +1,109 @@
+"""errors.json: what may be wrong with the angles of a run, cause by cause, with the correlation of all its stations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.arrays import Array, frozen
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import json_codec
+from inclinometry.files.writing import degrees, write_bytes
+from inclinometry.uncertainty import AngleErrors, covariance_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class RunErrors:
+    """Stations of a run and what may be wrong with their angles.
+
+    md : (n,) m.
+    inclination, azimuth : (n,) rad.
+    azimuth_reference : the north they count from.
+    errors : cause -> AngleErrors.
+    tool : its name, "" where it has none.
+    inputs : name -> digest.
+    """
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    azimuth_reference: str
+    errors: Mapping[str, AngleErrors]
+    tool: str = ""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+
+
+_ROWS = ("inclination", "azimuth", "north", "east")
+
+
+def write_errors(run: RunErrors, path: str | Path) -> None:
+    """Write errors.json; the same run gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        A run of which no causes are known.
+    """
+    if not run.errors:
+        raise InputError(
+            "what the errors of these stations share is not known of this method; --errors needs --scale joint or fixed"
+        )
+    content = {
+        "schema": "inclinometry/errors",
+        "version": 1,
+        "tool": run.tool,
+        "inputs": dict(run.inputs),
+        "azimuth_reference": run.azimuth_reference,
+        "stations": {
+            "md_m": run.md,
+            "inclination_deg": degrees(run.inclination),
+            "azimuth_deg": degrees(run.azimuth),
+        },
+        "errors": [
+            {
+                "cause": name,
+                "shared": one.shared,
+                "covariance": one.covariance,
+                "by_parameter": {row: one.by_parameter[:, k] for k, row in enumerate(_ROWS)},
+            }
+            for name, one in run.errors.items()
+        ],
+    }
+    write_bytes(json_codec.canonical(content), path)
+
+
+def read_errors(path: str | Path) -> RunErrors:
+    """Read errors.json.
+
+    Raises
+    ------
+    FileError
+        Not such a file, a later version, a value out of place, with its JSON path.
+    """
+    content = json_codec.of_kind(json_codec.load(path), path, "inclinometry/errors")
+    stations, errors = content["stations"], {}
+    size = len(stations["md_m"])
+    if any(len(values) != size for values in stations.values()):
+        raise FileError("$.stations has columns of different lengths; write the file again", path=path)
+    for k, one in enumerate(content["errors"]):
+        where = f"$.errors[{k}]"
+        try:
+            covariance = covariance_matrix(one["covariance"], f"{where}.covariance")
+            by = np.stack([np.array(one["by_parameter"][row], dtype=np.float64) for row in _ROWS], axis=1)
+            if by.shape != (size, 4, len(covariance)) or one["cause"] in errors:
+                raise InputError(f"{where}.by_parameter is not of {size} stations and {len(covariance)} parameters")
+        except (InputError, ValueError) as error:
+            raise FileError(f"{where}: {error}", path=path) from None
+        errors[one["cause"]] = AngleErrors(frozen(by), frozen(covariance), one["shared"])
+    return RunErrors(
+        frozen(stations["md_m"]),
+        frozen(np.radians(stations["inclination_deg"])),
+        frozen(np.radians(stations["azimuth_deg"])),
+        content["azimuth_reference"],
+        errors,
+        content["tool"],
+        content["inputs"],
+    )

@@ -1,0 +1,345 @@
+"""Commands of a fleet: add, plan, run, status, verify, why, clean."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+from cyclopts import Parameter
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Flag, Json
+from inclinometry.errors import InclinometryError, InputError
+from inclinometry.laboratory.commands import LedgerAddress
+
+if TYPE_CHECKING:
+    from inclinometry.fleet.plan import Plan
+
+Address: TypeAlias = Annotated[
+    str, Parameter(name="--fleet", help="Folder of the fleet, or s3://bucket/folder of an object store.")
+]
+Product: TypeAlias = Annotated[
+    Literal["windows", "angles"],
+    Parameter(help="Means and scatter of windows, or the angles of every sample."),
+]
+Window: TypeAlias = Annotated[
+    float | None,
+    Parameter(
+        name="--window-s",
+        help="Length of a window; when not given that of the last run, at first 1. A table has windows of one length: "
+        "with another, all of them are made anew.",
+    ),
+]
+
+
+def add(
+    files: list[Path],
+    /,
+    *,
+    fleet: Address = "fleet",
+    tool: str | None = None,
+    run: str | None = None,
+    date: str | None = None,
+    pattern: str | None = None,
+    json: Json = False,
+) -> int:
+    """Take runs into the fleet: their counts, once and for ever.
+
+    Parameters
+    ----------
+    files
+        Runs, in any format `dynamic` reads; a folder stands for the files in it.
+    tool
+        Serial number of the tool, as the ledger has it.
+    run
+        Name of the run; that of the file when not given.
+    date
+        Day on which it was made, YYYY-MM-DD.
+    pattern
+        Where tool, run and date stand in the path of a file, e.g. "{tool}/{run}_{date}".
+    """
+    from inclinometry.fleet import raw
+    from inclinometry.fleet.store import Store
+
+    store = Store(fleet)
+    try:
+        known = {one.name: one for one in raw.catalogue(store)}
+    except InputError:
+        if store.folder is not None and not store.folder.parent.is_dir():
+            raise InputError(
+                f"{fleet}: the folder {str(store.folder.parent)!r} does not exist; create it first"
+            ) from None
+        known = {}
+    paths = [
+        one for path in files for one in (sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path])
+    ]
+    if run is not None and len(paths) > 1 and pattern is None:
+        raise InputError(f"--run names one run and {len(paths)} files are given; leave it out, or give --pattern")
+    added: list[raw.Raw] = []
+    there, problems, notes = 0, [], []
+    try:
+        with output.working("adding") as progress:
+            for number, path in enumerate(paths, 1):
+                try:
+                    found = raw.add(store, path, raw.about(path, pattern, tool, run, date), known)
+                except InclinometryError as error:
+                    problems.append(str(error))
+                    continue
+                there += not found
+                added += found
+                known |= {one.name: one for one in found}
+                notes += [f"{path}: {output.counted(one.gaps, 'gap')} in its clock" for one in found if one.gaps]
+                if progress is not None:
+                    progress(number / len(paths))
+                if len(added) >= 1000:
+                    raw.record(store, added)
+                    added = []
+    finally:
+        raw.record(store, added)
+    output.notes(notes)
+    output.warnings(problems)
+    new = len(paths) - there - len(problems)
+    if json:
+        output.print_json({"added": new, "there_already": there, "refused": problems})
+    else:
+        already = f", {there} there already" if there else ""
+        output.say(f"{output.counted(new, 'run')} added to {fleet}{already}")
+        if problems:
+            output.say(f"{output.counted(len(problems), 'file')} refused")
+    return 1 if problems else 0
+
+
+def plan(
+    *, fleet: Address = "fleet", ledger: LedgerAddress = None, product: Product = "windows", window_s: Window = None,
+    json: Json = False,
+) -> int:  # fmt: skip
+    """Say what would be done: made, replaced, refused and why. Nothing is written."""
+    todo = _plan(fleet, ledger, product, window_s)
+    tools = Counter(task.raw.split("/")[1].removeprefix("tool=") for task in todo.todo)
+    behind = sum(map(len, todo.behind.values()))
+    if json:
+        content = {"product": product, "to_make": len(todo.todo), "by_tool": dict(tools), "to_replace": behind}
+        refused = [{"file": one.raw.name, "why": one.why} for one in todo.refused]
+        output.print_json(content | {"current": todo.current, "refused": refused})
+        return 1 if todo.refused else 0
+    if tools:
+        output.table(
+            f"{product}: {output.counted(len(todo.todo), 'file')} to make",
+            ["tool", "files"],
+            [[name, str(count)] for name, count in sorted(tools.items())],
+        )
+    output.say(f"{len(todo.todo)} to make, {behind} to take out, {todo.current} as wanted, {len(todo.refused)} refused")
+    output.warnings([f"{one.raw.name}: {one.why}" for one in todo.refused])
+    return 1 if todo.refused else 0
+
+
+def run(
+    *,
+    fleet: Address = "fleet",
+    ledger: LedgerAddress = None,
+    product: Product = "windows",
+    window_s: Window = None,
+    workers: int | None = None,
+    threads: int | None = None,
+    scheduler: str | None = None,
+    json: Json = False,
+) -> int:
+    """Make what is wanted and not there, replace what is behind; a second run does nothing.
+
+    Interrupted or killed, it goes on where it was: what is done is done.
+
+    Parameters
+    ----------
+    workers
+        Processes; as many as there are cores when not given.
+    threads
+        Threads instead: less memory, for files that are trusted.
+    scheduler
+        Address of a Dask scheduler instead, tcp://host:8786; its workers must see the fleet under the same address.
+    """
+    from inclinometry.fleet import workers as ways
+    from inclinometry.fleet.store import Store
+    from inclinometry.fleet.work import carry_out
+
+    if sum(way is not None for way in (workers, threads, scheduler)) > 1:
+        raise InputError("--workers, --threads and --scheduler are three ways to do it; give one")
+    for name, number in (("--workers", workers), ("--threads", threads)):
+        if number is not None and not 1 <= number <= 1024:
+            raise InputError(f"{name} is {number}; allowed 1 to 1024")
+    todo = _plan(fleet, ledger, product, window_s)
+    client = None
+    if scheduler is not None:
+        client = ways.connect(scheduler)
+        receipts = ways.by_dask(todo.todo, client)
+        output.notes([f"dashboard {client.dashboard}"])
+    elif threads is not None:
+        receipts = ways.by_threads(todo.todo, threads)
+    else:
+        receipts = ways.by_processes(todo.todo, workers or os.cpu_count() or 1)
+    try:
+        with output.working(product) as progress:
+            done = carry_out(Store(fleet), todo, receipts, progress=progress)
+    except ways.SchedulerLostError as error:
+        output.warnings([str(error)])
+        return 1
+    finally:
+        receipts.close()
+        if client is not None:
+            client.client.close()
+    problems = [*done.problems, *(f"{one.raw.name}: {one.why}" for one in todo.refused)]
+    if json:
+        content = {"made": done.made, "adopted": done.adopted, "replaced": done.removed, "samples": done.samples}
+        output.print_json(content | {"work_s": round(done.seconds, 3), "version": done.version, "problems": problems})
+        return 1 if problems else 0
+    adopted = f", {done.adopted} adopted" if done.adopted else ""
+    output.say(f"{product}: {done.made} made{adopted}, {done.removed} taken out, {todo.current} were as wanted")
+    if done.samples:
+        rate = done.samples / max(done.seconds, 1e-9) / 1e6
+        output.say(f"{done.samples} samples in {done.seconds:.1f} s of work, {rate:.2g} million a second")
+    output.warnings(problems)
+    return 1 if problems else 0
+
+
+def status(*, fleet: Address = "fleet", ledger: LedgerAddress = None, digest: Flag = False, json: Json = False) -> int:
+    """Say what is there, what is behind, and the digest of each table. Exit status 1 where something is to be done.
+
+    Parameters
+    ----------
+    digest
+        Of the bytes of all results, which are read, instead of their names and sizes.
+    """
+    from inclinometry.fleet import audit, raw
+    from inclinometry.fleet.plan import table
+    from inclinometry.fleet.store import Store
+    from inclinometry.fleet.task import VERSION
+
+    store = Store(fleet)
+    runs = raw.catalogue(store)
+    content = {
+        "tools": len({one.tool for one in runs}),
+        "files": len(runs),
+        "samples": sum(one.rows for one in runs),
+        "bytes": sum(one.size for one in runs),
+    }
+    products = {}
+    for product in VERSION:
+        version = table(store, product).version
+        if version is None:
+            continue
+        todo = _plan(fleet, ledger, product, None)
+        products[product] = {
+            "version": version,
+            "window_s": todo.window_ns / 1e9 or None,
+            "current": todo.current,
+            "to_make": len(todo.todo),
+            "to_take_out": sum(map(len, todo.behind.values())),
+            "refused": len(todo.refused),
+            "digest": audit.digest(store, product, contents=digest),
+        }
+    if json:
+        output.print_json(content | {"products": products})
+    else:
+        size = content["bytes"] / 1e6
+        output.say(
+            f"{output.counted(content['tools'], 'tool')}, {output.counted(content['files'], 'file')} of counts, "
+            f"{content['samples']} samples, {size:.1f} MB"
+        )
+        for product, row in products.items():
+            output.say(
+                f"{product}: {row['current']} as wanted, {row['to_make']} to make, {row['to_take_out']} to take out, "
+                f"{row['refused']} refused; version {row['version']}"
+            )
+            output.say(f"{product}: table digest {row['digest']}")
+    return 1 if any(row["refused"] or row["to_make"] for row in products.values()) else 0
+
+
+def verify(*, fleet: Address = "fleet", json: Json = False) -> int:
+    """Read everything again. Exit status 0 sound, 1 a file is not what it was."""
+    from inclinometry.fleet import audit
+    from inclinometry.fleet.store import Store
+
+    with output.working("verifying") as progress:
+        problems = list(audit.verify(Store(fleet), progress))
+    if json:
+        output.print_json({"ok": not problems, "problems": problems})
+        return 1 if problems else 0
+    output.warnings(problems)
+    output.say(f"{output.counted(len(problems), 'file')} damaged" if problems else "every file is what it was")
+    return 1 if problems else 0
+
+
+def why(file: str, /, *, fleet: Address = "fleet", ledger: LedgerAddress = None, json: Json = False) -> int:
+    """Say what stands behind a result: input, calibration, certificate, code. Exit status 1 where it does not hold.
+
+    Parameters
+    ----------
+    file
+        A result: its path, or its name in the fleet; or the folder of a run, for the one that is current.
+    """
+    from inclinometry.fleet import audit
+    from inclinometry.fleet.store import Store
+    from inclinometry.laboratory.certified import Certificates
+    from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+
+    with Ledger(default_path() if ledger is None else ledger, read_only=True) as opened:
+        found = audit.why(Store(fleet), file, Certificates(opened))
+    if json:
+        output.print_json(audit.shown(found))
+        return 1 if found.problems else 0
+    raw, certified = found.raw, found.certificate
+    output.say(f"{found.name}: {'current' if found.current else 'not current any more'}")
+    output.say(f"  product      {found.footer['product']}, key {found.footer['key']}, {found.footer['code']}")
+    if raw is not None:
+        output.say(f"  input        tool {raw.tool}, run {raw.run}, {raw.date}: {raw.name}")
+        output.say(f"               {raw.digest}")
+        output.say(f"               read from {raw.source} ({raw.source_digest})")
+    output.say(f"  calibration  {certified.calibration if certified else ''}")
+    output.say(f"               {found.footer['calibration']}")
+    state = f", {certified.state}, holds from {certified.since}" if certified else ""
+    output.say(f"  certificate  {found.footer['certificate']}{state}")
+    output.warnings(found.problems)
+    return 1 if found.problems else 0
+
+
+def clean(*, fleet: Address = "fleet", days: float = 7.0, dry_run: Flag = False) -> None:
+    """Remove what was left half-written and results that have not been current for days. Counts are never removed.
+
+    Parameters
+    ----------
+    days
+        Results that were replaced less long ago stay, and with them the states of the table before.
+    dry_run
+        Say what would go, remove nothing.
+    """
+    from inclinometry.fleet import audit
+    from inclinometry.fleet.store import Store
+
+    if not days >= 0.0:
+        raise InputError(f"--days is {days:g}; allowed 0 and more")
+    store = Store(fleet)
+    found = audit.superfluous(store, days)
+    for name in found:
+        if dry_run:
+            output.say(name)
+        else:
+            store.remove(name)
+    output.say(f"{output.counted(len(found), 'file')} {'would go' if dry_run else 'removed'}")
+
+
+def _plan(fleet: str, ledger: str | None, product: str, window_s: float | None) -> Plan:
+    from inclinometry.fleet.plan import plan as made
+    from inclinometry.fleet.store import Store
+    from inclinometry.laboratory.certified import Certificates
+    from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+
+    if window_s is not None and not 1e-6 <= window_s <= 86400.0:
+        raise InputError(f"--window-s is {window_s:g}; allowed 1e-6 to 86400")
+    if window_s is not None and product != "windows":
+        raise InputError(f"--window-s is given and {product} have no windows; leave it out")
+    window_ns = None if window_s is None else round(window_s * 1e9)
+    with Ledger(default_path() if ledger is None else ledger, read_only=True) as opened:
+        # workers elsewhere have another folder that they are in
+        address = fleet if "://" in fleet else str(Path(fleet).resolve())
+        return made(Store(address), Certificates(opened), product, window_ns)

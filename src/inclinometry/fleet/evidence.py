@@ -1,0 +1,185 @@
+"""Command: fleet evidence, what a run in the hole says of a tool taken into its history."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from inclinometry.cli import options, output
+from inclinometry.cli.options import FieldSite, Flag, Json
+from inclinometry.errors import FileError, InputError
+from inclinometry.laboratory.commands import LedgerAddress
+from inclinometry.laboratory.ledger.ledger import Ledger
+
+if TYPE_CHECKING:
+    from inclinometry.laboratory.certified import Certificates
+    from inclinometry.survey.reduce import SensorCorrection
+
+
+def evidence(
+    raw: Path | None = None,
+    /,
+    *,
+    tool: str,
+    run: str,
+    date_: Annotated[str | None, Parameter(name="--date")] = None,
+    site: FieldSite | None = None,
+    axial_sigma_nt: float | None = None,
+    ledger: LedgerAddress = None,
+    hours: float = 0.0,
+    shock: float = 0.0,
+    heat: float = 0.0,
+    record: Flag = False,
+    withdraw: str | None = None,
+    json: Json = False,
+) -> int:
+    """Multi-station analysis of a run as evidence for its tool's history; axial terms and turns stay unseen.
+
+    The stations are reduced with the certificate that holds on the day. Exit status 1: the run contradicts the history;
+    nothing is recorded then, and a full calibration is due.
+
+    Parameters
+    ----------
+    raw
+        Raw channels of one run, 4 stations or more, or corrections.json that `msa --calibration` made of them with a
+        certified calibration.
+    tool
+        Serial number.
+    run
+        Its name; a run entered again takes the place of the one before.
+    date_
+        Day of the run, YYYY-MM-DD.
+    axial_sigma_nt
+        Standard deviation of the axial magnetic interference, nT; 2000 when not given.
+    hours
+        Operating hours since the calibration or run before.
+    shock
+        Dose of shock since then.
+    heat
+        Dose of heat since then.
+    record
+        Record it in the ledger: due dates, checks and reports rest on it from then on.
+    withdraw
+        Take a run out of the history, and why; the record of it stays.
+    """
+    from inclinometry.laboratory import drift
+    from inclinometry.laboratory.certified import Certificates
+    from inclinometry.laboratory.commands.enter import doses_of
+    from inclinometry.laboratory.commands.ledger import _where, _who
+
+    doses_of(hours, shock, heat)
+    if withdraw is not None:
+        if raw is not None:
+            raise InputError("--withdraw takes a run out by its name; leave the file away")
+        with Ledger(_where(ledger)) as opened:
+            drift.withdraw_run(opened, tool, run, withdraw, author=_who())
+        output.say(f"{tool}: run {run} is no evidence any more")
+        return 0
+    if raw is None or date_ is None:
+        raise InputError("give the raw channels of the run and its --date, YYYY-MM-DD")
+    day = options.day(date_, "--date")
+    from inclinometry.files.tool_json import tool_of
+    from inclinometry.fleet.statistics import known_drift
+    from inclinometry.survey.evidence import run_evidence
+
+    with Ledger(_where(ledger), read_only=not record) as opened:
+        certificates = Certificates(opened)
+        known = drift.ledger_history(opened, certificates, tool)
+        if raw.suffix.lower() == ".json":
+            calibration, correction = _kept(certificates, tool, raw)
+        else:
+            calibration, correction = _analysed(certificates, tool, day, raw, site, axial_sigma_nt)
+        reduced = tool_of(certificates.content(calibration)[1], f"calibration {calibration}")
+        values, covariance = run_evidence(correction, reduced)
+        found = drift.RunEvidence(
+            run, day, hours, shock, heat, calibration, values, covariance, correction.stations, correction.chi_square,
+            correction.freedom, correction.priors, correction.inputs,
+        )  # fmt: skip
+        model, past = known_drift(opened, known.history.type)
+        alarm = drift.judge_run(known.history, reduced, found, model, past)
+        if record and not alarm.raised:
+            drift.record_run(opened, tool, found, author=_who())
+    kept = record and not alarm.raised
+    if json:
+        output.print_json(
+            {
+                "tool": tool,
+                "run": run,
+                "date": day.isoformat(),
+                "stations": found.stations,
+                "verdict": alarm.sentence,
+                "cause": alarm.cause if alarm.raised else None,
+                "parameters_seen": _seen(covariance),
+                "recorded": kept,
+            }
+        )
+        return 1 if alarm.raised else 0
+    output.say(
+        f"{tool}, run {run} of {day}: {alarm.sentence}; {found.stations} stations show {_seen(covariance)} of "
+        f"{len(values)} directions"
+    )
+    if alarm.raised:
+        output.say("it contradicts the history and is not taken in: make a full calibration")
+        return 1
+    if kept:
+        output.say("recorded as evidence")
+    return 0
+
+
+def _seen(covariance: Any) -> int:
+    """Directions of the parameters that the run shows at all: ten times better than nothing."""
+    from inclinometry.history import UNSEEN
+
+    return int(np.sum(np.linalg.eigvalsh(covariance) < (0.1 * UNSEEN) ** 2))
+
+
+def _analysed(
+    certificates: Certificates, serial: str, day: date, raw: Path, site: Path | None, axial_sigma: float | None
+) -> tuple[str, SensorCorrection]:
+    """The record of the calibration that holds on the day, and the analysis of the stations reduced with it."""
+    from inclinometry.files.json_codec import canonical
+    from inclinometry.survey.multistation import multistation
+    from inclinometry.survey.multistation_priors import priors_from_tool, reference_of_site
+    from inclinometry.survey.reduce import correction_of
+    from inclinometry.workflow.corrections import refuse_uncorrectable
+    from inclinometry.workflow.six_axis import REBUILT, read_six_axis
+
+    if site is None:
+        raise InputError("the run is compared with a reference: give --site site.toml with g, b_nT, dip_deg")
+    calibration = certificates.at(serial, day).calibration
+    with TemporaryDirectory() as folder:
+        held = Path(folder, "tool.json")
+        held.write_bytes(canonical(certificates.content(calibration)[1]))
+        with output.reading(raw) as progress:
+            run = read_six_axis(raw, site, held, progress=progress)
+    if run.tool is None or REBUILT in run.stations.history:
+        raise FileError("holds a survey; what a run says of its tool needs the raw channels", path=raw)
+    reference = reference_of_site(run.site)
+    refuse_uncorrectable(run.stations, reference)
+    # however far the tool has gone from its certificate: its history judges that
+    priors = priors_from_tool(run.tool, axial_sigma=axial_sigma)
+    with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
+        done = multistation(run.stations, reference, priors)
+    output.warnings((*run.warnings, *done.warnings))
+    return calibration, correction_of(done, reference, priors, run.tool.name, run.inputs)
+
+
+def _kept(certificates: Certificates, serial: str, path: Path) -> tuple[str, SensorCorrection]:
+    """The record of the certified calibration that an analysis was made with, and the analysis."""
+    from inclinometry.files.corrections_json import read_corrections
+
+    correction = read_corrections(path)
+    for one in certificates.of(serial):
+        if certificates.content(one.calibration)[0] == correction.inputs.get("tool"):
+            output.warnings(correction.warnings)
+            return one.calibration, correction
+    raise FileError(
+        f"was not made with a certified calibration of tool {serial!r}; give the raw channels of the run, which are "
+        "reduced with the certificate of its day",
+        path=path,
+    )

@@ -1,0 +1,139 @@
+"""What is to be done: what is wanted less what is there, by names alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date
+from typing import NamedTuple
+
+from inclinometry.errors import InputError
+from inclinometry.files.writing import program
+from inclinometry.fleet.commit import Table
+from inclinometry.fleet.raw import Raw, catalogue
+from inclinometry.fleet.store import Store
+from inclinometry.fleet.task import KINDS, VERSION, Task, key, schema
+from inclinometry.laboratory.certified import Certificates, Certified
+
+
+class Refused(NamedTuple):
+    """A file of counts that nothing is made of, and why."""
+
+    raw: Raw
+    why: str
+
+
+class Plan(NamedTuple):
+    """A product as it is and as it is to be.
+
+    window_ns : length of its windows, 0 of angles. todo : what is to be made.
+    behind : folder of a run -> its results that are current and not wanted any more.
+    current : how many files are as they are wanted.
+    refused : files that nothing can be made of.
+    """
+
+    product: str
+    window_ns: int
+    todo: tuple[Task, ...]
+    behind: dict[str, tuple[str, ...]]
+    current: int
+    refused: tuple[Refused, ...]
+
+
+def table(store: Store, product: str) -> Table:
+    """The table of a product."""
+    return Table(store, product, schema(product))
+
+
+def plan(store: Store, certificates: Certificates, product: str = "windows", window_ns: int | None = None) -> Plan:
+    """Compare what the catalogue and the ledger ask for with what the table of a product holds.
+
+    Parameters
+    ----------
+    store : Store
+    certificates : Certificates
+        Those of the ledger, as they stand now.
+    product : {"windows", "angles"}
+    window_ns : int, optional
+        Length of a window; when not given that of the last run, a second where there was none. A table has windows of
+        one length: with another, all of them are made anew.
+
+    Raises
+    ------
+    InputError
+        There is no fleet; an unknown product; a window of no length.
+    """
+    if product not in VERSION:
+        raise InputError(f"product is {product!r}; allowed: {', '.join(VERSION)}")
+    if window_ns is not None and (product != "windows" or window_ns < 1):
+        raise InputError(f"a window of {window_ns} ns is asked for; {product} have none, or none so short")
+    runs = catalogue(store)
+    current = table(store, product)
+    held = current.paths()
+    last = int(current.said().get("window_ns", 10**9)) if window_ns is None else window_ns
+    width = last if product == "windows" else 0
+    twice = _twice(runs)
+    wanted: dict[str, Task] = {}
+    refused: list[Refused] = []
+    for raw in runs:
+        try:
+            if raw.name in twice:
+                raise InputError(twice[raw.name])
+            certified = certificates.at(raw.tool, date.fromisoformat(raw.date))
+            wanted_task = _task(store, raw, certified, certificates, product, width)
+        except InputError as error:
+            refused.append(Refused(raw, str(error)))
+            continue
+        wanted[wanted_task.target] = wanted_task
+    todo = tuple(task for name, task in wanted.items() if name not in held)
+    behind: dict[str, tuple[str, ...]] = {}
+    for name in sorted(held.keys() - wanted.keys()):
+        folder = name.rpartition("/")[0]
+        behind[folder] = (*behind.get(folder, ()), name)
+    return Plan(product, width, todo, behind, len(wanted) - len(todo), tuple(refused))
+
+
+def _task(store: Store, raw: Raw, certified: Certified, certificates: Certificates, product: str, width: int) -> Task:
+    content, units = certificates.content(certified.calibration)[1], certificates.units(certified.calibration)
+    for kind in KINDS:
+        if kind not in units:
+            raise InputError(f"certificate {certified.number} is of a tool without {kind}s")
+        if raw.units[kind] != units[kind]:
+            (unit, count), (other, number) = raw.units[kind], units[kind]
+            raise InputError(
+                f"its {kind} has {count} channels in {unit}, that of certificate {certified.number} {number} in "
+                f"{other}; it is not this tool, or the units are not stated"
+            )
+    name = key(raw.digest, certified.digest, product, width)
+    footer = {
+        "product": f"{product}/{VERSION[product]}",
+        "input": raw.digest,
+        "calibration": certified.digest,
+        "certificate": certified.number,
+        "key": name,
+        "code": program(),
+        "raw": raw.name,
+        "window_ns": str(width),
+    }
+    target = f"{product}/{raw.name.partition('/')[2].rpartition('/')[0]}/part-{name}.parquet"
+    return Task(store.address, raw.name, target, product, width, footer, content, raw.size)
+
+
+def _twice(runs: Sequence[Raw]) -> dict[str, str]:
+    """Files whose tool was somewhere else at the same time: name -> sentence."""
+    found: dict[str, str] = {}
+    by_tool: dict[str, list[Raw]] = {}
+    for raw in runs:
+        if raw.absolute:
+            by_tool.setdefault(raw.tool, []).append(raw)
+    for tool, own in by_tool.items():
+        own.sort(key=lambda raw: raw.first_ns)
+        latest = own[0]
+        for raw in own[1:]:
+            if raw.first_ns < latest.last_ns and raw.run != latest.run:
+                for one, other in ((raw, latest), (latest, raw)):
+                    found[one.name] = (
+                        f"tool {tool!r} was in run {one.run!r} and in run {other.run!r} at the same time: two tools "
+                        "with one serial number, or a clock that is wrong"
+                    )
+            latest = max(latest, raw, key=lambda one: one.last_ns)
+    return found

@@ -1,0 +1,415 @@
+"""Commands: fleet fit, report and check: what the ledger's calibrations say of the drift of a type and of its tools."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+
+import numpy as np
+from cyclopts import Parameter
+
+from inclinometry.cli import options, output
+from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json, OutputOrNone
+from inclinometry.errors import FileError, InputError
+from inclinometry.laboratory.commands import LedgerAddress
+from inclinometry.laboratory.ledger.ledger import Ledger
+
+if TYPE_CHECKING:
+    from inclinometry.arrays import Array
+    from inclinometry.calibration.drift import DriftModel
+    from inclinometry.calibration.drift_check import DriftCheck
+    from inclinometry.calibration.drift_status import FleetStatus
+    from inclinometry.history import ToolHistory
+    from inclinometry.laboratory.drift import LedgerHistory
+    from inclinometry.laboratory.registry import RegisteredRig
+
+Type: TypeAlias = Annotated[
+    str | None,
+    Parameter(
+        name="--type", help="The name under which its tools are registered; the only one there is when not given."
+    ),
+]
+Share: TypeAlias = Annotated[
+    float, Parameter(help="Share of the drift that goes by the calendar; the rest goes by operating hours.")
+]
+_FIELD: Final = 50000.0  # nT, for which offsets of magnetometers are stated
+
+
+def fit(
+    *,
+    ledger: LedgerAddress = None,
+    type_: Type = None,
+    calendar_share: Share = 1.0,
+    record: Flag = False,
+    tool_code: AlsoWritten = None,
+    interval_years: float = 1.0,
+    beside: str | None = None,
+    stability: AlsoWritten = None,
+    tool: str | None = None,
+    json: Json = False,
+) -> None:
+    """How the tools of a type drift, by their certified calibrations; a few minutes for hundreds of tools.
+
+    Parameters
+    ----------
+    record
+        Keep it in the ledger: `fleet check` rests on it, and the bench shows due dates and alarms.
+    tool_code
+        Write the type's own tool code (JSON), as `position --tool-code` reads it.
+    interval_years
+        Years between calibrations, for the tool code: it holds in the middle.
+    beside
+        Tool code whose terms of depth, declination and sag are taken into it: a name, or a JSON file.
+    stability
+        Write stability.toml, what sensors move by in a year, as `survey` and `position --stability` read it.
+    tool
+        Serial number: write that of this tool, by its own drift.
+    """
+    from inclinometry.calibration.drift import azimuth_sd
+    from inclinometry.files.stability_toml import write_stability
+    from inclinometry.files.tool_code_json import load_tool_code, write_tool_code
+    from inclinometry.laboratory import drift
+    from inclinometry.laboratory.commands.ledger import _where, _who
+    from inclinometry.position.fleet_code import fleet_tool_code
+    from inclinometry.stability import from_drift
+
+    output.claim({"--tool-code": tool_code, "--stability": stability}, {})
+    if tool is not None and stability is None:
+        raise InputError("--tool names the tool whose stability is written; give --stability FILE")
+    known = None if beside is None else load_tool_code(beside)
+    with Ledger(_where(ledger), read_only=not record) as opened:
+        histories = _histories(opened, type_)
+        status = _status(histories, calendar_share=calendar_share)
+        if record:
+            drift.put_fit(opened, status, author=_who())
+    model = status.model
+    if tool_code is not None:
+        typical = np.mean([h.covariance[-1] for h in histories], axis=0)
+        made = fleet_tool_code(model, typical, interval_years, name=model.type, beside=known)
+        write_tool_code(made.code, tool_code, made.evidence)
+    if stability is not None:
+        own = {one.history.serial: one.states[-1].multiplier for one in status.tools}
+        if tool is not None and tool not in own:
+            raise InputError(f"no tool {tool!r} of type {model.type} has a history; there are {', '.join(own)}")
+        of = f"fleet of type {model.type}" if tool is None else f"tool {tool} in its fleet of type {model.type}"
+        source = f"{of}, {model.tools} tools with {model.calibrations} calibrations to {model.last}"
+        write_stability(from_drift(model.drift * own.get(tool or "", 1.0), source), stability)
+    rows = {
+        "drift of a year": azimuth_sd(model.drift, dip=model.dip),
+        "between mountings": azimuth_sd(model.reproducibility, dip=model.dip),
+        "a certificate, median": np.median([azimuth_sd(h.covariance[-1], dip=model.dip) for h in histories], axis=0),
+    }
+    _say_fit(status, rows, tool_code, record, json)
+    if stability is not None and not json:
+        output.say(f"stability written to {stability}")
+
+
+def _say_fit(status: FleetStatus, rows: dict[str, Any], tool_code: Path | None, record: bool, json: bool) -> None:
+    from inclinometry.calibration.drift import SHOWN
+    from inclinometry.report.fleet import PANELS
+
+    model = status.model
+    panels = []
+    for title, unit, factor, places in PANELS:
+        nanotesla = unit.endswith("of the field")
+        scale = 1e-3 * _FIELD * factor if nanotesla else factor
+        spread = [scale * np.sqrt(np.mean(np.diagonal(c)[list(places)])) for c in (model.drift, model.reproducibility)]
+        panels.append((title, "nT" if nanotesla else unit, *spread))
+    factor_of_tools = float(np.exp(model.multiplier_sd))
+    if json:
+        content = {
+            **model.basis,
+            "digest": model.digest,
+            "inclination_deg": np.degrees(SHOWN),
+            "azimuth_deg": {name: np.degrees(u) for name, u in rows.items()},
+            "parameters": [
+                {"what": what, "unit": unit, "drift_root_year": drift, "between_mountings": mounting}
+                for what, unit, drift, mounting in panels
+            ],
+            "own_drift_factor": factor_of_tools,
+            "recorded": record,
+            "tool_code": tool_code,
+        }
+        output.print_json(content)
+        return
+    output.say(
+        f"type {model.type}: {output.counted(model.tools, 'tool')} with "
+        f"{output.counted(model.calibrations, 'calibration')}, "
+        f"{model.first} to {model.last}"
+    )
+    if model.left_out:
+        output.say(f"left out, because they jumped: {', '.join(model.left_out)}")
+    output.table(
+        "azimuth, degrees (k = 1), rms over azimuth and toolface",
+        ["inclination", *(f"{np.degrees(i):.0f}" for i in SHOWN)],
+        [[name, *(f"{np.degrees(x):.3f}" for x in u)] for name, u in rows.items()],
+    )
+    output.table(
+        "a sensor, rms over the three: drift in a root year, and between mountings",
+        ["parameter", "unit", "drift", "mountings"],
+        [[title, unit, f"{drift:.3g}", f"{mounting:.3g}"] for title, unit, drift, mounting in panels],
+        f"nT in a field of {_FIELD:.0f} nT",
+    )
+    output.say(
+        f"own drift variance of a tool: a factor of {factor_of_tools:.2g} about the type's (one standard deviation)"
+    )
+    if record:
+        output.say("kept in the ledger")
+    if tool_code is not None:
+        output.say(f"tool code written to {tool_code}")
+
+
+def report(
+    *,
+    ledger: LedgerAddress = None,
+    type_: Type = None,
+    output_: OutputOrNone = None,
+    day: str | None = None,
+    limit_deg: float = 0.5,
+    inclination_deg: float = 60.0,
+    reliability: float = 0.95,
+    calendar_share: Share = 1.0,
+    json: Json = False,
+) -> int:
+    """Due dates, alarms and drift of a type. Exit status 1: a tool is overdue or has an alarm, or a rig is off.
+
+    Parameters
+    ----------
+    output_
+        Page (HTML); --language ru or zh: in Russian or Chinese.
+    day
+        For which it stands, YYYY-MM-DD; that of the last calibration when not given.
+    limit_deg
+        Azimuth error that a tool must not exceed, rms over azimuth and toolface.
+    inclination_deg
+        Where it must not.
+    reliability
+        Share of the tools that are to be within it when they are due.
+    """
+    from inclinometry.calibration.drift import SIXTY
+    from inclinometry.calibration.drift_status import RIG_LEVEL
+    from inclinometry.calibration.interval import Requirement
+    from inclinometry.files.writing import write_text
+    from inclinometry.laboratory.commands.ledger import _where
+    from inclinometry.report.fleet import fleet_report
+
+    output.claim({"--output": output_}, {})
+    inclination = options.angle(inclination_deg, "--inclination-deg", 0.1, 179.9)
+    asked = Requirement(options.angle(limit_deg, "--limit-deg", 1e-3, 90.0), reliability, (inclination,))
+    with Ledger(_where(ledger), read_only=True) as opened:
+        histories = _histories(opened, type_)
+    status = _status(
+        histories,
+        requirement=asked,
+        day=None if day is None else options.day(day, "--day"),
+        calendar_share=calendar_share,
+    )
+    if output_ is not None:
+        with output.busy("drawing"):
+            write_text(fleet_report(status), output_)
+    overdue = [tool for tool in status.tools if tool.due.date <= status.day]
+    alarmed = [tool for tool in status.tools if tool.alarm is not None and tool.alarm.raised]
+    off = [rig for rig in status.rigs if rig.p_value < RIG_LEVEL]
+    if json:
+        table = {name: output.plain(column) for name, column in status.to_dict().items()}
+        rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+        content = {"type": status.model.type, "day": status.day.isoformat(), "tools": rows}
+        output.print_json(content | {"rigs_off": [rig.rig for rig in off], "output": output_})
+        return 1 if overdue or alarmed or off else 0
+    shown = 20
+    output.table(
+        f"type {status.model.type} on {status.day}{output.excerpt(min(shown, len(status.tools)), len(status.tools))}",
+        ["tool", "due", "last", "u now", "u after six"],
+        [
+            [
+                tool.history.serial,
+                tool.due.date.isoformat(),
+                tool.last.isoformat(),
+                f"{np.degrees(tool.now[SIXTY]):.3f}",
+                "refused" if tool in alarmed else f"{np.degrees(tool.checked[SIXTY]):.3f}",
+            ]
+            for tool in status.tools[:shown]
+        ],
+        "u: standard uncertainty of azimuth, deg, at inclination 60, now and after a check of six positions",
+    )
+    output.say(f"{len(overdue)} overdue, {len(alarmed)} with an alarm")
+    for tool in alarmed:
+        output.say(f"  {tool.history.serial}: {tool.alarm.sentence if tool.alarm else ''}; make a full calibration")
+    for rig in off:
+        output.say(f"  {rig.rig} is off: {rig.cause}, p {rig.p_value:.1g}")
+    if output_ is not None:
+        output.written(None, output_)
+    return 1 if overdue or alarmed or off else 0
+
+
+def check(
+    readings: Input,
+    /,
+    *,
+    tool: str,
+    performed: str,
+    rig: str,
+    ledger: LedgerAddress = None,
+    hours: float = 0.0,
+    shock: float = 0.0,
+    heat: float = 0.0,
+    record: Flag = False,
+    certify: Flag = False,
+    laboratory: InputOrNone = None,
+    json: Json = False,
+) -> int:
+    """Calibrate a tool at few positions, for example of the plan six, completed by its history.
+
+    The drift of its type is the one kept by `fleet fit --record`, else it is fitted now. Exit status 1: the readings
+    contradict the history; nothing is recorded then, and a full calibration is due.
+
+    Parameters
+    ----------
+    readings
+        Bench readings as `calibrate` takes them.
+    tool
+        Serial number.
+    performed
+        Day of the readings, YYYY-MM-DD.
+    rig
+        Stand, as registered.
+    hours
+        Operating hours since the last calibration, or run entered as evidence.
+    shock
+        Dose of shock since then.
+    heat
+        Dose of heat since then.
+    record
+        Record readings and calibration in the ledger.
+    certify
+        And issue a certificate: only then it counts, for runs and for the history.
+    laboratory
+        lab.toml, for the certificate.
+    """
+    from inclinometry.calibration.drift import azimuth_sd
+    from inclinometry.laboratory import drift
+    from inclinometry.laboratory.certificate.laboratory_toml import read_laboratory
+    from inclinometry.laboratory.certified import Certificates
+    from inclinometry.laboratory.commands.enter import certified, doses_of, performed_on
+    from inclinometry.laboratory.commands.ledger import _where, _who
+    from inclinometry.laboratory.registry import find_rig
+
+    day, doses = performed_on(performed), doses_of(hours, shock, heat)
+    if certify and laboratory is None:
+        raise InputError("a certificate names its laboratory: give --laboratory lab.toml")
+    who = read_laboratory(laboratory)[0] if laboratory is not None else None
+    with Ledger(_where(ledger), read_only=not (record or certify)) as opened:
+        stand = find_rig(opened, rig)
+        if stand is None:
+            raise InputError(f"rig {rig!r} is not registered in {opened.shown}; `inclinometry ledger enter` does it")
+        known = drift.ledger_history(opened, Certificates(opened), tool)
+        found = _checked(opened, readings, known, stand, day, list(doses.values()))
+        made, number = None, None
+        if found.calibration is not None and (record or certify):
+            made = _recorded(opened, readings, tool, rig, day, doses, known, found, _who())
+            number = certified(opened, made, who, None, "") if certify else None
+    u = None if found.calibration is None else azimuth_sd(_covariance(known, found))
+    if json:
+        content: dict[str, Any] = {"tool": tool, "refused": found.refusal or None, "verdict": found.alarm.sentence}
+        content |= {
+            "cause": found.alarm.cause if found.alarm.raised else None,
+            "u_azimuth_deg": None if u is None else np.degrees(u),
+        }
+        output.print_json(content | {"calibration": None if made is None else made.id, "certificate": number})
+        return 1 if found.alarm.raised else 0
+    if u is None:
+        output.say(f"{tool}: refused: {found.refusal}")
+        return 1
+    output.say(f"{tool}: {found.alarm.sentence}")
+    shown = ", ".join(f"{x:.3f}" for x in np.degrees(u))
+    output.say(f"standard uncertainty of azimuth at inclination 5, 30, 60, 90: {shown} deg")
+    if made is not None:
+        output.say(f"calibration {made.id} of {day} recorded{f', certificate {number}' if number else ''}")
+    return 0
+
+
+def _covariance(known: LedgerHistory, found: DriftCheck) -> Any:
+    from inclinometry.history import relative_parameters
+
+    if found.calibration is None or known.history.reference is None:
+        raise InputError(found.refusal)
+    return relative_parameters(found.calibration.tool, known.history.reference)[1]
+
+
+def _checked(
+    ledger: Ledger, path: Path, known: LedgerHistory, rig: RegisteredRig, day: date, doses: list[float]
+) -> DriftCheck:
+    from inclinometry.files.bench_csv import read_bench
+    from inclinometry.laboratory import drift
+
+    readings = rig.dials.read(read_bench(path))
+    model, past = known_drift(ledger, known.history.type)
+    with output.busy("checking"):
+        try:
+            return drift.check_tool(known, readings, model, past, rig, day, doses)
+        except FileError:
+            raise
+        except InputError as error:
+            raise FileError(str(error), path=path) from None
+
+
+def known_drift(ledger: Ledger, kind: str) -> tuple[DriftModel, Array]:
+    """Drift of a type and the largest statistics of its past calibrations: as kept, else fitted now."""
+    from inclinometry.laboratory.drift import find_fit
+
+    kept = find_fit(ledger, kind)
+    if kept is not None:
+        output.notes([f"drift of type {kind} as it was kept for {kept.day}"])
+        return kept.model, kept.past
+    status = _status(_histories(ledger, kind))
+    output.notes([f"drift of type {kind} fitted now; `inclinometry fleet fit --type {kind!r} --record` keeps it"])
+    return status.model, status.past
+
+
+def _recorded(
+    ledger: Ledger,
+    path: Path,
+    serial: str,
+    rig: str,
+    day: date,
+    doses: dict[str, float],
+    known: LedgerHistory,
+    found: DriftCheck,
+    author: str,
+) -> Any:
+    from inclinometry.laboratory import drift
+    from inclinometry.laboratory.import_file import import_file
+    from inclinometry.laboratory.session import load_session
+
+    session = import_file(ledger, path.read_bytes(), serial, rig, author=author, performed=day, doses=doses)
+    return drift.record_check(ledger, load_session(ledger, session.id), known, found, author=author)
+
+
+def _histories(ledger: Ledger, type_: str | None) -> list[ToolHistory]:
+    """Those of one type."""
+    from inclinometry.laboratory.drift import ledger_histories
+
+    with output.busy("reading the ledger"):
+        found, passed_over = ledger_histories(ledger, type_)
+    output.warnings(passed_over)
+    if not found:
+        of = "" if type_ is None else f" of type {type_!r}"
+        raise InputError(
+            f"no tool{of} in {ledger.shown} has a certified calibration with a covariance; the drift of a type needs "
+            "at least 3 tools with two calibrations each, and some ten for figures that hold"
+        )
+    if len(found) > 1:
+        several = {kind: len(histories) for kind, histories in found.items() if sum(len(h) > 1 for h in histories)}
+        if len(several) != 1:
+            said = ", ".join(f"{kind!r} ({len(histories)})" for kind, histories in sorted(found.items())[:10])
+            raise InputError(f"the ledger has tools of {len(found)} types: {said}; choose one with --type")
+        return found[next(iter(several))]
+    return next(iter(found.values()))
+
+
+def _status(histories: list[ToolHistory], **known: Any) -> FleetStatus:
+    from inclinometry.calibration.drift_status import fleet_status
+
+    with output.working(f"drift of {len(histories)} tools") as progress:
+        return fleet_status(histories, progress=progress, **known)

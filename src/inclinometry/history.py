@@ -1,0 +1,322 @@
+"""The history of a tool: what each of its calibrations found, relative to one of them, and what happened between.
+
+Parameters are in tool axes and in fractions of the full field, so that those of all tools of a type are alike whatever
+the unit of their signals and the wiring of their sensors:
+
+    b = (I + E) a + o,   b = N_r^-1 (U - U0_r) what the reference r reads of the field a.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from inclinometry.arrays import Array, finite, frozen
+from inclinometry.constants import KIND_PREFIX, VECTORS
+from inclinometry.errors import InputError
+from inclinometry.sensors import Tool, Triad
+from inclinometry.tabular import Column, Tabular
+
+PARAMETERS: Final = tuple(
+    f"{KIND_PREFIX[kind]}_{axis}{place}"
+    for kind in VECTORS
+    for axis in "xyz"
+    for place in ("_x", "_y", "_z", "_offset")
+)
+"""Names of the 24 relative parameters: rows of E, each with its offset, of accelerometers and magnetometers."""
+
+DAYS_PER_YEAR: Final = 365.25
+
+UNSEEN: Final = 0.1
+"""Standard deviation, of the field, along what readings do not show: theirs is the information, nothing else's."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ToolHistory(Tabular):
+    """Calibrations of one tool, oldest first.
+
+    Parameters
+    ----------
+    serial, type : str
+        Serial number, and the type whose tools are taken to drift alike.
+    date : sequence of datetime.date
+        K of them, none before another.
+    values : (K, 24) array_like
+        Relative parameters in the order of `PARAMETERS`.
+    covariance : (K, 24, 24) array_like
+        Of each certificate: noise, converter and dials, marginalised over the directions of the fields.
+    hours, shock, heat : (K,) array_like, optional
+        Operating hours, dose of shock (count or integral above a level) and of heat (hours above a temperature) since
+        the calibration before; the first value of each isn't used. Zero when not given.
+    rig : sequence of str, optional
+        On which each was made.
+    reference : Tool, optional
+        What the values are relative to.
+    run : sequence of str, optional
+        Name of the run in the hole whose evidence a row is (`inclinometry.survey.evidence`); "" of a calibration. The
+        first is a calibration.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not go together, dates out of order, values not finite, negative hours or doses, a covariance
+        that is none.
+
+    Examples
+    --------
+    >>> import datetime
+    >>> days = [datetime.date(2025, 1, 1), datetime.date(2025, 7, 2)]
+    >>> history = ToolHistory("A7", "X", days, np.zeros((2, 24)), np.tile(1e-8 * np.eye(24), (2, 1, 1)))
+    >>> history.years.round(3)
+    array([0.   , 0.498])
+    """
+
+    serial: str
+    type: str
+    date: Sequence[datetime.date]
+    values: Array
+    covariance: Array
+    hours: Array | None = None
+    shock: Array | None = None
+    heat: Array | None = None
+    rig: Sequence[str] = ()
+    reference: Tool | None = None
+    run: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        put, size, of = object.__setattr__, len(self.date), f"history of {self.serial}"
+        if not size:
+            raise InputError(f"{of}: no calibration; at least one is needed")
+        for before, after in zip(self.date, self.date[1:], strict=False):
+            if after < before:
+                raise InputError(f"{of}: {after} comes after {before}; sort the calibrations by date")
+        values = finite(self.values, f"{of}: values", (size, len(PARAMETERS)))
+        covariance = finite(self.covariance, f"{of}: covariance", (size, len(PARAMETERS), len(PARAMETERS)))
+        least = np.linalg.eigvalsh(covariance)
+        if (least[:, 0] < -1e-9 * least[:, -1]).any():
+            k = int(np.argmax(least[:, 0] < -1e-9 * least[:, -1]))
+            raise InputError(f"{of}: the covariance of {self.date[k]} has a negative variance; take it from tool.json")
+        put(self, "date", tuple(self.date))
+        put(self, "values", frozen(values))
+        put(self, "covariance", frozen(covariance))
+        for name in ("hours", "shock", "heat"):
+            given = getattr(self, name)
+            column = np.zeros(size) if given is None else finite(given, f"{of}: {name}", (size,))
+            if (column[1:] < 0.0).any():
+                raise InputError(f"{of}: {name} is {column[1:].min():g}; what was added since the last is not negative")
+            put(self, name, frozen(column))
+        put(self, "rig", tuple(self.rig) or ("",) * size)
+        if len(self.rig) != size:
+            raise InputError(f"{of}: {len(self.rig)} rigs for {size} calibrations")
+        put(self, "run", tuple(self.run) or ("",) * size)
+        if len(self.run) != size or self.run[0]:
+            raise InputError(f"{of}: {len(self.run)} names of runs for {size} rows; the first row is a calibration's")
+
+    def __len__(self) -> int:
+        return len(self.date)
+
+    @property
+    def years(self) -> Array:
+        """(K,) since the first calibration."""
+        return np.array([(day - self.date[0]).days for day in self.date]) / DAYS_PER_YEAR
+
+    @property
+    def doses(self) -> Array:
+        """(K, 2) shock and heat since the calibration before."""
+        return np.stack([np.asarray(self.shock), np.asarray(self.heat)], axis=1)
+
+    def until(self, count: int) -> ToolHistory:
+        """The first `count` calibrations."""
+        hours, shock, heat = (column[:count] for column in self._columns)
+        return ToolHistory(
+            self.serial, self.type, self.date[:count], self.values[:count], self.covariance[:count],
+            hours, shock, heat, self.rig[:count], self.reference, self.run[:count],
+        )  # fmt: skip
+
+    @property
+    def calibrations(self) -> ToolHistory:
+        """The calibrations alone, with what the tool did between them."""
+        kept = [k for k, run in enumerate(self.run) if not run]
+        if len(kept) == len(self):
+            return self
+        hours, shock, heat = (np.diff(np.cumsum(column)[kept], prepend=0.0) for column in self._columns)
+        return ToolHistory(
+            self.serial, self.type, [self.date[k] for k in kept], self.values[kept], self.covariance[kept],
+            hours, shock, heat, [self.rig[k] for k in kept], self.reference,
+        )  # fmt: skip
+
+    @property
+    def _columns(self) -> tuple[Array, Array, Array]:
+        return np.asarray(self.hours), np.asarray(self.shock), np.asarray(self.heat)
+
+    def to_dict(self) -> dict[str, Column]:
+        """One row a calibration: relative parameters in parts per thousand of the full field."""
+        found: dict[str, Column] = {"date": [day.isoformat() for day in self.date], "rig": list(self.rig)}
+        found["run"] = list(self.run)
+        found |= dict(zip(("hours", "shock", "heat"), self._columns, strict=True))
+        return found | {name: 1e3 * self.values[:, k] for k, name in enumerate(PARAMETERS)}
+
+
+def relative_parameters(tool: Tool, reference: Tool) -> tuple[Array, Array]:
+    """Parameters of a tool relative to a reference, (24,), and their covariance (24, 24).
+
+    Parameters
+    ----------
+    tool, reference : Tool
+        Each with three accelerometers and three magnetometers; of a tool that knows temperature the parameters at its
+        reference temperature.
+
+    Raises
+    ------
+    InputError
+        Another number of sensors; signals in another unit; another reference temperature.
+
+    Notes
+    -----
+    E = N_r^-1 N - I, o = N_r^-1 (U0 - U0_r).
+
+    Examples
+    --------
+    >>> old, new = (Tool("1", {k: Triad(k, s * np.eye(3), np.zeros(3)) for k in VECTORS}) for s in (1000.0, 1001.0))
+    >>> relative_parameters(new, old)[0][:5].round(6)
+    array([0.001, 0.   , 0.   , 0.   , 0.   ])
+    """
+    values, blocks, rows = [], [], []
+    for kind in VECTORS:
+        one, other = _triad(tool, kind), _triad(reference, kind)
+        if one.unit != other.unit:
+            raise InputError(f"{tool.name}: the {kind} is in {one.unit}, before in {other.unit}; calibrate in one unit")
+        if one.degree and one.reference_temperature != other.reference_temperature:
+            raise InputError(
+                f"{tool.name}: the {kind} refers to {one.reference_temperature:g} degC, before to "
+                f"{other.reference_temperature:g}; calibrate at one reference temperature"
+            )
+        inverse = np.linalg.inv(other.tensor[0])
+        change = np.column_stack([one.tensor[0] - other.tensor[0], one.offset[0] - other.offset[0]])
+        values.append((inverse @ change).ravel())
+        blocks.append(np.kron(inverse, np.eye(4)))
+        start = tool.slices[kind].start
+        rows.append(np.arange(start, start + 12))
+    turn = np.zeros((24, 24))
+    turn[:12, :12], turn[12:, 12:] = blocks
+    kept = np.concatenate(rows)
+    return np.concatenate(values), np.asarray(turn @ tool.covariance[np.ix_(kept, kept)] @ turn.T)
+
+
+def tool_from_relative(reference: Tool, values: Array, covariance: Array, name: str = "") -> Tool:
+    """The tool with these relative parameters (24,) and covariance (24, 24): inverse of `relative_parameters`.
+
+    What the reference says of temperature and noise is kept.
+
+    Examples
+    --------
+    >>> old = Tool("1", {k: Triad(k, 1000.0 * np.eye(3), np.zeros(3)) for k in VECTORS})
+    >>> new = tool_from_relative(old, np.full(24, 1e-3), 1e-8 * np.eye(24))
+    >>> new.triads["magnetometer"].offset[0], round(float(new.covariance[0, 0]), 6)
+    (array([1., 1., 1.]), 0.01)
+    """
+    triads, stated = dict(reference.triads), np.array(reference.covariance)
+    turn = np.zeros((24, 24))
+    rows = []
+    for place, kind in enumerate(VECTORS):
+        triad = _triad(reference, kind)
+        block = values[12 * place : 12 * place + 12].reshape(3, 4)
+        change = triad.tensor[0] @ block
+        tensor, offset = np.array(triad.tensor), np.array(triad.offset)
+        tensor[0] += change[:, :3]
+        offset[0] += change[:, 3]
+        triads[kind] = Triad(
+            kind, tensor, offset, triad.unit, triad.field_strength, triad.reference_temperature, triad.g_sensitivity
+        )
+        turn[12 * place : 12 * place + 12, 12 * place : 12 * place + 12] = np.kron(triad.tensor[0], np.eye(4))
+        start = reference.slices[kind].start
+        rows.append(np.arange(start, start + 12))
+    kept = np.concatenate(rows)
+    stated[kept], stated[:, kept] = 0.0, 0.0
+    stated[np.ix_(kept, kept)] = turn @ covariance @ turn.T
+    return Tool(name or reference.name, triads, stated, reference.noise, reference.temperature_range)
+
+
+def _triad(tool: Tool, kind: str) -> Triad:
+    triad = tool.triads.get(kind)
+    if triad is None or triad.count != 3 or not triad.full:
+        have = "none" if triad is None else f"{triad.count} sensors of {triad.rank} components"
+        raise InputError(
+            f"{tool.name or 'the tool'}: a history needs three {kind}s that see three components; it has {have}"
+        )
+    return triad
+
+
+@dataclass(frozen=True)
+class CalibrationRecord:
+    """A calibration of a tool's life: when, on which rig, what it found, and what the tool did since the one before.
+
+    hours, shock, heat, run : as in `ToolHistory`.
+    """
+
+    date: datetime.date
+    tool: Tool
+    rig: str = ""
+    hours: float = 0.0
+    shock: float = 0.0
+    heat: float = 0.0
+    run: str = ""
+
+
+def tool_history(
+    serial: str, type: str, records: Sequence[CalibrationRecord], reference: Tool | None = None
+) -> ToolHistory:
+    """The history of a tool from its calibrations.
+
+    Parameters
+    ----------
+    serial, type : str
+    records : sequence of CalibrationRecord
+        In any order; each from its own readings alone. Of a check that rests on the history itself,
+        `inclinometry.calibration.drift_check.DriftCheck` gives the values that belong here.
+    reference : Tool, optional
+        That of the first calibration when not given.
+
+    Raises
+    ------
+    InputError
+        No record; a calibration without covariance, or with other sensors or units than the reference.
+
+    Examples
+    --------
+    >>> import datetime
+    >>> tool = Tool("7", {k: Triad(k, np.eye(3), np.zeros(3)) for k in VECTORS}, 1e-8 * np.eye(24))
+    >>> records = [CalibrationRecord(datetime.date(2025, month, 1), tool) for month in (7, 1)]
+    >>> tool_history("7", "X", records).date[0].month
+    1
+    """
+    ordered = sorted(records, key=lambda record: (record.date, record.run))
+    if not ordered:
+        raise InputError(f"history of {serial}: no calibration; at least one is needed")
+    about = ordered[0].tool if reference is None else reference
+    values, covariances = [], []
+    for record in ordered:
+        found, covariance = relative_parameters(record.tool, about)
+        if not np.diagonal(covariance).all():
+            raise InputError(
+                f"history of {serial}: the calibration of {record.date} states no covariance; take the joint method"
+            )
+        values.append(found)
+        covariances.append(covariance)
+    return ToolHistory(
+        serial,
+        type,
+        [record.date for record in ordered],
+        np.array(values),
+        np.array(covariances),
+        np.array([record.hours for record in ordered]),
+        np.array([record.shock for record in ordered]),
+        np.array([record.heat for record in ordered]),
+        [record.rig for record in ordered],
+        about,
+        [record.run for record in ordered],
+    )

@@ -1,0 +1,278 @@
+"""A simulated fleet: tools that drift, are shaken, heated, mounted and calibrated, and beside them what was true.
+
+No public set of repeated calibrations of directional tools is known; the sizes of the drift are assumed, and are of the
+size of the published one-sigma terms of magnetic tools.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import date, timedelta
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inclinometry.arrays import Array, finite
+from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.errors import InputError
+from inclinometry.history import DAYS_PER_YEAR, ToolHistory, tool_from_relative
+from inclinometry.sensors import Tool
+from inclinometry.simulate.bench import BenchSimulation, Rig, simulate_bench
+from inclinometry.simulate.tool import Seed, Streams
+
+_FIELD = 50000.0  # nT
+_MG = 1e-3  # one mg, of the full field
+
+
+def drift_variance(
+    accelerometer: tuple[float, float, float] = (0.3e-3 * STANDARD_GRAVITY, 2e-4, 1e-4),
+    magnetometer: tuple[float, float, float] = (60.0, 4e-4, 1.5e-4),
+    package: float = 2e-4,
+    magnetometer_scale: float = 5e-4,
+    field: float = _FIELD,
+) -> Array:
+    """Variance (24, 24) a year of the relative parameters.
+
+    Parameters
+    ----------
+    accelerometer, magnetometer : (offset, scale, tilt)
+        Standard deviations of one sensor a square root of a year: offset in m/s^2 or nT, scale of itself, each of its
+        two tilts in rad.
+    package : float
+        Turn of the whole package about each axis of the tool, rad.
+    magnetometer_scale : float
+        Scale that all magnetometers share.
+    field : float
+        Of the Earth at the bench, nT.
+
+    Examples
+    --------
+    >>> np.sqrt(np.diagonal(drift_variance()))[[0, 3, 12, 15]].round(6)
+    array([0.0002 , 0.0003 , 0.00064, 0.0012 ])
+    """
+    found = np.zeros((24, 24))
+    for place, (offset, scale, tilt), full in ((0, accelerometer, STANDARD_GRAVITY), (12, magnetometer, field)):
+        block = np.full((3, 4), tilt**2)
+        block[np.arange(3), np.arange(3)] = scale**2
+        block[:, 3] = (offset / full) ** 2
+        found[place : place + 12, place : place + 12] = np.diag(block.ravel())
+    for axis in range(3):
+        turned = np.tile(_turn(axis).ravel(), 2)
+        found += package**2 * np.outer(turned, turned)
+    common = np.zeros((3, 4))
+    common[np.arange(3), np.arange(3)] = 1.0
+    shared = np.concatenate([np.zeros(12), common.ravel()])
+    return found + magnetometer_scale**2 * np.outer(shared, shared)
+
+
+def _turn(axis: int) -> Array:
+    """Change (3, 4) of E and o of a triad turned by a small angle about an axis of the tool."""
+    found = np.zeros((3, 4))
+    after, last = (axis + 1) % 3, (axis + 2) % 3
+    found[after, last], found[last, after] = 1.0, -1.0
+    return found
+
+
+def mounting_variance(size: float = 1.0) -> Array:
+    """Reproducibility (24, 24) between mountings: what moves when a tool is taken down and put up again.
+
+    An offset of 0.1 mg and 22 nT a sensor, 1e-4 of scale and tilt, 1.8e-4 rad of the package about each axis and 1e-3
+    about the tool's, all times `size`.
+
+    Examples
+    --------
+    >>> round(float(np.sqrt(mounting_variance()[15, 15])), 5)
+    0.00044
+    """
+    found = drift_variance((0.1 * _MG * STANDARD_GRAVITY, 1e-4, 1e-4), (22.0, 1e-4, 1e-4), 1.8e-4, 0.0)
+    turned = np.tile(_turn(2).ravel(), 2)
+    return np.asarray(size**2 * (found + 1e-6 * np.outer(turned, turned)))
+
+
+def shock_and_heat() -> Array:
+    """Effects (24, 2) of one dose of shock and of one hot hour on the relative parameters.
+
+    A shock moves the x and y magnetometers by +60 and -40 nT and the z accelerometer by 0.25 mg, an hour of heat all
+    magnetometer scales by -6e-6.
+    """
+    found = np.zeros((24, 2))
+    found[[15, 19, 11], 0] = 60.0 / _FIELD, -40.0 / _FIELD, 0.25 * _MG
+    found[[12, 17, 22], 1] = -6e-6
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class FleetScene:
+    """How a fleet lives and is calibrated.
+
+    tools : number of them.
+    calibrations : of each tool, the last of which is `last_gap` years after the one before.
+    covariance : (24, 24) of a certificate, V.
+    drift, mounting : (24, 24) Q and R.
+    effects : (24, 2) B.
+    gap : (low, high) years between calibrations, uniform.
+    last_gap : years.
+    multiplier_sd : standard deviation of the logarithm of a tool's drift variance.
+    doses : mean shock doses and hot hours a year; each tool's own mean is log-normal about it with a factor of 2.
+    hours : operating hours a year.
+    freedom : degrees of freedom of Student's t, for all errors; normal when not given.
+    rigs : number of rigs that the calibrations fall on by chance.
+    rig_error : rig number -> (24,) what it adds to every tool calibrated on it.
+    jumps : (tool, calibration) -> (24,) a sudden change before that calibration.
+    """
+
+    tools: int
+    covariance: Array
+    calibrations: int = 7
+    drift: Array = field(default_factory=drift_variance)
+    mounting: Array = field(default_factory=lambda: np.zeros((24, 24)))
+    effects: Array = field(default_factory=lambda: np.zeros((24, 2)))
+    gap: tuple[float, float] = (0.3, 1.0)
+    last_gap: float = 0.5
+    multiplier_sd: float = 0.0
+    doses: tuple[float, float] = (0.0, 0.0)
+    hours: float = 1000.0
+    freedom: float | None = None
+    rigs: int = 1
+    rig_error: dict[int, ArrayLike] = field(default_factory=dict)
+    jumps: dict[tuple[int, int], ArrayLike] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class FleetSimulation:
+    """A simulated fleet.
+
+    histories : one a tool.
+    truth : (tools, calibrations, 24) relative parameters at each calibration, mounting errors not in them.
+    multipliers : (tools,) drift variance of each in units of the type's.
+    """
+
+    histories: Sequence[ToolHistory]
+    truth: Array
+    multipliers: Array
+
+
+def simulate_fleet(
+    scene: FleetScene, *, type: str = "simulated", first: date = date(2020, 1, 1), seed: Seed
+) -> FleetSimulation:
+    """Histories of a fleet.
+
+    Parameters
+    ----------
+    scene : FleetScene
+    type : str
+        Name of the type.
+    first : date
+        About which the first calibrations lie, within a year.
+    seed : int, SeedSequence or Generator
+
+    Raises
+    ------
+    InputError
+        A covariance of another shape; a jump of a tool or calibration that is not there.
+
+    Examples
+    --------
+    >>> found = simulate_fleet(FleetScene(3, 1e-8 * np.eye(24)), seed=1)
+    >>> len(found.histories), found.truth.shape
+    (3, (3, 7, 24))
+    """
+    n, most, p = scene.tools, scene.calibrations, 24
+    certificate = finite(scene.covariance, "covariance of a certificate", (p, p))
+    for tool, number in scene.jumps:
+        if not (0 <= tool < n and 1 <= number < most):
+            raise InputError(
+                f"a jump of tool {tool} before calibration {number}: allowed 0 to {n - 1}, 1 to {most - 1}"
+            )
+    streams = Streams(seed, "fleet")
+
+    def draw(name: str, root: Array, shape: tuple[int, ...]) -> Array:
+        random = streams[name]
+        white = random.standard_normal((*shape, p))
+        if scene.freedom is not None:  # of unit variance all the same
+            chi = random.chisquare(scene.freedom, shape) / (scene.freedom - 2.0)
+            white /= np.sqrt(chi)[..., None]
+        return np.asarray(white @ root.T)
+
+    gaps = streams["gap"].uniform(*scene.gap, (n, most - 1))
+    gaps[:, -1] = scene.last_gap
+    start = streams["start"].uniform(0.0, 1.0, n)
+    days = np.rint(DAYS_PER_YEAR * (start[:, None] + np.cumsum(np.column_stack([np.zeros(n), gaps]), axis=1))).astype(
+        int
+    )
+    tau = np.diff(days, axis=1) / DAYS_PER_YEAR
+    multipliers = np.exp(scene.multiplier_sd * streams["multiplier"].standard_normal(n))
+    rough = np.exp(np.log(2.0) * streams["rough"].standard_normal((n, 2)))
+    doses = streams["doses"].poisson(np.array(scene.doses) * rough[:, None] * tau[..., None]).astype(float)
+    hours = scene.hours * rough[:, :1] * tau
+    steps = np.sqrt(multipliers[:, None] * tau)[..., None] * draw("drift", _root(scene.drift), (n, most - 1))
+    steps += doses @ scene.effects.T
+    for (tool, number), change in scene.jumps.items():
+        steps[tool, number - 1] += np.asarray(change)
+    made = draw("made", np.diag(np.tile([1e-2] * 3 + [5e-3], 6)), (n,))
+    truth = made[:, None] + np.concatenate([np.zeros((n, 1, p)), np.cumsum(steps, axis=1)], axis=1)
+    found = (
+        truth + draw("certificate", _root(certificate), (n, most)) + draw("mounting", _root(scene.mounting), (n, most))
+    )
+    rigs = streams["rig"].integers(0, scene.rigs, (n, most))
+    for number, error in scene.rig_error.items():
+        found += np.where((rigs == number)[..., None], np.asarray(error), 0.0)
+    blank = np.zeros((n, 1))
+    histories = [
+        ToolHistory(
+            f"SIM-{i + 1:04d}",
+            type,
+            [first + timedelta(days=int(day)) for day in days[i]],
+            found[i],
+            np.broadcast_to(certificate, (most, p, p)),
+            np.concatenate([blank[i], hours[i]]),
+            np.concatenate([blank[i], doses[i, :, 0]]),
+            np.concatenate([blank[i], doses[i, :, 1]]),
+            [f"rig {r + 1}" for r in rigs[i]],
+        )
+        for i in range(n)
+    ]
+    return FleetSimulation(histories, truth, multipliers)
+
+
+def simulate_calibrations(
+    tool: Tool, truth: ArrayLike, rig: Rig, settings: ArrayLike, *, bits: int | None = None, seed: Seed
+) -> list[BenchSimulation]:
+    """Bench readings of one tool of a fleet at each of its calibrations.
+
+    Parameters
+    ----------
+    tool : Tool
+        What the relative parameters are relative to.
+    truth : (K, 24) array_like
+        Of one tool, as `FleetSimulation.truth` has them; mounting errors added by the caller.
+    rig : Rig
+    settings : (n, 3) array_like
+        Azimuth, inclination and toolface of the plan, rad.
+    bits : int, optional
+        Of the converter, as in `simulate_bench`.
+    seed : int, SeedSequence or Generator
+
+    Examples
+    --------
+    >>> from inclinometry.simulate.tool import realistic_tool
+    >>> runs = simulate_calibrations(realistic_tool(1), np.zeros((2, 24)), Rig(), np.zeros((3, 3)), seed=1)
+    >>> len(runs), runs[0].signals["accelerometer"].shape
+    (2, (3, 3))
+    """
+    azimuth, inclination, toolface = finite(settings, "settings", (3,)).T
+    streams = Streams(seed, "calibrations")
+    return [
+        simulate_bench(
+            tool_from_relative(tool, values, np.zeros((24, 24))), rig, azimuth, inclination, toolface,
+            bits=bits, seed=streams[str(number)],
+        )
+        for number, values in enumerate(finite(truth, "truth", (24,)))
+    ]  # fmt: skip
+
+
+def _root(covariance: ArrayLike) -> Array:
+    """Factor R with R R' = C, of a covariance that may be singular."""
+    values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
+    return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))

@@ -1,0 +1,125 @@
+"""What a run in the hole says of the tool itself, apart from what was known of it before: evidence for its history.
+
+A multi-station analysis minimises r'V^-1 r + x'P^-1 x over the sensors' parameters and its nuisances, the interference
+of the assembly and the corrections of the reference. Taken away is the prior of the parameters, kept that of the
+nuisances, which are then marginalised:
+
+    J = L_tt - L_tn (L_nn + P_n^-1)^-1 L_nt,   z likewise
+
+with L the information of the stations alone, z their score. J has the rank of what invariants of the fields can show:
+a turn of both triads together and the axial bias of the magnetometers, which no one tells from interference, are not
+in it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.constants import VECTORS
+from inclinometry.errors import InputError
+from inclinometry.history import PARAMETERS, UNSEEN
+from inclinometry.sensors import Tool
+from inclinometry.survey.multistation_priors import priors_from_tool
+from inclinometry.survey.reduce import SensorCorrection
+from inclinometry.uncertainty import chi_square_limit
+
+
+def run_evidence(correction: SensorCorrection, calibration: Tool) -> tuple[Array, Array]:
+    """Relative parameters (24,) of a tool in a run, and their covariance (24, 24), from a multi-station analysis.
+
+    Parameters
+    ----------
+    correction : SensorCorrection
+        Of the run, made with this calibration as the prior.
+    calibration : Tool
+        What the stations were reduced with; the values are relative to it.
+
+    Returns
+    -------
+    values, covariance
+        Of what the stations show; along what they do not, the calibration within 10 % of the field
+        (`inclinometry.history.UNSEEN`), as for a check of few positions. The calibration's own covariance is not in
+        them: nothing counts twice. They hold where the errors of the reference and the interference are as large as
+        was stated, that across the tool as small as the priors have it.
+
+    Raises
+    ------
+    InputError
+        An analysis without this calibration, or of a version that kept no information of the stations; stations that
+        contradict each other; a calibration without a full covariance, or one that depends on temperature, of which a
+        run at other temperatures says other things.
+
+    Examples
+    --------
+    >>> from inclinometry.orientation import fields
+    >>> from inclinometry.sensors import Triad
+    >>> from inclinometry.survey.multistation import multistation
+    >>> from inclinometry.survey.multistation_priors import FieldReference
+    >>> from inclinometry.survey.reduce import correction_of
+    >>> from inclinometry.survey.stations import Stations
+    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=f) for k, f in zip(VECTORS, (9.81, 5e4))}
+    >>> tool = Tool("7", triads, np.eye(24) * 1e-6)
+    >>> toolface, inclination = np.radians(np.linspace(0.0, 330.0, 12)), np.radians(np.linspace(10.0, 60.0, 12))
+    >>> g, b = fields(np.radians(40.0), inclination, toolface, np.radians(70.0))
+    >>> run = Stations(30.0 * np.arange(12.0), 9.81 * g, 5e4 * b + [60.0, 0.0, 500.0])
+    >>> reference = FieldReference(g=9.81, b=5e4, dip=np.radians(70.0), g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
+    >>> priors = priors_from_tool(tool)
+    >>> kept = correction_of(multistation(run, reference, priors), reference, priors, "7")
+    >>> values, covariance = run_evidence(kept, tool)
+    >>> after = np.linalg.inv(np.linalg.inv(covariance) + 1e6 * np.eye(24))  # with a prediction of 1e-3 of the field
+    >>> np.sqrt(after.diagonal())[[15, 23]].round(5)  # offset of the x magnetometer, seen, and of z, not
+    array([0.00075, 0.001  ])
+    """
+    if any(calibration.triads[kind].degree for kind in VECTORS if kind in calibration.triads):
+        raise InputError(
+            f"the calibration of {calibration.name} depends on temperature: what a run at other temperatures says of "
+            "it is not taken as evidence"
+        )
+    priors = priors_from_tool(calibration)
+    names = tuple(correction.parameters)
+    size = len(PARAMETERS)
+    if names[:-3] != priors.names or correction.priors != priors.source or not correction.score.size:
+        raise InputError(
+            f"the analysis was made with the priors {correction.priors!r}, not with the {priors.source}, or by an "
+            "earlier version: analyse the raw channels again with --calibration"
+        )
+    known = priors.covariance[:size, :size]
+    scale = np.sqrt(np.diagonal(known))
+    if not scale.all() or np.linalg.eigvalsh(known / np.outer(scale, scale))[0] < 1e-12:
+        raise InputError(f"the calibration of {calibration.name} states no full covariance; take the joint method")
+    root = scale[:, None] * np.linalg.cholesky(known / np.outer(scale, scale))
+    back = np.eye(len(names))
+    back[:size, :size] = root
+    # a drifted tool must not pass for interference across: of the nuisances only the axial one has the run's size
+    before = np.array([p.prior for p in correction.parameters.values()])
+    before[size : size + 2] = np.sqrt(np.diagonal(priors.covariance))[size : size + 2]
+    back[size:, size:] = np.diag(before[size:])
+    whole, score = back.T @ correction.information @ back, back.T @ correction.score
+    # the nuisances keep their priors, the parameters do not
+    nuisance = whole[size:, size:] + np.eye(len(names) - size)
+    across = np.linalg.solve(nuisance, np.column_stack([whole[size:, :size], score[size:]]))
+    seen = whole[:size, :size] - whole[:size, size:] @ across[:, :size]
+    shown = score[:size] - whole[:size, size:] @ across[:, size]
+    values, vectors = np.linalg.eigh((seen + seen.T) / 2.0)
+    values = np.maximum(values, 0.0)
+    # the fit without the prior, from which a tool that drifted is far away
+    shown_at_all = values > 1e-6
+    of_each = (vectors.T @ shown)[shown_at_all] ** 2
+    pull = np.sum(of_each / (values[shown_at_all] * (1.0 + values[shown_at_all])))
+    limit = float(chi_square_limit(0.999, max(correction.freedom - int(shown_at_all.sum()), 1)))
+    if correction.chi_square - pull > limit:
+        raise InputError(
+            f"the stations contradict each other (chi-square {correction.chi_square - pull:.0f}, limit {limit:.0f}): "
+            "the covariance would be too small to be evidence; look at the stations and at the noise stated"
+        )
+    # by the relative parameters: E = N^-1 dN, o = N^-1 dU0
+    turn = np.zeros((size, size))
+    for place, kind in enumerate(VECTORS):
+        block = slice(12 * place, 12 * place + 12)
+        turn[block, block] = np.kron(calibration.triads[kind].tensor[0], np.eye(4))
+    to_relative = np.linalg.solve(root, turn)
+    information = to_relative.T @ (vectors * values) @ vectors.T @ to_relative
+    covariance = np.linalg.inv(information + np.eye(size) / UNSEEN**2)
+    covariance = (covariance + covariance.T) / 2.0
+    return np.asarray(covariance @ (to_relative.T @ shown)), np.asarray(covariance)

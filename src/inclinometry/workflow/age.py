@@ -1,0 +1,78 @@
+"""How old a calibration is when its tool is used, and what the sensors may have moved by since."""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from inclinometry.arrays import within
+from inclinometry.calibration.result import Calibration
+from inclinometry.earth.site import Site
+from inclinometry.errors import FileError
+from inclinometry.files import json_codec
+from inclinometry.files.stability_toml import read_stability
+from inclinometry.history import DAYS_PER_YEAR
+from inclinometry.stability import ASSUMED, aged, years_between
+
+
+@dataclass(frozen=True)
+class Age:
+    """What is stated of it.
+
+    days : from the calibration to the run; None: by the dates of tool.json and site.toml.
+    stability : path of stability.toml; None: `inclinometry.stability.ASSUMED`.
+    """
+
+    days: float | None = None
+    stability: str | Path | None = None
+
+
+def at_the_run(
+    calibration: Calibration, path: str | Path, site: Site, age: Age, otherwise: float | None = None
+) -> tuple[Calibration, list[str]]:
+    """The calibration with its tool as old as it is at the run, and in words what was taken.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    path : str or Path
+        Of its tool.json, which may have a date.
+    site : Site
+        Its date is that of the run.
+    age : Age
+    otherwise : float, optional
+        Years to take where nothing tells the age; without them the tool is left as on the day of its calibration.
+
+    Raises
+    ------
+    InputError, FileError
+        A run before the calibration, an age out of range, a date or a stability file that cannot be read.
+    """
+    years, how = otherwise, "assumed: nothing tells its age"
+    created = json_codec.load(path).get("created")
+    if age.days is not None:
+        years = float(within(age.days, "--age-days", 0.0, 50.0 * DAYS_PER_YEAR, "days")) / DAYS_PER_YEAR
+        how = "as stated"
+    elif created is not None and site.date is not None:
+        try:
+            day = datetime.date.fromisoformat(created[:10])
+        except ValueError:
+            raise FileError(
+                f"$.created is {created!r}; a date is needed, YYYY-MM-DD: calibrate again", path=path
+            ) from None
+        years, how = years_between(day, site.date), f"of {day}, run of {site.date}"
+    if years is None:
+        return calibration, [
+            "how old the calibration is was not stated: what the sensors have moved by since is not in the "
+            "uncertainties; give --age-days, or dates (calibrate --created, date in site.toml)"
+        ]  # fmt: skip
+    known = ASSUMED if age.stability is None else read_stability(age.stability)
+    tool = aged(calibration.tool, years, known)
+    what = f"the calibration was taken as {years * DAYS_PER_YEAR:.0f} days old ({how})"
+    if not tool.stability.any():
+        return calibration, [f"{what}: the uncertainties are those of that day"]
+    return replace(calibration, tool=tool), [
+        f"{what}; what the sensors may have moved by since is in the uncertainties as stability: {known.source}, "
+        "growing with the root of time"
+    ]  # fmt: skip

@@ -1,0 +1,283 @@
+"""Gyro by hand rotations: a real log with published answers, truth inside U, honest covariance, clear refusals."""
+
+from __future__ import annotations
+
+import gzip
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from inclinometry.calibration.hand_rotations import (
+    _Legs,
+    _turned,
+    calibrate_hand_rotations,
+    hand_rotations_calibration,
+)
+from inclinometry.calibration.norm import calibrate_norm
+from inclinometry.constants import EARTH_RATE
+from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.rotations import dcm_from_quaternion, rotation_exp
+from inclinometry.sensors import Tool, Triad
+from inclinometry.simulate.log import simulate_log
+from inclinometry.simulate.tool import realistic_tool
+
+XSENS = Path(__file__).parents[1] / "reference" / "xsens-mti"
+# test_imu_gyro.calib
+PUBLISHED = (
+    np.array([[1.0, 0.00593634, 0.00111101], [0.00808812, 1.0, -0.0535569], [0.0253067, -0.0025513, 1.0]]),
+    1.0 / np.array([0.000209295, 0.000209899, 0.000209483]),
+)
+UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+def table(data):
+    return np.array(gzip.decompress(data).split(), dtype=float).reshape(-1, 4)
+
+
+@pytest.fixture(scope="module")
+def xsens():
+    accel = files("inclinometry.workflow").joinpath("demo_data", "xsens_mti", "xsens_acc.txt.gz").read_bytes()
+    found, gyro = table(accel), table((XSENS / "xsens_gyro.txt.gz").read_bytes())
+    return found[:, 0], found[:, 1:], gyro[:, 1:]
+
+
+@pytest.fixture(scope="module")
+def xsens_fit(xsens):
+    return calibrate_hand_rotations(*xsens, gravity=9.81744)
+
+
+def test_the_integration_and_cost_of_imu_tk_give_its_published_digits(xsens):
+    """Its cost, unweighted, with its detector of rests and its bias of the first 50 s, over the same integration.
+
+    It prints the scale with six digits; its optimiser stops at a relative change of cost of 1e-6, hence 3e-6.
+    """
+    time, accel, gyro = xsens
+    window = np.lib.stride_tricks.sliding_window_view(accel - accel.mean(axis=0), 101, axis=0)
+    first = np.searchsorted(time, time[0] + 50.0)
+    limit = 6.0 * np.linalg.norm(accel[:first].var(axis=0, ddof=1))
+    still = np.linalg.norm(window.var(axis=-1, ddof=1), axis=1) < limit
+    edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int))).reshape(-1, 2) + 50
+    poses = [(a, b) for a, b in edges if b - a >= 100]
+    fit = calibrate_norm(np.concatenate([accel[a : a + 100] for a, _ in poses]), 9.81744)
+    u = np.array([fit.field(accel[a:b]).mean(axis=0) for a, b in poses])
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    ways = [(poses[k][1] - 1, poses[k + 1][0] - 1) for k in range(len(poses) - 1)]
+    size = max(b - a for a, b in ways)
+    at = np.array([np.minimum(a + np.arange(size + 1), b) for a, b in ways])
+    legs = _Legs(np.diff(time[at], axis=1), gyro[at] - gyro[:first].mean(axis=0))
+
+    def cost(theta):
+        end = dcm_from_quaternion(_turned(legs, theta.reshape(3, 3) / 6258.0)[:, -1])
+        return (u[1:] - np.einsum("kba,kb->ka", end, u[:-1])).ravel()
+
+    gain = least_squares(cost, np.eye(3).ravel(), xtol=1e-12, ftol=1e-12).x.reshape(3, 3) / 6258.0
+    np.testing.assert_allclose(1.0 / np.diag(gain), PUBLISHED[1], rtol=5e-6)
+    np.testing.assert_allclose(gain / np.diag(gain), PUBLISHED[0], atol=2e-6)
+
+
+def test_xsens_agrees_with_the_published_values(xsens_fit):
+    """Within 2.5 standard uncertainties of twelve numbers; theirs has the drift of the bias since the start in it."""
+    u = xsens_fit.uncertainty
+    off = np.abs(xsens_fit.misalignment - PUBLISHED[0]) / np.where(np.eye(3) == 1.0, 1.0, u["misalignment"])
+    assert off.max() < 2.5
+    assert (np.abs(1.0 / xsens_fit.scale - PUBLISHED[1]) / u["conversion"]).max() < 2.5
+    assert len(xsens_fit.rests) == 38
+    assert len(xsens_fit.rotations) == 37
+    np.testing.assert_allclose(xsens_fit.accelerometer.bias, [33124.2, 33275.2, 32364.4], atol=0.4)
+
+
+def test_xsens_rotations_are_explained_better_than_with_a_bias_of_the_start(xsens, xsens_fit):
+    """0.37 against 0.54 deg: the bias drifts by 0.2 deg/s over the log."""
+    time, accel, gyro = xsens
+    start = gyro[: np.searchsorted(time, time[0] + 50.0)].mean(axis=0)
+    other = calibrate_hand_rotations(time, accel, gyro, gravity=9.81744, bias=start)
+    assert np.degrees(xsens_fit.rms) < 0.40
+    assert np.degrees(other.rms) > 0.50
+
+
+def chip(seed, gain=200.0, sd=0.2):
+    """Accelerometer of a workshop's tool, and the gyro of a chip: counts per rad/s, its axes a degree or two off."""
+    tool = realistic_tool(seed, sensors={"accelerometer": 3, "gyro": 3}, bits=None)
+    own = tool.triads["gyro"].tensor[0]
+    gyro = Triad(
+        "gyro", own / np.linalg.norm(own, axis=1).mean() * gain * EARTH_RATE, [2.0, -1.0, 0.5], "counts", EARTH_RATE
+    )
+    noise = {"accelerometer": tool.noise["accelerometer"], "gyro": np.full(3, sd)}
+    return Tool("chip", {"accelerometer": tool.triads["accelerometer"], "gyro": gyro}, np.zeros((24, 24)), noise)
+
+
+def log_of(seed, count=36, tool=None, **motion):
+    rng = np.random.default_rng(seed)
+    poses = rng.uniform(0, 2 * np.pi, count), np.arccos(rng.uniform(-1, 1, count)), rng.uniform(0, 2 * np.pi, count)
+    tool = tool or chip(seed)
+    return tool, simulate_log(tool, *poses, **({"dwell": 4.0, "move": 2.5, "rate": 100.0} | motion), seed=seed)
+
+
+def truth(tool):
+    """The parameters of `HandRotations.covariance` in the accelerometer's own axes."""
+    accel, gyro = tool.triads["accelerometer"], tool.triads["gyro"]
+    turn, upper = np.linalg.qr(np.linalg.inv(accel.tensor[0] / 9.80665))
+    signs = np.diag(np.sign(np.diag(upper)))
+    upper, gain = signs @ upper, (turn @ signs).T @ (EARTH_RATE * np.linalg.inv(gyro.tensor[0]))
+    return np.concatenate([[upper[i, j] for i, j in UPPER], accel.offset[0], gain.ravel(), gyro.offset[0]])
+
+
+def estimate(found):
+    fit = found.accelerometer
+    return np.concatenate([[fit.inverse[i, j] for i, j in UPPER], fit.bias, found.gain.ravel(), found.bias])
+
+
+def signals(log):
+    return log.time, log.signals["accelerometer"], log.signals["gyro"]
+
+
+def test_truth_inside_the_uncertainty():
+    tool, log = log_of(3)
+    found = calibrate_hand_rotations(*signals(log))
+    off = np.abs(estimate(found) - truth(tool)) / np.sqrt(np.diag(found.covariance))
+    # 21 numbers: beyond 3.5 once in 100 runs
+    assert off.max() < 3.5
+    # 5e-5 of scale and axes from 36 rests of 4 s
+    assert np.sqrt(np.diag(found.covariance)[9:18]).max() * 200.0 < 1e-4
+    np.testing.assert_allclose(
+        found.rate(log.signals["gyro"][:10]), (log.signals["gyro"][:10] - found.bias) @ found.gain.T
+    )
+
+
+@pytest.mark.long
+def test_squared_errors_are_as_large_as_the_covariance_says():
+    """Chi square over degrees of freedom of accelerometer, gain and bias: 1 within what 40 runs can tell."""
+    squares = []
+    for seed in range(40):
+        tool, log = log_of(seed)
+        found = calibrate_hand_rotations(*signals(log))
+        e = estimate(found) - truth(tool)
+        parts = (slice(0, 9), slice(9, 18), slice(18, 21))
+        squares.append([e[p] @ np.linalg.solve(found.covariance[p, p], e[p]) / (p.stop - p.start) for p in parts])
+    mean = np.mean(squares, axis=0)
+    # of 360 and 120 squares the mean scatters by 0.075 and 0.13, twice that with estimated variances
+    assert (np.abs(mean - 1.0) < [0.3, 0.3, 0.4]).all()
+
+
+def test_a_drifting_bias_does_no_harm():
+    """1 deg/s over the log, between the rests as straight as it comes."""
+    tool, log = log_of(5, drift={"gyro": 0.015})
+    found = calibrate_hand_rotations(*signals(log))
+    off = (estimate(found) - truth(tool))[9:18] / np.sqrt(np.diag(found.covariance)[9:18])
+    assert np.abs(off).max() < 3.5
+    assert found.bias_scatter.min() > 0.5
+
+
+def test_exchanged_and_reversed_channels_are_found_and_said():
+    tool, log = log_of(6)
+    time, accel, gyro = signals(log)
+    found = calibrate_hand_rotations(time, accel, gyro[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
+    expected = truth(tool)[9:18].reshape(3, 3)[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+    np.testing.assert_allclose(found.gain, expected, atol=2e-4 * np.abs(expected).max())
+    assert any("gyro_x along +y, gyro_y along +x, gyro_z along -z" in said for said in found.warnings)
+
+
+def test_any_scale_factor_is_found_without_a_data_sheet():
+    _, log = log_of(7, count=20)
+    time, accel, gyro = signals(log)
+    plain = calibrate_hand_rotations(time, accel, gyro)
+    other = calibrate_hand_rotations(time, accel, 1e5 * gyro)
+    np.testing.assert_allclose(1e5 * other.gain, plain.gain, rtol=1e-6, atol=1e-9)
+
+
+def test_the_record_has_the_same_gyro_and_correlations():
+    _, log = log_of(3)
+    found = calibrate_hand_rotations(*signals(log))
+    record = hand_rotations_calibration(found, "sha256:0", name="chip")
+    seen = log.signals["gyro"][5000:5010]
+    np.testing.assert_allclose(EARTH_RATE * record.tool.triads["gyro"].field(seen), found.rate(seen), rtol=1e-9)
+    sd = np.sqrt(np.diag(record.covariance))
+    scale = np.where(sd > 0.0, sd, 1.0)  # the accelerometer's axes are zero below the diagonal by definition
+    assert np.linalg.eigvalsh(record.covariance / np.outer(scale, scale)).min() > -1e-9
+    # gyro axes are counted from the accelerometer's
+    assert np.abs(record.covariance[:12, 12:]).max() > 0.0
+
+
+def test_a_slip_a_gap_and_a_rate_out_of_range_are_left_out_and_said():
+    _, log = log_of(8)
+    time, accel, gyro = (part.copy() for part in signals(log))
+    middle = [int(100 * (6.5 * k + 5.2)) for k in (3, 9, 15)]
+    gyro[middle[0] - 50 : middle[0] + 50, 1] = gyro[:, 1].max()  # clipped
+    gyro[middle[1] - 10 : middle[1] + 10] += 60.0  # a knock
+    keep = np.ones(len(time), dtype=bool)
+    keep[middle[2] - 10 : middle[2] + 10] = False
+    found = calibrate_hand_rotations(time[keep], accel[keep], gyro[keep])
+    said = " ".join(found.notes)
+    assert "out of range; turn the tool more slowly" in said
+    assert "the log has a gap there" in said
+    assert "at odds with the others" in said
+    assert len(found.rotations) == 32
+
+
+@pytest.mark.parametrize("axis", "xyz")
+def test_rotations_about_one_axis_name_what_they_do_not_show(axis):
+    """The accelerometer sees all of the sphere; the gyros across the axis are dead at every rotation."""
+    _, log = log_of(9)
+    time, accel, gyro = signals(log)
+    gyro = gyro.copy()
+    others = ["xyz".index(name) for name in "xyz" if name != axis]
+    rng = np.random.default_rng(1)
+    gyro[:, others] = rng.normal(0, 0.2, (len(time), 2))
+    with pytest.raises(IdentifiabilityError, match=r"no order and sign|do not show|deg apart"):
+        calibrate_hand_rotations(time, accel, gyro)
+
+
+def test_a_level_turntable_shows_nothing():
+    """Turns about the vertical move no gravity: a tool that lies there has too few directions."""
+    tool = chip(1)
+    turn = np.linspace(0, 6.0, 20)
+    log = simulate_log(tool, turn, np.full(20, 0.5), np.zeros(20), dwell=2.0, move=1.5, rate=50.0, seed=1)
+    with pytest.raises(IdentifiabilityError, match=r"ellipsoid|distinct field directions"):
+        calibrate_hand_rotations(*signals(log))
+
+
+def test_rolls_at_a_few_inclinations_name_the_gyros_that_did_not_turn():
+    """Fifteen rolls about z at each of three inclinations; between the sets the log is cut."""
+    tool, parts, at = chip(2), [], 0.0
+    for k, inclination in enumerate((0.6, 1.6, 2.5)):
+        roll = np.linspace(0, 6.0, 12)
+        log = simulate_log(tool, np.zeros(12), np.full(12, inclination), roll, dwell=2.0, move=1.5, rate=50.0, seed=k)
+        parts.append((log.time + at, log.signals["accelerometer"], log.signals["gyro"]))
+        at += log.time[-1] + 5.0
+    with pytest.raises(IdentifiabilityError, match="do not show scale and misalignment of gyro_x, gyro_y: turn the"):
+        calibrate_hand_rotations(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def test_refusals():
+    _, log = log_of(4)
+    time, accel, gyro = signals(log)
+    with pytest.raises(InputError, match="gyro_y never changes"):
+        calibrate_hand_rotations(time, accel, gyro * [1.0, 0.0, 1.0])
+    with pytest.raises(InputError, match="have shapes"):
+        calibrate_hand_rotations(time, accel[:-1], gyro)
+    with pytest.raises(IdentifiabilityError, match="rests of 1 s in the log; at least 10"):
+        calibrate_hand_rotations(time[:4000], accel[:4000], gyro[:4000])
+    with pytest.raises(IdentifiabilityError, match="unit is another than stated"):
+        calibrate_hand_rotations(time, accel, gyro, gyro_unit="deg/h")
+    # a gyro's log of another time
+    with pytest.raises(IdentifiabilityError, match="not on one clock"):
+        calibrate_hand_rotations(time, accel, np.roll(gyro, 700, axis=0))
+
+
+def test_turning_is_exact_to_fourth_order():
+    """Coning: both half the step and the closed form; an error of the fourth power of the step."""
+
+    def miss(count):
+        t = np.linspace(0.0, 2.0, count + 1)
+        # attitude C(t) = Exp(a t) Exp(b t): its rate in the tool's axes
+        a, b = np.array([0.0, 0.0, 2.0]), np.array([1.0, 0.0, 0.0])
+        rate = np.einsum("tji,j->ti", rotation_exp(t[:, None] * b), a) + b
+        end = _turned(_Legs(np.full((1, count), 2.0 / count), rate[None]), np.eye(3))[0, -1]
+        return np.abs(dcm_from_quaternion(end) - rotation_exp(2.0 * a) @ rotation_exp(2.0 * b)).max()
+
+    # the rate between samples is taken as straight: second order in that, fourth in the rotation
+    assert miss(400) < 2e-5
+    assert 3.5 < miss(200) / miss(400) < 4.5

@@ -1,0 +1,92 @@
+"""Errors with structure: named where the readings show them, and counted where they do not."""
+
+import numpy as np
+import pytest
+from benchmarks.honest_bench import SCENES, Scene, drawn, errors, one
+
+from inclinometry.calibration import plans
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.readings import BenchReadings
+
+USUAL = Scene((0.1, 0.1, 0.1))
+
+
+def calibrated(scene, seed=0, plan=plans.orthogonal, **options):
+    at, rng = plan(), np.random.default_rng([7, seed])
+    dials = np.stack([at.azimuth, at.inclination, at.toolface], axis=1)
+    signals, truth = drawn(dials, scene, rng)
+    readings = BenchReadings(signals, *dials.T, reference={"dip": np.radians(70.0), "north": 0.0})
+    return calibrate_joint(readings, **options), truth
+
+
+def said(found):
+    return " ".join(found.warnings)
+
+
+def test_a_magnetised_cradle_is_named_and_most_of_it_taken_out():
+    found, truth = calibrated(Scene(cradle=400.0))
+    assert "the readings show that the cradle that holds the tool is magnetised" in found.warnings
+    off, u = errors(found.tool, truth)
+    plain, _ = errors(calibrated(Scene(cradle=400.0), diagnose=False)[0].tool, truth)
+    assert np.mean(off**2) < 0.5 * np.mean(plain**2)
+    assert np.mean(np.abs(off) < 1.96 * u) > 0.85
+    assert found.causes["the cradle that holds the tool is magnetised"].any()
+
+
+def test_a_sensor_that_bends_is_named():
+    found, _ = calibrated(Scene(bent=2e-3))
+    assert "the accelerometer is not linear" in said(found)
+    assert found.bent["accelerometer"].shape == (3, 2)
+
+
+def test_three_dials_keep_their_own_standard_deviations():
+    found, _ = calibrated(Scene((0.5, 0.02, 0.02)))
+    azimuth, inclination, toolface = np.degrees(found.rig.sd)
+    assert 0.3 < azimuth < 0.8
+    assert max(inclination, toolface) < 0.06
+
+
+def test_repeating_errors_are_named_and_not_averaged_away():
+    found, _ = calibrated(Scene((0.01, 0.01, 0.01), repeating=0.2), plan=plans.twelve)
+    assert "errs alike each time it shows the same value" in said(found)
+
+
+def test_given_noise_does_not_silence_the_test_of_fit():
+    noise = {"accelerometer": 2e-4, "magnetometer": 20.0}
+    found, _ = calibrated(Scene(cradle=400.0), noise_sd=noise, rig_sd=np.radians(0.03))
+    assert "cradle" in said(found)
+    loud, _ = calibrated(Scene(), noise_sd={k: v / 5.0 for k, v in noise.items()}, rig_sd=np.radians(0.03))
+    assert "the noise of the magnetometer is larger than stated" in said(loud)
+
+
+def test_exact_readings_accuse_nobody():
+    found, _ = calibrated(Scene((0.0, 0.0, 0.0)))
+    assert not [w for w in found.warnings if "disagrees" in w or "show that" in w]
+
+
+@pytest.mark.long
+def test_a_dial_misread_by_ten_standard_deviations_is_named_in_twelve_positions():
+    runs = 40
+    named = 0
+    for seed in range(runs):
+        found, _ = calibrated(SCENES["one dial misread by 1"], seed, plans.twelve)
+        named += any("disagrees" in w for w in found.warnings)
+    assert named >= 0.9 * runs  # 95 in 100; three standard errors
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("plan", ["12 positions", "24 positions"])
+def test_clean_runs_are_covered_and_not_accused(plan):
+    rows = [one(plan, USUAL, seed) for seed in range(40)]
+    assert np.mean([row["inside"] for row in rows]) > 0.92
+    assert np.mean(["disagrees" in " ".join(row["said"]) for row in rows]) <= 0.05
+    assert np.mean([row["warned"] for row in rows]) <= 0.15
+    ratio = np.mean([row["square"] for row in rows]) / np.mean([row["stated"] for row in rows])
+    assert 0.3 < ratio < 1.3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["repeating errors, 0.1", "dials 0.5, 0.02, 0.02", "magnetised cradle, 200 nT"])
+def test_stands_that_are_worse_than_the_model_are_covered(name):
+    rows = [one("24 positions", SCENES[name], seed) for seed in range(24)]
+    assert np.mean([row["inside"] for row in rows]) > 0.88

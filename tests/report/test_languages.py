@@ -1,0 +1,212 @@
+"""Reports in Russian and Chinese: no English sentence is left on any of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from dataclasses import replace
+from html import unescape
+from importlib.resources import files
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration.comparison import compare_calibrations
+from inclinometry.calibration.drift_alarm import CAUSES
+from inclinometry.calibration.drift_status import fleet_status
+from inclinometry.errors import InputError
+from inclinometry.report.allan import allan_report
+from inclinometry.report.calibration import calibration_report, residual_figure
+from inclinometry.report.comparison import two_report
+from inclinometry.report.displacement import displacement_report
+from inclinometry.report.dynamic import dynamic_report
+from inclinometry.report.fleet import fleet_report
+from inclinometry.report.gyro import scale_report
+from inclinometry.report.language import speaking, translated
+from inclinometry.report.msa import msa_report
+from inclinometry.report.page import Entry, index_page, linked_back, picture
+from inclinometry.report.position import position_report
+from inclinometry.report.survey import survey_report
+from inclinometry.report.verification import verification_report
+from inclinometry.simulate.fleet import FleetScene, shock_and_heat, simulate_fleet
+from inclinometry.survey.displacement import CasingErrors, check_sums, displacement
+from inclinometry.survey.multistation import multistation
+from inclinometry.survey.multistation_priors import published_priors
+from inclinometry.survey.quality import judge_fields
+
+from . import test_displacement as casing
+from . import test_msa_report as analysis
+from .conftest import calibrated
+from .pages import check
+from .test_allan_report import record
+from .test_dynamic import make
+from .test_gyro import Run
+from .test_position import well
+from .test_survey_report import SITE, survey
+from .test_verification_report import found as verification
+
+# names, codes, file names, symbols of the formulas and of the standards
+ALLOWED = re.compile(
+    r"sha256:\w+|\biscwsa[\w.-]*|ISCWSA|\b[A-Z]{2,5}(-[A-Z]\w*)?\d?E?\b|--[\w-]+|\w+_\w+|\bdeg.nT\b|\b(SPE|JCGM|IEEE|Std|CSV|MWD|Rev|HTML|Shift|Davenport|"
+    r"Madgwick|inclinometry|simulated|March|April|later|base|shop|sheet|raw|readings|log|run)\b|\b(accel|mag|gyro)_\w+|\b(cos|sin|rms|md|dls)\b"
+    r"|\bA7\b|\b[xyzABKNTUVWdghkmnsu]\w?\b|Hz|SinI\.SinA|rpm",
+    re.ASCII,
+)
+
+
+def _msa():
+    stations = analysis.run()
+    quality = judge_fields(stations, analysis.REFERENCE)
+    return msa_report(multistation(stations, analysis.REFERENCE, published_priors()), stations, quality, tool="A7")
+
+
+def _casing():
+    base, later = casing.reading(0), casing.reading(1, 0.01)
+    later.faces["a"][10, 0] += 0.01
+    found = displacement(base, later, CasingErrors(sensitivity=1e-3))
+    return displacement_report("March", {"a": check_sums(base.faces["a"])}, {"April": found})
+
+
+def _position():
+    path, surveyed, uncertainty, code = well.__wrapped__() if hasattr(well, "__wrapped__") else well()
+    return position_report(path, surveyed, uncertainty, azimuth_reference="magnetic", tool_code=code)
+
+
+def _fleet():
+    """Of everything that the page may say, at once: overdue, alarms, a rig off, a tool left out, effects."""
+    scene = FleetScene(
+        9, 1e-8 * np.eye(24), calibrations=5, rigs=2, jumps={(2, 4): 0.02 * CAUSES["magnetometer y offset"]}
+    )
+    found = fleet_status(simulate_fleet(scene, seed=1).histories, reproducibility=False, own_drift=False, iterations=5)
+    assert found.rigs
+    off = [found.rigs[0]._replace(p_value=1e-6), *found.rigs[1:]]
+    model = replace(found.model, effects=shock_and_heat(), left_out=("SIM-0003",))
+    day = sorted(tool.due.date for tool in found.tools)[3]
+    return fleet_report(replace(found, rigs=off, model=model, day=day))
+
+
+def _calibration():
+    readings, found = calibrated({"accelerometer": 3, "magnetometer": 3})
+    return calibration_report(found, readings=readings, closed_forms={"twelve": found})
+
+
+def _two():
+    return two_report(compare_calibrations(*[calibrated({"accelerometer": 3, "magnetometer": 3})[1]] * 2, ("A7", "A7")))
+
+
+REPORTS = {
+    "allan": lambda: allan_report(record()),
+    "calibration": _calibration,
+    "comparison": _two,
+    "displacement": _casing,
+    "dynamic": lambda: dynamic_report(replace(make(), notes=[])),
+    "fleet": _fleet,
+    "gyro": lambda: Run().report(checks=()),
+    "scale": lambda: scale_report(Run().track, tool="A7"),
+    "msa": _msa,
+    "position": _position,
+    "survey": lambda: survey_report(survey(60, SITE), site=SITE),
+    "verification": lambda: verification_report(replace(verification.__wrapped__(), reasons=[])),
+    "index": lambda: index_page("Demonstration", [Entry("verification at independent positions", "#top")]),
+}
+
+
+def words_left(page):
+    """Every text of a page that still holds an English word, with what its figures and its descriptions say."""
+    body = re.sub(r"(?s)<(script|style)\b.*?</\1>", "", page)
+    texts = [unescape(text) for text in re.findall(r">([^<>]+)<", body)]
+    texts += [unescape(text) for text in re.findall(r'aria-label="([^"]*)"', body)]
+    return sorted({text.strip() for text in texts if re.search(r"[A-Za-z]{2}", ALLOWED.sub("", text))})
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("language", ["ru", "zh"])
+@pytest.mark.parametrize("name", REPORTS)
+def test_no_english_is_left(name, language):
+    with speaking(language):
+        page = REPORTS[name]()
+    check(re.sub(r"(?s)<script.*?</script>", "", page))
+    assert words_left(page) == []
+
+
+@pytest.mark.parametrize("language", ["ru", "zh"])
+def test_every_cause_of_an_alarm_is_said(language):
+    with speaking(language):
+        said = [translated(f"{cause}: +8.3 thousandths of the field (u 0.79), p < 1e-12") for cause in CAUSES]
+    assert not [one for one in said if re.search(r"[A-Za-z]{2}", one)]
+    assert len(set(said)) == len(CAUSES)
+
+
+@pytest.mark.parametrize(
+    ("text", "russian"),
+    [
+        ("error of azimuth, deg", "погрешность азимута, °"),
+        ("60 stations from 0 to 3000 m", "Точек замера: 60, от 0 до 3000 м"),
+        ("accelerometer.tensor[2,2] and magnetometer.offset[0]", "акселерометр Z: масштаб и магнитометр X: нуль"),
+        ("largest error (pass → pass)", "наибольшая погрешность (годен → годен)"),
+        ("-0.12 ± 0.05", "-0.12 ± 0.05"),
+        ("Bench & sons", "Bench & sons"),
+        (
+            "3 windows of 10 s: 1 rotating (1 magnetic), 2 still (2 static)",
+            "окон по 10 с: 3; с вращением: 1 (магнитный: 1), в покое: 2 (статический: 2)",
+        ),
+        (
+            "the site states the declination's uncertainty: DEC-U, DBH-OI of iscwsa-mwd-rev5.1 left out",
+            "место задаёт неопределённость склонения: DEC-U, DBH-OI из iscwsa-mwd-rev5.1 исключены",
+        ),
+        (
+            "every judged angle is within its limit at every position",
+            "все оцениваемые углы в пределах во всех положениях",
+        ),
+    ],
+)
+def test_sentences_and_their_parts(text, russian):
+    with speaking("ru"):
+        assert translated(text) == russian
+
+
+def test_english_keeps_its_words_but_parameters_have_names():
+    text = "the station, accelerometer.tensor[2,1]: see (below)"
+    assert translated(text) == "the station, accelerometer Z cross-axis Y: see (below)"
+
+
+def test_every_text_is_there_in_both_languages_with_its_values():
+    table = json.loads(files("inclinometry.report").joinpath("translations.json").read_text("utf-8"))
+    for text, said in table.items():
+        assert len(said) == 2
+        for one in said:
+            values = one.count("{}") + len(set(re.findall(r"\{(\d+)", one)))
+            assert values == text.count("{}"), text
+            assert re.search(r"\{\d*(:gen)?\}", one) or "{" not in one, text
+
+
+def test_other_languages_are_refused():
+    with pytest.raises(InputError, match="language 'de'; allowed en, ru, zh"), speaking("de"):
+        pass
+
+
+def test_a_figure_holds_its_data_and_their_places():
+    _, found = calibrated({"accelerometer": 3})
+    held = picture(residual_figure(found, "accelerometer"), "res", "residuals")
+    rows = list(csv.reader(io.StringIO(unquote(held.csv.partition(",")[2]))))
+    assert rows[0] == ["series", "station", "residual / its σ"]
+    values = np.asarray(found.residuals.standardised["accelerometer"]).T.ravel()
+    np.testing.assert_allclose([float(row[2]) for row in rows[1:]], values[np.isfinite(values)], rtol=1e-6)
+    assert rows[1][:2] == ["x", found.residuals.station[0]]
+    # higher in the value is higher on the page
+    heights = [float(place.split(",")[1]) for place in held.places.split()]
+    assert len(heights) == len(rows) - 1
+    assert np.argmin(heights) == np.argmax([float(row[2]) for row in rows[1:]])
+    assert held.width == 367
+
+
+def test_a_page_lists_its_parts_and_leads_back():
+    page = linked_back(verification_report(verification.__wrapped__()), "../index.html", "All reports")
+    headings = re.findall(r'<h2 id="(part-\d+)">(.*?) <a class="top" href="#top"', page)
+    assert len(headings) >= 4
+    for place, text in headings:
+        assert f'<a href="#{place}">{text}</a>' in page
+    assert '<a href="../index.html">← All reports</a>' in page
