@@ -233,9 +233,11 @@ def test_interrupted_it_leaves_no_process_and_goes_on(scene: Scene) -> None:
 
 
 LANES = """
-import multiprocessing, sys, time
+import multiprocessing, sys, threading, time
 from inclinometry.fleet.workers import _Lane
 if __name__ == "__main__":
+    for _ in range(4):  # a library's threads take signals in too
+        threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
     try:
         print("begins", flush=True)
         lanes = [_Lane(multiprocessing.get_context("spawn")) for _ in range(2)]
@@ -249,7 +251,7 @@ if __name__ == "__main__":
 @pytest.mark.parametrize("everybody", [False, True])
 def test_interrupted_while_a_worker_begins_nobody_prints_a_traceback(tmp_path: Path, everybody: bool) -> None:
     (tmp_path / "lanes.py").write_text(LANES)
-    for delay in (0.0, 0.01, 0.02, 0.04, 0.08, 0.2, 0.5, 1.0):
+    for delay in (0.0, 0.002, 0.004, 0.006, 0.008, 0.01, 0.013, 0.016, 0.02, 0.04, 0.08, 0.2, 0.5, 1.0):
         begun = subprocess.Popen(
             [sys.executable, "lanes.py"],
             cwd=tmp_path,

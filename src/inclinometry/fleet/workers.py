@@ -72,10 +72,19 @@ def _uninterrupted() -> Iterator[None]:
         return
     resource_tracker.ensure_running()  # would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # the mask is this thread's only: a signal that a library's thread takes in is kept too until the process has begun
+    kept: list[int] = []
+    usual = None
+    if threading.current_thread() is threading.main_thread():
+        usual = signal.signal(signal.SIGINT, lambda number, _: kept.append(number))
     try:
         yield
     finally:
+        if usual is not None:
+            signal.signal(signal.SIGINT, usual)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if kept:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _serve(pipe: Connection) -> None:
