@@ -9,15 +9,16 @@ alone is suspected by its own statistic, which has one degree of freedom where a
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array, Index
-from inclinometry.calibration.likelihood import Linear, Model
-from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with_variances
+from inclinometry.arrays import Array
+from inclinometry.calibration.likelihood import Model
+from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with_variances, fitted_without
 from inclinometry.constants import DIALS
 from inclinometry.errors import InclinometryError
 
@@ -61,49 +62,87 @@ def deletion_statistics(fitted: Fitted) -> Array:
     return np.asarray(np.einsum("ki,kij,kj->k", share, unit_inverse, share))
 
 
-def _predict(fitted: Fitted, full: Model, row: int) -> tuple[Linear, Array, Array, float]:
-    """A station of the full model against a fit made without it.
+class _Prediction(NamedTuple):
+    """A station against a fit made without it."""
 
-    Its linearisation, (M,) model minus reading, (M, M) covariance of that from station and parameters, chi-square.
-    """
+    residual: Array  # (M,) model minus reading
+    covariance: Array  # (M, M) of that, from station and parameters
+    by_setting: Array  # (M, 3)
+    noise_sd: Array  # (M,)
+    rig_sd: Array  # (3,) rad
+
+    @property
+    def statistic(self) -> float:
+        """Chi-square."""
+        return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
+
+
+def _predict(fitted: Fitted, full: Model, row: int) -> _Prediction:
+    """A station of the full model against a fit made without it."""
     weights = fitted.model.noise_sd[:1], fitted.model.rig_sd, fitted.model.structure_sd
     alone = full.take(np.array([row])).with_weights(*weights)
     at = alone.linearise(replace(fitted.state, errors=np.zeros((1, 3)), _elimination=[]))
     covariance = alone.station_covariance(at)[0] + at.jacobian[0] @ fitted.covariance @ at.jacobian[0].T
-    residual = at.residual[0]
-    return at, residual, covariance, float(residual @ np.linalg.solve(covariance, residual))
+    return _Prediction(at.residual[0], covariance, at.by_setting[0], alone.noise_sd[0], alone.rig_sd)
+
+
+def _nearly_predicted(fitted: Fitted, place: int, free_noise: Set[str], free_rig: bool) -> _Prediction:
+    """The same to first order, from the fit that has the station: no iteration but that of the variances."""
+    rest = np.delete(np.arange(len(fitted.at.residual)), place)
+    weights, covariance, shift = fitted_without(fitted, rest, free_noise, free_rig)
+    own, jacobian, by_setting = weights.take(np.array([place])), fitted.at.jacobian[place], fitted.at.by_setting[place]
+    spread = by_setting * own.rig_sd
+    spread = np.diag(own.noise_sd[0] ** 2) + spread @ spread.T + jacobian @ covariance @ jacobian.T
+    residual = fitted.marginal_residual()[place] - jacobian @ shift
+    return _Prediction(residual, spread, by_setting, own.noise_sd[0], own.rig_sd)
+
+
+def _shares(predicted: _Prediction, widths: Sequence[int]) -> Array:
+    """The station's chi-square shared out to the noise of each triad and to each dial by what they add to it.
+
+    Each share is held against what its own variance makes likely, so that one hardly known variance does not excuse
+    everything.
+    """
+    white = np.linalg.solve(predicted.covariance, predicted.residual)
+    noise = (white * predicted.noise_sd) ** 2
+    triads = [part.sum() for part in np.split(noise, np.cumsum(widths)[:-1])]
+    shares = np.array([*triads, *((predicted.by_setting.T @ white * predicted.rig_sd) ** 2)])
+    if not shares.any():
+        return shares  # exact readings: nothing misfits
+    # what the parameters' own uncertainty takes up belongs to the same causes
+    return np.asarray(shares * (predicted.statistic / shares.sum()))
+
+
+def _tail(value: float, count: int) -> float:
+    """Chance of a chi-square of `count` degrees of freedom above a value.
+
+    Its series needs no library that takes longer to load than the fit: most runs are found clean by it.
+    """
+    half, odd = value / 2.0, count % 2
+    terms = (half ** (k + odd / 2.0) / math.gamma(k + 1.0 + odd / 2.0) for k in range(count // 2))
+    return float(math.exp(-half) * sum(terms) + (math.erfc(math.sqrt(half)) if odd else 0.0))
 
 
 def _chance(fitted: Fitted, full: Model, row: int, enough: float) -> float:
     """Chance that a clean station misfits as much, the variances being only as well known as they are.
 
     A chance above `enough` is not worked out: a lower bound of it is returned.
-
-    The misfit is shared out to noises and rig by what they add to its covariance: each share is held against what
-    its own variance makes likely, so that one hardly known variance does not excuse everything.
     """
-    at, residual, covariance, statistic = _predict(fitted, full, row)
-    white = np.linalg.solve(covariance, residual)
-    noise, start = (white * fitted.model.noise_sd[0]) ** 2, 0
-    shares = []
-    for signals in full.signals.values():
-        shares.append(noise[start : start + signals.shape[1]].sum())
-        start += signals.shape[1]
-    shares.extend((at.by_setting[0].T @ white * fitted.model.rig_sd) ** 2)
-    if not np.any(shares):
-        return 1.0  # exact readings: nothing misfits
-    # what the parameters' own uncertainty takes up belongs to the same causes
-    parts = np.array(shares) * (statistic / np.sum(shares))
+    parts = _shares(_predict(fitted, full, row), _widths(full))
+    if not parts.any():
+        return 1.0
+    size = full.noise_sd.shape[1]
     freedom = np.full(len(parts), 1e6) if fitted.variance_freedom is None else fitted.variance_freedom[: len(parts)]
-    # with variances known for certain the chance is less still, and its series needs no library that takes longer to
-    # load than the fit: most runs are found clean by it
-    half = parts.max() / 2.0
-    certain = float(math.exp(-half) * sum(half**k / math.factorial(k) for k in range(len(white) // 2)))
-    if len(white) % 2 == 0 and certain > enough:
+    # with variances known for certain the chance is less still
+    if (certain := _tail(parts.max(), size)) > enough:
         return certain
     from scipy.special import fdtrc
 
-    return float(min(1.0, len(parts) * fdtrc(len(white), freedom, parts / len(white)).min()))
+    return float(min(1.0, len(parts) * fdtrc(size, freedom, parts / size).min()))
+
+
+def _widths(model: Model) -> list[int]:
+    return [signals.shape[1] for signals in model.signals.values()]
 
 
 def find_outliers(
@@ -123,16 +162,26 @@ def find_outliers(
     found: list[Outlier] = []
     here = fitted
     channels = full.noise_sd.shape[1]
+
+    def first_look(place: int) -> float:
+        """About the chance that a clean station misfits as much, the variances being known for certain."""
+        return _tail(_shares(_nearly_predicted(here, place, free_noise, free_rig), _widths(full)).max(), channels)
+
     significance = 0.001  # chance of calling any station of a clean run an outlier (Bonferroni over the stations)
     while len(found) < most and here.degrees_of_freedom > 2 * channels:
         suspect, slight = _most_misread(here)
         statistics = deletion_statistics(here)
         places = [int(p) for p in np.argsort(statistics)[::-1][:3] if statistics[p] >= 0.5 * statistics.max()]
+        # a fit anew is tried where a first look at the fit without the station does not clear it already
+        enough = 3.0 * significance / len(kept)
+        places = [p for p in places if first_look(p) < enough]
         trials: list[tuple[float, int, Fitted]] = []
         for place in dict.fromkeys([*([suspect] if slight < _SLIGHT else []), *places]):
-            trial = _without(here, full, kept, place, free_noise, free_rig)
-            if trial is not None:
-                trials.append((_predict(trial, full, int(kept[place]))[3], place, trial))
+            rest = np.delete(np.arange(len(kept)), place)
+            state = replace(here.state, errors=here.state.errors[rest], _elimination=[])
+            with suppress(InclinometryError):  # too few are left
+                trial = fit_with_variances(full.take(kept[rest]), state, free_noise, free_rig)
+                trials.append((_predict(trial, full, int(kept[place])).statistic, place, trial))
         if not trials:
             break
         # a slight misreading is what the dials are better without, more than without any other station
@@ -160,10 +209,7 @@ def _most_misread(fitted: Fitted) -> tuple[int, float]:
     from scipy.special import stdtr
 
     model, jacobian = fitted.model, fitted.at.jacobian
-    inverse = np.linalg.inv(model.station_covariance(fitted.at))
-    residual = fitted.marginal_residual()
-    pulled = np.tensordot(inverse @ jacobian, residual, axes=([0, 1], [0, 1]))
-    left = (inverse @ (residual - jacobian @ (fitted.covariance @ pulled))[..., None])[..., 0]
+    inverse, left = fitted.projected()
     turned = fitted.at.by_setting.swapaxes(1, 2)  # (K, 3, M)
     moved = turned @ inverse @ jacobian
     own = np.einsum("kjm,kmn,kjn->kj", turned, inverse, turned)
@@ -180,19 +226,10 @@ def _most_misread(fitted: Fitted) -> tuple[int, float]:
     return place, float(min(1.0, chance[place].min() * judged.sum()))
 
 
-def _without(here: Fitted, full: Model, kept: Index, place: int, free_noise: Set[str], free_rig: bool) -> Fitted | None:
-    """The fit of the kept stations but one; None where they are too few."""
-    rest = np.delete(np.arange(len(kept)), place)
-    state = replace(here.state, errors=here.state.errors[rest], _elimination=[])
-    try:
-        return fit_with_variances(full.take(kept[rest]), state, free_noise, free_rig)
-    except InclinometryError:
-        return None
-
-
 def _explain(fitted: Fitted, full: Model, row: int, probability: float) -> Outlier:
     """What single mistake accounts for the station: one dial, one channel, or neither."""
-    _, residual, covariance, statistic = _predict(fitted, full, row)
+    predicted = _predict(fitted, full, row)
+    residual, covariance, statistic = predicted.residual, predicted.covariance, predicted.statistic
     enough = max(0.05 * statistic, 4.0 * full.noise_sd.shape[1])
     scans = [_scan_dial(fitted, full, row, dial) for dial in range(3)]
     dial = int(np.argmin([cost for cost, _ in scans]))

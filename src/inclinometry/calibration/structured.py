@@ -170,13 +170,11 @@ def _by_value(fitted: Fitted, dial: int) -> Array:
 
 def evidence(fitted: Fitted, free_noise: Set[str], skip: Set[str] = frozenset()) -> list[Evidence]:
     """What a run says of each block, those named in `skip` left out; `free_noise` as for `blocks`."""
-    model, jacobian = fitted.model, fitted.at.jacobian
-    inverse = np.linalg.inv(model.station_covariance(fitted.at))
-    residual = fitted.marginal_residual()
+    jacobian = fitted.at.jacobian
+    inverse, left = fitted.projected()
     width = jacobian.shape[2]
     flat = jacobian.reshape(-1, width)
     explained = (inverse @ jacobian).reshape(-1, width) @ fitted.covariance  # V^-1 J C
-    left = (inverse @ residual[..., None]).ravel() - explained @ (flat.T @ (inverse @ residual[..., None]).ravel())
     found = []
     for block in blocks(fitted, free_noise):
         if block.name in skip:
@@ -187,7 +185,7 @@ def evidence(fitted: Fitted, free_noise: Set[str], skip: Set[str] = frozenset())
         seen = columns.T @ white - (flat.T @ white).T @ carried
         values, vectors = np.linalg.eigh((seen + seen.T) / 2.0)
         values = np.maximum(values, 0.0)
-        along = vectors.T @ (columns.T @ left)
+        along = vectors.T @ (columns.T @ left.ravel())
         sizes = np.array(block.sizes)[:, None]
         known = 1.0 + sizes**2 * values
         ratios = 0.5 * np.sum((sizes * along) ** 2 / known - np.log(known), axis=1)

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, Mask, finite, within
+from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import KINDS
@@ -95,13 +95,12 @@ class _Restricted:
         blocks = self.size - 3
         gradient, information = np.zeros(self.size), np.zeros((self.size, self.size))
         pulls = np.sum((across @ projected[..., None])[..., 0] ** 2, axis=0)
-        gradient[:blocks] = self.belongs.T @ (np.einsum("krr->r", own - explained) - pulls)
+        gradient[:blocks] = self.belongs.T @ ((own - explained).sum(axis=0).diagonal() - pulls)
         # ||S_i' P S_j||^2 = tr(P V_i P V_j), station by station but for the last term
         squares = self.belongs.T @ np.sum(own**2 - 2.0 * own * explained, axis=0) @ self.belongs
-        carried = [
-            inner @ np.tensordot(g, g, axes=([0, 1], [0, 1])) for g in (seen[:, self.part == i] for i in range(blocks))
-        ]
-        both = [[np.sum(one * other.T) for other in carried] for one in carried]
+        parts = (seen[:, self.part == i].reshape(-1, len(inner)) for i in range(blocks))
+        carried = inner @ np.stack([g.T @ g for g in parts])
+        both = carried.reshape(blocks, -1) @ carried.swapaxes(1, 2).reshape(blocks, -1).T
         information[:blocks, :blocks] = 0.5 * (squares + both)
         # with Z the columns of a group in units of their prior and f its factor: Z' P Z = 1/f - C/f^2
         inner, shift = inner / np.outer(self.unit, self.unit), shift / self.unit
@@ -119,42 +118,50 @@ class _Restricted:
         logs = self.alike @ np.log(factors) + self.offset
         gradient = gradient * factors + 2.0 * self.alike.T @ logs
         information = information * np.outer(factors, factors) + self.alike.T @ self.alike
-        return value, gradient, information
+        return float(value), gradient, information
 
-    def solve(self, factors: Array) -> tuple[float, Array, Array, Array, Array]:
-        """Generalised least squares for given factors.
+    def solve(self, factors: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Generalised least squares for given factors (..., n).
 
-        Twice the negative restricted log likelihood, covariance (p, p) of the parameters, parameters (p,) of the
-        linearisation minus estimate, V^-1 (K, M, M), V^-1 J (K, M, p).
+        Twice the negative restricted log likelihood, covariance (..., p, p) of the parameters, parameters (..., p) of
+        the linearisation minus estimate, V^-1 (..., K, M, M), V^-1 J (..., K, M, p).
         """
         blocks = self.size - 3
-        scaled = self.roots * factors[self.part]
+        scaled = self.roots * factors[..., None, None, self.part]
         covariance = scaled @ self.roots.swapaxes(1, 2)
-        inverse = np.asarray(np.linalg.inv(covariance))
-        spread = np.linalg.slogdet(covariance)[1].sum()
+        inverse = np.linalg.inv(covariance)
+        spread = np.linalg.slogdet(covariance)[1].sum(axis=-1)
         weighted = inverse @ self.jacobian  # V^-1 J
-        prior = self.prior.copy()
-        for group, factor in zip(self.groups, factors[blocks:], strict=True):
-            prior[group, group] /= factor
-            spread += len(group) * np.log(factor)
-        normal = np.tensordot(self.jacobian, weighted, axes=([0, 1], [0, 1])) + prior
-        scale = 1.0 / np.sqrt(np.diagonal(normal))
-        unit = normal * np.outer(scale, scale)
+        width = self.jacobian.shape[2]
+        flat = self.jacobian.reshape(-1, width)
+        normal = flat.T @ weighted.reshape(*factors.shape[:-1], -1, width)
+        normal += self.prior
+        for group, factor in zip(self.groups, np.moveaxis(factors[..., blocks:], -1, 0), strict=True):
+            own = self.prior[group, group]
+            normal[..., group, group] += own / factor[..., None] - own
+            spread = spread + len(group) * np.log(factor)
+        scale = 1.0 / np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
+        outer = scale[..., :, None] * scale[..., None, :]
+        unit = normal * outer
         if self.blind is None:
-            self.blind = bool(np.linalg.eigvalsh(unit)[0] < 1e-12)
+            self.blind = bool(np.linalg.eigvalsh(unit)[..., 0].min() < 1e-12)
         if self.blind:  # directions that the plan does not see at all are left out
             eigen, vectors = np.linalg.eigh(unit)
-            keep = eigen > 1e-13 * eigen[-1]
-            eigen, vectors = eigen[keep], vectors[:, keep]
-            inner, log_normal = (vectors / eigen) @ vectors.T, np.log(eigen).sum()
+            eigen = np.where(eigen > 1e-13 * eigen[..., -1:], eigen, np.inf)
+            inner = (vectors / eigen[..., None, :]) @ vectors.swapaxes(-1, -2)
+            log_normal = np.log(np.where(np.isinf(eigen), 1.0, eigen)).sum(axis=-1)
         else:
             inner, log_normal = np.linalg.inv(unit), np.linalg.slogdet(unit)[1]
-        inner = np.asarray(inner * np.outer(scale, scale))
-        log_normal -= 2.0 * np.log(scale).sum()
-        shift = inner @ np.tensordot(weighted, self.residual, axes=([0, 1], [0, 1]))
-        misfit = np.sum(self.residual * ((inverse @ self.residual[..., None])[..., 0] - weighted @ shift))
-        logs = self.alike @ np.log(factors) + self.offset
-        return float(spread + log_normal + misfit + logs @ logs), inner, shift, inverse, weighted
+        inner = inner * outer
+        log_normal = log_normal - 2.0 * np.log(scale).sum(axis=-1)
+        whole = self.residual.ravel()
+        pulled = whole @ weighted.reshape(*factors.shape[:-1], -1, width)  # J' V^-1 r
+        shift = (inner @ pulled[..., None])[..., 0]
+        white = (inverse @ self.residual[..., None])[..., 0]
+        misfit = np.sum(white * self.residual, axis=(-2, -1)) - np.sum(pulled * shift, axis=-1)
+        logs = np.log(factors) @ self.alike.T + self.offset
+        value = np.asarray(spread + log_normal + misfit + np.sum(logs**2, axis=-1))
+        return value, np.asarray(inner), np.asarray(shift), np.asarray(inverse), weighted
 
 
 def without_rig_errors(model: Model, at: Linear, state: State) -> Array:
@@ -205,7 +212,7 @@ def repeating_evidence(fitted: Fitted) -> Array:
                 values = []
                 for more in grown:
                     factors[likelihood.size - 6 + dial] = more
-                    values.append(likelihood.solve(factors)[0])
+                    values.append(float(likelihood.solve(factors)[0]))
                 ends.append(min(values))
             ratios[dial] = (ends[1] - ends[0]) / 2.0
     return ratios
@@ -213,10 +220,11 @@ def repeating_evidence(fitted: Fitted) -> Array:
 
 def average_over_variances(
     model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool
-) -> tuple[Array, Array] | None:
+) -> tuple[Array, Array, Array] | None:
     """Covariance (p, p) of the parameters averaged over what the readings leave open about the variances.
 
-    Beside it the mean factors (n,) on the present variances: noise of each kind, dials, their repeating errors.
+    Beside it the mean factors (n,) on the present variances: noise of each kind, dials, their repeating errors; and the
+    standard uncertainty of each relative to it, NaN where it was stated.
 
     An estimated variance put in as if it were known makes a short run look better than it is: in twelve positions one
     run in three would be off by more than its 95 % region. The covariance is averaged over the variances' posterior
@@ -229,10 +237,10 @@ def average_over_variances(
         return None
     ones = np.ones(likelihood.size)
     index = np.flatnonzero(likelihood.free)
-    information = likelihood.evaluate(ones)[2][np.ix_(index, index)]
+    information = likelihood.evaluate(ones)[2]
     open_sd = 2.0  # of the prior on the logarithm of a variance about its estimate
     # a variance the readings say nothing of may be anything within a factor of e^2 or so, not everything
-    spread = np.linalg.inv(information + np.eye(len(index)) / open_sd**2)
+    spread = np.linalg.inv(information[np.ix_(index, index)] + np.eye(len(index)) / open_sd**2)
     # relative uncertainty of the variances below which averaging over them changes nothing worth its time
     if np.sqrt(spread.diagonal().max()) < 0.03:
         return None
@@ -243,18 +251,21 @@ def average_over_variances(
     tail = np.sqrt(dof / generator.chisquare(dof, draws))
     steps = (normal * tail[:, None]) @ np.linalg.cholesky(spread).T
     density = -0.5 * (dof + len(index)) * np.log1p(np.sum((normal * tail[:, None]) ** 2, axis=1) / dof)
-    floors = _floors(model)
-    total, means, weight, best = 0.0, np.zeros(likelihood.size), 0.0, likelihood.solve(ones)[0]
-    start = likelihood.solve(ones)[2]
-    for step, log_density in zip(steps, density, strict=True):
-        factors = ones.copy()
-        factors[index] = np.maximum(np.exp(step), floors[index])
-        value, inner, shift, _, _ = likelihood.solve(factors)
+    factors = np.ones((draws, likelihood.size))
+    factors[:, index] = np.maximum(np.exp(steps), _floors(model)[index])
+    best, _, start, *_ = likelihood.solve(ones)
+    total, weight = np.zeros_like(likelihood.prior), np.zeros(draws)
+    together = max(1, 1_000_000 // likelihood.jacobian.size)  # what fits into the processor's memory
+    for first in range(0, draws, together):
+        part = slice(first, first + together)
+        value, inner, shift, *_ = likelihood.solve(factors[part])
         moved = shift - start
-        share = np.exp(np.clip(-0.5 * (value - best) - log_density - 0.5 * np.sum((step / open_sd) ** 2), -700, 50))
-        total = total + share * (inner + np.outer(moved, moved))
-        means, weight = means + share * factors, weight + share
-    return np.asarray(total / weight), means / weight
+        prior = 0.5 * np.sum((steps[part] / open_sd) ** 2, axis=1)
+        share = np.exp(np.clip(-0.5 * (value - best) - density[part] - prior, -700, 50))
+        total += np.tensordot(share, inner, 1) + (moved.T * share) @ moved
+        weight[part] = share
+    means = weight @ factors / weight.sum()
+    return total / weight.sum(), means, _relative_sd(information, likelihood.free)
 
 
 def _components(model: Model, factors: Array, relative_sd: Array) -> Components:
@@ -313,7 +324,7 @@ def _maximise(likelihood: _Restricted, factors: Array, floors: Array) -> tuple[A
             length /= 2.0
         else:
             break
-        done = value - result[0] < 1e-6
+        done = value - result[0] < 1e-5
         factors, (value, gradient, information) = trial, result
         if done:
             break
@@ -349,6 +360,13 @@ class Fitted:
         """Model minus reading (K, M) at the settings as dialled and without structured errors, to first order."""
         return without_rig_errors(self.model, self.at, self.state)
 
+    def projected(self) -> tuple[Array, Array]:
+        """V^-1 (K, M, M) and P r (K, M), with V the covariance of a station and P = V^-1 - V^-1 J C J' V^-1."""
+        inverse = np.linalg.inv(self.model.station_covariance(self.at))
+        jacobian, white = self.at.jacobian, (inverse @ self.marginal_residual()[..., None])[..., 0]
+        pulled = self.covariance @ np.tensordot(jacobian, white, axes=([0, 1], [0, 1]))
+        return np.asarray(inverse), np.asarray(white - (inverse @ (jacobian @ pulled)[..., None])[..., 0])
+
 
 def fit(model: Model, start: State, tolerance: float = 1e-10) -> Fitted:
     """Maximum likelihood for given variances."""
@@ -360,7 +378,8 @@ def fit_with_variances(model: Model, start: State, free_noise: Set[str], free_ri
     """Fit, let the residuals correct the variances that may change, fit again until they agree."""
     if not (free_noise or free_rig):
         return fit(model, start)
-    here = fit(model, start, rough := 1e-3)
+    rough = 1e-3  # standard deviations; the variances are not known as well
+    here = fit(model, start, rough)
     digits = np.concatenate([least_noise(v) for v in model.signals.values()])
     # of a noise that was stated the rounding is a part
     estimated = np.concatenate([np.full(v.shape[1], kind in free_noise) for kind, v in model.signals.items()])
@@ -374,6 +393,21 @@ def fit_with_variances(model: Model, start: State, free_noise: Set[str], free_ri
         if np.abs(np.log(changes)).max() < 0.02:
             break
     return fit(here.model, here.state)
+
+
+def fitted_without(fitted: Fitted, rest: Index, free_noise: Set[str], free_rig: bool) -> tuple[Model, Array, Array]:
+    """What a fit of the stations `rest` alone would find, to first order.
+
+    The whole model with the variances they tell, covariance (p, p) of the parameters, estimate as it is minus theirs.
+    """
+    at = Linear(fitted.at.jacobian[rest], fitted.at.by_setting[rest], fitted.at.residual[rest])
+    state = replace(fitted.state, errors=fitted.state.errors[rest], _elimination=[])
+    model = fitted.model.take(rest)
+    likelihood = _Restricted(model, at, state, free_noise, free_rig)
+    factors = _maximise(likelihood, np.ones(likelihood.size), _floors(model))[0]
+    _, covariance, shift, *_ = likelihood.solve(factors)
+    weights = _scaled(fitted.model, _components(model, factors, factors))
+    return fitted.model.with_weights(*weights), covariance, shift
 
 
 def fit_with_caution(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Fitted:
@@ -390,10 +424,9 @@ def with_averaged_covariance(fitted: Fitted, free_noise: Set[str], free_rig: boo
     average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
     if average is None:
         return fitted
-    likelihood = _Restricted(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
-    relative = _relative_sd(likelihood.evaluate(np.ones(likelihood.size))[2], likelihood.free)
+    covariance, _, relative = average
     freedom = 2.0 / np.where(np.isnan(relative), 1e-3, np.clip(relative, 1e-3, 2.0)) ** 2
-    return replace(fitted, covariance=average[0], variance_freedom=freedom)
+    return replace(fitted, covariance=covariance, variance_freedom=freedom)
 
 
 def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Model:
