@@ -173,8 +173,8 @@ def find_outliers(
         statistics = deletion_statistics(here)
         places = [int(p) for p in np.argsort(statistics)[::-1][:3] if statistics[p] >= 0.5 * statistics.max()]
         # a fit anew is tried where a first look at the fit without the station does not clear it already
-        enough = 3.0 * significance / len(kept)
-        places = [p for p in places if first_look(p) < enough]
+        if slight >= _SLIGHT:
+            places = [p for p in places if first_look(p) < 3.0 * significance / len(kept)]
         trials: list[tuple[float, int, Fitted]] = []
         for place in dict.fromkeys([*([suspect] if slight < _SLIGHT else []), *places]):
             rest = np.delete(np.arange(len(kept)), place)
