@@ -42,6 +42,7 @@ _GRADUATION: Final = 1e-3
 
 _OPEN: Final = -1.0  # the same, below which the readings speak against a block
 _CHOSEN: Final = 3.0  # logarithm of the ratio of evidence above which a block is fitted
+_WIDER: Final = 2.0  # by which an offset that drifts must explain a run better than one that wanders
 _ODDS: Final = 0.2  # that a block of the usual size is there, before the readings are seen
 
 
@@ -208,7 +209,9 @@ def fit_structured(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tupl
     """The fit with the blocks the readings ask for, one after the other; the name of each."""
     chosen: list[str] = []
     while True:
-        best = max(evidence(fitted, free_noise, {*chosen}), key=lambda one: one.ratio)
+        # what wanders also drifts: of two causes that are hardly told apart the wider is taken
+        found = evidence(fitted, free_noise, {*chosen})
+        best = max(found, key=lambda one: one.ratio + _WIDER * (one.block.sizes is _WANDER))
         if best.ratio < _CHOSEN:
             return fitted, chosen
         columns = best.size * best.block.columns
