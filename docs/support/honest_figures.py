@@ -28,7 +28,9 @@ def bench() -> dict[str, str]:
         whole = [float(np.mean(row[f"{angle}_coverage"])) for angle in ("azimuth", "inclination")]
         sizes = [f"{row[f'{angle}_error'][at]:.3f} / {row[f'{angle}_u'][at]:.3f}" for angle, at in SHOWN]
         cells = [f"{mean:.2f} ({low:.2f})" for mean, low in zip(whole, least, strict=True)]
-        rows.append([row["scene"], row["plan"].split()[0], *sizes, *cells, f"{100.0 * row['worded']:.0f} %"])
+        rows.append(
+            [row["scene"], row["plan"].removesuffix(" positions"), *sizes, *cells, f"{100.0 * row['worded']:.0f} %"]
+        )
     head = ["scene", "positions", "azimuth at 30", "azimuth at 90", "inclination at 90"]
     return {"honest_bench": table([*head, "azimuth inside", "inclination inside", "said something"], rows)}
 

@@ -9,9 +9,11 @@ from inclinometry.calibration.design import (
     CRITERIA,
     INCLINATION,
     NOISE,
+    RIG_SD,
     TRACE,
     evaluate_plan,
     information,
+    least_drift,
     next_position,
     optimal_plan,
     plan_value,
@@ -337,3 +339,33 @@ def test_inclination_alone_may_be_aimed_at_the_vertical():
     plan = optimal_plan(12, criterion=INCLINATION, inclination_range=where, stand=COARSE, restarts=1)
     value, twelve = (plan_value(p, criterion=INCLINATION, inclination_range=where) for p in (plan, plans.twelve()))
     assert value < twelve
+
+
+def test_positions_visited_twice_show_a_drift_that_the_plan_alone_hides():
+    for plan in (plans.twelve(), plans.rotations()):
+        with_them = plan.repeated(2)
+        assert len(with_them) == len(plan) + 2
+        assert least_drift(with_them) < 0.6 * least_drift(plan)
+    with pytest.raises(InputError, match="allowed: 0, 1 or 2"):
+        plans.twelve().repeated(3)
+
+
+def test_the_least_drift_is_that_of_a_fit_with_drifts():
+    plan = plans.twelve().repeated(1)
+    about = information(RIG_SD, NOISE, DIP, None)
+    model, state = about.model(settings_of(plan))
+    at = model.linearise(state)
+    size, count, width = at.jacobian.shape
+    # every setting's error a parameter of its own, instead of eliminated
+    own = np.zeros((size, count, size, 3))
+    own[np.arange(size), :, np.arange(size)] = at.by_setting
+    drift = np.linspace(-0.5, 0.5, size)[:, None, None] * np.eye(count)
+    rows = np.concatenate([at.jacobian, own.reshape(size, count, -1), drift], axis=2) / model.noise_sd[..., None]
+    rows = rows.reshape(size * count, -1)
+    normal = rows.T @ rows
+    normal[:width, :width] += about.prior()
+    dials = np.arange(width, width + 3 * size)
+    normal[dials, dials] += RIG_SD**-2.0
+    spread = np.linalg.inv(normal)[-count:, -count:]
+    worst = max(np.linalg.eigvalsh(spread[part, part])[-1] for part in (slice(0, 3), slice(3, 6)))
+    assert least_drift(plan) == pytest.approx(3.0 * np.sqrt(worst), rel=0.02)

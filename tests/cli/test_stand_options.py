@@ -84,3 +84,13 @@ def test_one_sensor(run, tmp_path, column, method):
     # exact readings: what is left is rounding of the sums, 1e-12 of full scale, and of the 12 digits printed
     assert triad["tensor"][0] == pytest.approx(sensor.tolist(), abs=1e-6)
     assert triad["offset"][0] == pytest.approx(17.0, abs=1e-6)
+
+
+def test_positions_visited_twice_are_in_the_plan_and_say_what_they_buy(run):
+    done = run("plan", "twelve", "--repeats", 2, "-o", "plan.csv")
+    assert done.status == 0
+    assert "2 positions visited once more at the end: with them a zero that drifts shows from" in done.out
+    assert run("simulate", "bench", "--plan", "plan.csv", "-o", "readings.csv").status == 0
+    assert run("calibrate", "readings.csv", "--json").json["stations"] == 14
+    done = run("plan", "twelve", "--repeats", 3, "-o", "other.csv")
+    assert (done.status, "allowed: 0, 1 or 2" in done.err) == (2, True)

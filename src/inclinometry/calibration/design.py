@@ -589,6 +589,37 @@ def evaluate_plan(
     return expected_uncertainty(expected, inclination, about.dip)
 
 
+def least_drift(plan: Plan, *, rig_sd: float = RIG_SD, noise: Mapping[str, float] = NOISE, dip: float = DIP) -> float:
+    """Least drift of an offset during the run, relative to the full field, that readings at these positions show.
+
+    Three standard uncertainties of a drift in proportion to time, of the axis and triad that show it least.
+
+    Parameters
+    ----------
+    plan : Plan, its positions in the order of the run
+    rig_sd, noise, dip
+        As for `optimal_plan`.
+
+    Examples
+    --------
+    >>> from inclinometry.calibration.plans import twelve
+    >>> round(least_drift(twelve()), 4), round(least_drift(twelve().repeated(2)), 4)
+    (0.0059, 0.0026)
+    """
+    about = information(rig_sd, noise, dip, None)
+    settings = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
+    model, state = about.model(settings)
+    at = model.linearise(state)
+    root = np.linalg.cholesky(model.station_covariance(at))
+    moved = np.linspace(-0.5, 0.5, len(plan))[:, None, None] * np.eye(len(about.full))
+    drift = np.linalg.solve(root, moved).reshape(-1, len(about.full))
+    rows = np.linalg.solve(root, at.jacobian).reshape(len(drift), -1)
+    carried = np.linalg.solve(rows.T @ rows + about.prior(), rows.T @ drift)
+    seen = drift.T @ drift - (drift.T @ rows) @ carried
+    least = min(float(np.linalg.eigvalsh(seen[own, own])[0]) for own in (slice(0, 3), slice(3, 6)))
+    return 3.0 / float(np.sqrt(max(least, 1e-12)))
+
+
 def _problem(
     about: Information, criterion: Criterion, inclination_range: tuple[float, float], captured: Array, candidates: Array
 ) -> Problem:

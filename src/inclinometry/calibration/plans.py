@@ -36,6 +36,20 @@ class Plan(Tabular):
     def __len__(self) -> int:
         return len(self.azimuth)
 
+    def repeated(self, count: int) -> Plan:
+        """With its first position (and the one half-way) visited once more at the end, so that a drift shows.
+
+        Examples
+        --------
+        >>> twelve().repeated(2).to_dict()["azimuth_deg"][-2:]
+        array([ 0., 90.])
+        """
+        if count not in (0, 1, 2):
+            raise InputError(f"repeats is {count}; allowed: 0, 1 or 2 positions visited once more")
+        rows = np.concatenate([np.arange(len(self)), np.array([0, len(self) // 2])[:count]])
+        own = (*self.roll_set, *[""] * count) if self.roll_set else ()
+        return Plan(self.name, self.azimuth[rows], self.inclination[rows], self.toolface[rows], own)
+
     def to_dict(self) -> dict[str, Column]:
         """One row a station: the settings, under the names they have in a file."""
         found = {"station": [str(i + 1) for i in range(len(self))], **in_degrees(self, *DIALS)}

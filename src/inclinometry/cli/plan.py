@@ -30,6 +30,7 @@ def plan(
     rolls: int | None = None,
     azimuths: int | None = None,
     seed: int | None = None,
+    repeats: int = 0,
     json: Json = False,
 ) -> None:
     """Write the rig settings of a calibration plan.
@@ -60,8 +61,10 @@ def plan(
         Equal azimuths of twelve at which the tool lies; 3 when not given.
     seed
         Of the search for an optimal plan; 1 when not given.
+    repeats
+        Positions visited once more at the end, 1 or 2: they show sensors that drift during the run.
     """
-    from inclinometry.workflow.plan import advice, make_plan, plan_file
+    from inclinometry.workflow.plan import advice, gain_of_repeats, make_plan, plan_file
 
     output.claim({"--output": output_}, {"plan": plan_file(name)})
     with output.working("searching the plan") as progress:
@@ -79,12 +82,17 @@ def plan(
             seed=seed,
             progress=progress,
         )
-    write_plan(found, output_)
+    whole = found.repeated(repeats)
+    gain = gain_of_repeats(found, repeats) if repeats and name != "six" else ""
+    write_plan(whole, output_)
     output.warnings(advice(name))
     if json:
-        output.print_json({"plan": found.name, "stations": len(found), "output": output_, "warnings": advice(name)})
-    else:
-        output.say(f"{found.name}: {output.counted(len(found), 'station')} written to {output_}")
+        told = {"plan": found.name, "stations": len(whole), "output": output_, "warnings": advice(name)}
+        output.print_json(told | ({"repeats": gain} if gain else {}))
+        return
+    output.say(f"{found.name}: {output.counted(len(whole), 'station')} written to {output_}")
+    if gain:
+        output.say(f"  {output.counted(repeats, 'position')} visited once more at the end: {gain}")
 
 
 def readings(
