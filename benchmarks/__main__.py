@@ -1,6 +1,6 @@
 """Run every benchmark, print its tables, and write the figures that docs/figures.md quotes.
 
-    python -m benchmarks [--quick]
+    python -m benchmarks [--quick] [--only NAME ...]
 
 Results go to bench-output/NAME.json; the table in docs/figures.md between its bench markers is rewritten from them.
 """
@@ -26,11 +26,12 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a tenth of the draws, docs/figures.md left alone")
+    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, help="these alone; other figures stay")
     options = parser.parse_args()
     folder = Path("bench-output")
     folder.mkdir(exist_ok=True)
     results = {}
-    for name in NAMES:
+    for name in options.only:
         print(f"\n== {name} ==", flush=True)
         module = importlib.import_module(f"benchmarks.{name}")
         known = {"draws": DRAWS[name] // (10 if options.quick else 1)} if name in DRAWS else {}
@@ -39,7 +40,8 @@ def main() -> None:
         (folder / f"{name}.json").write_text(json.dumps(results[name], indent=1) + "\n", encoding="utf-8")
     if not options.quick:
         figures.update(results, Path("docs/figures.md"))
-        stand.update(results["stand"], Path("docs/methods/identification.md"))
+        if "stand" in results:
+            stand.update(results["stand"], Path("docs/methods/identification.md"))
 
 
 if __name__ == "__main__":

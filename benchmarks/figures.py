@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from benchmarks.joint import AS_A_USER
@@ -14,11 +15,18 @@ WARM_UP = "warm-up 20"
 
 
 def update(results: dict, page: Path) -> None:
-    """Rewrite the table between the markers, and the picture above it."""
+    """Rewrite the table between the markers, and the picture above it; rows of what was not run stay."""
     text = page.read_text(encoding="utf-8")
     before, rest = text.split(START)
     _, after = rest.split(END)
-    rows = "\n".join(f"| {what} | {found} | {reference} |" for what, found, reference in table(results))
+    lines = [line.strip("| ") for line in rest.removesuffix(after).splitlines() if line.startswith("| ")]
+    stood = dict(line.split(" | ", 1) for line in lines[1:])
+    found = {what: f"{value} | {reference}" for what, value, reference in table(results)}
+    names = list(stood)
+    for what, before_it in zip(found, [None, *found], strict=False):
+        if what not in stood:
+            names.insert(names.index(before_it) + 1 if before_it in names else len(names), what)
+    rows = "\n".join(f"| {what} | {(stood | found)[what]} |" for what in names)
     block = f"{START}\n| what | found | beside |\n|---|---|---|\n{rows}\n{END}"
     page.write_text(before + block + after, encoding="utf-8")
     figure, _ = methods_compared(200)
@@ -26,19 +34,16 @@ def update(results: dict, page: Path) -> None:
 
 
 def table(results: dict) -> list[tuple[str, str, str]]:
-    """Rows of what, found, beside."""
-    accuracy = [
-        *_joint(results["joint"]),
-        *_closed(results),
-        *_real(results["real_data"]),
-        *_gyro(results),
-        *_wells(results),
-        *_motion(results),
-    ]
-    return [*accuracy, *_speed(results)]
+    """Rows of what, found, beside, of the benchmarks that were run."""
+    rows: list[tuple[str, str, str]] = []
+    for part in (_joint, _closed, _real, _gyro, _wells, _motion, _speed):
+        with suppress(KeyError):
+            rows += part(results)
+    return rows
 
 
-def _joint(joint: dict) -> list[tuple[str, str, str]]:
+def _joint(results: dict) -> list[tuple[str, str, str]]:
+    joint = results["joint"]
     ratios = [v for case in joint["scenarios"].values() for v in case["rmse over bound"].values()]
     squared = [case["normalised squared error"] for case in joint["scenarios"].values()]
     rows = [
@@ -62,7 +67,7 @@ def _joint(joint: dict) -> list[tuple[str, str, str]]:
         own = rms["joint as a user runs it"]["azimuth"]
         rows.append(
             (
-                f"the same as a user runs it: all estimated, default priors, causes looked for, {AS_A_USER} tools",
+                f"the same, {plan} positions, as a user runs it: all estimated, default priors, {AS_A_USER} tools",
                 " / ".join(f"{own[i]:.3f}°" for i in (1, 2, 4)),
                 "variances and priors known " + " / ".join(f"{ours[i]:.3f}°" for i in (1, 2, 4)),
             )
@@ -83,7 +88,8 @@ def _closed(results: dict) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _real(real: dict) -> list[tuple[str, str, str]]:
+def _real(results: dict) -> list[tuple[str, str, str]]:
+    real = results["real_data"]
     xsens = real["xsens"]
     rows = [
         (
