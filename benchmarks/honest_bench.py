@@ -145,7 +145,7 @@ def drawn(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> tuple[di
         seen["accelerometer"][k] = g + products @ (g * np.roll(g, -1))
         seen["magnetometer"][k] = turn @ (field + moving) + turn_z(toolface) @ held + pulled @ g
     signals, truth = {}, {}
-    time = np.linspace(-0.5, 0.5, size)[:, None]  # the tool is that of the middle of the run
+    time = np.linspace(-1.0, 0.0, size)[:, None]  # the tool is that of the end of the run, when it leaves the stand
     of = {
         "accelerometer": (GRAVITY, 2e-5, scene.drift[0], scene.wander[0]),
         "magnetometer": (FIELD, 20.0 / FIELD, scene.drift[1] / FIELD, scene.wander[1] / FIELD),
@@ -155,7 +155,8 @@ def drawn(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> tuple[di
         y = seen[kind] @ tensor.T
         square, cube = scene.bent * rng.choice([-1.0, 1.0], (2, 3))
         y = y + square * y**2 + cube * y**3 + offset
-        y = y * (1.0 + scene.drift[2] * time) + drift * time + np.cumsum(step * rng.standard_normal(y.shape), axis=0)
+        walk = np.cumsum(step * rng.standard_normal(y.shape), axis=0)
+        y = y * (1.0 + scene.drift[2] * time) + drift * time + walk - walk[-1]
         y = y + noise * rng.standard_normal(y.shape)
         if scene.bits:
             least = 4.0 / 2**scene.bits

@@ -87,6 +87,19 @@ def invisible() -> dict[str, str]:
         "turns in V-blocks on the housing",
     )
     pulled = 30.0 / FIELD * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    turns = "rolls by 45 degrees, inclinations between; plan optimal"
+    add(
+        "tool: cubic part of the accelerometer, positions along the axes",
+        "3e-4",
+        *_moved(lambda g: g + 3e-4 * (g**3 - g), lambda g, b, t: b, at=60.0),
+        turns,
+    )
+    add(
+        "tool: the accelerometer multiplies its axes, positions along them",
+        "1e-3",
+        *_moved(lambda g: g + 1e-3 * g * np.roll(g, -1, axis=-1), lambda g, b, t: b, at=60.0),
+        turns,
+    )
     add(
         "tool: magnetometer feels gravity, 12 positions",
         "30 nT/g",

@@ -183,6 +183,8 @@ def outlier_warnings(readings: BenchReadings, outliers: Sequence[Outlier], remov
         if outlier.dial is not None:
             off = np.degrees(outlier.error)
             what = f"its {outlier.dial} dial seems misread: the tool stood {off:+.2f} deg from the setting"
+            if "azimuth" in outlier.dial and "magnetometer" in readings.channels:
+                what = f"{what}, or the field was disturbed there"
         elif outlier.channel is not None:
             what = f"channel {channels[outlier.channel]} jumped"
         else:

@@ -25,6 +25,7 @@ from inclinometry.calibration.structured import (
     bent,
     evidence,
     fit_structured,
+    moves_in_time,
     not_excluded,
     repeating_sentences,
     structure_first,
@@ -185,6 +186,8 @@ def calibrate_joint(
         fitted, shown = fit_structured(fitted, free_noise, free_rig)
         warnings += repeating_sentences(fitted) if free_rig else []
         warnings += [f"the readings show that {what}" for what in shown]
+        if any(moves_in_time(what) for what in shown):
+            warnings.append("the calibration is that of the end of the run, since the tool changed during it")
     used = readings.take(kept)
     named = direct.outlier_warnings(readings, outliers, robust)
     best = fitted if robust or not outliers else without

@@ -30,6 +30,8 @@ from inclinometry.sensors import Tool, angle_sensitivity
 _BENT: Final = 1e-3
 """Usual quadratic and cubic part of a sensor's response, its drift, and products of an accelerometer's axes, of full
 scale."""
+_CUBIC: Final = 3e-4
+"""Usual cubic part where it is all there is: of a servo accelerometer, of a fluxgate in a closed loop."""
 _CRADLE: Final = 4e-3
 """Usual field of a magnetised cradle: 200 nT of 50,000."""
 _BY_GRAVITY: Final = {"magnetometer": 6e-4, "gyro": 0.02}
@@ -112,10 +114,11 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
     model, state = fitted.model, fitted.state
     size, count = fitted.at.residual.shape
     matrix = orientation(model.settings + state.errors, state.nuisance)[0]
+    # the tool is that of the end of the run: drift and walk are counted from there
     # a random walk by its largest components (Karhunen and Loeve); what is left of it is like noise
-    left, spread, _ = np.linalg.svd(np.tri(size, size - 1, -1), full_matrices=False)
+    left, spread, _ = np.linalg.svd(np.tri(size, size - 1, -1)[::-1], full_matrices=False)
     walk = (left * spread)[:, : min(8, size - 1)]
-    time = np.linspace(-0.5, 0.5, size)[:, None]
+    time = np.linspace(-1.0, 0.0, size)[:, None]
     start = 0
     for kind, signals in model.signals.items():
         at = np.arange(start, start + signals.shape[1])
@@ -141,6 +144,8 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
             yield Block(name, own.reshape(size, count, -1), (1.0, 3.0, 10.0), stays=False)
         yield Block(f"the {kind} drifts during the run", each(_BENT * drift))
         yield Block(_NOT_LINEAR.format(kind), each(_BENT * np.stack([share**2, share**3], axis=2)))
+        # apart, since where axes read nothing but 0 and full scale it looks like a scale and the square does not
+        yield Block(f"the response of the {kind} has a cubic part", each(_CUBIC * share[..., None] ** 3))
         yield Block(f"the offset of the {kind} wanders from station to station", each(walk), _WANDER)
         if kind == "accelerometer":
             products = seen * np.roll(seen, -1, axis=1)
@@ -222,6 +227,11 @@ def fit_structured(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tupl
         except ConvergenceError:
             return fitted, chosen
         chosen.append(best.block.name)
+
+
+def moves_in_time(name: str) -> bool:
+    """Whether the block of this name is a change of the tool during the run."""
+    return "drifts" in name or "wanders" in name
 
 
 def bent(fitted: Fitted) -> dict[str, Array]:
