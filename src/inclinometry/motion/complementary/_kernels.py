@@ -165,18 +165,24 @@ def _add(p: Array, i: int, j: int, value: float) -> None:
 
 
 @inlined
-def update(p: Array, dx: Array, gain: Array, place: int, variance: float, residual: float) -> None:
-    """Direct observation of one error state; `residual` as it was before the block's other observations."""
-    s = p[place, place] + variance
-    left = residual - dx[place]
-    for i in range(STATES):
-        gain[i] = p[i, place]
+def _correct(p: Array, dx: Array, gain: Array, s: float, left: float) -> None:
+    """Correction and covariance by a scalar observation: `gain` is P h, `s` its variance h'P h + r."""
     for i in range(STATES):
         k = gain[i] / s
         dx[i] += k * left
         for j in range(i, STATES):
             p[i, j] -= k * gain[j]
             p[j, i] = p[i, j]
+
+
+@inlined
+def update(p: Array, dx: Array, gain: Array, place: int, variance: float, residual: float) -> None:
+    """Direct observation of one error state; `residual` as it was before the block's other observations."""
+    s = p[place, place] + variance
+    left = residual - dx[place]
+    for i in range(STATES):
+        gain[i] = p[i, place]
+    _correct(p, dx, gain, s, left)
 
 
 @inlined
@@ -199,12 +205,7 @@ def update_bias(p: Array, dx: Array, gain: Array, h: tuple[float, float, float],
         gain[i] = h[0] * p[i, BIAS] + h[1] * p[i, BIAS + 1] + h[2] * p[i, BIAS + 2]
     for k in range(3):
         s += h[k] * gain[BIAS + k]
-    for i in range(STATES):
-        k = gain[i] / s
-        dx[i] += k * left
-        for j in range(i, STATES):
-            p[i, j] -= k * gain[j]
-            p[j, i] = p[i, j]
+    _correct(p, dx, gain, s, left)
 
 
 @inlined
@@ -473,7 +474,7 @@ def _solve_iron(nav: Array, p: Array, slow: Array, par: Array) -> None:
 
 @inlined
 def predict(nav: Array, p: Array, block: Array, slow: Array, par: Array, inverse: float) -> None:
-    """Estimate and covariance to the end of the bloc"""
+    """Estimate and covariance to the end of the block."""
     t = par[TAU]
     for i in range(2):
         nav[N_SWAY + i] += t * nav[N_SPEED + i] + block[B_TWO + i]
