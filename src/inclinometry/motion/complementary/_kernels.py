@@ -26,12 +26,13 @@ B_RATE2, B_GRAVITY2, B_FIELD2, B_HELD, BLOCK = 25, 26, 27, 28, 29
 # places in `slow`, what lasts longer than a block: low-passed rate and gravity, time at rest, misfit of the field (in
 # its squared unevenness) smoothed and judged, time it was rejected, the moving sums that find hard iron, another field
 # that may be the new one: its strength across and along gravity and how long it was seen; the trend of the rate; time
-# in motion; 1 while calm; of the stretch of calm being watched: blocks, the length (s) at which it is looked at next,
+# in motion; of sway, speed and field what `lasting` keeps; 1 while calm; of the stretch of calm being watched: blocks, the length (s) at which it is looked at next,
 # sum of squared times at the last look, 1 where that found it at rest; for gravity and the field what `_watch` keeps
 S_RATE, S_GRAVITY, S_READY, S_REST, S_MISFIT, S_JUDGED, S_REJECTED = 0, 3, 6, 7, 8, 9, 10
 S_COUNT, S_MATRIX, S_LEVEL, S_FIELD, S_FIELD2, S_ON, S_SOLVE = 11, 12, 21, 24, 27, 28, 29
 S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED = 30, 31, 32, 33, 36
-S_CALM, S_BLOCKS, S_LOOK, S_SPREAD, S_RESTS, S_SEEN_GRAVITY, S_SEEN_FIELD, SLOW = 37, 38, 39, 40, 41, 42, 62, 82
+S_SWAYS, S_MOVES, S_EXCESS, S_STRAYS = 37, 40, 43, 44
+S_CALM, S_BLOCKS, S_LOOK, S_SPREAD, S_RESTS, S_SEEN_GRAVITY, S_SEEN_FIELD, SLOW = 47, 48, 49, 50, 51, 52, 72, 92
 # of a vector v in tool axes, less the turn the gyro reads: the last one, sums of it, of it times its place, of v, the
 # turn itself, sum of it times its time at the last look (3 each); sums of its squares and of its squared steps
 W_LAST, W_SUM, W_MOMENT, W_V, W_TURN, W_USED, W_SQUARE, W_STEP, WATCH = 0, 3, 6, 9, 12, 15, 18, 19, 20
@@ -40,8 +41,8 @@ W_LAST, W_SUM, W_MOMENT, W_V, W_TURN, W_USED, W_SQUARE, W_STEP, WATCH = 0, 3, 6,
 (
     DT, TAU, G, R_SWAY, R_SPEED, R_BIAS, R_FIELD, UNEVEN, FRESH, Q_NOISE, Q_RATE, Q_BIAS, Q_FIELD, GATE, REST_RATE,
     REST_GRAVITY, REST_BOUND, REST_TIME, A_REST, A_MISFIT, KEEP, IRON, ACCEPT, USE_MAG, START, P_BIAS, P_SPEED,
-    P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, LONGEST, LEAST_TURN, PAR,
-) = range(36)  # fmt: skip
+    P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, LONGEST, LEAST_TURN, A_SWAY, A_SPEED, A_FIELD, A_LASTING, MOST_SWAY, MOST_SPEED, PAR,
+) = range(42)  # fmt: skip
 
 
 @inlined
@@ -494,13 +495,42 @@ def predict(nav: Array, p: Array, block: Array, slow: Array, par: Array, inverse
 
 
 @inlined
+def lasting(kept: Array, first: float, second: float, share: float, memory: float) -> float:
+    """Variance of an observation that would be white and yet leave as much as its two residuals leave when low-passed.
+
+    `kept` are the two low-passed residuals, which take in `share` of a new one, and the mean square over a `memory`.
+    What swings slower than the filter takes for noise passes for a slope, or turns the heading, and shows here first.
+    """
+    kept[0] += share * (first - kept[0])
+    kept[1] += share * (second - kept[1])
+    now = 0.5 * (kept[0] * kept[0] + kept[1] * kept[1]) * (2.0 - share) / share
+    kept[2] += memory * (now - kept[2])
+    # of a moment alone what white noise does once in eight thousand moments (chi-square of 2 degrees of freedom)
+    worst: float = max(kept[2], now / 9.0)
+    return worst
+
+
+@inlined
 def observe(nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array, resting: bool) -> None:
-    """Sway and, at rest, speed are nil; the bias of a calm tool."""
+    """Sway and, at rest, speed are nil; the bias of a calm tool.
+
+    Where they last longer than noise they are believed less, within limits: a level frame that leans sways as well.
+    What is beyond them counts in the covariance alone.
+    """
+    known = 0.5 * (p[SWAY, SWAY] + p[SWAY + 1, SWAY + 1])
+    seen = lasting(slow[S_SWAYS:S_MOVES], nav[N_SWAY], nav[N_SWAY + 1], par[A_SWAY], par[A_LASTING])
+    variance = min(max(par[R_SWAY], seen - known), par[MOST_SWAY])
+    excess = seen / (variance + known)
     for i in range(2):
-        update(p, dx, gain, SWAY + i, par[R_SWAY], -nav[N_SWAY + i])
+        update(p, dx, gain, SWAY + i, variance, -nav[N_SWAY + i])
     if resting:
+        known = 0.5 * (p[SPEED, SPEED] + p[SPEED + 1, SPEED + 1])
+        seen = lasting(slow[S_MOVES:S_EXCESS], nav[N_SPEED], nav[N_SPEED + 1], par[A_SPEED], par[A_LASTING])
+        variance = min(max(par[R_SPEED], seen - known), par[MOST_SPEED])
+        excess = max(excess, seen / (variance + known))
         for i in range(2):
-            update(p, dx, gain, SPEED + i, par[R_SPEED], -nav[N_SPEED + i])
+            update(p, dx, gain, SPEED + i, variance, -nav[N_SPEED + i])
+    slow[S_EXCESS] = max(excess - 1.0, 0.0)
     observe_bias(nav, p, dx, gain, block, slow, par)
 
 

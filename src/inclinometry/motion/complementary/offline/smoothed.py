@@ -56,6 +56,10 @@ def complementary_smoothed(samples: Samples, settings: ComplementarySettings | N
     return second.rows(change, spread)
 
 
+SPOILT_S = 5.0
+"""s, before and after a sway that lasts, of rows that it spoils."""
+
+
 class _Pass:
     """A forward run with the record of its blocks, starting from what an earlier one found."""
 
@@ -118,6 +122,8 @@ class _Pass:
 
     def rows(self, change: Array, spread: Array) -> Attitude:
         """Every sample, or every k-th, smoothed."""
+        from scipy.ndimage import maximum_filter1d
+
         from inclinometry.motion.complementary.offline import _recursions as smoother
 
         head, tail = self.forward
@@ -126,6 +132,10 @@ class _Pass:
         count = flags.size
         quaternion, covariance = np.empty((count, 4)), np.empty((count, 3, 3))
         rate, quality = np.empty(count), np.empty(count)
+        # a sway that lasts spoils what the backward pass makes of the blocks before it as well
+        excess, reach = self.history[:, self.f.H_EXCESS], round(SPOILT_S / self.settings.update_s)
+        if excess.size:
+            excess[:] = maximum_filter1d(excess, 2 * reach + 1)
         moved = float(self.state[self.f.AT_SLOW + self.k.S_MOVED])
         smoother.write_rows(
             self.gyro, self.good, self.par, self.size, self.settings.every, self.start, moved, self.history,
