@@ -250,9 +250,10 @@ def parameters(interval: float, settings: ComplementarySettings, magnetometer: b
         k.A_SWAY: -np.expm1(-0.2 * t / s.sway_s),
         k.A_SPEED: -np.expm1(-t / 4.0),  # s
         k.A_FIELD: -np.expm1(-t / s.unevenness_s),
-        k.A_LASTING: -np.expm1(-t / 10.0),  # s over which what lasts is judged
+        k.A_LASTING: -np.expm1(-t / 15.0),  # s over which what lasts is judged
         k.MOST_SWAY: 3.0 * s.sway_m**2 * s.sway_s / t,
         k.MOST_SPEED: 1.0**2,  # m/s: from there on it says nothing
+        k.A_DOUBT: -np.expm1(-t / 100.0),  # s over which the mean field is a mean
         k.LEAST_SLOPE: (s.accel_error / s.gravity) ** 2,
     }
     for place, value in values.items():

@@ -58,6 +58,8 @@ def complementary_smoothed(samples: Samples, settings: ComplementarySettings | N
 
 SPOILT_S = 5.0
 """s, before and after a sway that lasts, of rows that it spoils."""
+DOUBTED_S = 60.0
+"""s, before and after a field that lies, of rows whose azimuth is doubtful."""
 
 
 class _Pass:
@@ -132,10 +134,11 @@ class _Pass:
         count = flags.size
         quaternion, covariance = np.empty((count, 4)), np.empty((count, 3, 3))
         rate, quality = np.empty(count), np.empty(count)
-        # a sway that lasts spoils what the backward pass makes of the blocks before it as well
-        excess, reach = self.history[:, self.f.H_EXCESS], round(SPOILT_S / self.settings.update_s)
-        if excess.size:
-            excess[:] = maximum_filter1d(excess, 2 * reach + 1)
+        # what lasts spoils what the backward pass makes of the blocks before it as well
+        for place, seconds in ((self.f.H_EXCESS, SPOILT_S), (self.f.H_DOUBT, DOUBTED_S)):
+            if len(self.history):
+                reach = round(seconds / self.settings.update_s)
+                self.history[:, place] = maximum_filter1d(self.history[:, place], 2 * reach + 1)
         moved = float(self.state[self.f.AT_SLOW + self.k.S_MOVED])
         smoother.write_rows(
             self.gyro, self.good, self.par, self.size, self.settings.every, self.start, moved, self.history,
