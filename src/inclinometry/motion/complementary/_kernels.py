@@ -26,16 +26,26 @@ B_RATE2, B_GRAVITY2, B_FIELD2, B_HELD, BLOCK = 25, 26, 27, 28, 29
 # places in `slow`, what lasts longer than a block: low-passed rate and gravity, time at rest, misfit of the field (in
 # its squared unevenness) smoothed and judged, time it was rejected, the moving sums that find hard iron, another field
 # that may be the new one: its strength across and along gravity and how long it was seen; the trend of the rate; time
-# in motion; of sway and speed what `lasting` keeps, and the share beyond what is believed; what of the
-# field across and along gravity is not as known, low-passed, how long that has lasted, and how far it has pulled the
-# known one; variance of the heading's field while it lasts, and by the pull; 1 while calm; of the stretch of calm being
-# watched: blocks, the length (s) at which it is looked at next,
-# sum of squared times at the last look, 1 where that found it at rest; for gravity and the field what `_watch` keeps
+# in motion; of sway and speed what `lasting` keeps, and the share beyond what is believed; what of the field across
+# and along gravity is not as known, low-passed, how long that has lasted, and how far it has pulled the known one;
+# variance of the heading's field while it lasts, and by the pull; the largest of both so far; 1 while calm; of the
+# stretch of calm being watched: blocks, the length (s) at which it is looked at next, sum of squared times at the last
+# look, 1 where that found it at rest; for gravity and the field what `_watch` keeps
 S_RATE, S_GRAVITY, S_READY, S_REST, S_MISFIT, S_JUDGED, S_REJECTED = 0, 3, 6, 7, 8, 9, 10
 S_COUNT, S_MATRIX, S_LEVEL, S_FIELD, S_FIELD2, S_ON, S_SOLVE = 11, 12, 21, 24, 27, 28, 29
 S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED = 30, 31, 32, 33, 36
-S_SWAYS, S_MOVES, S_EXCESS, S_STRAYS, S_STRANGE, S_PULLED, S_FOREIGN, S_DOUBT = 37, 40, 43, 44, 46, 47, 49, 50
-S_CALM, S_BLOCKS, S_LOOK, S_SPREAD, S_RESTS, S_SEEN_GRAVITY, S_SEEN_FIELD, SLOW = 51, 52, 53, 54, 55, 56, 76, 96
+S_SWAYS, S_MOVES, S_EXCESS, S_STRAYS, S_STRANGE, S_PULLED, S_FOREIGN, S_DOUBT, S_WORST = (
+    37,
+    40,
+    43,
+    44,
+    46,
+    47,
+    49,
+    50,
+    51,
+)
+S_CALM, S_BLOCKS, S_LOOK, S_SPREAD, S_RESTS, S_SEEN_GRAVITY, S_SEEN_FIELD, SLOW = 52, 53, 54, 55, 56, 57, 77, 97
 # of a vector v in tool axes, less the turn the gyro reads: the last one, sums of it, of it times its place, of v, the
 # turn itself, sum of it times its time at the last look (3 each); sums of its squares and of its squared steps
 W_LAST, W_SUM, W_MOMENT, W_V, W_TURN, W_USED, W_SQUARE, W_STEP, WATCH = 0, 3, 6, 9, 12, 15, 18, 19, 20
@@ -403,9 +413,10 @@ def _doubt_field(dx: float, dz: float, known: float, slow: Array, par: Array) ->
     slow[S_PULLED] += gain * dx - par[A_DOUBT] * slow[S_PULLED]
     slow[S_PULLED + 1] += gain * dz - par[A_DOUBT] * slow[S_PULLED + 1]
     # three times the mean square of two components: they tell little of a third (Student's, 2 degrees of freedom)
-    pulled = 1.5 * (slow[S_PULLED] ** 2 + slow[S_PULLED + 1] ** 2)
-    slow[S_FOREIGN] = 3.0 * strays * slow[S_STRANGE] * par[A_DOUBT] / par[TAU]
-    slow[S_DOUBT] = max(pulled - 0.3 * par[UNEVEN], 0.0)
+    pulled = 2.4 * (slow[S_PULLED] ** 2 + slow[S_PULLED + 1] ** 2)
+    slow[S_FOREIGN] = 4.8 * strays * slow[S_STRANGE] * par[A_DOUBT] / par[TAU]
+    slow[S_DOUBT] = max(pulled - 0.2 * par[UNEVEN], 0.0)
+    slow[S_WORST] = max(slow[S_WORST], slow[S_FOREIGN] + slow[S_DOUBT])
 
 
 @inlined
@@ -558,7 +569,7 @@ def observe(nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Ar
         excess = max(excess, seen / (variance + known))
         for i in range(2):
             update(p, dx, gain, SPEED + i, variance, -nav[N_SPEED + i])
-    slow[S_EXCESS] = max(excess - 1.0, 0.0)
+    slow[S_EXCESS] = max(2.0 * excess - 1.0, 0.0)
     observe_bias(nav, p, dx, gain, block, slow, par)
 
 

@@ -159,9 +159,20 @@ class ComplementaryStream:
                 f"{drift:.2g} deg (standard deviation)",
             )
         iron = state[kernels.N_IRON : kernels.N_IRON + 3]
-        if not iron.any():
-            return ()
-        return (f"hard iron of {', '.join(f'{value:.0f}' for value in iron)} nT (x, y, z) was found and removed",)
+        said = []
+        if iron.any():
+            said.append(
+                f"hard iron of {', '.join(f'{value:.0f}' for value in iron)} nT (x, y, z) was found and removed"
+            )
+        doubt = float(state[self._kernel.AT_SLOW + kernels.S_WORST])
+        level = float(np.hypot(state[kernels.N_FIELD], state[kernels.N_FIELD + 1]))
+        if doubt > self.settings.unevenness**2:
+            added = min(float(np.degrees(np.sqrt(doubt) / max(level, 1.0))), 180.0)
+            said.append(
+                "strength or dip of the field changed for longer than unevenness lasts: up to "
+                f"{added:.2g} deg of uncertainty were added to the azimuth"
+            )
+        return tuple(said)
 
 
 def complementary_attitude(samples: Samples, settings: ComplementarySettings | None = None) -> Attitude:
