@@ -12,6 +12,7 @@ from inclinometry.constants import STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.errors import InputError
 from inclinometry.motion.magnetic.clocks import (
     EVIDENCE_S,
+    SIGNIFICANT,
     Clocks,
     clock_notes,
     clocks,
@@ -260,6 +261,7 @@ def _fields(
         known.met,
         known.sighted,
     )
+    constants = _levelled(constants, known, d, abs(complex(g.value[0])), clipped > 0.0)
     return WindowFit(
         gravity=gravity,
         field=np.array([b.value[0].real, b.value[0].imag, bz.value[0].real]),
@@ -280,6 +282,38 @@ def _fields(
         stepped=clock.stepped,
         whirl=whirl,
     )
+
+
+def _levelled(
+    constants: ToolConstants, known: ToolConstants, d: Demodulated, across: float, clipped: bool
+) -> ToolConstants:
+    """What axial gravity takes over of omega^2, told by the difference to the window before too, of other speeds.
+
+    Within a window of few seconds the speed hardly changes; the hole points where it did, so that mean axial gravity
+    changes by the couplings alone.
+    """
+    of, rows = basis(d.rate.size), axial_regressors(d)
+    free = np.zeros((1, 1), dtype=np.complex128)
+    mean = fit(of, d.axial_gravity, rows[:, :1], np.zeros(1, dtype=np.complex128), free, known.trust[2])
+    weighed = (mean.gain @ (of.tapers @ rows[:, 1:])).real
+    now = float(mean.value[0].real), float(weighed[0]), float(weighed[1]), float(mean.covariance[0, 0].real)
+    before = known.levelled
+    if clipped:
+        return replace(constants, levelled=before)
+    if before is not None:
+        bends = 5e-4  # rad, by which a string that turns otherwise bends a tool otherwise
+        slopes = np.subtract(now[1:3], before[1:3])
+        off = now[0] - before[0] - float(slopes @ constants.axial)
+        gain = constants.axial_covariance @ slopes
+        variance = float(slopes @ gain) + now[3] + before[3] + (bends * across) ** 2
+        # five standard deviations: the hole has been left
+        if off**2 < SIGNIFICANT**2 * variance:
+            constants = replace(
+                constants,
+                axial=constants.axial + gain * off / variance,
+                axial_covariance=constants.axial_covariance - np.outer(gain, gain) / variance,
+            )
+    return replace(constants, levelled=now)
 
 
 def _by_offset(of: Basis, d: Demodulated, g: BandFit, b: BandFit) -> Array:
