@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -107,6 +108,27 @@ def measured(
     )
 
 
+def handled(seconds: float = 200.0) -> Array:
+    """Matrices of a tool that is turned and tilted by hand."""
+    time = INTERVAL * np.arange(round(seconds / INTERVAL))
+    swing, sway = np.sin(2.0 * np.pi * time / 37.0), np.sin(2.0 * np.pi * time / 11.0)
+    return dcm(
+        np.radians(30.0 + 2.0 * time), np.radians(50.0 + 25.0 * swing), np.radians(100.0 + 5.0 * time + 40 * sway)
+    )
+
+
+def near_steel(matrix: Array, seed: int, strength: float, when: tuple[float, float]) -> Run:
+    """Readings of a tool that meets another field, nT, of random direction, from and to these s, within 2 s."""
+    run = measured(matrix, seed)
+    other = np.random.default_rng([seed, 9]).normal(size=3)
+    other *= strength / np.linalg.norm(other)
+    time = run.samples.time
+    share = np.clip((time - when[0]) / 2.0, 0.0, 1.0) * np.clip((when[1] - time) / 2.0, 0.0, 1.0)
+    assert run.samples.mag is not None
+    mag = run.samples.mag + share[:, None] * (matrix @ other)
+    return run._replace(samples=replace(run.samples, mag=mag))
+
+
 def station(run: Run, place: int) -> Attitude:
     """A north-seeking station at a sample, with its errors drawn."""
     matrix = run.matrix[place]
@@ -173,6 +195,7 @@ METHODS_OF: dict[str, Callable[[Run], Attitude]] = {
 }
 TOLD = {"filter": with_field(inertial_attitude, MEMS), "smoother": with_field(smoothed_attitude, MEMS)}
 UNTOLD = {name: METHODS_OF[name] for name in TOLD}
+LIGHT = {name: METHODS_OF[name] for name in ("complementary", "complementary, smoothed")}
 GYRO = {name: METHODS_OF[name] for name in ("gyro alone", "between stations")}
 CASES: dict[str, tuple[Callable[[int], Run], dict[str, Callable[[Run], Attitude]]]] = {
     **{
@@ -191,6 +214,17 @@ CASES: dict[str, tuple[Callable[[int], Run], dict[str, Callable[[Run], Attitude]
         lambda seed: measured(turning(0.1, 40.0, 100.0), seed, heave=0.1, along_tool=True, period=15.0),
         METHODS_OF,
     ),
+    "heave along the tool, 30 s": (
+        lambda seed: measured(turning(0.1, 40.0, 100.0), seed, heave=0.1, along_tool=True, period=30.0),
+        LIGHT,
+    ),
+    "heave of 1 m/s2, 15 s": (
+        lambda seed: measured(turning(0.1, 40.0, 100.0), seed, heave=1.0, along_tool=True, period=15.0),
+        LIGHT,
+    ),
+    "another field of 4000 nT for 40 s": (lambda seed: near_steel(handled(), seed, 4000.0, (60.0, 100.0)), LIGHT),
+    "another field of 8000 nT for 40 s": (lambda seed: near_steel(handled(), seed, 8000.0, (60.0, 100.0)), LIGHT),
+    "another field of 8000 nT to the end": (lambda seed: near_steel(handled(), seed, 8000.0, (60.0, 200.0)), LIGHT),
     "shaken to a restart": (
         lambda seed: measured(turning(0.2, 40.0, 100.0), seed, shaken=(60.0, 75.0)),
         METHODS_OF,

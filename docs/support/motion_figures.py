@@ -16,7 +16,7 @@ from inclinometry.motion.window_filter import WindowFilterSettings
 from inclinometry.simulate.drilling import SCENARIOS
 from support.figures import table
 
-DRAWS, TOOLS, SEEDS, STRINGS, SLOW_RUNS = 5, 16, 6, 40, 6
+DRAWS, TOOLS, SEEDS, STRINGS, SLOW_RUNS = 5, 16, 6, 40, 24
 VQF = {
     "VQF": {"smooth": (0.014, 2.809), "vibration-5g": (0.026, 2.831), "stick-slip": (0.129, 3.690),
             "sliding": (0.060, 1.066), "fast": (0.042, 13.003)},

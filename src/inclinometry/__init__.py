@@ -94,7 +94,7 @@ _CONTENTS = {
     "attitude_stream": "workflow.dynamic",
     "average_windows": "motion.average",
     "choose_attitude": "motion.choose",
-    "clock_offset": "motion.magnetic.window",
+    "clock_offset": "motion.magnetic.clocks",
     "complementary_attitude": "motion.complementary.filter",
     "complementary_smoothed": "motion.complementary.offline.smoothed",
     "continuous_survey": "motion.inertial.smoother",
@@ -356,7 +356,8 @@ if TYPE_CHECKING:
     from inclinometry.motion.decimate import decimate
     from inclinometry.motion.inertial.filter import gyro_attitude, inertial_attitude
     from inclinometry.motion.inertial.smoother import continuous_survey
-    from inclinometry.motion.magnetic.window import clock_offset, magnetic_attitude
+    from inclinometry.motion.magnetic.clocks import clock_offset
+    from inclinometry.motion.magnetic.window import magnetic_attitude
     from inclinometry.motion.result import Samples
     from inclinometry.motion.static import north_seeking_attitude, static_attitude, static_davenport, static_svd
     from inclinometry.motion.timing import cut_stretches

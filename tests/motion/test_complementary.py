@@ -1,5 +1,7 @@
 """The filter in the almost-inertial frame on motion whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -273,3 +275,41 @@ def test_directions_of_the_covariance():
     spread = np.sqrt(np.diag(level.T @ found.covariance[-1] @ level))
     assert spread[2] == pytest.approx(1200.0 / FIELD[0], rel=0.05)
     assert spread[:2] == pytest.approx(0.03 / 9.81, rel=0.1)
+
+
+def heaving(amplitude, period, seconds=90.0, interval=0.01):
+    """A tool at 45 deg that turns slowly and heaves along itself, m/s^2 and s."""
+    time = interval * np.arange(round(seconds / interval))
+    rate = np.tile([0.0, 0.0, np.radians(0.1)], (time.size, 1))
+    matrices = turned(rate, dcm(1.0, np.pi / 4, 0.2), interval)
+    samples = readings(matrices, rate, interval)
+    along = amplitude * np.sin(2.0 * np.pi * time / period)[:, None] * [0.0, 0.0, 1.0]
+    return matrices, replace(samples, accel=samples.accel - along)
+
+
+@BOTH
+@pytest.mark.parametrize(("amplitude", "period"), [(0.1, 8.0), (0.1, 15.0), (0.1, 30.0), (1.0, 15.0)])
+def test_heave_slower_than_sway_widens_the_slope(method, amplitude, period):
+    matrices, samples = heaving(amplitude, period)
+    found = method(samples)
+    late = slice(3000, None)
+    off_ = found.angles.inclination[late] - np.arccos(matrices[late, 2, 2])
+    # of one phase of heave; over many the benchmark has 0.9 and more
+    assert np.mean(np.abs(off_) < 1.96 * found.u.inclination[late]) > 0.8
+    if amplitude == 1.0:
+        assert "vibration" in found.names(8000)
+        assert np.degrees(np.sqrt(np.mean(off_**2))) < 1.5  # 5.9 deg is what such an acceleration leans gravity by
+
+
+@BOTH
+def test_a_field_that_lies_for_long_widens_the_azimuth(method):
+    rate = wandering(7, 12000, 0.01)
+    matrices = turned(rate, dcm(1.0, 0.8, 0.2), 0.01)
+    field = np.tile(FIELD, (12000, 1))
+    field[4000:8000] += [2000.0, 6000.0, -3000.0]
+    found = method(readings(matrices, rate, 0.01, field=field))
+    heading = np.einsum("nji,nj->ni", matrices, off(found, matrices))[:, 2]
+    assert (np.abs(heading[500:]) < 1.96 * found.u.azimuth[500:]).mean() > 0.9
+    assert "changed for longer than unevenness lasts" in found.notes[-1]
+    clean = method(readings(matrices, rate, 0.01))
+    assert not any("changed for longer" in text for text in clean.notes)

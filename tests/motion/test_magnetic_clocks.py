@@ -9,8 +9,9 @@ import pytest
 
 from inclinometry.earth.site import Site
 from inclinometry.motion.choose import ChooserSettings, choose_attitude
+from inclinometry.motion.magnetic.clocks import clock_offset
 from inclinometry.motion.magnetic.phase import MagneticSettings
-from inclinometry.motion.magnetic.window import clock_offset, magnetic_attitude
+from inclinometry.motion.magnetic.window import magnetic_attitude
 from inclinometry.motion.result import Samples
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
 from inclinometry.simulate.drilling.scenario import MagLag

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from inclinometry.errors import InputError
+from inclinometry.motion.magnetic.clocks import clock_offset
 from inclinometry.motion.magnetic.phase import MagneticSettings
-from inclinometry.motion.magnetic.window import clock_offset, magnetic_attitude
+from inclinometry.motion.magnetic.window import magnetic_attitude
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, simulate_drilling
 from inclinometry.simulate.drilling.scenario import MagLag
 

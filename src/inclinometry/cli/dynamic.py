@@ -20,7 +20,7 @@ from inclinometry.cli.options import (
     SwitchAngle,
     angle,
 )
-from inclinometry.constants import AXIAL_INTERFERENCE, RPM
+from inclinometry.constants import RPM, STRING_INTERFERENCE
 from inclinometry.conventions import Axes, axes_matrix
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import REFERENCES
@@ -60,7 +60,7 @@ def dynamic(
     delay_sd_ms: float = 1e3 * DELAY_SIGMA,
     lag_ms: float = 0.0,
     lag_sd_ms: float = 1e3 * LAG_SIGMA,
-    axial_sd_nt: float = AXIAL_INTERFERENCE,
+    axial_sd_nt: float = STRING_INTERFERENCE,
     scale_sd_percent: float = 1e2 * SCALE_SIGMA,
     gyro_noise_deg_sqrt_h: float | None = None,
     gyro_bias_sd_deg_h: float | None = None,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, within
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import AXIAL_INTERFERENCE, DIP, FIELD_UNITS
+from inclinometry.constants import DIP, FIELD_UNITS, STRING_INTERFERENCE
 from inclinometry.conventions import AXES, Axes, axes_matrix, named
 from inclinometry.earth.site import REFERENCES, Site, convert_azimuth
 from inclinometry.errors import FileError, InputError
@@ -429,7 +429,7 @@ class DynamicOptions:
     block: int = BLOCK
     delay_sigma: float = DELAY_SIGMA
     scale_sigma: float = SCALE_SIGMA
-    axial_sigma: float = AXIAL_INTERFERENCE
+    axial_sigma: float = STRING_INTERFERENCE
     lag: float = 0.0
     lag_sigma: float = LAG_SIGMA
     gyro_noise: float | None = None

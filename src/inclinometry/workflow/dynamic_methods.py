@@ -12,7 +12,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import AXIAL_INTERFERENCE, EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STRING_INTERFERENCE
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.motion.axes import expected_dip
@@ -201,7 +201,7 @@ class Setup:
     window: float
     offsets: Mapping[str, float]
     delay: float = 1e-4
-    axial: float = AXIAL_INTERFERENCE
+    axial: float = STRING_INTERFERENCE
     lag: float = 0.0
     lag_sigma: float = LAG_SIGMA
     coupling: float = MagneticSettings.coupling_sigma

@@ -26,12 +26,26 @@ B_RATE2, B_GRAVITY2, B_FIELD2, B_HELD, BLOCK = 25, 26, 27, 28, 29
 # places in `slow`, what lasts longer than a block: low-passed rate and gravity, time at rest, misfit of the field (in
 # its squared unevenness) smoothed and judged, time it was rejected, the moving sums that find hard iron, another field
 # that may be the new one: its strength across and along gravity and how long it was seen; the trend of the rate; time
-# in motion; 1 while calm; of the stretch of calm being watched: blocks, the length (s) at which it is looked at next,
-# sum of squared times at the last look, 1 where that found it at rest; for gravity and the field what `_watch` keeps
+# in motion; of sway and speed what `lasting` keeps, and the share beyond what is believed; what of the field across
+# and along gravity is not as known, low-passed, how long that has lasted, and how far it has pulled the known one;
+# variance of the heading's field while it lasts, and by the pull; the largest of both so far; 1 while calm; of the
+# stretch of calm being watched: blocks, the length (s) at which it is looked at next, sum of squared times at the last
+# look, 1 where that found it at rest; for gravity and the field what `_watch` keeps
 S_RATE, S_GRAVITY, S_READY, S_REST, S_MISFIT, S_JUDGED, S_REJECTED = 0, 3, 6, 7, 8, 9, 10
 S_COUNT, S_MATRIX, S_LEVEL, S_FIELD, S_FIELD2, S_ON, S_SOLVE = 11, 12, 21, 24, 27, 28, 29
 S_OTHER_ACROSS, S_OTHER_ALONG, S_OTHER_TIME, S_TREND, S_MOVED = 30, 31, 32, 33, 36
-S_CALM, S_BLOCKS, S_LOOK, S_SPREAD, S_RESTS, S_SEEN_GRAVITY, S_SEEN_FIELD, SLOW = 37, 38, 39, 40, 41, 42, 62, 82
+S_SWAYS, S_MOVES, S_EXCESS, S_STRAYS, S_STRANGE, S_PULLED, S_FOREIGN, S_DOUBT, S_WORST = (
+    37,
+    40,
+    43,
+    44,
+    46,
+    47,
+    49,
+    50,
+    51,
+)
+S_CALM, S_BLOCKS, S_LOOK, S_SPREAD, S_RESTS, S_SEEN_GRAVITY, S_SEEN_FIELD, SLOW = 52, 53, 54, 55, 56, 57, 77, 97
 # of a vector v in tool axes, less the turn the gyro reads: the last one, sums of it, of it times its place, of v, the
 # turn itself, sum of it times its time at the last look (3 each); sums of its squares and of its squared steps
 W_LAST, W_SUM, W_MOMENT, W_V, W_TURN, W_USED, W_SQUARE, W_STEP, WATCH = 0, 3, 6, 9, 12, 15, 18, 19, 20
@@ -40,8 +54,9 @@ W_LAST, W_SUM, W_MOMENT, W_V, W_TURN, W_USED, W_SQUARE, W_STEP, WATCH = 0, 3, 6,
 (
     DT, TAU, G, R_SWAY, R_SPEED, R_BIAS, R_FIELD, UNEVEN, FRESH, Q_NOISE, Q_RATE, Q_BIAS, Q_FIELD, GATE, REST_RATE,
     REST_GRAVITY, REST_BOUND, REST_TIME, A_REST, A_MISFIT, KEEP, IRON, ACCEPT, USE_MAG, START, P_BIAS, P_SPEED,
-    P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, LONGEST, LEAST_TURN, PAR,
-) = range(36)  # fmt: skip
+    P_SLOPE, BRIDGE, LEAST_SLOPE, SCALE, A_TREND, PLACE, LONGEST, LEAST_TURN, A_SWAY, A_SPEED, A_FIELD, A_LASTING,
+    MOST_SWAY, MOST_SPEED, A_DOUBT, PAR,
+) = range(43)  # fmt: skip
 
 
 @inlined
@@ -165,18 +180,24 @@ def _add(p: Array, i: int, j: int, value: float) -> None:
 
 
 @inlined
-def update(p: Array, dx: Array, gain: Array, place: int, variance: float, residual: float) -> None:
-    """Direct observation of one error state; `residual` as it was before the block's other observations."""
-    s = p[place, place] + variance
-    left = residual - dx[place]
-    for i in range(STATES):
-        gain[i] = p[i, place]
+def _correct(p: Array, dx: Array, gain: Array, s: float, left: float) -> None:
+    """Correction and covariance by a scalar observation: `gain` is P h, `s` its variance h'P h + r."""
     for i in range(STATES):
         k = gain[i] / s
         dx[i] += k * left
         for j in range(i, STATES):
             p[i, j] -= k * gain[j]
             p[j, i] = p[i, j]
+
+
+@inlined
+def update(p: Array, dx: Array, gain: Array, place: int, variance: float, residual: float) -> None:
+    """Direct observation of one error state; `residual` as it was before the block's other observations."""
+    s = p[place, place] + variance
+    left = residual - dx[place]
+    for i in range(STATES):
+        gain[i] = p[i, place]
+    _correct(p, dx, gain, s, left)
 
 
 @inlined
@@ -199,12 +220,7 @@ def update_bias(p: Array, dx: Array, gain: Array, h: tuple[float, float, float],
         gain[i] = h[0] * p[i, BIAS] + h[1] * p[i, BIAS + 1] + h[2] * p[i, BIAS + 2]
     for k in range(3):
         s += h[k] * gain[BIAS + k]
-    for i in range(STATES):
-        k = gain[i] / s
-        dx[i] += k * left
-        for j in range(i, STATES):
-            p[i, j] -= k * gain[j]
-            p[j, i] = p[i, j]
+    _correct(p, dx, gain, s, left)
 
 
 @inlined
@@ -370,12 +386,37 @@ def judge_field(e: Array, nav: Array, p: Array, slow: Array, par: Array, resting
         nav[N_FIELD + 1] *= old
         nav[N_FIELD + 2] = slow[S_OTHER_ALONG]
         doubt_heading(nav, p, 0.5 * (dx * dx + dz * dz))
+        slow[S_PULLED] += dx
+        slow[S_PULLED + 1] += dz
         slow[S_OTHER_TIME] = 0.0
         slow[S_MISFIT] = 0.0
-        worst = 0.0
+        worst, dx, dz = 0.0, 0.0, 0.0
     slow[S_JUDGED] = worst
+    _doubt_field(dx, dz, p[FIELD + 2, FIELD + 2] / max(worst * worst, 1.0), slow, par)
     slow[S_REJECTED] = slow[S_REJECTED] + par[TAU] if worst > 1.0 else max(0.0, slow[S_REJECTED] - 2.0 * par[TAU])
     return worst * worst if worst > 1.0 else 1.0
+
+
+@inlined
+def _doubt_field(dx: float, dz: float, known: float, slow: Array, par: Array) -> None:
+    """Variance of the heading's field by one that lasts longer than unevenness does, as it is seen across and along.
+
+    While it lasts, it is the true one as likely as its share of the time; afterwards there is what it has pulled the
+    known one by. `known` is that one's variance over what a misfit adds to that of an observation.
+    """
+    slow[S_STRAYS] += par[A_FIELD] * (dx - slow[S_STRAYS])
+    slow[S_STRAYS + 1] += par[A_FIELD] * (dz - slow[S_STRAYS + 1])
+    strays = 0.5 * (slow[S_STRAYS] ** 2 + slow[S_STRAYS + 1] ** 2)
+    # unevenness leaves half its variance
+    slow[S_STRANGE] = slow[S_STRANGE] + par[TAU] if strays > 0.6 * par[UNEVEN] else 0.0
+    gain = known / (known + par[R_FIELD])
+    slow[S_PULLED] += gain * dx - par[A_DOUBT] * slow[S_PULLED]
+    slow[S_PULLED + 1] += gain * dz - par[A_DOUBT] * slow[S_PULLED + 1]
+    # three times the mean square of two components: they tell little of a third (Student's, 2 degrees of freedom)
+    pulled = 2.4 * (slow[S_PULLED] ** 2 + slow[S_PULLED + 1] ** 2)
+    slow[S_FOREIGN] = 4.8 * strays * slow[S_STRANGE] * par[A_DOUBT] / par[TAU]
+    slow[S_DOUBT] = max(pulled - 0.2 * par[UNEVEN], 0.0)
+    slow[S_WORST] = max(slow[S_WORST], slow[S_FOREIGN] + slow[S_DOUBT])
 
 
 @inlined
@@ -473,7 +514,7 @@ def _solve_iron(nav: Array, p: Array, slow: Array, par: Array) -> None:
 
 @inlined
 def predict(nav: Array, p: Array, block: Array, slow: Array, par: Array, inverse: float) -> None:
-    """Estimate and covariance to the end of the bloc"""
+    """Estimate and covariance to the end of the block."""
     t = par[TAU]
     for i in range(2):
         nav[N_SWAY + i] += t * nav[N_SPEED + i] + block[B_TWO + i]
@@ -493,13 +534,42 @@ def predict(nav: Array, p: Array, block: Array, slow: Array, par: Array, inverse
 
 
 @inlined
+def lasting(kept: Array, first: float, second: float, share: float, memory: float) -> float:
+    """Variance of an observation that would be white and yet leave as much as its two residuals leave when low-passed.
+
+    `kept` are the two low-passed residuals, which take in `share` of a new one, and the mean square over a `memory`.
+    What swings slower than the filter takes for noise passes for a slope, or turns the heading, and shows here first.
+    """
+    kept[0] += share * (first - kept[0])
+    kept[1] += share * (second - kept[1])
+    now = 0.5 * (kept[0] * kept[0] + kept[1] * kept[1]) * (2.0 - share) / share
+    kept[2] += memory * (now - kept[2])
+    # of a moment alone what white noise does once in eight thousand moments (chi-square of 2 degrees of freedom)
+    worst: float = max(kept[2], now / 9.0)
+    return worst
+
+
+@inlined
 def observe(nav: Array, p: Array, dx: Array, gain: Array, block: Array, slow: Array, par: Array, resting: bool) -> None:
-    """Sway and, at rest, speed are nil; the bias of a calm tool."""
+    """Sway and, at rest, speed are nil; the bias of a calm tool.
+
+    Where they last longer than noise they are believed less, within limits: a level frame that leans sways as well.
+    What is beyond them counts in the covariance alone.
+    """
+    known = 0.5 * (p[SWAY, SWAY] + p[SWAY + 1, SWAY + 1])
+    seen = lasting(slow[S_SWAYS:S_MOVES], nav[N_SWAY], nav[N_SWAY + 1], par[A_SWAY], par[A_LASTING])
+    variance = min(max(par[R_SWAY], seen - known), par[MOST_SWAY])
+    excess = seen / (variance + known)
     for i in range(2):
-        update(p, dx, gain, SWAY + i, par[R_SWAY], -nav[N_SWAY + i])
+        update(p, dx, gain, SWAY + i, variance, -nav[N_SWAY + i])
     if resting:
+        known = 0.5 * (p[SPEED, SPEED] + p[SPEED + 1, SPEED + 1])
+        seen = lasting(slow[S_MOVES:S_EXCESS], nav[N_SPEED], nav[N_SPEED + 1], par[A_SPEED], par[A_LASTING])
+        variance = min(max(par[R_SPEED], seen - known), par[MOST_SPEED])
+        excess = max(excess, seen / (variance + known))
         for i in range(2):
-            update(p, dx, gain, SPEED + i, par[R_SPEED], -nav[N_SPEED + i])
+            update(p, dx, gain, SPEED + i, variance, -nav[N_SPEED + i])
+    slow[S_EXCESS] = max(2.0 * excess - 1.0, 0.0)
     observe_bias(nav, p, dx, gain, block, slow, par)
 
 

@@ -34,9 +34,10 @@ C_SEEN, C_BLOCK, C_RUNNING, C_BLOCKS, COUNT = 0, 1, 2, 3, 4
 # frame's error (6), quality, flags
 V_COSINE, V_SINE, V_COVARIANCE, V_QUALITY, V_FLAGS, SHOWN = 0, 1, 2, 8, 9, 10
 # places in a block's record for the smoother: covariance before and after the observations, their correction, matrix,
-# estimate after them, field as it was seen and whether the tool moved
-H_BEFORE, H_AFTER, H_CORRECTION, H_MATRIX, H_ESTIMATE, H_SEEN, RECORD = accumulate(
-    (0, k.STATES * k.STATES, k.STATES * k.STATES, k.STATES, 9, k.NAV, 4)
+# estimate after them, field as it was seen and whether the tool moved, by how much sway exceeds what is believed,
+# doubt of the heading's field
+H_BEFORE, H_AFTER, H_CORRECTION, H_MATRIX, H_ESTIMATE, H_SEEN, H_EXCESS, H_DOUBT, RECORD = accumulate(
+    (0, k.STATES * k.STATES, k.STATES * k.STATES, k.STATES, 9, k.NAV, 4, 1, 1)
 )
 
 # places in `state`, all that lasts from sample to sample
@@ -44,7 +45,7 @@ AT_NAV, AT_BLOCK, AT_SLOW, AT_FIRST, AT_SHOWN, AT_COVARIANCE, STATE = accumulate
     (0, k.NAV, k.BLOCK, k.SLOW, FIRST, SHOWN, k.STATES * k.STATES)
 )
 
-START, DISTURBED, DRIFT = BITS["start"], BITS["disturbed"], BITS["drift"]
+START, DISTURBED, DRIFT, VIBRATION = BITS["start"], BITS["disturbed"], BITS["drift"], BITS["vibration"]
 CLIPPED, VERTICAL, UNOBSERVABLE = BITS["clipped"], BITS["vertical"], BITS["unobservable"]
 PLUMB: Final = math.sin(math.radians(0.5))  # inclinations below are flagged vertical
 WORST: Final = math.radians(10.0)  # standard uncertainty at which the quality is 0
@@ -92,10 +93,11 @@ def _show(nav: Array, p: Array, slow: Array, par: Array, shown: Array, flags: in
     gx, gy = -by / across, bx / across
     c = k.SLOPE
     f = k.FIELD
-    shown[V_COVARIANCE] = p[c + 1, c + 1] + par[k.LEAST_SLOPE]
-    shown[V_COVARIANCE + 1] = -p[c, c + 1]
+    over = slow[k.S_EXCESS]
+    shown[V_COVARIANCE] = (1.0 + over) * p[c + 1, c + 1] + par[k.LEAST_SLOPE]
+    shown[V_COVARIANCE + 1] = -(1.0 + over) * p[c, c + 1]
     shown[V_COVARIANCE + 2] = -(gx * p[c + 1, f] + gy * p[c + 1, f + 1])
-    shown[V_COVARIANCE + 3] = p[c, c] + par[k.LEAST_SLOPE]
+    shown[V_COVARIANCE + 3] = (1.0 + over) * p[c, c] + par[k.LEAST_SLOPE]
     shown[V_COVARIANCE + 4] = gx * p[c, f] + gy * p[c, f + 1]
     heading = gx * gx * p[f, f] + 2.0 * gx * gy * p[f, f + 1] + gy * gy * p[f + 1, f + 1]
     if par[k.USE_MAG] == 0.0:
@@ -104,9 +106,15 @@ def _show(nav: Array, p: Array, slow: Array, par: Array, shown: Array, flags: in
     else:
         # however long the tool stays, it has seen the field at so many places only
         heading = max(heading, par[k.UNEVEN] / (across * (1.0 + slow[k.S_MOVED] / par[k.PLACE])))
+        # and a level frame that leans turns the field by its dip
+        leaning = 0.5 * over * (p[c, c] + p[c + 1, c + 1]) * nav[k.N_FIELD + 2] ** 2
+        heading += (leaning + slow[k.S_FOREIGN] + slow[k.S_DOUBT]) / across
     shown[V_COVARIANCE + 5] = min(heading, 2.0 * (UNKNOWN * UNKNOWN))
-    if slow[k.S_JUDGED] > 1.0:
+    if slow[k.S_JUDGED] > 1.0 or slow[k.S_FOREIGN] > par[k.UNEVEN]:
         flags |= DISTURBED
+    # twice the standard deviation that the settings allow
+    if over > 3.0:
+        flags |= VIBRATION
     if slow[k.S_REJECTED] > par[k.ACCEPT]:
         flags |= DRIFT
     spread = math.sqrt(max(p[c, c] + p[c + 1, c + 1], 0.0 if par[k.USE_MAG] == 0.0 else heading)) / WORST
@@ -165,6 +173,7 @@ def _finish_block(
     _record(record, H_SEEN, e[:3])
     if record.size > 0:
         record[H_SEEN + 3] = 0.0 if resting else 1.0
+        record[H_EXCESS], record[H_DOUBT] = slow[k.S_EXCESS], slow[k.S_DOUBT]
     for i in range(k.BLOCK):
         block[i] = 0.0
     _show(nav, p, slow, par, shown, 0)

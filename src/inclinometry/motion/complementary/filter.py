@@ -159,9 +159,20 @@ class ComplementaryStream:
                 f"{drift:.2g} deg (standard deviation)",
             )
         iron = state[kernels.N_IRON : kernels.N_IRON + 3]
-        if not iron.any():
-            return ()
-        return (f"hard iron of {', '.join(f'{value:.0f}' for value in iron)} nT (x, y, z) was found and removed",)
+        said = []
+        if iron.any():
+            said.append(
+                f"hard iron of {', '.join(f'{value:.0f}' for value in iron)} nT (x, y, z) was found and removed"
+            )
+        doubt = float(state[self._kernel.AT_SLOW + kernels.S_WORST])
+        level = float(np.hypot(state[kernels.N_FIELD], state[kernels.N_FIELD + 1]))
+        if doubt > self.settings.unevenness**2:
+            added = min(float(np.degrees(np.sqrt(doubt) / max(level, 1.0))), 180.0)
+            said.append(
+                "strength or dip of the field changed for longer than unevenness lasts: up to "
+                f"{added:.2g} deg of uncertainty were added to the azimuth"
+            )
+        return tuple(said)
 
 
 def complementary_attitude(samples: Samples, settings: ComplementarySettings | None = None) -> Attitude:
@@ -247,6 +258,13 @@ def parameters(interval: float, settings: ComplementarySettings, magnetometer: b
         k.A_TREND: -np.expm1(-t / 10.0),  # s over which a rate counts as steady
         k.LONGEST: 24.0,  # s of a calm stretch over which the bias is taken for constant
         k.LEAST_TURN: np.radians(0.2) ** 2,  # rad/s: a tool that turns as fast must be seen to do so
+        k.A_SWAY: -np.expm1(-0.2 * t / s.sway_s),
+        k.A_SPEED: -np.expm1(-t / 4.0),  # s
+        k.A_FIELD: -np.expm1(-t / s.unevenness_s),
+        k.A_LASTING: -np.expm1(-t / 15.0),  # s over which what lasts is judged
+        k.MOST_SWAY: 3.0 * s.sway_m**2 * s.sway_s / t,
+        k.MOST_SPEED: 1.0**2,  # m/s: from there on it says nothing
+        k.A_DOUBT: -np.expm1(-t / 100.0),  # s over which the mean field is a mean
         k.LEAST_SLOPE: (s.accel_error / s.gravity) ** 2,
     }
     for place, value in values.items():

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.errors import InputError
 from inclinometry.motion.magnetic.phase import SECTORS, Complex, MagneticSettings, Track, remembered, smooth, untried
 from inclinometry.motion.result import LARGEST_BREAK, Samples
@@ -148,6 +149,9 @@ class ToolConstants:
         Sums and numbers of the transverse field by direction, as long as no arc sufficed.
     sighted : tuple of float, optional
         Of the last window: angle from field to gravity as read, its variance, rad^2, and the speed, rad/s.
+    levelled : tuple of float, optional
+        Of the last window: mean axial gravity as read, m/s^2, the means of omega^2 and of its rate of change under the
+        same weights, and the variance of the first by noise.
     """
 
     offset: complex
@@ -162,6 +166,7 @@ class ToolConstants:
     gyro_lag: tuple[float, float]
     met: Complex
     sighted: tuple[float, float, float] | None = None
+    levelled: tuple[float, float, float, float] | None = None
 
     def aged(self, seconds: float) -> ToolConstants:
         """After some time in which they may have wandered."""
@@ -177,6 +182,8 @@ class ToolConstants:
             motion_covariance=self.motion_covariance + walk,
             axial_covariance=self.axial_covariance + axial_walk**2 * seconds * np.eye(2),
             trust=remembered(self.trust),
+            levelled=self.levelled
+            and (*self.levelled[:3], self.levelled[3] + (direction_walk * STANDARD_GRAVITY) ** 2 * seconds),
             sighted=self.sighted and (self.sighted[0], self.sighted[1] + direction_walk**2 * seconds, self.sighted[2]),
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.constants import AXIAL_INTERFERENCE
+from inclinometry.constants import STRING_INTERFERENCE
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.settings import Range, Settings
@@ -31,7 +31,7 @@ class MagneticSettings(Settings):
     offset_sigma: Annotated[float, Range(1e-3, 1e5, "nT"), "Its sd per axis; fitted where the arc suffices."] = 300.0
     axial_sigma: Annotated[
         float, Range(1e-3, 1e5, "nT"), "Sd of the axial offset and interference: nothing in a window shows it."
-    ] = AXIAL_INTERFERENCE
+    ] = STRING_INTERFERENCE
     accel_sigma: Annotated[float, Range(1e-9, 1.0, "m/s^2"), "Sd of the accelerometer's offset per axis."] = 0.01
     lever_sigma: Annotated[float, Range(1e-6, 1.0, "m"), "Sd of its distance from the axis of rotation, per axis."] = (
         0.03

@@ -171,6 +171,7 @@ def write_rows(
             at = i // every
             here, after = history[row], history[min(row + 1, history.shape[0] - 1)]
             share = min((place + 1) / size, 1.0) if index >= start else 0.0
+            slow[k.S_EXCESS], slow[k.S_DOUBT] = here[f.H_EXCESS], here[f.H_DOUBT]
             _smooth(here, after, change, spread, row, share, nav, par, slow, trial, shown)
             k.level_matrix(trial[0], trial[1], trial[2], trial[3], r)
             before = flags[at]

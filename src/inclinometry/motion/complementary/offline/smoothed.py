@@ -56,6 +56,12 @@ def complementary_smoothed(samples: Samples, settings: ComplementarySettings | N
     return second.rows(change, spread)
 
 
+SPOILT_S = 5.0
+"""s, before and after a sway that lasts, of rows that it spoils."""
+DOUBTED_S = 60.0
+"""s, before and after a field that lies, of rows whose azimuth is doubtful."""
+
+
 class _Pass:
     """A forward run with the record of its blocks, starting from what an earlier one found."""
 
@@ -118,6 +124,8 @@ class _Pass:
 
     def rows(self, change: Array, spread: Array) -> Attitude:
         """Every sample, or every k-th, smoothed."""
+        from scipy.ndimage import maximum_filter1d
+
         from inclinometry.motion.complementary.offline import _recursions as smoother
 
         head, tail = self.forward
@@ -126,6 +134,11 @@ class _Pass:
         count = flags.size
         quaternion, covariance = np.empty((count, 4)), np.empty((count, 3, 3))
         rate, quality = np.empty(count), np.empty(count)
+        # what lasts spoils what the backward pass makes of the blocks before it as well
+        for place, seconds in ((self.f.H_EXCESS, SPOILT_S), (self.f.H_DOUBT, DOUBTED_S)):
+            if len(self.history):
+                reach = round(seconds / self.settings.update_s)
+                self.history[:, place] = maximum_filter1d(self.history[:, place], 2 * reach + 1)
         moved = float(self.state[self.f.AT_SLOW + self.k.S_MOVED])
         smoother.write_rows(
             self.gyro, self.good, self.par, self.size, self.settings.every, self.start, moved, self.history,
