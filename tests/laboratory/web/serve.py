@@ -7,7 +7,7 @@ import sys
 
 from argon2 import PasswordHasher
 
-from inclinometry.laboratory.ledger import users as stored
+from inclinometry.laboratory.ledger import passwords as stored
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.users import ROLES, put_user, users
 from inclinometry.laboratory.web.app import create_app, run
