@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import re
+import shutil
+import socket
+import ssl
+import subprocess
 import time
+import warnings
 
 import pytest
 
@@ -194,3 +199,41 @@ def test_who_was_refused_is_in_the_log_and_no_secret(server, user):
     assert r"login of 'nobody\nat all' from 127.0.0.1 refused" in log
     assert "a secret guess" not in log
     assert PASSWORD not in log
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl to make a certificate with")
+def test_a_bench_speaks_no_old_tls(tmp_path, start, monkeypatch):
+    make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=bench.lab", "-days", "2"]
+    made = subprocess.run(
+        [*make, "-keyout", "key.pem", "-out", "bench.pem"], cwd=tmp_path, capture_output=True, check=False
+    )
+    assert made.returncode == 0
+    monkeypatch.setenv("BENCH_PEM", str(tmp_path / "bench.pem"))
+    with start("users") as server:
+        for newest, spoken in (
+            (ssl.TLSVersion.TLSv1_3, "TLSv1.3"),
+            (ssl.TLSVersion.TLSv1_2, "TLSv1.2"),
+            (ssl.TLSVersion.TLSv1_1, None),
+        ):
+            context = ssl.create_default_context(cafile=str(tmp_path / "bench.pem"))
+            context.check_hostname = False
+            context.set_ciphers("ALL:@SECLEVEL=0")
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)
+                context.minimum_version = ssl.TLSVersion.TLSv1
+                context.maximum_version = newest
+            with socket.create_connection(("127.0.0.1", server.port)) as line:
+                if spoken is None:
+                    with pytest.raises((ssl.SSLError, ConnectionError)):
+                        context.wrap_socket(line)
+                    continue
+                with context.wrap_socket(line) as secured:
+                    assert secured.version() == spoken
+                    secured.sendall(b"POST /login HTTP/1.1\r\nHost: bench.lab\r\nContent-Length: 51\r\n"
+                                    b"Content-Type: application/x-www-form-urlencoded\r\nConnection: close\r\n\r\n"
+                                    b"name=operator&password=a+long+pass+phrase&code=    ")  # fmt: skip
+                    answer = b"".join(iter(lambda: secured.recv(65536), b"")).decode()
+                    assert answer.startswith("HTTP/1.1 303")
+                    assert answer.count("set-cookie: __Host-inclinometry=") == 1
+                    assert answer.count("; Secure") == 2
+                    assert "strict-transport-security" in answer

@@ -185,7 +185,8 @@ def _read(scope: Scope, headers: dict[str, str]) -> Problem | None:
 def _name(host: str) -> str:
     """Host without port; brackets of an IPv6 address stay."""
     if host.startswith("["):
-        return host.partition("]")[0] + "]"
+        address, _, rest = host.partition("]")
+        return f"{address}]" if rest[:1] in ("", ":") and "]" in host else host
     return host.rpartition(":")[0] if ":" in host else host
 
 
