@@ -2,11 +2,11 @@
 
     python tools/mutants.py [ROOM ...] [--count 400] [--seed 1] [--list]
 
-A change is one of: a comparison (< for <=, == for !=, in for not in), an operator of arithmetic, "and" for "or", a "not"
-left out, a number or a truth value, a return that gives None. The sample is drawn from all changes of the rooms named,
-the same for the same seed. A copy of the package is changed, never the package. A survivor is printed with its reason,
-where tools/mutants.json has one (the change is no fault: it makes no difference, or only a slower one), else as such;
-exit status 1 when more than one tenth survived without a reason.
+A change is one of: a comparison (< for <=, == for !=, in for not in), an operator of arithmetic, "and" for "or", a
+"not" left out, a number or a truth value, a return that gives None. The sample is drawn from all changes of the rooms
+named, the same for the same seed. A copy of the package is changed, never the package. A survivor is printed with its
+reason, where tools/mutants.json has one (the change is no fault: it makes no difference, or only a slower one), else as
+such; exit status 1 when more than one tenth survived without a reason.
 """
 
 from __future__ import annotations

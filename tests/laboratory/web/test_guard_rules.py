@@ -11,6 +11,7 @@ import pytest
 from inclinometry.laboratory.web import guard as module
 from inclinometry.laboratory.web.guard import ENDED, Guard, bearer
 from inclinometry.laboratory.web.logins import Login
+from inclinometry.laboratory.web.refusals import BodyError
 
 ANNA = Login("anna's token", "anna's csrf", "anna", 0.0, 0.0)
 LOCAL = Login("local token", "local csrf", "local", 0.0, 0.0)
@@ -265,6 +266,49 @@ def test_what_the_framework_says_of_safety_is_replaced(network):
     assert network.headers["content-security-policy"] != "theirs"
     assert network.headers["x-own"] == "1"
     assert network.headers["x-content-type-options"] == "nosniff"
+
+
+def test_a_body_that_breaks_the_rules_is_answered_once(network):
+    async def reading(scope, receive, send):
+        try:
+            while True:
+                await receive()
+        except BodyError:
+            network.reached.append(scope)
+        await send({"type": "http.response.start", "status": 500, "headers": []})
+        await send({"type": "http.response.body", "body": b"the framework's own words"})
+
+    network.guard._app = reading
+    network.body = [{"type": "http.request", "body": b"x" * 1_500_000, "more_body": True} for _ in range(3)]
+    assert network.ask("PUT", headers=program(**{"transfer-encoding": "chunked"})) == 413
+    assert "more bytes than the 2000000" in network.said
+    assert (len(network.sent), len(network.reached)) == (2, 1)
+    assert network.headers["connection"] == "close"
+
+
+def test_an_answer_before_the_body_was_read_ends_the_connection(network):
+    network.body = [{"type": "http.request", "body": b"x", "more_body": True}]
+    assert network.ask("PUT", headers=program(**{"content-length": "100000"})) == 200
+    assert network.headers["connection"] == "close"
+    assert network.ask("PUT", headers=program(**{"content-length": "10"})) == 200
+    assert "connection" not in network.headers
+
+
+def test_who_was_refused_what_is_logged(network, loopback, caplog):
+    network.ask("PUT", "/api/v1/x\n", headers={"x": "y"}, client=("10.0.0.7", 5))
+    network.ask(headers={"host": "evil.example"}, client=("10.0.0.8", 5))
+    loopback.ask("DELETE", "/api/v1/x")
+    network.ask(type="websocket", path="/_nicegui_ws/")
+    told = [record.getMessage() for record in caplog.records]
+    assert told == [
+        r"401 PUT '/api/v1/x\n' for a stranger from 10.0.0.7",
+        "421 GET '/api/v1/me' for a stranger from 10.0.0.8",
+        "403 DELETE '/api/v1/x' for 'local' from ",
+        "401 GET '/_nicegui_ws/' for a stranger from ",
+    ]
+    for world, path in ((network, "/"), (network, "/login"), (loopback, "/api/v1/me")):
+        world.ask(path=path)
+    assert len(caplog.records) == 4
 
 
 def test_over_tls_browsers_are_told_to_stay_there(network):
