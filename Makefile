@@ -90,5 +90,10 @@ COUNT ?= 400
 mutants: $(STAMP)
 	$(BIN)/python tools/mutants.py $(ROOMS) --count $(COUNT)
 
+# COUNT broken files of every format, for every command: no internal error, nothing beyond 10 s and 1 GB
+fuzz: COUNT = 100000
+fuzz: $(STAMP)
+	$(BIN)/python -m benchmarks.fuzz --count $(COUNT) --keep tests/fuzz/kept
+
 clean:
 	rm -rf $(VENV) demo-output bench-output docs/_build docs/gallery $(MANUAL) .coverage

@@ -245,7 +245,7 @@ def _zipped(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     try:
         with np.load(path, allow_pickle=False) as stored:
             return _arrays(path, {name: stored[name] for name in stored.files})
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise FileError(f"not an archive of numpy's, or damaged ({error})", path=path) from None
 
 

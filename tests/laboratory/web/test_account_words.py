@@ -12,8 +12,8 @@ from inclinometry.laboratory.web.words import sentence
 @pytest.mark.parametrize("language", ["ru", "zh"])
 @pytest.mark.parametrize("said", [
     "the password has 7 characters; allowed 15 to 128: four or five words are easy to keep",
-    "the password is one of the first to be guessed: a common one, a row of keys, a repetition, or a name; take four or "
-    "five words that do not belong together",
+    "the password is one of the first to be guessed: a common one, a row of keys, a repetition, or a name; take four "
+    "or five words that do not belong together",
     "the current password is wrong; nothing was changed",
     "the two passwords differ; nothing was changed",
     "this is not the code of now; check the clocks of the telephone and of the bench",
