@@ -29,7 +29,7 @@ HOME = Path(__file__).parents[1]
 PACKAGE = HOME / "src" / "inclinometry"
 REASONS = json.loads((HOME / "tools" / "mutants.json").read_text("utf-8"))
 LEAST_KILLED = 0.9
-PATIENCE_S = 900.0
+PATIENCE_S = 300.0
 
 ROOMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "calibration": (("calibration",), ("tests/calibration",)),

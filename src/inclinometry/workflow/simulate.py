@@ -214,7 +214,8 @@ def read_truth(path: str | Path) -> tuple[Tool, Rig]:
             raise FileError(f"rig has {name!r:.60}, which is not known; allowed: {', '.join(known)}", path=path)
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 360.0:
             raise FileError(f"rig.{name} is {value!r:.60}; it must be a number of degrees, -360 to 360", path=path)
-    return read_tool(path), Rig(**{name.removesuffix("_deg"): float(np.radians(stand[name])) for name in stand})
+    angles: dict[str, Any] = {name.removesuffix("_deg"): float(np.radians(value)) for name, value in stand.items()}
+    return read_tool(path), Rig(**angles)
 
 
 def misread(text: str, size: int) -> Misread:
