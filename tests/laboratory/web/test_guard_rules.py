@@ -266,6 +266,8 @@ def test_what_the_framework_says_of_safety_is_replaced(network):
     assert network.headers["content-security-policy"] != "theirs"
     assert network.headers["x-own"] == "1"
     assert network.headers["x-content-type-options"] == "nosniff"
+    # with "no-referrer" browsers say "Origin: null" of the login form, and it is refused
+    assert network.headers["referrer-policy"] == "same-origin"
 
 
 def test_a_body_that_breaks_the_rules_is_answered_once(network):

@@ -49,7 +49,8 @@ def browser_headers(scope: MutableMapping[str, Any], headers: dict[str, str]) ->
     found = {
         b"x-content-type-options": b"nosniff",
         b"x-frame-options": b"DENY",
-        b"referrer-policy": b"no-referrer",
+        # not "no-referrer", with which browsers call the sender of the login form "null"
+        b"referrer-policy": b"same-origin",
         b"cross-origin-opener-policy": b"same-origin",
         b"cross-origin-resource-policy": b"same-origin",
         b"permissions-policy": b"camera=(), microphone=(), geolocation=(), payment=(), usb=(), serial=()",

@@ -26,7 +26,7 @@ router = APIRouter(include_in_schema=False)
 
 _PAGE = """<!doctype html><html lang="{language}"><head><meta charset="utf-8"><title>{title} - inclinometry</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="stylesheet" href="/static/bench.css"></head>
+<link rel="stylesheet" href="/static/bench.css"><style>label>input:not([type=checkbox]){{width:100%}}</style></head>
 <body><form class="panel" method="post" action="/login" style="max-width:22rem;margin:4rem auto;display:grid;gap:.8rem">
 <h1 class="title">{title}</h1><p class="bad" role="alert">{problem}</p>
 <label>{name}<br><input name="name" autocomplete="username" autofocus required maxlength="200"></label>

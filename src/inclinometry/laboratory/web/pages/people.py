@@ -103,7 +103,7 @@ class UserForm:
 
 def _new_password(visitor: Visitor, words: Callable[[], list[str]]) -> ui.input:
     """A field for a new password, which can be looked at, and how good it is while it is typed."""
-    with ui.column().classes("gap-0"):
+    with ui.column().classes("gap-0").style("min-width: 21rem"):
         field = ui.input(visitor.say("people.password", number=SHORTEST), password=True, password_toggle_button=True)
         field.props(f"{_MAX} autocomplete=new-password")
         bar = ui.linear_progress(0.0, show_value=False).props(
