@@ -224,6 +224,8 @@ def translated(where: str) -> Iterator[None]:
         if error.connection_invalidated:
             remedy = "the connection was lost; load the page again to see whether the last record was kept"
         raise LedgerError(f"{where}: {cause}: {remedy}") from None
+    except UnicodeDecodeError:
+        raise LedgerError(f"{where}: a text in it was changed; run `inclinometry ledger verify`") from None
     except SQLAlchemyError as error:
         raise LedgerError(f"{where}: the ledger cannot be used ({error})") from None
 
