@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ _TEXTS = frozenset({16, 17, 18})
 _MATRIX, _PACKED = 14, 15
 _CLASSES = range(1, 16)  # cell, structure, object, characters, sparse, numbers
 _NUMERIC = range(5, 16)
+_SPARSE = 5
 _HEADER, _DEEPEST, _MOST = 128, 20, 1 << 30
 
 
@@ -54,7 +56,8 @@ def _check_matrix(data: bytes, start: int, end: int, order: str, depth: int) -> 
         raise ValueError("a matrix without flags, dimensions and name")
     of = struct.unpack_from(f"{order}I", data, parts[0][1])[0] & 0xFF
     rows = struct.unpack_from(f"{order}{parts[1][2] // 4}i", data, parts[1][1])
-    if of not in _CLASSES or min(rows) < 0:
+    # every value takes a byte at least, but those a sparse matrix leaves out
+    if of not in _CLASSES or min(rows) < 0 or (of != _SPARSE and math.prod(rows) > len(data)):
         raise ValueError(f"a matrix of class {of}, dimensions {rows}")
     if of in _NUMERIC and not (len(kinds) > 3 and _NUMBERS.issuperset(kinds[3:])):
         raise ValueError("a matrix of numbers without numbers")
