@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo bench-demo test test-long bench bench-fleet bench-honest docs figures metrics freeze lint clean
+.PHONY: demo bench-demo test test-long bench bench-fleet bench-honest docs figures metrics freeze mutants fuzz lint clean
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -84,6 +84,16 @@ metrics: $(STAMP)
 TO ?= frozen
 freeze: $(STAMP)
 	$(BIN)/python tools/freeze.py $(TO) $(if $(AGAINST),--against $(AGAINST))
+
+# do the tests bite: COUNT changes of the code, one at a time, and the tests of their room; ROOMS="guard gyro", all without
+COUNT ?= 400
+mutants: $(STAMP)
+	$(BIN)/python tools/mutants.py $(ROOMS) --count $(COUNT)
+
+# COUNT broken files of every format, for every command: no internal error, nothing beyond 10 s and 1 GB
+fuzz: COUNT = 100000
+fuzz: $(STAMP)
+	$(BIN)/python -m benchmarks.fuzz --count $(COUNT) --keep tests/fuzz/kept
 
 clean:
 	rm -rf $(VENV) demo-output bench-output docs/_build docs/gallery $(MANUAL) .coverage

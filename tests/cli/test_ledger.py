@@ -90,6 +90,30 @@ def test_users_without_a_terminal(run, lab, monkeypatch):
         assert PASSWORD not in str(ledger.find("user"))
 
 
+def test_a_password_is_changed_by_its_user(run, lab, monkeypatch):
+    """With the current one; the new one by the rules; the event names the user."""
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    run("ledger", "users", "anna", "--role", "operator", "--ledger", lab)
+    for current, new, problem in (
+        ("a wrong pass phrase", "quiet granite harbour lamp", "current password is wrong"),
+        (PASSWORD, "anna anna anna anna", "first to be guessed"),
+        (PASSWORD, "short", "allowed 15 to 128"),
+    ):
+        monkeypatch.setenv("INCLINOMETRY_PASSWORD", current)
+        monkeypatch.setenv("INCLINOMETRY_NEW_PASSWORD", new)
+        refused = run("ledger", "password", "anna", "--ledger", lab)
+        assert (refused.status, problem in refused.err, new in refused.err) == (2, True, False)
+    monkeypatch.setenv("INCLINOMETRY_NEW_PASSWORD", "quiet granite harbour lamp")
+    assert run("ledger", "password", "anna", "--ledger", lab).status == 0
+    refused = run("ledger", "users", "anna", "--remove-second-factor", "--ledger", lab)
+    assert (refused.status, "no second factor" in refused.err) == (2, True)
+    with Ledger(lab) as ledger:
+        assert check_password(ledger, "anna", PASSWORD) is None
+        assert check_password(ledger, "anna", "quiet granite harbour lamp") is not None
+        (event,) = ledger.find("event", subject="anna")
+        assert (event.keys["action"], event.author) == ("password changed", "anna")
+
+
 def test_a_corrected_clock_is_recorded_with_its_reason(run, lab):
     """By whom, too."""
     assert run("ledger", "init", lab, "--clock", "the battery was empty").status == 0

@@ -206,8 +206,9 @@ def _of_tables(arguments: list[str]) -> tuple[list[str], dict[str, str]]:
 
 
 def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:
-    """A single hyphen among the inputs is a copy of standard input; behind -o it is standard output."""
-    if "-" not in arguments:
+    """A single hyphen among the inputs is a copy of standard input, behind -o standard output; so are pipes."""
+    pipes = {word for word in arguments if word != "-" and _is_pipe(word)}
+    if "-" not in arguments and not pipes:
         return arguments
     import shutil
     import tempfile
@@ -218,7 +219,12 @@ def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:
 
     found = []
     for place, word in enumerate(arguments):
-        if word != "-":
+        if word in pipes and arguments[place - 1] not in ("-o", "--output"):
+            copy = Path(stack.enter_context(tempfile.TemporaryDirectory()), Path(word).name)
+            _copy_of_pipe(word, str(copy))
+            stack.enter_context(called(copy, word))
+            found.append(str(copy))
+        elif word != "-":
             found.append(word)
         elif place and arguments[place - 1] in ("-o", "--output"):
             if not os.path.exists("/dev/stdout"):  # noqa: PTH110
@@ -233,6 +239,32 @@ def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:
             stack.enter_context(called(copy, "standard input"))
             found.append(str(copy))
     return found
+
+
+def _is_pipe(word: str) -> bool:
+    import stat
+
+    try:
+        return stat.S_ISFIFO(os.stat(word).st_mode)  # noqa: PTH116
+    except (OSError, ValueError):
+        return False
+
+
+def _copy_of_pipe(word: str, copy: str) -> None:
+    """What is written into a named pipe or by another command, <(...); refused when nobody writes into it."""
+    import select
+    import shutil
+
+    from inclinometry.errors import FileError
+
+    patience_s = 5.0
+    # to open it as others do would wait for ever
+    number = os.open(word, os.O_RDONLY | os.O_NONBLOCK)
+    with open(number, "rb") as stream, open(copy, "wb") as out:  # noqa: PTH123
+        if not select.select([stream], [], [], patience_s)[0]:
+            raise FileError(f"is a pipe into which nothing was written for {patience_s:g} s; name a file", path=word)
+        os.set_blocking(number, True)
+        shutil.copyfileobj(stream, out)
 
 
 def _traceback() -> bool:

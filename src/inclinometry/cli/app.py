@@ -91,6 +91,8 @@ ledger void | laboratory.commands.enter:void | Declare a certificate void. It st
 | 2026-0007 --reason "wrong stand" --ledger lab.sqlite
 ledger users | laboratory.commands.ledger:users | List the users, or add or change one. The password is asked for, or \
 taken from INCLINOMETRY_PASSWORD. | anna --role metrologist --ledger lab.sqlite
+ledger password | laboratory.commands.ledger:password | Change your own password. The current one is asked for. \
+| anna --ledger lab.sqlite
 = Fleet
 fleet add | fleet.commands:add | Take runs into the fleet. Their counts, once and for ever. \
 | runs/*.parquet --pattern "{{tool}}_{{run}}_{{date}}"

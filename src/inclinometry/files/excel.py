@@ -6,6 +6,7 @@ import datetime
 import re
 import warnings
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -289,15 +290,18 @@ def _rows(sheet: Any, cells: Cells) -> Iterator[tuple[int, tuple[Any, ...]]]:
 
 def _has_formulas(path: Path) -> bool:
     """Whether any sheet holds a formula; most workbooks of measurements do not, and need not be read twice."""
-    with zipfile.ZipFile(path) as archive:
-        for entry in archive.namelist():
-            if entry.startswith("xl/worksheets/") and entry.endswith(".xml"):
-                with archive.open(entry) as stream:
-                    tail = b""
-                    while piece := stream.read(1 << 20):
-                        if _FORMULA.search(tail + piece):
-                            return True
-                        tail = piece[-16:]
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for entry in archive.namelist():
+                if entry.startswith("xl/worksheets/") and entry.endswith(".xml"):
+                    with archive.open(entry) as stream:
+                        tail = b""
+                        while piece := stream.read(1 << 20):
+                            if _FORMULA.search(tail + piece):
+                                return True
+                            tail = piece[-16:]
+    except (OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise FileError(f"damaged inside ({str(error)[:100]}); save the workbook again", path=path) from None
     return False
 
 

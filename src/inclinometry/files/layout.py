@@ -245,7 +245,7 @@ def _zipped(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     try:
         with np.load(path, allow_pickle=False) as stored:
             return _arrays(path, {name: stored[name] for name in stored.files})
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise FileError(f"not an archive of numpy's, or damaged ({error})", path=path) from None
 
 
@@ -261,7 +261,10 @@ def _mat(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     """MATLAB up to version 7; version 7.3 is HDF5."""
     from scipy.io import loadmat
 
+    from inclinometry.files._mat5 import check_elements
+
     try:
+        check_elements(path.read_bytes())  # of wrong types scipy's reader does not complain, the interpreter crashes
         stored = loadmat(path)
     except Exception as error:
         raise FileError(f"not a MATLAB file, or damaged ({error})", path=path) from None
@@ -293,7 +296,7 @@ def _hdf5(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     try:
         with h5py.File(path, "r") as stored:
             stored.visititems(take)
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         raise FileError(f"not HDF5, or damaged ({error})", path=path) from None
     last = [name.rsplit("/", 1)[-1] for name in found]
     # by the last part of the name where that tells them apart

@@ -15,6 +15,7 @@ from inclinometry.conventions import named
 from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, seconds_of, unit_factor
 from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, closest, is_number
+from inclinometry.files.toml_keys import parsed
 
 SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
@@ -284,7 +285,7 @@ def read_profile(name: str | Path) -> Profile:
         except (OSError, UnicodeDecodeError) as error:
             raise FileError(f"cannot be read ({error})", path=path) from None
     try:
-        return _profile(tomllib.loads(text))
+        return _profile(parsed(text))
     except (InputError, tomllib.TOMLDecodeError) as error:
         raise FileError(str(error), path=path) from None
 

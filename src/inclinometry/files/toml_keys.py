@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from inclinometry.errors import FileError
 from inclinometry.files.columns import advice, closest
@@ -48,11 +48,32 @@ class Settings:
         return value
 
 
+_NESTED: Final = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++\s*+\.\s*+){50}""")
+
+
+def parsed(text: str) -> dict[str, Any]:
+    """The content of a text of TOML.
+
+    Raises
+    ------
+    tomllib.TOMLDecodeError
+        Wrong syntax; keys of more than fifty parts, whose reading would take for ever; brackets nested too deep.
+    """
+    deep = _NESTED.search(text)
+    if deep is not None:
+        line = text.count("\n", 0, deep.start()) + 1
+        raise tomllib.TOMLDecodeError(f"a key of more than 50 parts (at line {line}, column 1)")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise tomllib.TOMLDecodeError("brackets nested too deep (at line 1, column 1)") from None
+
+
 def load(path: str | Path, keys: Iterable[str]) -> Settings:
     """Read a TOML file that may hold `keys`; FileError with the line of wrong syntax, or what a wrong key should be."""
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
-        return Settings(path, tomllib.loads(text), keys)
+        return Settings(path, parsed(text), keys)
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
     except tomllib.TOMLDecodeError as error:

@@ -7,6 +7,7 @@ import gzip
 import hashlib
 import re
 import tempfile
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -150,6 +151,10 @@ def _sensors(path: Path, head: Path, uses: dict[str, str]) -> Sensors:
     return Sensors((), ())
 
 
+_DAMAGED: Final = (EOFError, OSError, zlib.error)
+"""What a packed file that is damaged ends with; the reader says so."""
+
+
 def _head(path: Path, folder: Path) -> tuple[Path, list[str], int | None]:
     """A text or table to look at, its lines, and how many the file has where that is not all of it."""
     try:
@@ -172,7 +177,7 @@ def _head(path: Path, folder: Path) -> tuple[Path, list[str], int | None]:
         return copy, texts, rows
     unpacked: Callable[..., Any] = gzip.open if start.startswith(b"\x1f\x8b") else open
     lines: list[bytes] = []
-    with contextlib.suppress(EOFError, OSError), unpacked(path, "rb") as stream:
+    with contextlib.suppress(*_DAMAGED), unpacked(path, "rb") as stream:
         while len(lines) <= LOOKED_AT and (line := stream.readline(LONGEST_LINE + 2)):
             lines.append(line)
             if len(line) > LONGEST_LINE or b"\0" in line:
@@ -182,8 +187,10 @@ def _head(path: Path, folder: Path) -> tuple[Path, list[str], int | None]:
         return path, texts, None
     copy = folder / path.name.removesuffix(".gz")
     copy.write_bytes(b"".join(lines[:LOOKED_AT]))
-    with unpacked(path, "rb") as stream:
-        rows = sum(chunk.count(b"\n") for chunk in iter(lambda: stream.read(1 << 20), b""))
+    rows = 0
+    with contextlib.suppress(*_DAMAGED), unpacked(path, "rb") as stream:
+        while chunk := stream.read(1 << 20):
+            rows += chunk.count(b"\n")
     return copy, texts[:LOOKED_AT], rows
 
 

@@ -14,7 +14,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import DIP
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError, InputError
 from inclinometry.files.bench_csv import read_plan, write_raw_survey
 from inclinometry.files.bench_csv import write_log as write_log_csv
 from inclinometry.files.datasheet_toml import read_nameplate
@@ -208,8 +208,14 @@ def read_truth(path: str | Path) -> tuple[Tool, Rig]:
     stand = read_extras(path).get("rig")
     if not isinstance(stand, Mapping):
         raise InputError(f"{path}: no stand in this truth; simulate a bench to get one")
-    degrees = {name.removesuffix("_deg"): np.radians(float(value)) for name, value in stand.items()}
-    return read_tool(path), Rig(**degrees)
+    known = [f"{name}_deg" for name in _STAND]
+    for name, value in stand.items():
+        if name not in known:
+            raise FileError(f"rig has {name!r:.60}, which is not known; allowed: {', '.join(known)}", path=path)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 360.0:
+            raise FileError(f"rig.{name} is {value!r:.60}; it must be a number of degrees, -360 to 360", path=path)
+    angles: dict[str, Any] = {name.removesuffix("_deg"): float(np.radians(value)) for name, value in stand.items()}
+    return read_tool(path), Rig(**angles)
 
 
 def misread(text: str, size: int) -> Misread:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import sys
+from pathlib import Path
 
 from argon2 import PasswordHasher
 
-from inclinometry.laboratory.ledger import users as stored
+from inclinometry.laboratory.ledger import passwords as stored
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.users import ROLES, put_user, users
 from inclinometry.laboratory.web.app import create_app, run
@@ -26,7 +28,10 @@ def main(where: str, kind: str) -> None:
         listening.bind(("127.0.0.1", 0))
         app = create_app(ledger, host="127.0.0.1" if kind == "open" else "0.0.0.0", names=("bench.lab",))
         port = listening.getsockname()[1]
-        run(app, listening, ready=lambda: print(f"port {port}", flush=True), head_s=1.0)
+        tls = {}
+        if pem := os.environ.get("BENCH_PEM"):
+            tls = {"certificate": Path(pem), "key": Path(pem).with_name("key.pem")}
+        run(app, listening, **tls, ready=lambda: print(f"port {port}", flush=True), head_s=1.0)
 
 
 if __name__ == "__main__":

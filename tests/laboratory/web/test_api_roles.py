@@ -11,6 +11,14 @@ READ, CAPTURE, ISSUE, ADMINISTER = (frozenset(ROLES[i:]) for i in range(4))
 ROUTES = {
     ("get", "/api/v1/me"): READ,
     ("post", "/api/v1/logout"): READ,
+    ("put", "/api/v1/me/password"): READ,
+    ("put", "/api/v1/me/second-factor"): READ,
+    ("post", "/api/v1/me/second-factor/remove"): READ,
+    ("get", "/api/v1/me/logins"): READ,
+    ("delete", "/api/v1/me/logins/{login}"): READ,
+    ("get", "/api/v1/logins"): ADMINISTER,
+    ("delete", "/api/v1/logins/{login}"): ADMINISTER,
+    ("delete", "/api/v1/users/{name}/second-factor"): ADMINISTER,
     ("get", "/api/v1/users"): ADMINISTER,
     ("put", "/api/v1/users/{name}"): ADMINISTER,
     ("get", "/api/v1/tools"): READ,
@@ -72,6 +80,7 @@ PAGES = {
     "/laboratory": ADMINISTER,
     "/help": READ,
     "/users": ADMINISTER,
+    "/account": READ,
     "/api": READ,
 }
 
@@ -106,6 +115,7 @@ def test_each_route_for_each_role(users_server, method, path):
         "calibration": ID,
         "verification": ID,
         "kind": "event",
+        "login": "0" * 16,
     }
     where = path.format(**values, document="pdf")
     # a body that fits nothing: whoever may call the route is told so, whoever may not is refused before it is looked at

@@ -130,7 +130,7 @@ def test_every_answer_carries_what_browsers_must_refuse(users_server, open_serve
     wanted = {
         "x-content-type-options": "nosniff",
         "x-frame-options": "DENY",
-        "referrer-policy": "no-referrer",
+        "referrer-policy": "same-origin",
         "cross-origin-opener-policy": "same-origin",
     }
     for server, paths in ((users_server, ("/login", "/", "/api/v1/me", "/static/bench.css")),

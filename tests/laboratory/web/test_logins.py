@@ -10,11 +10,20 @@ import pytest
 from argon2 import PasswordHasher
 
 from inclinometry.errors import InputError
-from inclinometry.laboratory.ledger import users
+from inclinometry.laboratory.ledger import passwords
 from inclinometry.laboratory.ledger.admin import create
-from inclinometry.laboratory.ledger.users import LOCAL, check_password, find_user, guard_last_administrator, put_user
+from inclinometry.laboratory.ledger.second_factor import code, new_secret, secret_bytes
+from inclinometry.laboratory.ledger.users import (
+    LOCAL,
+    change_password,
+    check_password,
+    find_user,
+    guard_last_administrator,
+    put_second_factor,
+    put_user,
+)
 from inclinometry.laboratory.web import logins as module
-from inclinometry.laboratory.web.logins import Logins, TooManyError
+from inclinometry.laboratory.web.logins import CodeError, Logins, TooManyError
 
 PASSWORD = "a long pass phrase"
 HASHER = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
@@ -29,12 +38,12 @@ class Clock:
 
 @pytest.fixture
 def ledger(tmp_path, monkeypatch):
-    monkeypatch.setattr(users, "_hasher", lambda: HASHER)  # quick
-    users._decoy.cache_clear()
+    monkeypatch.setattr(passwords, "_hasher", lambda: HASHER)  # quick
+    passwords._decoy.cache_clear()
     with create(tmp_path / "ledger.sqlite") as made:
         put_user(made, "anna", role="metrologist", author="test", password=PASSWORD)
         yield made
-    users._decoy.cache_clear()
+    passwords._decoy.cache_clear()
 
 
 @pytest.fixture
@@ -123,8 +132,9 @@ def test_one_address_guesses_slowly_at_many_names_and_a_name_of_its_own_does_not
         logins.log_in(f"name{number}", "guess", "10.0.0.9")
         assert logins.log_in("mallory", PASSWORD, "10.0.0.9") is not None
     logins.log_in("another", "guess", "10.0.0.9")
+    assert logins.log_in("mallory", PASSWORD, "10.0.0.9") is not None  # known here, and no way around the brake
     with pytest.raises(TooManyError):
-        logins.log_in("mallory", PASSWORD, "10.0.0.9")
+        logins.log_in("one more", "guess", "10.0.0.9")
 
 
 @pytest.mark.parametrize("addresses", [
@@ -179,7 +189,7 @@ def test_an_unknown_name_takes_as_long_as_a_wrong_password(ledger, monkeypatch):
 
         hash = HASHER.hash
 
-    monkeypatch.setattr(users, "_hasher", Counting)
+    monkeypatch.setattr(passwords, "_hasher", Counting)
     for name in ("anna", "nobody", "gone", "x" * 300, ""):
         assert check_password(ledger, name, "a wrong pass phrase") is None
     # one slow check each, of equal cost
@@ -188,7 +198,7 @@ def test_an_unknown_name_takes_as_long_as_a_wrong_password(ledger, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("password", "problem"), [("short", "10 to 200"), ("x" * 201, "10 to 200"), (None, "new user")]
+    ("password", "problem"), [("short", "15 to 128"), ("xy" * 65, "15 to 128"), (None, "new user")]
 )
 def test_passwords_that_are_not_taken(ledger, password, problem):
     with pytest.raises(InputError, match=problem):
@@ -218,3 +228,212 @@ def test_the_stored_password_is_a_slow_hash(ledger):
     assert PasswordHasher().memory_cost >= 19_456  # what guides ask for; the bench uses the library's own choice
     assert PASSWORD not in stored
     assert find_user(ledger, "anna").seal not in stored
+
+
+# who is kept waiting, and who is not
+
+
+def strangers(logins, clock, name="anna", hours=1.0):
+    """Guess from a thousand addresses for a while, as often as the brake allows; how many guesses were tried."""
+    until, tried = clock.now + 3600.0 * hours, 0
+    while clock.now < until:
+        try:
+            logins.log_in(name, "guess", f"203.0.{tried % 100}.{tried % 7}")
+            tried += 1
+        except TooManyError as error:
+            clock.now += error.wait_s
+    return tried
+
+
+def guess_until_waiting(logins, names, address):
+    for name in names * 20:
+        try:
+            logins.log_in(name, "guess", address)
+        except TooManyError:
+            return
+    raise AssertionError("nobody has to wait")
+
+
+def test_strangers_who_guess_never_keep_the_user_out_of_a_known_browser(logins, clock):
+    known = logins.log_in("anna", PASSWORD, "10.0.0.1").known
+    for _ in range(5):
+        assert strangers(logins, clock) < 30  # 100 an hour are allowed, ASVS 2.2.1
+        guess_until_waiting(logins, ["anna"], "203.0.113.9")
+        login = logins.log_in("anna", PASSWORD, "198.51.100.77", known=known)
+        assert login.known not in ("", known)
+
+
+def test_nor_from_a_known_address(logins, clock):
+    logins.log_in("anna", PASSWORD, "10.0.0.1")
+    strangers(logins, clock, hours=5.0)
+    assert logins.log_in("anna", PASSWORD, "10.0.0.1") is not None
+    # nor a neighbour at the same address who guesses other names
+    guess_until_waiting(logins, [f"name{number}" for number in range(20)], "10.0.0.1")
+    assert logins.log_in("anna", PASSWORD, "10.0.0.1") is not None
+    # an address is not known for ever
+    clock.now += module.KNOWN_S
+    for number in range(module.FREE_FAILURES):
+        logins.log_in("anna", "guess", f"203.0.113.{number}")
+    with pytest.raises(TooManyError):
+        logins.log_in("anna", PASSWORD, "10.0.0.1")
+
+
+def test_a_neighbour_who_guesses_the_same_name_leaves_the_known_browser_alone(logins):
+    known = logins.log_in("anna", PASSWORD, "10.0.0.1").known
+    guess_until_waiting(logins, ["anna"] * 20, "10.0.0.1")
+    assert logins.log_in("anna", PASSWORD, "10.0.0.1", known=known) is not None
+
+
+def test_a_known_browser_guesses_no_faster(logins, clock):
+    known = logins.log_in("anna", PASSWORD, "10.0.0.1").known
+    until, tried = clock.now + 3600.0, 0
+    while clock.now < until:
+        try:
+            logins.log_in("anna", "guess", f"203.0.113.{tried}", known=known)
+            tried += 1
+        except TooManyError as error:
+            clock.now += error.wait_s
+    assert tried < 30
+
+
+def test_what_makes_a_browser_known_is_not_made_up_or_used_for_another(logins, ledger):
+    put_user(ledger, "boris", role="auditor", author="test", password=PASSWORD)
+    known = logins.log_in("boris", PASSWORD, "10.0.0.1").known
+    number, _, signature = known.partition(".")
+    for number_ in range(module.FREE_FAILURES):
+        logins.log_in("anna", "guess", f"203.0.113.{number_}")
+    forged = ("x", ".", f"{number}.", f".{signature}", f"1.{signature}", known, known.upper(), "é.ü", "\0." * 50)
+    for given in forged:
+        with pytest.raises(TooManyError):
+            logins.log_in("anna", PASSWORD, "198.51.100.1", known=given)
+    # a new password makes every browser a stranger; whoever stole the mark has nothing
+    own = logins.log_in("boris", PASSWORD, "10.0.0.1").known
+    put_user(ledger, "boris", role="auditor", author="test", password="another pass phrase")
+    for number_ in range(module.FREE_FAILURES):
+        logins.log_in("boris", "guess", f"203.0.114.{number_}")
+    with pytest.raises(TooManyError):
+        logins.log_in("boris", "another pass phrase", "198.51.100.2", known=own)
+
+
+def test_known_browsers_outlive_the_bench(logins, ledger, clock):
+    known = logins.log_in("anna", PASSWORD, "10.0.0.1").known
+    again = Logins(ledger, clock)
+    strangers(again, clock)
+    assert again.log_in("anna", PASSWORD, "198.51.100.3", known=known) is not None
+
+
+def test_wrong_passwords_are_forgotten_after_a_day(logins, clock):
+    for number in range(module.FREE_FAILURES):
+        logins.log_in(f"name{number}", "mistyped", "10.0.0.1")
+    clock.now += module.FORGOTTEN_S
+    for number in range(module.FREE_FAILURES):
+        assert logins.log_in(f"name{number}", "mistyped", "10.0.0.1") is None
+    with pytest.raises(TooManyError):
+        logins.log_in("one more", "mistyped", "10.0.0.1")
+
+
+def test_a_crowd_of_strangers_does_not_stand_in_a_users_way(logins, monkeypatch):
+    known = logins.log_in("anna", PASSWORD, "10.0.0.1").known
+    held, right = threading.Event(), module.check_password
+
+    def slow(ledger, name, password):
+        if password == "guess":
+            held.wait(60.0)
+            return None
+        return right(ledger, name, password)
+
+    monkeypatch.setattr(module, "check_password", slow)
+
+    def guess(number):
+        try:
+            return logins.log_in(f"name{number}", "guess", f"203.0.{number}.1")
+        except TooManyError:
+            return "away"
+
+    with ThreadPoolExecutor(40) as pool:
+        asked = [pool.submit(guess, number) for number in range(40)]
+        until = time.monotonic() + 60.0
+        while sum(one.done() for one in asked) < 32 and time.monotonic() < until:
+            time.sleep(0.01)
+        assert logins.log_in("anna", PASSWORD, "10.0.0.1", known=known) is not None
+        held.set()
+        answers = [one.result() for one in asked]
+    assert answers.count("away") == 32
+
+
+# logins listed and ended
+
+
+def test_logins_are_listed_and_ended(logins, ledger, clock):
+    put_user(ledger, "boris", role="auditor", author="test", password=PASSWORD)
+    one, two = (logins.log_in("anna", PASSWORD, f"10.0.0.{number}") for number in (1, 2))
+    other = logins.log_in("boris", PASSWORD, "10.0.0.3")
+    clock.now += 60.0
+    logins.find(one.token)
+    assert [login.address for login in logins.open("anna")] == ["10.0.0.1", "10.0.0.2"]
+    assert len(logins.open()) == 3
+    assert (logins.idle_s(one), logins.idle_s(two)) == (0.0, 60.0)
+    assert one.id not in one.token
+    assert one.token not in one.id
+    assert not logins.end(other.id, "anna")  # somebody else's
+    assert logins.end(two.id, "anna")
+    assert not logins.end(two.id, "anna")
+    assert logins.find(two.token) is None
+    assert logins.find(one.token) is not None
+    assert logins.end(other.id)
+    clock.now += module.IDLE_S + 1.0
+    assert logins.open() == []
+
+
+def test_the_password_is_asked_for_again_and_after_five_wrong_ones_the_login_ends(logins):
+    one, two = (logins.log_in("anna", PASSWORD, "10.0.0.1") for _ in range(2))
+    for _ in range(module.FREE_FAILURES - 1):
+        with pytest.raises(InputError, match="current password is wrong"):
+            logins.confirm(one, "guess")
+    logins.confirm(one, PASSWORD)
+    for _ in range(module.FREE_FAILURES):
+        with pytest.raises(InputError):
+            logins.confirm(one, "guess")
+    assert logins.find(one.token) is None
+    assert logins.find(two.token) is not None  # whoever is elsewhere knows nothing of it
+    assert logins.log_in("anna", PASSWORD, "10.0.0.1") is not None
+
+
+def test_the_users_own_new_password_ends_the_other_logins(logins, ledger, clock):
+    one, two = (logins.log_in("anna", PASSWORD, "10.0.0.1") for _ in range(2))
+    logins.keep(one, change_password(ledger, "anna", PASSWORD, "quiet granite harbour lamp"))
+    clock.now += 3.0
+    assert logins.find(one.token) is not None
+    assert logins.find(two.token) is None
+    strangers(logins, clock)
+    assert logins.log_in("anna", "quiet granite harbour lamp", "198.51.100.3", known=one.known) is not None
+
+
+def test_with_a_second_factor_the_password_alone_opens_nothing(logins, ledger, clock):
+    secret = new_secret()
+    step = int(ledger.time().timestamp()) // 30
+    put_second_factor(ledger, "anna", PASSWORD, secret, code(secret_bytes(secret), step))
+    for given in ("", "12345", "no code"):
+        with pytest.raises(CodeError):
+            logins.log_in("anna", PASSWORD, "10.0.0.1", code=given)
+    assert logins.log_in("anna", "wrong", "10.0.0.1") is None
+    assert logins.log_in("anna", PASSWORD, "10.0.0.1", code=code(secret_bytes(secret), step)) is not None
+    with pytest.raises(CodeError):
+        logins.log_in("anna", PASSWORD, "10.0.0.1", code=code(secret_bytes(secret), step))
+    # codes are not guessed faster than passwords
+    for number in range(module.FREE_FAILURES - 1):
+        with pytest.raises(CodeError):
+            logins.log_in("anna", PASSWORD, "10.0.0.1", code=f"{number}")
+    with pytest.raises(TooManyError):
+        logins.log_in("anna", PASSWORD, "10.0.0.1", code="000000")
+
+
+def test_who_logged_in_and_who_failed_is_logged_without_secrets(logins, caplog):
+    with caplog.at_level("INFO"):
+        token = logins.log_in("anna", PASSWORD, "10.0.0.1").token
+        logins.log_in("anna\nlogin of 'root'", "a secret guess", "10.0.0.2")
+    first, second = (record.getMessage() for record in caplog.records)
+    assert first == "login of 'anna' from 10.0.0.1"
+    assert "\n" not in second  # one line, whatever the name
+    assert second.endswith("from 10.0.0.2 refused: name or password")
+    assert not any(word in caplog.text for word in (token, PASSWORD, "a secret guess"))

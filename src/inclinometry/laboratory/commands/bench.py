@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import socket
 import ssl
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -84,9 +86,22 @@ def bench(
         scheme = "http" if certificate is None else "https"
         if not is_loopback(host) and certificate is None:
             output.warnings(["passwords cross the network unencrypted; give --certificate and --key"])
+        if not is_loopback(host):
+            _log_access()
         shown = f"[{host}]" if ":" in host else host
         sentence = f"the bench is at {scheme}://{shown}:{listening.getsockname()[1]}/ (Ctrl-C ends it)"
         run(app, listening, certificate=certificate, key=key, ready=lambda: output.say(sentence))
+
+
+def _log_access() -> None:
+    """Write who logged in, who was refused and what, with the time (UTC), to the standard error."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(asctime)sZ %(levelname)s %(message)s", "%Y-%m-%dT%H:%M:%S"))
+    handler.formatter.converter = time.gmtime  # type: ignore[union-attr]
+    log = logging.getLogger("inclinometry.laboratory.access")
+    log.setLevel(logging.INFO)
+    log.addHandler(handler)
+    log.propagate = False
 
 
 @contextmanager

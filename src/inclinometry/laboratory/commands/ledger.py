@@ -17,7 +17,8 @@ from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.exchange import restore
 from inclinometry.laboratory.ledger.ledger import Ledger, default_path
-from inclinometry.laboratory.ledger.users import find_user, guard_last_administrator, put_user
+from inclinometry.laboratory.ledger.users import change_password, find_user, guard_last_administrator, put_user
+from inclinometry.laboratory.ledger.users import remove_second_factor as without_second_factor
 from inclinometry.laboratory.ledger.users import users as all_users
 from inclinometry.laboratory.ledger.verify import verify as verify_ledger
 from inclinometry.laboratory.results import history as history_of
@@ -208,6 +209,7 @@ def users(
     password: Flag = False,
     disable: Flag = False,
     enable: Flag = False,
+    remove_second_factor: Flag = False,
     json: Json = False,
 ) -> None:
     """List the users, or add or change one; the password is asked for, or taken from INCLINOMETRY_PASSWORD.
@@ -229,6 +231,8 @@ def users(
         The user may no longer log in.
     enable
         The user may log in again.
+    remove_second_factor
+        Ask the user for the password alone, where telephone and recovery codes are lost.
     """
     if disable and enable:
         raise InputError("--disable and --enable exclude each other; give one of them")
@@ -247,11 +251,13 @@ def users(
                 name,
                 role=str(new_role),
                 author=_who(),
-                password=_ask(name) if password or old is None else None,
+                password=_ask(f"password of {name}") if password or old is None else None,
                 full_name=full_name if full_name is not None else ("" if old is None else old.full_name),
                 active=now_active,
                 language=language if language is not None else ("en" if old is None else old.language),
             )
+            if remove_second_factor:
+                without_second_factor(opened, name, author=_who())
         found = all_users(opened)
     if json:
         output.print_json(
@@ -262,16 +268,32 @@ def users(
     output.table("users", ["name", "role", "active", "full name"], rows)
 
 
-def _ask(name: str) -> str:
+def password(name: str, /, *, ledger: LedgerAddress = None) -> None:
+    """Change your own password; the current one and the new one are asked for.
+
+    A script puts them into the environment as INCLINOMETRY_PASSWORD and INCLINOMETRY_NEW_PASSWORD. An administrator
+    sets a new password with `ledger users NAME --password`.
+
+    Parameters
+    ----------
+    name
+        The user.
+    """
+    with Ledger(_where(ledger)) as opened:
+        current = _ask(f"current password of {name}", once=True)
+        change_password(opened, name, current, _ask(f"new password of {name}", "INCLINOMETRY_NEW_PASSWORD"))
+    output.say(f"the password of {name} was changed; its logins at a bench end")
+
+
+def _ask(what: str, variable: str = "INCLINOMETRY_PASSWORD", *, once: bool = False) -> str:
     """A password that is nowhere on the command line, where others could read it."""
-    password = "INCLINOMETRY_PASSWORD"
-    given = os.environ.get(password)
+    given = os.environ.get(variable)
     if given is not None:
         return given
     if not sys.stdin.isatty():
-        raise InputError(f"no terminal to ask for a password on; put it into the environment as {password}")
-    first = getpass.getpass(f"password of {name}: ")
-    if getpass.getpass("again: ") != first:
+        raise InputError(f"no terminal to ask for a password on; put it into the environment as {variable}")
+    first = getpass.getpass(f"{what}: ")
+    if not once and getpass.getpass("again: ") != first:
         raise InputError("the two passwords differ; nothing was changed")
     return first
 

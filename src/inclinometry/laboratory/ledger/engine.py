@@ -224,14 +224,14 @@ def translated(where: str) -> Iterator[None]:
         if error.connection_invalidated:
             remedy = "the connection was lost; load the page again to see whether the last record was kept"
         raise LedgerError(f"{where}: {cause}: {remedy}") from None
+    except UnicodeDecodeError:
+        raise LedgerError(f"{where}: a text in it was changed; run `inclinometry ledger verify`") from None
     except SQLAlchemyError as error:
         raise LedgerError(f"{where}: the ledger cannot be used ({error})") from None
 
 
 # The kinds of record a ledger holds: what they are found by, and what their body must contain.
 
-VERSION: Final = 1
-"""Version of the records written; records of older versions stay readable for ever."""
 INTEGERS: Final = range(2**31)
 """Whole numbers a key may be: what both engines can keep."""
 
@@ -243,11 +243,13 @@ class Kind:
     name : of the kind and of its table.
     keys : columns it is found by, name -> type; they are not repeated in the body.
     unique : the keys that no two records may share; empty when a later record with the same keys is a new version.
+    version : of the records written; records of older versions stay readable for ever.
     """
 
     name: str
     keys: Mapping[str, type]
     unique: tuple[str, ...] = ()
+    version: int = 1
 
 
 KINDS: Final[Mapping[str, Kind]] = {
@@ -261,7 +263,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         Kind("calibration", {"serial": str, "session": str}),
         Kind("verification", {"serial": str, "calibration": str}),
         Kind("certificate", {"number": str, "serial": str}, ("number",)),
-        Kind("user", {"name": str}),
+        Kind("user", {"name": str}, version=2),
         Kind("event", {"subject_kind": str, "subject": str, "action": str}),
     )
 }
@@ -291,7 +293,7 @@ def _validator(kind: str, version: int) -> Draft202012Validator:
     return made
 
 
-def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: int = VERSION) -> Kind:
+def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: int | None = None) -> Kind:
     """The kind, when keys and body fit it.
 
     Raises
@@ -317,6 +319,7 @@ def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: 
             must = "a text of 1 to 200 printable characters"
             must = must if wanted is str else f"a whole number, 0 to {INTEGERS[-1]}"
             raise InputError(f"{kind}.{name} is {_shown(value)}; it must be {must}")
+    version = known.version if version is None else version
     if type(version) is not int:
         raise InputError(f"the version of a {kind} record is {version!r:.60}; it must be a whole number")
     error = next(iter(_validator(kind, version).iter_errors(body)), None)

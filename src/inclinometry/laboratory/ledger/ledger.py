@@ -22,7 +22,6 @@ from inclinometry.laboratory.ledger.engine import (
     INTEGERS,
     KINDS,
     TABLES,
-    VERSION,
     ConflictError,
     Draft,
     LedgerError,
@@ -138,6 +137,10 @@ class Ledger:
             self.close()
             raise
 
+    def time(self) -> datetime:
+        """The time by the ledger's clock."""
+        return self._clock()
+
     def close(self) -> None:
         """Release the files and connections."""
         self._engine.dispose()
@@ -187,7 +190,7 @@ class Ledger:
             batch = Batch(connection, head)
             created = self._now(last, slack)
             records = [
-                batch.add(draft.kind, uuid.uuid4().hex, created, author, VERSION, draft.keys, body)
+                batch.add(draft.kind, uuid.uuid4().hex, created, author, KINDS[draft.kind].version, draft.keys, body)
                 for draft, body in zip(drafts, bodies, strict=True)
             ]
             batch.write()

@@ -1,18 +1,15 @@
-"""Who may do what: users with roles, passwords kept as argon2 hashes."""
+"""Who may do what: users with roles, passwords and second factors; what happens to them is recorded."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
-from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
-
-if TYPE_CHECKING:
-    from argon2 import PasswordHasher
+from inclinometry.laboratory.ledger import passwords, second_factor
+from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Precondition, Record
 
 ROLES: Final[Mapping[str, frozenset[str]]] = {
     "auditor": frozenset({"read"}),
@@ -21,8 +18,7 @@ ROLES: Final[Mapping[str, frozenset[str]]] = {
     "administrator": frozenset({"read", "capture", "issue", "administer"}),
 }
 """Role -> what it may do: read everything; register and capture; issue, void and supersede certificates; keep users."""
-SHORTEST: Final = 10
-LONGEST: Final = 200
+LONGEST_NAME: Final = 200
 
 
 @dataclass(frozen=True)
@@ -35,6 +31,7 @@ class User:
     active: bool
     language: str
     seal: str = field(default="", repr=False)
+    second_factor: bool = False
 
     def may(self, what: str) -> bool:
         """Whether the user may "read", "capture", "issue" or "administer"."""
@@ -58,10 +55,12 @@ def put_user(
 ) -> User:
     """Add a user or record a change; without a password the old one stays.
 
+    A password that somebody else sets takes the second factor away, whose secret only the old password opens.
+
     Raises
     ------
     InputError
-        An unknown role, a password that is too short, a new user without one.
+        An unknown role, a password that is not taken (`passwords.hashed`), a new user without one.
     """
     if role not in ROLES:
         raise InputError(f"role is {role!r}; allowed: {', '.join(ROLES)}")
@@ -69,21 +68,72 @@ def put_user(
         raise InputError(f"the name {name!r} is kept for the user of a bench without passwords; choose another")
     old = ledger.latest("user", name=name)
     if password is None and old is None:
-        raise InputError(f"{name!r} is a new user; give a password of at least {SHORTEST} characters")
-    kept = None if old is None else old.body.get("password")
-    body = {
-        "role": role,
-        "full_name": full_name,
-        "active": active,
-        "language": language,
-        "password": kept if password is None else _hashed(password),
-    }
-    return _user(ledger.append("user", {"name": name}, body, author=author))
+        raise InputError(f"{name!r} is a new user; give a password of at least {passwords.SHORTEST} characters")
+    body = {"role": role, "full_name": full_name, "active": active, "language": language}
+    events = []
+    if password is not None:
+        body["password"] = passwords.hashed(password, known_words(ledger, name, full_name))
+        body["second_factor"] = None
+        if old is not None:
+            events = ["password changed"]
+            events += ["second factor removed"] if old.body.get("second_factor") else []
+    elif old is not None:
+        body |= {key: old.body.get(key) for key in ("password", "second_factor")}
+    return _put(ledger, name, body, author, *events)
+
+
+def change_password(ledger: Ledger, name: str, current: str, new: str) -> User:
+    """The user's own change; the second factor stays.
+
+    Raises
+    ------
+    InputError
+        The current password is wrong, the new one is not taken.
+    """
+    record, body = _own(ledger, name, current)
+    body["password"] = passwords.hashed(new, known_words(ledger, name, str(body.get("full_name", ""))))
+    factor = record.body.get("second_factor")
+    if factor:
+        body["second_factor"] = factor | second_factor.sealed(second_factor.opened(factor, current), new)
+    return _put(ledger, name, body, name, "password changed")
+
+
+def put_second_factor(ledger: Ledger, name: str, password: str, secret: str, code: str) -> list[str]:
+    """Ask this user for a code of the second factor from now on; its recovery codes, of which only digests are kept.
+
+    Raises
+    ------
+    InputError
+        The password is wrong, the code is not that of the secret now.
+    """
+    found = second_factor.secret_bytes(secret)
+    _, body = _own(ledger, name, password)
+    if second_factor.step_of(found, code, ledger.time().timestamp()) is None:
+        raise InputError("this is not the code of now; check the clocks of the telephone and of the bench")
+    recovery = second_factor.recovery_codes()
+    kept = {"recovery": [second_factor.recovery_digest(one) for one in recovery]}
+    body["second_factor"] = second_factor.sealed(found, password) | kept
+    _put(ledger, name, body, name, "second factor set up")
+    return recovery
+
+
+def remove_second_factor(ledger: Ledger, name: str, *, author: str) -> User:
+    """Ask this user for the password alone from now on; by whom is recorded.
+
+    Raises
+    ------
+    LedgerError
+        There is no such user, or no second factor.
+    """
+    record = ledger.latest("user", name=name)
+    if record is None or not record.body.get("second_factor"):
+        raise LedgerError(f"{name!r} has no second factor")
+    return _put(ledger, name, dict(record.body) | {"second_factor": None}, author, "second factor removed")
 
 
 def find_user(ledger: Ledger, name: str) -> User | None:
     """The user of that name, None when there is none."""
-    record = ledger.latest("user", name=name)
+    record = ledger.latest("user", name=name) if 0 < len(name) <= LONGEST_NAME else None
     return None if record is None else _user(record)
 
 
@@ -94,17 +144,78 @@ def users(ledger: Ledger) -> list[User]:
 
 def check_password(ledger: Ledger, name: str, password: str) -> User | None:
     """The user when name and password are right and the user is active, else None; it takes as long either way."""
-    from argon2.exceptions import InvalidHashError, VerificationError
-
-    record = ledger.latest("user", name=name) if 0 < len(name) <= LONGEST else None
-    stored = None if record is None else record.body.get("password")
-    try:
-        right = _hasher().verify(stored or _decoy(), password[: LONGEST + 1])
-    except (VerificationError, InvalidHashError):
-        return None
-    if record is None or stored is None or not right or not record.body["active"]:
+    record = ledger.latest("user", name=name) if 0 < len(name) <= LONGEST_NAME else None
+    right = passwords.fits(None if record is None else record.body.get("password"), password)
+    if record is None or not right or not record.body["active"]:
         return None
     return _user(record)
+
+
+def check_code(ledger: Ledger, name: str, password: str, given: str) -> bool:
+    """Whether the code is one of the user's second factor and was never given before; afterwards it was.
+
+    A recovery code does as well. Without a second factor only no code is right. That a code was given is an event of
+    the ledger, recorded unless it is there already: of two who bring the same code, to whichever bench, one gets in.
+
+    Parameters
+    ----------
+    password : str
+        The user's, already checked: it opens the secret.
+    """
+    record = ledger.latest("user", name=name)
+    factor = None if record is None else record.body.get("second_factor")
+    if not factor:
+        return not given.strip()
+    step = second_factor.step_of(second_factor.opened(factor, password), given, ledger.time().timestamp())
+    digest = second_factor.recovery_digest(given)
+    if step is not None:
+        # of this secret: a new one begins anew
+        mark = f"code {step} of {factor['salt'][:8]}"
+    elif digest in factor["recovery"]:
+        mark = _recovery_mark(digest)
+    else:
+        return False
+    keys = {"subject_kind": "user", "subject": name, "action": mark}
+    try:
+        ledger.append_all([Draft("event", keys, {})], author=name, unless=[Precondition("event", keys, "used")])
+    except ConflictError:
+        return False
+    return True
+
+
+def recovery_left(ledger: Ledger, name: str) -> int:
+    """How many recovery codes the user has not used yet."""
+    record = ledger.latest("user", name=name)
+    factor = None if record is None else record.body.get("second_factor")
+    marks = [_recovery_mark(digest) for digest in (factor or {}).get("recovery", ())]
+    used = {event.keys["action"] for event in ledger.find("event", subject_kind="user", subject=name, action=marks)}
+    return len(marks) - len(used)
+
+
+def known_words(ledger: Ledger, name: str, full_name: str = "") -> list[str]:
+    """What everybody knows of a user, and no password is made of: the names of the user and of the laboratory."""
+    about = ledger.latest("event", subject_kind="laboratory", subject="settings", action="recorded")
+    laboratory = {} if about is None else about.body.get("details", {})
+    return [name, full_name, str(laboratory.get("name", ""))]
+
+
+def _recovery_mark(digest: str) -> str:
+    return f"recovery code {digest[:16]}"
+
+
+def _own(ledger: Ledger, name: str, password: str) -> tuple[Record, dict[str, Any]]:
+    """The record of a user who knows the password, and its body to be changed."""
+    record = ledger.latest("user", name=name)
+    if record is None or check_password(ledger, name, password) is None:
+        raise InputError("the current password is wrong; nothing was changed")
+    return record, dict(record.body)
+
+
+def _put(ledger: Ledger, name: str, body: Mapping[str, Any], author: str, *events: str) -> User:
+    """Record a user, and for those who read what happened, that it happened."""
+    drafts = [Draft("user", {"name": name}, body)]
+    drafts += [Draft("event", {"subject_kind": "user", "subject": name, "action": event}, {}) for event in events]
+    return _user(ledger.append_all(drafts, author=author)[0])
 
 
 def guard_last_administrator(ledger: Ledger, name: str, role: str, active: bool) -> None:
@@ -129,22 +240,5 @@ def _user(record: Record) -> User:
         bool(body["active"]),
         body.get("language", "en"),
         seal,
+        bool(body.get("second_factor")),
     )
-
-
-def _hashed(password: str) -> str:
-    if not SHORTEST <= len(password) <= LONGEST:
-        raise InputError(f"the password has {len(password)} characters; allowed {SHORTEST} to {LONGEST}")
-    return _hasher().hash(password)
-
-
-@cache
-def _hasher() -> PasswordHasher:
-    from argon2 import PasswordHasher
-
-    return PasswordHasher()
-
-
-@cache
-def _decoy() -> str:
-    return _hasher().hash("nobody has this password")

@@ -135,6 +135,7 @@ PAGES: Final = (
     "verify",
     "certificates",
     "ledger",
+    "people",
 )
 """Modules of pages, in inclinometry.laboratory.web.pages."""
 

@@ -225,7 +225,7 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
                 if code == visitor.language:
                     label.classes("chosen")
         if not visitor.bench.single_user:
-            ui.label(visitor.user.name).classes("user")
+            ui.link(visitor.user.name, "/account").classes("nav user")
             ui.link(visitor.say("frame.log_out"), "/logout").classes("nav")
     with ui.column().classes("page").props('id="content" role="main"'):
         ui.label(visitor.say(title)).classes("title").props('role="heading" aria-level="1"')

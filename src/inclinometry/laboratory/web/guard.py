@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import ipaddress
 import json
+import logging
 import urllib.parse
 from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any, Final
@@ -13,6 +14,8 @@ from nicegui import Client, core
 
 from inclinometry.laboratory.web.logins import Login, Logins, same_secret
 from inclinometry.laboratory.web.refusals import BodyLimit, browser_headers, cookie_token, problem_of
+
+_LOG: Final = logging.getLogger("inclinometry.laboratory.access")
 
 # The live connection of a page belongs to whoever opened the page.
 
@@ -100,7 +103,7 @@ class Guard:
         if self._single_user and not given:
             login = self._logins.local()
         else:
-            token = given or cookie_token(headers)
+            token = given or cookie_token(headers, secure=scope.get("scheme") in ("https", "wss"))
             found = self._logins.find(token) if token else None
             login = None if found is None else found[0]
         scope.setdefault("state", {})["login"] = login
@@ -182,7 +185,8 @@ def _read(scope: Scope, headers: dict[str, str]) -> Problem | None:
 def _name(host: str) -> str:
     """Host without port; brackets of an IPv6 address stay."""
     if host.startswith("["):
-        return host.partition("]")[0] + "]"
+        address, _, rest = host.partition("]")
+        return f"{address}]" if rest[:1] in ("", ":") and "]" in host else host
     return host.rpartition(":")[0] if ":" in host else host
 
 
@@ -208,6 +212,7 @@ def _answered(scope: Scope, headers: dict[str, str], body: BodyLimit, send: Send
                 over = True
                 await _refuse(scope, send, *body.problem)
                 return
+            _note(scope, int(message["status"]))
             ours = browser_headers(scope, headers)
             # the framework's live connection would let any site read it
             kept = [
@@ -223,8 +228,18 @@ def _answered(scope: Scope, headers: dict[str, str], body: BodyLimit, send: Send
     return answered
 
 
+def _note(scope: Scope, status: int) -> None:
+    """Log who was refused what."""
+    if status in (401, 403, 421):
+        login, client = scope.get("state", {}).get("login"), scope.get("client") or ("",)
+        who = ascii(login.name) if login is not None else "a stranger"
+        path, method = ascii(str(scope["path"])[:200]), scope.get("method", "websocket")
+        _LOG.warning("%d %s %s for %s from %s", status, method, path, who, client[0])
+
+
 async def _refuse(scope: Scope, send: Send, status: int, what: str) -> None:
     """An answer without the application: JSON to programs, a redirect to browsers, a closed websocket."""
+    _note(scope, status)
     if scope["type"] == "websocket":
         await send({"type": "websocket.close", "code": ENDED if status == 401 else 4403})
         return

@@ -1,28 +1,43 @@
-"""Who is logged in: sessions of browsers, tokens of programs, and a brake on guessing."""
+"""Who is logged in: sessions of browsers, tokens of programs, and a brake on guessing that stops no rightful user.
+
+A wrong password counts against whoever gave it. A client that has logged in as this user before - a browser by the
+token it was given then, a program or a browser by its address - has a count of its own. All others, who may be anybody,
+share one count for each name and one for each address. So strangers who guess, from however many addresses, make
+strangers wait, and never the user at a computer known by either mark (OWASP, Slow Down Online Guessing Attacks with
+Device Cookies).
+"""
 
 from __future__ import annotations
 
+import hashlib
 import hmac
 import ipaddress
+import logging
 import secrets
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.users import LOCAL, User, check_password, find_user
+from inclinometry.laboratory.ledger.users import LOCAL, User, check_code, check_password, find_user
 
 IDLE_S: Final = 30 * 60.0
 LONGEST_S: Final = 12 * 3600.0
 FREE_FAILURES: Final = 5
-"""Wrong passwords in a row before a name or an address has to wait; then twice as long each time."""
+"""Wrong passwords in a row before a client has to wait; then twice as long each time."""
 LONGEST_WAIT_S: Final = 900.0
+FORGOTTEN_S: Final = 86_400.0
+"""So long after the last wrong password none is held against anybody."""
+KNOWN_S: Final = 30 * 86_400.0
+"""So long an address is known from which a user logged in."""
 MOST: Final = 10_000
 """Sessions and addresses remembered; those longest unused go first."""
+_LOG: Final = logging.getLogger("inclinometry.laboratory.access")
 
 
 class TooManyError(InputError):
@@ -33,6 +48,13 @@ class TooManyError(InputError):
         self.wait_s = wait_s
 
 
+class CodeError(InputError):
+    """The password is right, the code of the second factor is missing or wrong."""
+
+    def __init__(self) -> None:
+        super().__init__("the code of the second factor is missing, wrong or was used before")
+
+
 @dataclass
 class Login:
     """One logged-in browser or program.
@@ -40,6 +62,8 @@ class Login:
     token : secret of the cookie or of the Authorization header.
     csrf : secret that a browser's requests carry beside the cookie.
     seal : of the password it was opened with; another password ends it.
+    address : where it came from; `began_at` and `began`, `seen`: when, as a date and by the clock of the logins.
+    known : what this client shows at its next login to be known, a secret, too.
     """
 
     token: str
@@ -48,6 +72,15 @@ class Login:
     began: float
     seen: float
     seal: str = ""
+    address: str = ""
+    began_at: str = ""
+    known: str = ""
+    wrong: int = 0
+
+    @property
+    def id(self) -> str:
+        """What names this login in lists; it opens nothing."""
+        return hashlib.sha256(f"id {self.token}".encode()).hexdigest()[:16]
 
 
 class Logins:
@@ -65,49 +98,127 @@ class Logins:
         self._ledger, self._clock = ledger, clock
         self._open: OrderedDict[str, Login] = OrderedDict()
         self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()
+        self._seen: OrderedDict[tuple[str, str], float] = OrderedDict()
         self._users: dict[str, tuple[float, User | None]] = {}
         self._lock = threading.Lock()
-        # passwords checked side by side: each check takes 64 MB, on purpose
-        self._checking = threading.Semaphore(2)
+        # passwords checked side by side: each check takes 64 MB, on purpose; strangers do not stand in the users' way,
+        # and not more than a few of them wait
+        self._checking = {True: threading.Semaphore(2), False: threading.Semaphore(2)}
+        self._strangers = threading.Semaphore(8)
         self._local = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), LOCAL.name, 0.0, 0.0)
 
-    def log_in(self, name: str, password: str, address: str) -> Login | None:
+    def log_in(self, name: str, password: str, address: str, *, code: str = "", known: str = "") -> Login | None:
         """A new login, None when name or password is wrong.
+
+        Parameters
+        ----------
+        code : str
+            Of the second factor, "" without one.
+        known : str
+            `Login.known` of an earlier login of this client.
 
         Raises
         ------
         TooManyError
-            The name or the address has guessed wrong too often.
+            This client, or strangers at this name or address, have guessed wrong too often.
+        CodeError
+            The password is right, the code is not.
         """
-        keys = (f"name {name[:200]}", f"address {_network(address)}")
+        name, network = name[:200], _network(address)
+        own = self._known(name, network, known)
+        keys = [own] if own else [f"name {name}", f"address {network}"]
         with self._lock:
             wait = max(self._wait(key) for key in keys)
             if wait > 0.0:
+                _LOG.warning("login of %s from %s not tried, wait %.0f s", ascii(name), address, wait)
                 raise TooManyError(wait)
-            before = self._failures.get(keys[1])
+            before = self._failures.get(keys[-1])
             # counted before the slow check, so that guesses in parallel do not pass together
             for key in keys:
-                count, _ = self._failures.pop(key, (0, 0.0))
+                count = self._count(key)
+                self._failures.pop(key, None)
                 self._failures[key] = (min(count + 1, 60), self._clock())
                 while len(self._failures) > MOST:
                     self._failures.popitem(last=False)
-        with self._checking:
+        with self._turn(bool(own)):
             user = check_password(self._ledger, name, password)
-        if user is None:
-            return None
+            if user is None:
+                _LOG.warning("login of %s from %s refused: name or password", ascii(name), address)
+                return None
+            if not check_code(self._ledger, name, password, code):
+                _LOG.warning("login of %s from %s refused: code", ascii(name), address)
+                raise CodeError
+        _LOG.info("login of %s from %s", ascii(name), address)
         with self._lock:
             self._failures.pop(keys[0], None)
             # whoever knows one password must not wash away what was guessed wrong for other names from the same address
-            self._failures.pop(keys[1], None)
-            if before is not None:
+            if not own and before is not None:
                 self._failures[keys[1]] = before
+            elif not own:
+                self._failures.pop(keys[1], None)
             self._users.pop(user.name, None)
             now = self._clock()
-            login = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), user.name, now, now, user.seal)
+            self._seen.pop((name, network), None)
+            self._seen[name, network] = now
+            login = Login(
+                secrets.token_urlsafe(32),
+                secrets.token_urlsafe(32),
+                user.name,
+                now,
+                now,
+                user.seal,
+                address,
+                f"{self._ledger.time():%Y-%m-%d %H:%M}",
+                _mark(user, secrets.token_urlsafe(12)),
+            )
             self._open[login.token] = login
-            while len(self._open) > MOST:
-                self._open.popitem(last=False)
+            for kept in (self._open, self._seen):
+                while len(kept) > MOST:
+                    kept.popitem(last=False)
             return login
+
+    def open(self, name: str | None = None) -> list[Login]:
+        """The logins of a user, of all users without a name, the latest used first."""
+        with self._lock:
+            now = self._clock()
+            alive = [one for one in self._open.values() if not self._over(one, now)]
+        return [one for one in reversed(alive) if name in (None, one.name)]
+
+    def idle_s(self, login: Login) -> float:
+        """For how long nobody has used it."""
+        return self._clock() - login.seen
+
+    def end(self, id_: str, name: str | None = None) -> bool:
+        """End the login of that id; with a name only if it is that user's. Whether there was one."""
+        found = [one for one in self.open(name) if one.id == id_]
+        for one in found:
+            self.log_out(one.token)
+        return bool(found)
+
+    def confirm(self, login: Login, password: str) -> None:
+        """Ask again for the password, before something that whoever finds the browser open is not to do.
+
+        Raises
+        ------
+        InputError
+            It is wrong. After a few of these the login ends; the user's other logins, and new ones, know nothing of it.
+        """
+        with self._turn(True):
+            right = check_password(self._ledger, login.name, password) is not None
+        login.wrong = 0 if right else login.wrong + 1
+        if not right:
+            _LOG.warning(
+                "%s from %s: the current password was asked for and is wrong", ascii(login.name), login.address
+            )
+            if login.wrong >= FREE_FAILURES:
+                self.log_out(login.token)
+            raise InputError("the current password is wrong; nothing was changed")
+
+    def keep(self, login: Login, user: User) -> None:
+        """Let this one login go on after its user has changed the password; the others end."""
+        login.seal = user.seal
+        login.known = _mark(user, secrets.token_urlsafe(12))
+        self._users.pop(user.name, None)
 
     def local(self) -> Login:
         """The login of whoever sits at a bench on loopback: one for all browsers there, and it never ends."""
@@ -124,7 +235,7 @@ class Logins:
             login, now = self._open.get(token), self._clock()
             if login is None:
                 return None
-            if now - login.seen > IDLE_S or now - login.began > LONGEST_S:
+            if self._over(login, now):
                 del self._open[token]
                 return None
             if use:
@@ -149,12 +260,47 @@ class Logins:
         with self._lock:
             self._open.pop(token, None)
 
-    def _wait(self, key: str) -> float:
+    @staticmethod
+    def _over(login: Login, now: float) -> bool:
+        return now - login.seen > IDLE_S or now - login.began > LONGEST_S
+
+    def _known(self, name: str, network: str, known: str) -> str:
+        """Under which count a client goes that has logged in as this user before; "" for a stranger."""
+        if known:
+            user, number = find_user(self._ledger, name), known.partition(".")[0]
+            if user is not None and same_secret(known, _mark(user, number)):
+                return f"client {number} {name}"
+        seen = self._seen.get((name, network))
+        return f"known {network} {name}" if seen is not None and self._clock() - seen < KNOWN_S else ""
+
+    @contextmanager
+    def _turn(self, known: bool) -> Iterator[None]:
+        """A turn to have a password checked; strangers who would have to wait for long are sent away."""
+        if not known and not self._strangers.acquire(blocking=False):
+            raise TooManyError(2.0)
+        try:
+            with self._checking[known]:
+                yield
+        finally:
+            if not known:
+                self._strangers.release()
+
+    def _count(self, key: str) -> int:
         count, last = self._failures.get(key, (0, 0.0))
+        return count if self._clock() - last < FORGOTTEN_S else 0
+
+    def _wait(self, key: str) -> float:
+        count = self._count(key)
         if count < FREE_FAILURES:
             return 0.0
         pause = min(2.0 * 2.0 ** (count - FREE_FAILURES), LONGEST_WAIT_S)
-        return max(0.0, last + pause - self._clock())
+        return max(0.0, self._failures[key][1] + pause - self._clock())
+
+
+def _mark(user: User, number: str) -> str:
+    """What a client shows that has logged in as this user, until the password changes: a number and its signature."""
+    signature = hmac.new(user.seal.encode(), f"known {user.name} {number}".encode(), "sha256").hexdigest()
+    return f"{number}.{signature}"
 
 
 def _network(address: str) -> str:

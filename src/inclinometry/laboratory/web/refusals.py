@@ -17,6 +17,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
+from inclinometry.digest import digest_bytes
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.laboratory.ledger.ledger import ConflictError
 from inclinometry.laboratory.web.frame import RefusedError, current
@@ -48,7 +49,8 @@ def browser_headers(scope: MutableMapping[str, Any], headers: dict[str, str]) ->
     found = {
         b"x-content-type-options": b"nosniff",
         b"x-frame-options": b"DENY",
-        b"referrer-policy": b"no-referrer",
+        # not "no-referrer", with which browsers call the sender of the login form "null"
+        b"referrer-policy": b"same-origin",
         b"cross-origin-opener-policy": b"same-origin",
         b"cross-origin-resource-policy": b"same-origin",
         b"permissions-policy": b"camera=(), microphone=(), geolocation=(), payment=(), usb=(), serial=()",
@@ -61,31 +63,52 @@ def browser_headers(scope: MutableMapping[str, Any], headers: dict[str, str]) ->
     return found
 
 
-def cookie_name(host: str) -> str:
+def cookie_name(host: str, *, secure: bool = False) -> str:
     """Name of the cookie at an address: cookies do not tell ports apart, and two benches may run on one computer.
+
+    Over TLS its prefix lets no other name of the same domain set it.
 
     Examples
     --------
-    >>> cookie_name("lab.example:8080"), cookie_name("lab.example")
-    ('inclinometry-8080', 'inclinometry')
+    >>> cookie_name("lab.example:8080"), cookie_name("lab.example", secure=True)
+    ('inclinometry-8080', '__Host-inclinometry')
     """
-    cookie = "inclinometry"
+    cookie = "__Host-inclinometry" if secure else "inclinometry"
     port = host.rpartition("]")[2].rpartition(":")[2] if ":" in host.rpartition("]")[2] else ""
     return f"{cookie}-{port}" if port.isascii() and port.isdigit() else cookie
 
 
-def cookie_token(headers: dict[str, str]) -> str:
+def cookie_token(headers: Mapping[str, str], *, secure: bool = False) -> str:
     """The token in the cookie of a request, "" when there is none."""
+    return _cookie(headers, cookie_name(headers.get("host", ""), secure=secure))
+
+
+def known_token(headers: Mapping[str, str], name: str, *, secure: bool = False) -> str:
+    """What the browser of a request shows to be known as that user's, "" when nothing."""
+    return _cookie(headers, _known_name(headers.get("host", ""), name, secure))
+
+
+def login_cookies(login: Login, *, host: str, secure: bool) -> list[str]:
+    """The Set-Cookie headers of a login: its token, and what makes this browser known at the next one."""
+    flags = "Path=/; HttpOnly; SameSite=Strict" + ("; Secure" if secure else "")
+    half_a_year = 180 * 86_400
+    return [
+        f"{cookie_name(host, secure=secure)}={login.token}; {flags}",
+        f"{_known_name(host, login.name, secure)}={login.known}; Max-Age={half_a_year}; {flags}",
+    ]
+
+
+def _known_name(host: str, name: str, secure: bool) -> str:
+    # a computer that several people use knows each of them
+    return f"{cookie_name(host, secure=secure)}-{digest_bytes(name.encode()).partition(':')[2][:12]}"
+
+
+def _cookie(headers: Mapping[str, str], name: str) -> str:
     try:
-        morsel = SimpleCookie(headers.get("cookie", "")).get(cookie_name(headers.get("host", "")))
+        morsel = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
         return ""
     return "" if morsel is None else morsel.value
-
-
-def login_cookie(login: Login, *, host: str, secure: bool) -> str:
-    """The Set-Cookie header of a login."""
-    return f"{cookie_name(host)}={login.token}; Path=/; HttpOnly; SameSite=Strict" + ("; Secure" if secure else "")
 
 
 # Bodies of requests: how large they may be and how long they may take, whatever their headers say.
@@ -252,7 +275,8 @@ def in_words(errors: list[Mapping[str, Any]]) -> str:
         elif error.get("type") == "missing":
             parts.append(f"{place[:200]} is missing; add it")
         else:
-            value = "not shown" if "password" in place else _short(error.get("input"))
+            hidden = "password" in place or place.rpartition(".")[2] in ("code", "known", "secret")
+            value = "not shown" if hidden else _short(error.get("input"))
             parts.append(f"{place[:200]} is {value}: {message}")
     more = f"; and {len(errors) - 3} more" if len(errors) > 3 else ""
     return "; ".join(parts).encode("utf-8", "replace").decode() + more

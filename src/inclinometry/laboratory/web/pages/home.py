@@ -15,10 +15,10 @@ from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.registry import due_days, listed, tools
 from inclinometry.laboratory.session import closing, load_session
 from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, Visitor, current, frame
-from inclinometry.laboratory.web.logins import Login, TooManyError
+from inclinometry.laboratory.web.logins import CodeError, Login, TooManyError
 from inclinometry.laboratory.web.pages.lists import day as when
 from inclinometry.laboratory.web.pages.lists import plan_words, to
-from inclinometry.laboratory.web.refusals import login_cookie
+from inclinometry.laboratory.web.refusals import known_token, login_cookies
 from inclinometry.laboratory.web.words import LANGUAGES, preferred, say
 from inclinometry.report.glossary import glossary
 
@@ -26,12 +26,14 @@ router = APIRouter(include_in_schema=False)
 
 _PAGE = """<!doctype html><html lang="{language}"><head><meta charset="utf-8"><title>{title} - inclinometry</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="stylesheet" href="/static/bench.css"></head>
+<link rel="stylesheet" href="/static/bench.css"><style>label>input:not([type=checkbox]){{width:100%}}</style></head>
 <body><form class="panel" method="post" action="/login" style="max-width:22rem;margin:4rem auto;display:grid;gap:.8rem">
 <h1 class="title">{title}</h1><p class="bad" role="alert">{problem}</p>
 <label>{name}<br><input name="name" autocomplete="username" autofocus required maxlength="200"></label>
 <label>{password}<br>
 <input name="password" type="password" autocomplete="current-password" required maxlength="200"></label>
+<label><input type="checkbox" onchange="form.password.type = checked ? 'text' : 'password'"> {see}</label>
+<label>{code}<br><input name="code" autocomplete="one-time-code" maxlength="60"></label>
 <button type="submit">{go}</button></form></body></html>"""
 
 
@@ -41,7 +43,7 @@ def _language(request: Request) -> str:
 
 
 def _form(language: str, problem: str = "", status: int = 200) -> HTMLResponse:
-    words = {key: escape(say(language, f"login.{key}")) for key in ("title", "name", "password", "go")}
+    words = {key: escape(say(language, f"login.{key}")) for key in ("title", "name", "password", "see", "code", "go")}
     return HTMLResponse(_PAGE.format(language=language, problem=escape(problem), **words), status)
 
 
@@ -52,20 +54,30 @@ def show(request: Request) -> Response:
 
 
 @router.post("/login")
-def log_in(request: Request, name: str = Form(max_length=200), password: str = Form(max_length=200)) -> Response:
-    """Check name and password."""
-    language = _language(request)
+def log_in(
+    request: Request,
+    name: str = Form(max_length=200),
+    password: str = Form(max_length=200),
+    code: str = Form(default="", max_length=60),
+) -> Response:
+    """Check name, password and, where there is one, the code of the second factor."""
+    language, secure = _language(request), request.url.scheme == "https"
+    known, address = known_token(request.headers, name, secure=secure), request.client.host if request.client else ""
     try:
-        login = current().logins.log_in(name, password, request.client.host if request.client else "")
+        login = current().logins.log_in(name, password, address, code=code, known=known)
     except TooManyError as error:
         answer = _form(language, say(language, "login.wait", seconds=round(error.wait_s)), 429)
         answer.headers["retry-after"] = str(round(error.wait_s) + 1)
         return answer
+    except CodeError:
+        return _form(language, say(language, "login.wrong_code"), 401)
     if login is None:
         return _form(language, say(language, "login.wrong"), 401)
     _end(request)  # of whoever was logged in on this browser before
-    cookie = login_cookie(login, host=request.headers.get("host", ""), secure=request.url.scheme == "https")
-    return RedirectResponse("/", 303, headers={"set-cookie": cookie})
+    found = RedirectResponse("/", 303)
+    for cookie in login_cookies(login, host=request.headers.get("host", ""), secure=secure):
+        found.headers.append("set-cookie", cookie)
+    return found
 
 
 @router.get("/logout")

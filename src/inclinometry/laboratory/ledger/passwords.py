@@ -1,0 +1,144 @@
+"""Passwords: which are taken, how they are kept.
+
+Length counts and nothing else is asked for: no digits, no capitals, no change after some months (NIST SP 800-63B-4,
+3.1.1.2; OWASP ASVS 4.0.3, V2.1). What is refused is what a guesser tries first: common passwords, rows of keys,
+repetitions, the name of the user, the laboratory or the program. zxcvbn (D. Wheeler, USENIX Security 2016; MIT), with
+its 30,000 passwords of leaked lists, estimates how many guesses that takes.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from collections.abc import Iterable
+from functools import cache
+from typing import TYPE_CHECKING, Final
+
+from inclinometry.errors import InputError
+
+if TYPE_CHECKING:
+    from argon2 import PasswordHasher
+
+SHORTEST: Final = 15
+"""Characters of a new password, NIST SP 800-63B-4 for one that stands alone; blanks in a row count once."""
+LONGEST: Final = 128
+LONGEST_TRIED: Final = 200
+"""Older programs took so many."""
+LEAST_GUESSES: Final = 1e8
+"""zxcvbn's scores 3 and 4: what it calls safely unguessable. Beyond that only the length decides."""
+_PROGRAM: Final = ("inclinometry", "inclinometer")
+_READ: Final = 72  # zxcvbn's time grows with the square of what it reads
+
+
+def strength(password: str, words: Iterable[str] = ()) -> float:
+    """From 0 to 1, which is enough: the guesses needed by somebody who knows the words, and the length.
+
+    Parameters
+    ----------
+    password : str
+    words : iterable of str
+        What somebody who guesses knows: the names of the user, of the laboratory.
+
+    Examples
+    --------
+    >>> strength("passwordpassword") < 0.3, strength("quiet granite harbour lamp")
+    (True, 1.0)
+    >>> strength("AnnaBerg annaberg 1", ["Anna Berg"])
+    0.125
+    """
+    from zxcvbn import zxcvbn
+
+    names = {*_PROGRAM, *(part for word in words for part in (word, *re.split(r"\W+", word)) if len(part) > 2)}
+    known = [*sorted(names), "password", "passphrase"]
+    normal = _normal(password)
+    if not normal:
+        return 0.0
+    # the better of both ends: a long password is not weak because its beginning is
+    parts = {normal[:_READ], normal[-_READ:]}
+    guesses = max(float(zxcvbn(part, user_inputs=known)["guesses_log10"]) for part in parts)
+    return max(0.0, min(1.0, guesses / math.log10(LEAST_GUESSES), _length(normal) / SHORTEST, _own(normal, names) / 8))
+
+
+def hashed(password: str, words: Iterable[str] = ()) -> str:
+    """The argon2id hash of a password that may be taken.
+
+    Raises
+    ------
+    InputError
+        Too short, too long, among those that are guessed first.
+    """
+    normal = _normal(password)
+    if _length(normal) < SHORTEST or len(normal) > LONGEST:
+        raise InputError(
+            f"the password has {_length(normal)} characters; allowed {SHORTEST} to {LONGEST}: four or five words are "
+            "easy to keep"
+        )
+    if strength(normal, words) < 1.0:
+        raise InputError(
+            "the password is one of the first to be guessed: a common one, a row of keys, a repetition, or a name; "
+            "take four or five words that do not belong together"
+        )
+    return _hasher().hash(normal)
+
+
+def fits(stored: str | None, password: str) -> bool:
+    """Whether the password is the one that was hashed; without a hash it takes as long and is wrong."""
+    from argon2.exceptions import InvalidHashError, VerificationError
+
+    given = password[: LONGEST_TRIED + 1]
+    # older programs hashed what was typed
+    for tried in dict.fromkeys((_normal(given), given)):
+        try:
+            if _hasher().verify(stored or _decoy(), tried):
+                return bool(stored)
+        except (VerificationError, InvalidHashError, UnicodeEncodeError):
+            continue
+    return False
+
+
+def costs() -> dict[str, int]:
+    """What argon2id costs here, to be kept beside what `key` encrypts."""
+    hasher = _hasher()
+    return {name: getattr(hasher, name) for name in ("time_cost", "memory_cost", "parallelism")}
+
+
+def key(password: str, salt: bytes, length: int, *, time_cost: int, memory_cost: int, parallelism: int) -> bytes:
+    """An argon2id key that only the password gives."""
+    from argon2.low_level import Type, hash_secret_raw
+
+    return hash_secret_raw(
+        _normal(password).encode("utf-8", "replace"), salt, time_cost, memory_cost, parallelism, length, Type.ID
+    )
+
+
+def _own(password: str, known: Iterable[str]) -> int:
+    """Characters that are left without what is known, forwards and backwards."""
+    between = r"[\s_.,;:-]+"
+    text = re.sub(between, "", password.casefold())
+    names = {re.sub(between, "", word.casefold()) for word in known}
+    for name in sorted(names, key=len, reverse=True):
+        for taken in (name, name[::-1]):
+            text = text.replace(taken, "") if taken else text
+    return len(text)
+
+
+def _normal(password: str) -> str:
+    """One spelling of each character, whatever the keyboard sends (NIST SP 800-63B-4, 3.1.1.2)."""
+    return unicodedata.normalize("NFKC", password)
+
+
+def _length(password: str) -> int:
+    return len(re.sub(r"\s+", " ", password.strip()))
+
+
+@cache
+def _hasher() -> PasswordHasher:
+    from argon2 import PasswordHasher
+
+    return PasswordHasher()
+
+
+@cache
+def _decoy() -> str:
+    return _hasher().hash("nobody has this password")
