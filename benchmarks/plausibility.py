@@ -52,7 +52,12 @@ def _build(r):
     kick, rate, hold = r.uniform(100, 1500), r.uniform(0.7, 6.0), r.uniform(15, 75)
     a = r.uniform(0, 360)
     top = kick + 30.0 * hold / rate
-    return [(0, 0, a), (kick, 0, a), (top, hold, a), (top + r.uniform(300, 2500), hold + r.uniform(-3, 3), a + r.uniform(-6, 6))]
+    return [
+        (0, 0, a),
+        (kick, 0, a),
+        (top, hold, a),
+        (top + r.uniform(300, 2500), hold + r.uniform(-3, 3), a + r.uniform(-6, 6)),
+    ]
 
 
 def _s_shape(r):
@@ -100,7 +105,10 @@ def _sidetrack(r):
 
 def _mine(r):
     i, a, end = r.uniform(20, 100), r.uniform(0, 360), r.uniform(80, 900)
-    return [(0, i, a), (end, float(np.clip(i + end / 100 * r.uniform(-3, 3), 5, 120)), a + end / 100 * r.uniform(-3, 3))]
+    return [
+        (0, i, a),
+        (end, float(np.clip(i + end / 100 * r.uniform(-3, 3), 5, 120)), a + end / 100 * r.uniform(-3, 3)),
+    ]
 
 
 def _up(r):
@@ -110,7 +118,12 @@ def _up(r):
 
 def _crossing(r):
     a, end = r.uniform(0, 360), r.uniform(200, 1200)
-    return [(0, r.uniform(74, 84), a), (end / 4, 88, a), (3 * end / 4, 91, a + r.uniform(-10, 10)), (end, r.uniform(96, 104), a)]
+    return [
+        (0, r.uniform(74, 84), a),
+        (end / 4, 88, a),
+        (3 * end / 4, 91, a + r.uniform(-10, 10)),
+        (end, r.uniform(96, 104), a),
+    ]
 
 
 SHAPES = {
@@ -221,7 +234,12 @@ def _axes(r, inclination, azimuth):
     b = field * tool(np.cos(dip), 0.0, np.sin(dip))
     # the angles of these axes err a little: bias, scale and noise
     g = g * (1.0 + r.normal(0, 5e-4, 3)) + r.normal(0, 0.003, 3) + r.normal(0, 0.002, (n, 3))
-    b = b * (1.0 + r.normal(0, 1.6e-3, 3)) + r.normal(0, 70.0, 3) + r.normal(0, 35.0, (n, 3)) + r.normal(0, 300.0) * ALONG
+    b = (
+        b * (1.0 + r.normal(0, 1.6e-3, 3))
+        + r.normal(0, 70.0, 3)
+        + r.normal(0, 35.0, (n, 3))
+        + r.normal(0, 300.0) * ALONG
+    )
     if r.random() < 0.2:  # steel of the casing above, which fades
         b = b + (r.normal(0, 1500.0, 3) * np.exp(-np.arange(n)[:, None] / r.uniform(0.4, 2.0)))
     return g.round(4), b.round(1)
@@ -378,21 +396,25 @@ FAULTS = {
     "depths in feet under metres": Fault(_feet, ("depths",), "where courses are no stand of pipe"),
     "second half of the depths in feet": Fault(_half_feet, ("depths",)),
     "last depth times 10": Fault(_ten_last, ("depths",)),
-    "inclination and azimuth exchanged": Fault(_exchanged, ("columns", "units"), "in a straight hole that does not begin at the top"),
+    "inclination and azimuth exchanged": Fault(
+        _exchanged, ("columns", "units"), "in a straight hole that does not begin at the top"
+    ),
     "both angles in radians": Fault(_radians, ("units",)),
     "inclination from the horizontal": Fault(_horizon, ("columns",), "in a hole that does not begin vertical"),
     "inclination from the other end": Fault(_other_end, ("columns",), "in a hole shorter than 400 m"),
-    "azimuth half a turn off": Fault(_half_turn, ("azimuth",), "always: the hole is as smooth"),
-    "azimuth mirrored": Fault(_mirror, ("azimuth",), "always: the hole is as smooth"),
-    "azimuth of another north": Fault(_magnetic, ("azimuth",), "always: the hole is as smooth"),
-    "half the quadrants wrong, the hole turns, over 20 deg": Fault(_quadrant, ("azimuth", "columns", "station")),
+    "azimuth half a turn off": Fault(_half_turn, ("direction",), "always: the hole is as smooth"),
+    "azimuth mirrored": Fault(_mirror, ("direction",), "always: the hole is as smooth"),
+    "azimuth of another north": Fault(_magnetic, ("direction",), "always: the hole is as smooth"),
+    "half the quadrants wrong, the hole turns, over 20 deg": Fault(_quadrant, ("direction", "columns", "station")),
     "one reading at five depths, angles": Fault(_pasted, ("repeats",), "in a straight part with few digits"),
     "one reading at five depths, six axes": Fault(_pasted_axes, ("repeats",)),
-    "two stations exchanged, over 3 deg apart": Fault(_rows_exchanged, ("order", "station"), "where they differ by less"),
+    "two stations exchanged, over 3 deg apart": Fault(
+        _rows_exchanged, ("order", "station"), "where they differ by less"
+    ),
     "one inclination 1 deg off": Fault(_digit("inclination", 1.0), ("station",), "a bend of 2 deg/30 m looks so"),
-    "one inclination 10 deg off": Fault(_digit("inclination", 10.0), ("station", "azimuth")),
+    "one inclination 10 deg off": Fault(_digit("inclination", 10.0), ("station", "direction")),
     "one azimuth 10 deg off, inclined over 20 deg": Fault(_digit("azimuth", 10.0), ("station",), "4 deg of hole"),
-    "one azimuth 100 deg off, inclined over 20 deg": Fault(_digit("azimuth", 100.0), ("station", "azimuth")),
+    "one azimuth 100 deg off, inclined over 20 deg": Fault(_digit("azimuth", 100.0), ("station", "direction")),
     "y and z of both triads exchanged": Fault(_turned([0, 2, 1], 1.0), ("axes",), "a tool that never turns"),
     "x and z of both triads exchanged": Fault(_turned([2, 1, 0], 1.0), ("axes",), "a tool that never turns"),
     "x, y, z of both triads cycled": Fault(_turned([1, 2, 0], 1.0), ("axes",), "a tool that never turns"),
@@ -454,7 +476,9 @@ def main() -> None:
         print(json.dumps({"faults": rows, "false_alarms": false}))
         return
     for row in rows:
-        print(f"{row['fault']:54} {row['runs']:4} named {row['named']:.2f} said {row['said']:.2f} refused {row['refused']:.2f}")
+        print(
+            f"{row['fault']:54} {row['runs']:4} named {row['named']:.2f} said {row['said']:.2f} refused {row['refused']:.2f}"
+        )
     for seed, shape, what, doubt in alarms[:60]:
         print(seed, shape, what, doubt.name, doubt.refused, doubt.sentence)
     print(f"false alarms {100.0 * false:.2f} % of {2 * options.right} runs")

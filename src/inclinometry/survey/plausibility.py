@@ -17,19 +17,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array, Mask
+from inclinometry.arrays import Array, Index, Mask
 from inclinometry.constants import FOOT
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.survey.path import directions
 
-CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "azimuth", "totals", "place")
+CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "direction", "totals", "place")
 """Names of the checks, as --trust-file takes them."""
+
+OVERRULED: Final = "overruled by --trust-file"
+"""How the sentence on a check begins that was overruled."""
 
 
 class Doubt(NamedTuple):
@@ -54,8 +58,6 @@ class Run:
     md : (n,) m; inclination, azimuth : (n,) rad.
     g, b : (n, 3) m/s^2 and nT in tool axes, or None.
     totals : "g" m/s^2, "b" nT, "dip" rad -> (n,), those that are known.
-    in_feet : whether the depths were given in feet.
-    measured : the angles were measured; those of a plan are as smooth as it likes.
     """
 
     md: Array
@@ -64,7 +66,6 @@ class Run:
     g: Array | None = None
     b: Array | None = None
     totals: Mapping[str, Array] = field(default_factory=dict)
-    in_feet: bool = False
 
     @classmethod
     def of_fields(cls, md: Array, g: Array, b: Array) -> Run:
@@ -111,22 +112,17 @@ def doubts(run: Run) -> list[Doubt]:
     if depths_right and not any(one.name in ("columns", "axes", "units") for one in found):
         found += _local(kept)
     found += _totals(kept)
-    found = [replace_rows(one, rows) for one in found]
+    found = [one._replace(stations=tuple(int(rows[k]) for k in one.stations)) for one in found]
     return sorted(found, key=lambda one: not one.refused)
 
 
-def replace_rows(one: Doubt, rows: Array) -> Doubt:
-    """The same of the rows that a run had before some were left out."""
-    return one._replace(stations=tuple(int(rows[k]) for k in one.stations))
-
-
-def settle(found: Iterable[Doubt], trusted: Sequence[str] = ()) -> list[str]:
+def settle(found: Iterable[Doubt], trusted: Sequence[str] = (), path: str | Path | None = None) -> list[str]:
     """Warnings, in words; what is refused raises, but for the checks that are overruled, of which it says so.
 
     Raises
     ------
     InputError
-        A run that cannot be true; a name that is no check.
+        A run that cannot be true, of the file where one is named; a name that is no check.
     """
     unknown = sorted(set(trusted) - set(CHECKS))
     if unknown:
@@ -136,13 +132,14 @@ def settle(found: Iterable[Doubt], trusted: Sequence[str] = ()) -> list[str]:
         if one.name in trusted:
             said.append(f"overruled by --trust-file {one.name}: {one.sentence}")
         elif one.refused:
-            raise InputError(f"{one.sentence}; --trust-file {one.name} takes the file as it is")
+            problem = f"{one.sentence}; --trust-file {one.name} takes the file as it is"
+            raise InputError(problem) if path is None else FileError(problem, path=path)
         else:
             said.append(f"{one.sentence}; --trust-file {one.name} if it is so")
     return said
 
 
-def _taken(run: Run, rows: Array) -> Run:
+def _taken(run: Run, rows: Index) -> Run:
     def some(values: Array | None) -> Array | None:
         return None if values is None else values[rows]
 
@@ -302,7 +299,9 @@ def _whole(run: Run) -> list[Doubt]:
             f"by {typical:.0f} deg in the middle, and no unit, axis or exchange of columns that was tried explains it: "
             "check the columns, their units and the order of the stations"
         )
-        return [Doubt("columns", sentence, True, tuple(map(int, broken)))]
+        # of six axes the dip tells whether one triad is wired otherwise; beside a dip that holds they may be no hole's
+        if run.g is None or float(np.std(run.totals["dip"])) < np.radians(3.0):
+            return [Doubt("columns", sentence, run.g is None, tuple(map(int, broken)))]
     return []
 
 
@@ -330,7 +329,9 @@ def _units(run: Run) -> list[Doubt]:
     along = _scatter(inclination, run.md)
     if inclination.max() <= np.pi + 1e-3 and small and inclination.max() > 0.3:
         # that a hole's azimuths all lie within 6.3 deg of north, east of it, has this chance; no less where it turns
-        radians = _smoothness(run.md, directions(np.radians(inclination) * 180.0 / np.pi, np.radians(azimuth) * 180.0 / np.pi))
+        radians = _smoothness(
+            run.md, directions(np.radians(inclination) * 180.0 / np.pi, np.radians(azimuth) * 180.0 / np.pi)
+        )
         spread = float(np.ptp(azimuth))
         rough = int(np.nansum(radians.residual > _JUMP))
         if rough <= 0.1 * size and (spread > 0.5 or np.ptp(inclination) > 0.3):
@@ -360,7 +361,11 @@ def _units(run: Run) -> list[Doubt]:
         )
         return [Doubt("units", sentence, False)]
     lateral = np.abs(inclination - 100.0) < 2.0
-    if lateral.sum() >= max(8, 0.2 * size) and inclination[0] < 60.0 and not (np.abs(inclination - 90.0) < 2.0)[inclination.argmax() :].any():
+    if (
+        lateral.sum() >= max(8, 0.2 * size)
+        and inclination[0] < 60.0
+        and not (np.abs(inclination - 90.0) < 2.0)[inclination.argmax() :].any()
+    ):
         level = inclination[lateral]
         if abs(float(np.median(level)) - 100.0) < 0.7 and float(np.std(level)) < 1.0 and inclination.max() < 103.0:
             sentence = (
@@ -424,15 +429,27 @@ def _depths(run: Run) -> list[Doubt]:
     """Courses against their habit: a last depth of a wrong digit, a part in feet, all of it in feet."""
     md = run.md
     course = np.diff(md)
-    if len(md) < 5:
-        return []
     usual = float(np.median(course))
     found: list[Doubt] = []
+    alike = (course >= 80.0) & (course <= 100.0)  # a stand of pipe, 26 to 30 m, in feet
+    if np.mean(alike) >= 0.6:
+        found.append(
+            Doubt(
+                "depths",
+                f"stations are {np.median(course[alike]):.1f} m apart, which would be a stand of pipe if it were feet: "
+                "if the depths are in feet, name their column md_ft",
+                False,
+            )
+        )
+    if len(md) < 5:
+        return found
     for k in np.flatnonzero(course > 5.0 * usual):
         there = md[k + 1 :] * FOOT
         rest = np.diff(md[k + 1 :])
         joins = md[k] < there[0] <= md[k] + 3.0 * float(np.median(course[: k + 1])) if k else False
-        longer = len(rest) == 0 or 2.5 < float(np.median(rest)) / float(np.median(course[: k + 1])) < 4.2 if k else False
+        longer = (
+            len(rest) == 0 or 2.5 < float(np.median(rest)) / float(np.median(course[: k + 1])) < 4.2 if k else False
+        )
         if joins and longer and len(there) >= 2 and k >= 1:
             sentence = (
                 f"the depth leaps from {md[k]:.12g} to {md[k + 1]:.12g} m, and courses are 3.28 times as long from "
@@ -451,16 +468,6 @@ def _depths(run: Run) -> list[Doubt]:
             else f"{end}: is a digit of the last depth, {md[-1]:.12g} m, wrong?"
         )
         found.append(Doubt("depths", sentence, sure, (len(md) - 1,)))
-    alike = (course >= 80.0) & (course <= 100.0)  # a stand of pipe, 26 to 30 m, in feet
-    if not run.in_feet and np.mean(alike) >= 0.6:
-        found.append(
-            Doubt(
-                "depths",
-                f"stations are {np.median(course[alike]):.1f} m apart, which would be a stand of pipe if it were feet: "
-                "if the depths are in feet, name their column md_ft",
-                False,
-            )
-        )
     return found
 
 
@@ -535,7 +542,7 @@ def _without(md: Array, t: Array, k: int) -> float:
 def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
     """Two stations exchanged: both fit in each other's place."""
     off = smooth.residual / smooth.scale
-    suspects = np.flatnonzero((off > 5.0) & (smooth.residual > np.radians(1.0)))
+    suspects = np.flatnonzero((off > 5.0) & (smooth.residual > np.radians(1.2)))
     if not 2 <= len(suspects) <= 40:
         return []
     best: tuple[float, int, int, float] | None = None
@@ -550,21 +557,22 @@ def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
             ratio = after.log_likelihood(after.scale, near) - smooth.log_likelihood(after.scale, near)
             if best is None or ratio > best[0]:
                 best = ratio, int(j), int(k), float(np.degrees(smooth.residual[[j, k]].max()))
-    if best is None or best[0] < np.log(1e6):
+    if best is None or best[0] < np.log(1e6) or best[3] < 2.0:
         return []
-    ratio, j, k, size = best
+    ratio, first, second, size = best
     sentence = (
-        f"stations {j + 1} and {k + 1} at {run.md[j]:.12g} and {run.md[k]:.12g} m lie up to {size:.1f} deg off the line "
+        f"stations {first + 1} and {second + 1} at {run.md[first]:.12g} and {run.md[second]:.12g} m lie up to {size:.1f} deg off the line "
         f"of their neighbours and fit when they are exchanged (likelihood ratio {_power(ratio)}): put their rows in order"
     )
-    return [Doubt("order", sentence, True, (j, k))]
+    return [Doubt("order", sentence, True, (first, second))]
 
 
 def _single(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
     """Isolated stations, by leave-one-out, and what was read wrong there."""
     found: list[tuple[float, Doubt]] = []
     usual = float(np.degrees(np.nanmedian(smooth.residual)))
-    for k in np.flatnonzero((smooth.residual > 8.0 * smooth.scale) & (smooth.residual > np.radians(1.5))):
+    suspects = np.flatnonzero((smooth.residual > 8.0 * smooth.scale) & (smooth.residual > np.radians(1.5)))
+    for k in map(int, suspects[np.argsort(-smooth.residual[suspects])[:50]]):
         size = float(smooth.residual[k])
         left = _without(run.md, t, int(k))
         if not left < 0.25 * size or len(run.md) < 6:
@@ -580,11 +588,14 @@ def _single(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
             f"where {usual:.2g} deg is usual"
         )
         if words:
-            sentence = f"{where}; {words} would fit (likelihood ratio {_power(fits + ratio)}): correct it or leave it out"
+            sentence = (
+                f"{where}; {words} would fit (likelihood ratio {_power(fits + ratio)}): correct it or leave it out"
+            )
         else:
             sentence = f"{where} (likelihood ratio {_power(ratio)}): a digit wrong, or not at rest? Leave it out"
         sharp = size / float(np.diff(beside).min()) * 30.0
-        found.append((size, Doubt("station", sentence, bool(sharp > np.radians(40.0)), (int(k),))))
+        refused = bool(sharp > np.radians(40.0) and size > np.radians(12.0))
+        found.append((size, Doubt("station", sentence, refused, (int(k),))))
     return [one for _, one in sorted(found, key=lambda pair: -pair[0])]
 
 
@@ -646,7 +657,7 @@ def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
     jumps = np.flatnonzero(dogleg > allowed)
     if not len(jumps) or len(run.md) < 6:
         return []
-    best: tuple[float, str, Array] | None = None
+    best: tuple[float, str, Index] | None = None
     for words, azimuth in (
         ("half a turn off", run.azimuth + np.pi),
         ("mirrored (360 minus it)", -run.azimuth),
@@ -670,13 +681,13 @@ def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
             f"the azimuths of {len(rows)} stations between {run.md[rows[0]]:.12g} and {run.md[rows[-1]]:.12g} m {words} "
             f"it goes on straight (likelihood ratio {_power(ratio)}): put these azimuths right"
         )
-        return [Doubt("azimuth", sentence, True, tuple(map(int, rows)))]
+        return [Doubt("direction", sentence, True, tuple(map(int, rows)))]
     if dogleg[k] > np.radians(60.0 / 30.0) * course[k] + np.radians(5.0) and _without_both(run.md, t, k):
         sentence = (
             f"the hole turns by {np.degrees(dogleg[k]):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m, where "
             f"{np.degrees(usual):.2g} deg in a course is usual: another hole, a wrong digit or depths in another unit?"
         )
-        return [Doubt("azimuth", sentence, False, (k, k + 1))]
+        return [Doubt("direction", sentence, False, (k, k + 1))]
     return []
 
 
@@ -697,14 +708,18 @@ def _without_both(md: Array, t: Array, k: int) -> bool:
     """Whether a jump from k to k + 1 stays when either of the two is left out: no single station makes it."""
     size = float(_angle(t[k + 1], t[k]))
     sides = [(k - 1, k + 1), (k, k + 2)]
-    return all(0 <= a and b < len(t) and float(_angle(t[a], t[b])) > 0.5 * size for a, b in sides)
+    return all(a >= 0 and b < len(t) and float(_angle(t[a], t[b])) > 0.5 * size for a, b in sides)
 
 
 # Totals.
 
 _TOTALS: Final = {"g": (0.004, 10.0), "b": (60.0, 10.0), "dip": (np.radians(0.08), 10.0)}
 """Total -> the least scatter it is held against, m/s^2, nT, rad, and how many times that it may be off."""
-_SHOWN: Final = {"g": ("gravity", "m/s2", 1.0), "b": ("magnetic field", "nT", 1.0), "dip": ("dip", "deg", 180.0 / np.pi)}
+_SHOWN: Final = {
+    "g": ("gravity", "m/s2", 1.0),
+    "b": ("magnetic field", "nT", 1.0),
+    "dip": ("dip", "deg", 180.0 / np.pi),
+}
 
 
 def _totals(run: Run) -> list[Doubt]:
@@ -719,7 +734,9 @@ def _totals(run: Run) -> list[Doubt]:
             continue
         away = values - np.median(values)
         # about the neighbours: a slow trend with depth or temperature is no digit
-        local = np.array([away[k] - np.median(np.delete(away[max(k - 3, 0) : k + 4], min(k, 3))) for k in range(size)])
+        padded = np.pad(away, 3, constant_values=np.nan)
+        near = [padded[shift : shift + size] for shift in (0, 1, 2, 4, 5, 6)]
+        local = away - np.nanmedian(near, axis=0)
         off[name] = local / max(1.4826 * float(np.median(np.abs(local))), least)
     if not off:
         return []
@@ -735,10 +752,10 @@ def _totals(run: Run) -> list[Doubt]:
     name = max(off, key=lambda one: abs(float(off[one][k])))
     words, unit, factor = _SHOWN[name]
     values = run.totals[name]
-    away = factor * float(values[k] - np.median(values))
+    apart = factor * float(values[k] - np.median(values))
     axis = _axis(run, k)
     sentence = (
-        f"station {k + 1} at {run.md[k]:.12g} m: {words} {away:+.3g} {unit} from the other stations', "
+        f"station {k + 1} at {run.md[k]:.12g} m: {words} {apart:+.3g} {unit} from the other stations', "
         f"{abs(float(off[name][k])):.0f} times their scatter"
     ) + (f"; {axis} would fit: a digit of it wrong? Leave the station out" if axis else ": leave the station out")
     return [Doubt("totals", sentence, False, (k,))]
@@ -761,7 +778,9 @@ def _axis(run: Run, k: int) -> str:
             fields = [np.array(run.g[k]), np.array(run.b[k])]
             own = float(fields[kind][axis])
 
-            def misfit(change: float, fields: list[Array] = fields, kind: int = kind, axis: int = axis, own: float = own) -> float:
+            def misfit(
+                change: float, fields: list[Array] = fields, kind: int = kind, axis: int = axis, own: float = own
+            ) -> float:
                 fields[kind][axis] = own + change
                 g, b = fields
                 seen = {"g": np.linalg.norm(g), "b": np.linalg.norm(b), "dip": dip_angle(g, b)}
@@ -866,12 +885,17 @@ def angle_doubts(
             "azimuth in radians": off(np.degrees(azimuth), run.azimuth, turned=constant),
         }
         return [_beside("azimuth", max(given, abs(mean)), ways)]
-    if north in ("true", "grid") and declination is not None and abs(declination) > np.radians(1.5) and abs(mean) < 0.1 * abs(declination):
+    if (
+        north in ("true", "grid")
+        and declination is not None
+        and abs(declination) > np.radians(1.5)
+        and abs(mean) < 0.1 * abs(declination)
+    ):
         sentence = (
             f"azimuths said to count from {north} north are the magnetic ones of the six axes, though the declination "
             f"is {np.degrees(declination):+.2f} deg: state --azimuth-reference magnetic"
         )
-        return [Doubt("azimuth", sentence, False)]
+        return [Doubt("direction", sentence, False)]
     return []
 
 
