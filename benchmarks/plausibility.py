@@ -13,7 +13,7 @@ import argparse
 import json
 import os
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -143,8 +143,13 @@ SHAPES = {
 def _depths(r, start, end, sharp):
     """Courses of many habits, with stations between at a casing shoe, gaps, and parts of a gyro multishot."""
     habit = r.choice(["stand", "metric", "joint", "multishot", "mixed"], p=[0.4, 0.25, 0.1, 0.15, 0.1])
-    spacing = {"stand": r.uniform(26, 30), "metric": r.choice([5.0, 10.0, 15.0, 20.0, 25.0, 30.0]), "joint": r.uniform(8.5, 10),
-               "multishot": r.choice([1.0, 2.0, 5.0, 10.0]), "mixed": 30.0}[habit]  # fmt: skip
+    spacing = {
+        "stand": r.uniform(26, 30),
+        "metric": r.choice([5.0, 10.0, 15.0, 20.0, 25.0, 30.0]),
+        "joint": r.uniform(8.5, 10),
+        "multishot": r.choice([1.0, 2.0, 5.0, 10.0]),
+        "mixed": 30.0,
+    }[habit]
     if sharp:
         spacing = min(spacing, 10.0)
     spacing = max(spacing, (end - start) / 400.0)
@@ -258,12 +263,15 @@ def axes(one: Well) -> Run:
 # Faults. Each returns what the checks are given and the stations that are wrong, () for all; None where there is none.
 
 
-def _changed(one: Well, *, md=None, inclination=None, azimuth=None) -> Run | None:
+REFUSED: Final = "refused by the reader"
+
+
+def _changed(one: Well, *, md=None, inclination=None, azimuth=None) -> Run | str:
     md = one.md if md is None else md
     inclination = one.inclination if inclination is None else inclination
     azimuth = one.azimuth if azimuth is None else azimuth
-    if (np.diff(md) <= 0).any() or inclination.max() > 180.0 or azimuth.max() >= 360.0:
-        return None  # the reader refuses it
+    if (np.diff(md) <= 0).any() or md[-1] > 20e3 or inclination.max() > 180.0 or azimuth.max() >= 360.0:
+        return REFUSED
     return Run(md, np.radians(inclination), np.radians(azimuth))
 
 
@@ -443,8 +451,11 @@ def faults(runs: int) -> list[dict[str, object]]:
             made, stations = fault.make(np.random.default_rng(seed), well(seed))
             if made is None:
                 continue
-            found = doubts(made)
             count += 1
+            if made is REFUSED:  # a range that the reader of the file keeps
+                meant, said, refused = meant + 1, said + 1, refused + 1
+                continue
+            found = doubts(made)
             said += bool(found)
             refused += any(one.refused for one in found)
             meant += named(found, fault, stations)
@@ -476,9 +487,8 @@ def main() -> None:
         print(json.dumps({"faults": rows, "false_alarms": false}))
         return
     for row in rows:
-        print(
-            f"{row['fault']:54} {row['runs']:4} named {row['named']:.2f} said {row['said']:.2f} refused {row['refused']:.2f}"
-        )
+        shares = " ".join(f"{name} {row[name]:.2f}" for name in ("named", "said", "refused"))
+        print(f"{row['fault']:54} {row['runs']:4} {shares}")
     for seed, shape, what, doubt in alarms[:60]:
         print(seed, shape, what, doubt.name, doubt.refused, doubt.sentence)
     print(f"false alarms {100.0 * false:.2f} % of {2 * options.right} runs")

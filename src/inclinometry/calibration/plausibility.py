@@ -189,6 +189,19 @@ def _drift(signals: Mapping[str, Array], settings: tuple[Array, Array, Array], o
     return warnings
 
 
+def refuse_own_readings(readings: BenchReadings, calibration: Calibration) -> None:
+    """InputError where readings for a verification are those of the calibration, by their digest or by value."""
+    if readings.digest and readings.digest in calibration.inputs.values():
+        raise InputError(
+            "these are the readings the tool was calibrated with; verification needs independent positions"
+        )
+    if taken_before(readings, calibration):
+        raise InputError(
+            "these are the readings the tool was calibrated with, in another order or hardly changed: no second visit "
+            "to a setting agrees so well; verification needs independent positions"
+        )
+
+
 def taken_before(readings: BenchReadings, calibration: Calibration) -> bool:
     """Whether most of these readings are those the tool was calibrated with, in another order or hardly changed.
 
@@ -209,10 +222,13 @@ def taken_before(readings: BenchReadings, calibration: Calibration) -> bool:
             return False
         seen = triad.signals(turns @ calibration.field_directions[kind], readings.temperature)
         strength = np.linalg.norm(triad.tensor[0], axis=1)
-        # of a second visit: both settings' errors and both readings' noise
-        variance = 2.0 * (np.asarray(calibration.tool.noise.get(kind, 0.0)) ** 2 + (strength * np.mean(rig.sd)) ** 2)
+        # of a second visit: both settings' errors and both readings' noise, as the calibration saw them and as stated
+        stated = np.asarray(calibration.tool.noise.get(kind, 0.0)) ** 2 + (strength * np.mean(rig.sd)) ** 2
+        variance = 2.0 * np.minimum(np.mean(residual**2, axis=0), stated)
+        if (variance < 1e-12 * strength**2).any():
+            return False  # exact readings, of an example: every visit is the same
         apart = (readings.channels[kind] - seen)[:, None] - residual
-        away += np.sum(apart**2 / np.maximum(variance, 1e-12 * strength**2), axis=2)
+        away += np.sum(apart**2 / variance, axis=2)
         freedom += residual.shape[1]
     # a second visit has so small a mean square of six numbers once in two thousand
     return bool(np.mean((away / freedom).min(axis=1) < 0.05) >= 0.7)

@@ -230,7 +230,7 @@ def _hypotheses(run: Run) -> list[_Hypothesis]:
         _Hypothesis(
             "columns",
             "inclination counted from the horizontal",
-            "convert it to 90 minus the reading, or name the column dip",
+            "convert it to 90 minus the reading",
             np.abs(half / 2.0 - inclination),
             azimuth,
         ),
@@ -369,8 +369,8 @@ def _units(run: Run) -> list[Doubt]:
         level = inclination[lateral]
         if abs(float(np.median(level)) - 100.0) < 0.7 and float(np.std(level)) < 1.0 and inclination.max() < 103.0:
             sentence = (
-                f"{int(lateral.sum())} stations lie at an inclination of {np.median(level):.1f} deg: a level hole in "
-                "grads? Name the unit in the columns, as inclination_gon and azimuth_gon"
+                f"{int(lateral.sum())} stations lie at an inclination of {np.median(level):.1f} deg: perhaps a level "
+                "hole in grads; name the unit in the columns, as inclination_gon and azimuth_gon"
             )
             return [Doubt("units", sentence, False)]
     return []
@@ -399,15 +399,15 @@ def _ends(run: Run) -> list[Doubt]:
             else "inclination counted from the other end (180 minus it)"
         )
         sentence = (
-            f"the hole climbs {climbed:.0f} m, inclination {mean:.0f} deg in the mean: {ways}? Put the column right, or "
-            "state the axes with --convention or a profile (--profile)"
+            f"the hole climbs {climbed:.0f} m, inclination {mean:.0f} deg in the mean, perhaps {ways}: put the column "
+            "right, or state the axes with --convention or a profile (--profile)"
         )
         return [Doubt("axes" if run.g is not None else "columns", sentence, bool(inclination[0] > 150.0 and at_top))]
     first, last = float(np.median(inclination[:3])), float(np.median(inclination[-3:]))
     if at_top and abs(first - 90.0) < 4.0 and last < 55.0 and np.mean(np.diff(inclination) <= 0.5) > 0.8:
         sentence = (
-            f"the hole begins level ({first:.1f} deg at {md[0]:.12g} m) and ends at {last:.1f} deg: inclination counted "
-            "from the horizontal? Convert it to 90 minus the reading, or name the column dip"
+            f"the hole begins level ({first:.1f} deg at {md[0]:.12g} m) and ends at {last:.1f} deg, perhaps "
+            "inclination is counted from the horizontal: convert it to 90 minus the reading"
         )
         return [Doubt("columns", sentence, False)]
     near, beyond = float(np.median(azimuth[:3])), float(np.median(azimuth[-3:]))
@@ -415,8 +415,8 @@ def _ends(run: Run) -> list[Doubt]:
     rising = np.mean(np.diff(azimuth) >= -1.5) > 0.8 and azimuth.max() < 125.0
     if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady < 20.0:
         sentence = (
-            f"inclination stays at {np.median(inclination):.0f} deg from the top while azimuth grows from {near:.1f} to "
-            f"{beyond:.0f} deg: are the columns of inclination and azimuth exchanged? Put the names of the columns right"
+            f"inclination stays at {np.median(inclination):.0f} deg from the top while azimuth grows from "
+            f"{near:.1f} to {beyond:.0f} deg, perhaps their columns are exchanged: put their names right"
         )
         return [Doubt("columns", sentence, False)]
     return []
@@ -509,8 +509,8 @@ def _repeats(run: Run) -> list[Doubt]:
     around = _scatter(inclination, run.md) + _scatter(azimuth, run.md)
     if count >= 3 and len(others) >= 5 and not others.any() and typical > 0.25 and around > 0.05:
         sentence = (
-            f"inclination and azimuth at {where} are the same at {count} depths, and nowhere else at two: one reading "
-            "was pasted? Remove the rows that were not measured"
+            f"inclination and azimuth at {where} are the same at {count} depths, and nowhere else at two, perhaps one "
+            "reading was pasted: remove the rows that were not measured"
         )
         return [Doubt("repeats", sentence, count >= 5, rows)]
     return []
@@ -561,8 +561,9 @@ def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
         return []
     ratio, first, second, size = best
     sentence = (
-        f"stations {first + 1} and {second + 1} at {run.md[first]:.12g} and {run.md[second]:.12g} m lie up to {size:.1f} deg off the line "
-        f"of their neighbours and fit when they are exchanged (likelihood ratio {_power(ratio)}): put their rows in order"
+        f"stations {first + 1} and {second + 1} at {run.md[first]:.12g} and {run.md[second]:.12g} m lie up to "
+        f"{size:.1f} deg off the line of their neighbours and fit when they are exchanged (likelihood ratio "
+        f"{_power(ratio)}): put their rows in order"
     )
     return [Doubt("order", sentence, True, (first, second))]
 
@@ -592,7 +593,7 @@ def _single(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
                 f"{where}; {words} would fit (likelihood ratio {_power(fits + ratio)}): correct it or leave it out"
             )
         else:
-            sentence = f"{where} (likelihood ratio {_power(ratio)}): a digit wrong, or not at rest? Leave it out"
+            sentence = f"{where} (likelihood ratio {_power(ratio)}): perhaps a wrong digit or not at rest, leave it out"
         sharp = size / float(np.diff(beside).min()) * 30.0
         refused = bool(sharp > np.radians(40.0) and size > np.radians(12.0))
         found.append((size, Doubt("station", sentence, refused, (int(k),))))
@@ -676,16 +677,17 @@ def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
     k = int(jumps[dogleg[jumps].argmax()])
     if best is not None and best[0] > np.log(1e3):
         ratio, words, rows = best
+        first, last = run.md[rows[[0, -1]]]
         sentence = (
             f"the hole turns by {np.degrees(dogleg[k]):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m; with "
-            f"the azimuths of {len(rows)} stations between {run.md[rows[0]]:.12g} and {run.md[rows[-1]]:.12g} m {words} "
+            f"the azimuths of {len(rows)} stations between {first:.12g} and {last:.12g} m {words} "
             f"it goes on straight (likelihood ratio {_power(ratio)}): put these azimuths right"
         )
         return [Doubt("direction", sentence, True, tuple(map(int, rows)))]
     if dogleg[k] > np.radians(60.0 / 30.0) * course[k] + np.radians(5.0) and _without_both(run.md, t, k):
         sentence = (
             f"the hole turns by {np.degrees(dogleg[k]):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m, where "
-            f"{np.degrees(usual):.2g} deg in a course is usual: another hole, a wrong digit or depths in another unit?"
+            f"{np.degrees(usual):.2g} deg in a course is usual: another hole, a wrong digit, depths in another unit?"
         )
         return [Doubt("direction", sentence, False, (k, k + 1))]
     return []
@@ -757,7 +759,11 @@ def _totals(run: Run) -> list[Doubt]:
     sentence = (
         f"station {k + 1} at {run.md[k]:.12g} m: {words} {apart:+.3g} {unit} from the other stations', "
         f"{abs(float(off[name][k])):.0f} times their scatter"
-    ) + (f"; {axis} would fit: a digit of it wrong? Leave the station out" if axis else ": leave the station out")
+    ) + (
+        f"; {axis} would fit, perhaps a digit of it is wrong: leave the station out"
+        if axis
+        else ": leave the station out"
+    )
     return [Doubt("totals", sentence, False, (k,))]
 
 
@@ -810,8 +816,8 @@ def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, fl
     Examples
     --------
     >>> seen = {"b": 50_100.0, "dip": np.radians(66.1)}
-    >>> there = {"": {"b": 55_000.0, "dip": np.radians(70.0)}, "longitude negative": {"b": 50_000.0, "dip": np.radians(66.0)}}
-    >>> place_doubts(seen, there)[0].sentence[:60]
+    >>> here, there = ({"b": b, "dip": np.radians(dip)} for b, dip in ((55_000.0, 70.0), (50_000.0, 66.0)))
+    >>> place_doubts(seen, {"": here, "the longitude of the other sign": there})[0].sentence[:60]
     'the run shows a magnetic field of 50100 nT with a dip of 66.'
     """
     # what the reference, interference of the assembly and the sensors may do together
@@ -825,8 +831,8 @@ def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, fl
         return []
     here = places[""]
     sentence = (
-        f"the run shows a magnetic field of {seen['b']:.0f} nT with a dip of {np.degrees(seen['dip']):.1f} deg, the site "
-        f"has {here['b']:.0f} nT and {np.degrees(here['dip']):.1f} deg; with {best} it would be "
+        f"the run shows a magnetic field of {seen['b']:.0f} nT with a dip of {np.degrees(seen['dip']):.1f} deg, the "
+        f"site has {here['b']:.0f} nT and {np.degrees(here['dip']):.1f} deg; with {best} it would be "
         f"{places[best]['b']:.0f} nT and {np.degrees(places[best]['dip']):.1f} deg (likelihood ratio "
         f"{_power(0.5 * (misfit[''] - misfit[best]))}): put the site's latitude_deg and longitude_deg right"
     )
@@ -893,7 +899,7 @@ def angle_doubts(
     ):
         sentence = (
             f"azimuths said to count from {north} north are the magnetic ones of the six axes, though the declination "
-            f"is {np.degrees(declination):+.2f} deg: state --azimuth-reference magnetic"
+            f"is {np.degrees(declination):+.2f} deg: state --azimuth-reference=magnetic"
         )
         return [Doubt("direction", sentence, False)]
     return []

@@ -147,8 +147,8 @@ def convert(
     Raises
     ------
     FileError, InputError
-        As the formats' readers and writers; with `check` a run that cannot be true; what was written cannot be read back, and nothing is left of it; an option
-        that the source's format has no use for.
+        As the formats' readers and writers; with `check` a run that cannot be true; what was written cannot be read
+        back, and nothing is left of it; an option that the source's format has no use for.
 
     Examples
     --------

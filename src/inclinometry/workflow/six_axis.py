@@ -282,8 +282,8 @@ def read_six_axis(
     Raises
     ------
     InputError, FileError
-        As the readers; a run that cannot be true (`inclinometry.survey.plausibility.doubts`); without a calibration, no site or a site without gravity, b or dip; with one, the same where
-        the tool lacks its field strengths.
+        As the readers; a run that cannot be true (`inclinometry.survey.plausibility.doubts`); without a calibration, no
+        site or a site without gravity, b or dip; with one, the same where the tool lacks its field strengths.
     """
     if site is None and calibration is None:
         raise InputError(
