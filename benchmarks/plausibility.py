@@ -20,6 +20,13 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 
+from inclinometry.calibration import plans
+from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.plausibility import check_whole, taken_before
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.errors import InclinometryError
+from inclinometry.simulate.bench import Rig, simulate_bench
+from inclinometry.simulate.tool import realistic_tool
 from inclinometry.survey.plausibility import Doubt, Run, doubts
 
 RIGHT_SEED = 1_000_000
@@ -474,13 +481,145 @@ def right(runs: int, first: int = RIGHT_SEED) -> list[tuple[int, str, str, Doubt
     return found
 
 
+# The bench.
+
+PLANS = {"twelve": plans.twelve(), "orthogonal": plans.orthogonal(), "half": plans.half(), "two-face": plans.two_face()}
+
+
+def bench(seed: int, *, plan: str | None = None, dials_deg: float | None = None) -> BenchReadings:
+    """A right run at a bench: dials good to 0.02 to 0.5 deg, a stand that leans and is off north, noise of counts."""
+    r = np.random.default_rng(seed)
+    p = PLANS[plan or list(PLANS)[seed % len(PLANS)]]
+    sd = float(r.choice([0.02, 0.1, 0.2, 0.3, 0.5])) if dials_deg is None else dials_deg
+    lean, off, dip = np.radians([r.uniform(0.0, 1.0), r.uniform(-10.0, 10.0), r.uniform(30.0, 80.0)])
+    rig = Rig(dip=dip, setting_sd=np.radians(sd), base_tilt=lean, north_offset=off)
+    tool = realistic_tool(seed)
+    noise = dict.fromkeys(tool.triads, float(r.choice([0.1, 0.5, 2.0])))
+    run = simulate_bench(tool, rig, p.azimuth, p.inclination, p.toolface, noise=noise, repeats=4, seed=seed)
+    channels = {kind: run.signals[kind].copy() for kind in ("accelerometer", "magnetometer")}
+    return BenchReadings(channels, run.azimuth, run.inclination, run.toolface, reference={"dip": dip})
+
+
+def _bench_fault(words: str, seed: int) -> BenchReadings:
+    """The run with a mistake."""
+    run, r = bench(seed, dials_deg=0.1), np.random.default_rng(seed)
+    channels = {kind: values.copy() for kind, values in run.channels.items()}
+    azimuth, inclination, toolface = (values.copy() for values in run.dials)
+    reference, mag, size = dict(run.reference), channels["magnetometer"], len(run)
+    full = np.abs(mag - mag.mean(axis=0)).max()
+    first, second = r.choice(size, 2, replace=False)
+    if words.startswith("two azimuths"):
+        apart = np.abs(np.sin((azimuth[:, None] - azimuth[None]) / 2.0)) > 0.3
+        pairs = np.argwhere(apart)
+        first, second = pairs[r.integers(len(pairs))] if len(pairs) else (first, second)
+        azimuth[[first, second]] = azimuth[[second, first]]
+    changes: dict[str, Callable[[], object]] = {
+        "azimuth reversed": lambda: np.negative(azimuth, out=azimuth),
+        "toolface reversed": lambda: np.negative(toolface, out=toolface),
+        "azimuth and toolface reversed": lambda: (
+            np.negative(azimuth, out=azimuth),
+            np.negative(toolface, out=toolface),
+        ),
+        "inclination from the other end": lambda: np.subtract(np.pi, inclination, out=inclination),
+        "azimuth in grads": lambda: np.divide(azimuth, 0.9, out=azimuth),
+        "magnetometer y reversed": lambda: np.negative(mag[:, 1], out=mag[:, 1]),
+        "stated dip of the wrong sign": lambda: reference.update(dip=-reference["dip"]),
+        "magnetometer saturated at 60 %": lambda: np.clip(
+            mag, -0.6 * np.abs(mag).max(), 0.6 * np.abs(mag).max(), out=mag
+        ),
+        "magnetometer drifts by 30 %": lambda: mag.__iadd__(np.linspace(0.0, 0.3 * full, size)[:, None]),
+        "gain of the magnetometer halves midway": lambda: mag[size // 2 :].__imul__(0.5),
+        "gain of one channel halves midway": lambda: mag[size // 2 :, 1].__imul__(0.5),
+        "two rows exchanged": lambda: [
+            values.__setitem__([first, second], values[[second, first]]) for values in channels.values()
+        ],
+    }
+    changes.get(words, lambda: None)()
+    return BenchReadings(channels, azimuth, inclination, toolface, reference=reference)
+
+
+BENCH_FAULTS = (
+    "azimuth reversed",
+    "toolface reversed",
+    "azimuth and toolface reversed",
+    "inclination from the other end",
+    "azimuth in grads",
+    "magnetometer y reversed",
+    "stated dip of the wrong sign",
+    "magnetometer saturated at 60 %",
+    "magnetometer drifts by 30 %",
+    "gain of the magnetometer halves midway",
+    "gain of one channel halves midway",
+    "two azimuths exchanged",
+    "two rows exchanged",
+)
+
+
+def bench_faults(runs: int) -> list[dict[str, object]]:
+    """Share of runs at a bench refused, and refused or warned of, by the calibration as a whole."""
+    rows = []
+    for words in BENCH_FAULTS:
+        refused = said = 0
+        for k in range(runs):
+            try:
+                said += bool(calibrate_joint(_bench_fault(words, 50_000 + k)).warnings)
+            except InclinometryError:
+                refused, said = refused + 1, said + 1
+        rows.append({"fault": words, "runs": runs, "refused": refused / runs, "said": said / runs})
+    return rows
+
+
+def bench_right(runs: int, visits: int) -> tuple[list[tuple[int, str]], int, int]:
+    """False alarms of the bench: what was said of right runs; second visits taken for copies; copies found."""
+    alarms = []
+    for seed in range(RIGHT_SEED, RIGHT_SEED + runs):
+        try:
+            alarms += [(seed, sentence) for sentence in check_whole(bench(seed))]
+        except InclinometryError as error:
+            alarms.append((seed, str(error)))
+    again = copies = 0
+    for seed in range(RIGHT_SEED, RIGHT_SEED + visits):
+        first, r = bench(seed, dials_deg=0.1), np.random.default_rng(seed)
+        try:
+            found = calibrate_joint(first)
+        except InclinometryError:
+            continue
+        order = r.permutation(len(first))
+        moved = {kind: v[order] + r.uniform(-0.3, 0.3, v.shape) for kind, v in first.channels.items()}
+        copy = BenchReadings(moved, *(dial[order] for dial in first.dials))
+        copies += taken_before(copy, found)
+        plan = PLANS[list(PLANS)[seed % len(PLANS)]]
+        second = simulate_bench(
+            realistic_tool(seed), Rig(dip=first.reference["dip"], setting_sd=np.radians(0.1)), plan.azimuth,
+            plan.inclination, plan.toolface, noise=dict.fromkeys(("accelerometer", "magnetometer"), 0.5), seed=seed + 1,
+        )  # fmt: skip
+        visit = {kind: second.signals[kind] for kind in ("accelerometer", "magnetometer")}
+        again += taken_before(BenchReadings(visit, second.azimuth, second.inclination, second.toolface), found)
+    return alarms, again, copies
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=200, help="runs of each fault")
     parser.add_argument("--right", type=int, default=2000)
     parser.add_argument("--first", type=int, default=RIGHT_SEED)
+    parser.add_argument(
+        "--bench", type=int, default=0, help="runs of each fault at a bench, and 100 times as many right"
+    )
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
+    if options.bench:
+        for row in bench_faults(options.bench):
+            print(f"{row['fault']:54} {row['runs']:4} said {row['said']:.2f} refused {row['refused']:.2f}")
+        wrong, again, copies = bench_right(100 * options.bench, 5 * options.bench)
+        for seed, sentence in wrong[:20]:
+            print(seed, sentence)
+        alarmed = len({seed for seed, _ in wrong})
+        print(
+            f"false alarms {alarmed} of {100 * options.bench} right runs; of {5 * options.bench} second visits {again} "
+        )
+        print(f"taken for copies, of as many copies {copies} found")
+        return
     rows, alarms = faults(options.runs), right(options.right, options.first)
     false = len({(seed, what) for seed, _, what, _ in alarms}) / max(2 * options.right, 1)
     if options.json:

@@ -250,14 +250,12 @@ def _hypotheses(run: Run) -> list[_Hypothesis]:
         ),
     ]
     if run.g is not None and run.b is not None:
+        # which channel lies along the hole shows; exchanged or cycled, and with what sign, does not
         for order, words in (
-            ([0, 2, 1], "axes y and z of both triads exchanged"),
-            ([2, 1, 0], "axes x and z of both triads exchanged"),
-            ([1, 2, 0], "axes y, z, x of both triads taken for x, y, z"),
-            ([2, 0, 1], "axes z, x, y of both triads taken for x, y, z"),
+            ([0, 2, 1], "channel y of both triads along the hole, exchanged or cycled axes"),
+            ([2, 1, 0], "channel x of both triads along the hole, exchanged or cycled axes"),
         ):
-            sign = -1.0 if order in ([0, 2, 1], [2, 1, 0]) else 1.0
-            turn = np.array([1.0, 1.0, 1.0]) if sign > 0.0 else np.array([1.0, -1.0, 1.0])
+            turn = np.array([1.0, -1.0, 1.0])  # right-handed again
             seen = angles(run.g[:, order] * turn, run.b[:, order] * turn)
             remedy = "state the axes with --convention or a profile (--profile), or put the columns right"
             found.append(_Hypothesis("axes", words, remedy, seen.inclination, seen.azimuth))
@@ -460,7 +458,7 @@ def _depths(run: Run) -> list[Doubt]:
     before = course[:-1]
     if course[-1] > 8.0 * usual and course[-1] > 3.0 * float(before.max()) and course[-1] > 100.0:
         tenth = md[-1] / 10.0
-        sure = md[-2] < tenth <= md[-2] + 3.0 * usual
+        sure = bool(md[-2] < tenth <= md[-2] + 3.0 * usual)
         end = f"the last course is {course[-1]:.0f} m, the others {usual:.3g} m"
         sentence = (
             f"{end}: the last depth, {md[-1]:.12g} m, is ten times {tenth:.12g} m, which would be in line: put it right"
@@ -671,7 +669,8 @@ def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
         after = _angle(changed[1:], changed[:-1])
         if (after > allowed).any() or after[jumps].max() > 0.25 * dogleg[jumps].min():
             continue
-        ratio = float(2.0 * np.sum(np.log1p((dogleg / usual) ** 2 / 3.0) - np.log1p((after / usual) ** 2 / 3.0)))
+        scale = _smoothness(run.md, changed).scale
+        ratio = _smoothness(run.md, changed).log_likelihood(scale) - smooth.log_likelihood(scale)
         if best is None or ratio > best[0]:
             best = ratio, words, np.flatnonzero(turned)
     k = int(jumps[dogleg[jumps].argmax()])
