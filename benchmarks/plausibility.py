@@ -25,6 +25,7 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plausibility import check_whole, taken_before
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InclinometryError
+from inclinometry.files.bench_csv import saturation_notes
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.survey.plausibility import Doubt, Run, doubts
@@ -561,8 +562,11 @@ def bench_faults(runs: int) -> list[dict[str, object]]:
     for words in BENCH_FAULTS:
         refused = said = 0
         for k in range(runs):
+            run = _bench_fault(words, 50_000 + k)
+            mag = run.channels["magnetometer"]
+            rail = saturation_notes("magnetometer", mag, "xyz", run.dials, np.arange(len(run)))  # as the file's reader
             try:
-                said += bool(calibrate_joint(_bench_fault(words, 50_000 + k)).warnings)
+                said += bool(calibrate_joint(run).warnings) or bool(rail)
             except InclinometryError:
                 refused, said = refused + 1, said + 1
         rows.append({"fault": words, "runs": runs, "refused": refused / runs, "said": said / runs})
