@@ -218,36 +218,15 @@ class _Hypothesis(NamedTuple):
 def _hypotheses(run: Run) -> list[_Hypothesis]:
     """The run without each mistake that a whole file can have."""
     inclination, azimuth, half = run.inclination, run.azimuth, np.pi
-    columns = "put the names of the columns right"
+    exchanged = np.where(azimuth <= half, azimuth, np.nan)
+    rename, name_unit = "put the names of the columns right", "name the unit in the column, as azimuth_gon"
+    name_units = "name the unit in the columns, as inclination_rad and azimuth_rad"
+    level = "inclination counted from the horizontal"
     found = [
-        _Hypothesis(
-            "columns",
-            "the columns of inclination and azimuth exchanged",
-            columns,
-            np.where(azimuth <= half, azimuth, np.nan),
-            inclination,
-        ),
-        _Hypothesis(
-            "columns",
-            "inclination counted from the horizontal",
-            "convert it to 90 minus the reading",
-            np.abs(half / 2.0 - inclination),
-            azimuth,
-        ),
-        _Hypothesis(
-            "units",
-            "azimuths in grads",
-            "name the unit in the column, as azimuth_gon",
-            inclination,
-            azimuth * 0.9,
-        ),
-        _Hypothesis(
-            "units",
-            "angles in radians",
-            "name the unit in the columns, as inclination_rad and azimuth_rad",
-            np.degrees(inclination),
-            np.degrees(azimuth),
-        ),
+        _Hypothesis("columns", "the columns of inclination and azimuth exchanged", rename, exchanged, inclination),
+        _Hypothesis("columns", level, "convert it to 90 minus the reading", np.abs(half / 2.0 - inclination), azimuth),
+        _Hypothesis("units", "azimuths in grads", name_unit, inclination, azimuth * 0.9),
+        _Hypothesis("units", "angles in radians", name_units, np.degrees(inclination), np.degrees(azimuth)),
     ]
     if run.g is not None and run.b is not None:
         # which channel lies along the hole shows; exchanged or cycled, and with what sign, does not
@@ -735,9 +714,8 @@ def _totals(run: Run) -> list[Doubt]:
             continue
         away = values - np.median(values)
         # about the neighbours: a slow trend with depth or temperature is no digit
-        padded = np.pad(away, 3, constant_values=np.nan)
-        near = [padded[shift : shift + size] for shift in (0, 1, 2, 4, 5, 6)]
-        local = away - np.nanmedian(near, axis=0)
+        padded = np.pad(away, 3, mode="reflect")
+        local = away - np.median([padded[shift : shift + size] for shift in (0, 1, 2, 4, 5, 6)], axis=0)
         off[name] = local / max(1.4826 * float(np.median(np.abs(local))), least)
     if not off:
         return []
