@@ -87,3 +87,20 @@ def test_convert_and_check(run):
     assert "overruled by --trust-file depths" in done.err
     refused(run("convert", "survey.csv", "b.las", "--trust-file", "depths"), "--check")
     assert "plausibility (depths): the depth leaps" in run("check", "survey.csv").out.replace("\n", " ")
+
+
+def test_a_place_with_a_longitude_of_the_wrong_sign(run):
+    from inclinometry.earth.magnetic import wmm2025
+
+    day = "latitude_deg = 60.0\nlongitude_deg = {}\nheight_m = 0\ndate = 2026-05-01\n"
+    true = wmm2025(np.radians(60.0), np.radians(-110.0), 0.0, 2026.33)
+    md, inclination, azimuth = well().values()
+    toolface = np.random.default_rng(1).uniform(0.0, 6.28, md.size)
+    g, b = fields(np.radians(azimuth), np.radians(inclination), toolface, float(true.dip))
+    values = np.column_stack([md, 9.819 * g, float(true.b) * b])
+    header = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
+    np.savetxt("run.csv", values, delimiter=",", header=header, comments="", fmt="%.6g")
+    Path("site.toml").write_text('north_reference = "true"\n' + day.format(-110.0))
+    assert "latitude_deg and longitude_deg right" not in run("survey", "run.csv", "--site", "site.toml").err
+    Path("site.toml").write_text('north_reference = "true"\n' + day.format(110.0))
+    refused(run("survey", "run.csv", "--site", "site.toml"), "the longitude of the other sign", "--trust-file place")
