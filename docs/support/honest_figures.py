@@ -8,7 +8,7 @@ prints them. The table of the bench takes half an hour of one core; `RUNS` is ho
 from __future__ import annotations
 
 import numpy as np
-from benchmarks import honest_bench
+from benchmarks import honest_bench, plausibility
 
 from inclinometry.constants import EARTH_RATE
 from inclinometry.orientation import angles, fields
@@ -156,9 +156,37 @@ def invisible() -> dict[str, str]:
     return {"invisible": table(head, rows)}
 
 
+def whole_runs(runs: int = 200, right: int = 2000) -> dict[str, str]:
+    """Mistakes of whole runs along a hole: the share that is named, and false alarms."""
+    rows = [
+        [str(row["fault"]), *(f"{100.0 * row[name]:.0f} %" for name in ("named", "refused")), row["honest"] or "–"]
+        for row in plausibility.faults(runs)
+    ]
+    alarms = {(seed, what) for seed, _, what, _ in plausibility.right(right)}
+    return {
+        "whole_runs": table(["mistake", "named", "refused", "not named"], rows),
+        "whole_runs_false": f"{len(alarms)} of {2 * right}",
+    }
+
+
+def whole_benches(runs: int = 20, right: int = 2000, visits: int = 100) -> dict[str, str]:
+    """The same of bench readings."""
+    rows = [
+        [str(row["fault"]), *(f"{100.0 * row[name]:.0f} %" for name in ("said", "refused"))]
+        for row in plausibility.bench_faults(runs)
+    ]
+    alarms, again, copies = plausibility.bench_right(right, visits)
+    return {
+        "whole_benches": table(["mistake", "refused or warned of", "refused"], rows),
+        "whole_benches_false": f"{len({seed for seed, _ in alarms})} of {right}",
+        "own_readings": f"{copies} of {visits}",
+        "own_readings_false": f"{again} of {visits}",
+    }
+
+
 def everything() -> dict[str, str]:
     """All of them."""
-    return bench() | invisible()
+    return bench() | invisible() | whole_runs() | whole_benches()
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from inclinometry.calibration.conventions import MisreadError, StandField, check
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
+from inclinometry.calibration.plausibility import refuse_own_readings
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
@@ -208,10 +209,7 @@ def verify(
     """
     check_record(readings, BenchReadings, "verify")
     check_record(calibration, Calibration, "verify")
-    if readings.digest and readings.digest in calibration.inputs.values():
-        raise InputError(
-            "these are the readings the tool was calibrated with; verification needs independent positions"
-        )
+    refuse_own_readings(readings, calibration)
     dials = np.stack(readings.dials, axis=1)
     try:
         kinds = leading_kinds(readings, calibration, second)

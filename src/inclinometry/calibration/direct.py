@@ -17,6 +17,7 @@ from inclinometry.calibration.conventions import check_axes, check_dials, check_
 from inclinometry.calibration.identifiability import constant_errors
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.outliers import Outlier
+from inclinometry.calibration.plausibility import check_whole
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import LEAST_REDUNDANCY, UNSTATED, Calibration, Residuals, Rig
 from inclinometry.calibration.rollset import second_harmonics
@@ -408,7 +409,7 @@ def _closed(
     """Solve every triad, find the variances with the joint model, propagate them."""
     model, start, free_noise = _joint_model(readings, noise_sd, rig_sd)
     solvers = {kind: solver(kind, start.directions[kind]) for kind in readings.channels}
-    warnings = check_dials(readings, left_handed=left_handed)
+    warnings = [*check_dials(readings, left_handed=left_handed), *check_whole(readings)]
     forms = {kind: solvers[kind](values) for kind, values in readings.channels.items()}
     free_rig = not model.rig_known.all()
     best = fit_with_variances(model, start, free_noise, free_rig)

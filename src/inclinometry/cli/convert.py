@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Convention, InputOrNone, Json
+from inclinometry.cli.options import Convention, Flag, InputOrNone, Json, TrustFile
+from inclinometry.errors import InputError
 from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
 
@@ -33,6 +34,8 @@ def convert(
     sheet: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     depth_unit: Annotated[Literal["m", "ft", "ftUS"] | None, Parameter(group=options.INPUT)] = None,
     map_: Annotated[InputOrNone, Parameter(name="--map")] = None,
+    check: Flag = False,
+    trust_file: TrustFile = (),
     json: Json = False,
 ) -> None:
     """Turn a survey of one format into another, and say what the other cannot hold.
@@ -56,7 +59,11 @@ def convert(
         Unit of depth of a P7 file that does not say it.
     map_
         TOML map of the items of a WITS stream.
+    check
+        Judge the run as a whole: units, axes, depths, single stations; one that cannot be true is refused.
     """
+    if trust_file and not check:
+        raise InputError("--trust-file overrules a check of --check; give that too, or leave it out")
     output.claim({"the target": target}, {"the source": source, "--map": map_})
     with output.busy(f"converting {source.name}"):
         done = convert_file(
@@ -69,13 +76,15 @@ def convert(
             sheet=sheet,
             depth_unit=depth_unit,
             channels=map_,
+            check=check,
+            trusted=trust_file,
         )
     _show(done, target, json)
 
 
 def _show(done: Conversion, target: Path, json: bool) -> None:
     """What was written, what the reader found and what the target does not hold."""
-    output.warnings(done.survey.notes)
+    output.warnings([*done.warnings, *done.survey.notes])
     if json:
         output.print_json(
             {
@@ -84,6 +93,7 @@ def _show(done: Conversion, target: Path, json: bool) -> None:
                 "to": done.target,
                 "lost": done.lost,
                 "notes": done.survey.notes,
+                "warnings": done.warnings,
                 "output": target,
             }
         )

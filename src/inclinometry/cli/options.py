@@ -85,6 +85,25 @@ GravitySd: TypeAlias = Annotated[
         "nothing."
     ),
 ]
+
+
+def _checks(type_: Any, tokens: Sequence[Token]) -> tuple[str, ...]:
+    """Names with commas between."""
+    return tuple(name.strip() for token in tokens for name in token.value.split(",") if name.strip())
+
+
+TrustFile: TypeAlias = Annotated[
+    tuple[str, ...],
+    Parameter(
+        group=INPUT,
+        negative="",
+        converter=_checks,
+        n_tokens=1,
+        show_default=False,
+        help="Check of the whole run that is overruled, which the output records; several with commas: units, columns, "
+        "axes, depths, repeats, order, station, direction, totals, place.",
+    ),
+]
 AgeDays: TypeAlias = Annotated[
     float | None,
     Parameter(

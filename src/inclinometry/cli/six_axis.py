@@ -18,6 +18,7 @@ from inclinometry.cli.options import (
     Output,
     Report,
     SixAxisForm,
+    TrustFile,
 )
 from inclinometry.cli.quality import show_checks
 from inclinometry.errors import InputError
@@ -45,6 +46,7 @@ def quality(
     calibration: ModelOrTool = None,
     from_: SixAxisForm = None,
     convention: Convention = None,
+    trust_file: TrustFile = (),
     json: Json = False,
 ) -> int:
     """Judge gravity, magnetic field and dip of each station against the site; exit status 0 pass, 1 fail, 2 bad input.
@@ -56,7 +58,9 @@ def quality(
     """
     fixed = None if limits is None else read_quality_limits(limits)
     with output.reading(raw) as progress:
-        run = read_six_axis(raw, site, calibration, form=from_, convention=convention, progress=progress)
+        run = read_six_axis(
+            raw, site, calibration, form=from_, convention=convention, trusted=trust_file, progress=progress
+        )
     judged = judge(run.stations, run.site, fixed)
     output.warnings(run.warnings)
     if json:
@@ -67,6 +71,7 @@ def quality(
                 "checks": list(map(check_json, judged.checks)),
                 "stations": [station_json(judged.quality, row) for row in range(len(run.stations))],
                 "notes": [*run.notes, *judged.quality.notes],
+                "warnings": run.warnings,
             }
         )
     else:
@@ -131,6 +136,7 @@ def msa(
     axial_sigma_nt: float | None = None,
     from_: SixAxisForm = None,
     convention: Convention = None,
+    trust_file: TrustFile = (),
     report: Report = None,
     json: Json = False,
 ) -> None:
@@ -156,7 +162,9 @@ def msa(
     if priors is not None and calibration is not None:
         raise InputError("--priors is given with --calibration, whose covariance is the prior; leave one of them out")
     with output.reading(raw) as progress:
-        run = read_six_axis(raw, site, calibration, form=from_, convention=convention, progress=progress)
+        run = read_six_axis(
+            raw, site, calibration, form=from_, convention=convention, trusted=trust_file, progress=progress
+        )
     with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
         done = analyse(run, priors or "iscwsa", axial_sigma_nt)
         page = None if report is None else _page(run, done)

@@ -22,6 +22,7 @@ from inclinometry.cli.options import (
     SixAxisForm,
     StabilityFile,
     SwitchAngle,
+    TrustFile,
     angle,
 )
 from inclinometry.constants import ANGLES
@@ -60,6 +61,7 @@ def survey(
     from_: SixAxisForm = None,
     convention: Convention = None,
     switch_deg: SwitchAngle = SWITCH_DEG,
+    trust_file: TrustFile = (),
     report: Report = None,
     json: Json = False,
 ) -> None:
@@ -100,6 +102,7 @@ def survey(
             form=from_,
             convention=convention,
             charts=report is not None,
+            trusted=trust_file,
             progress=progress,
         )
     found, page = done.survey, None

@@ -64,6 +64,7 @@ FLAGS = {
     "dip": "the dip differs from its reference by more than its tolerance",
     "rate": "the rotation measured is not the Earth's rate: the tool moved, or the gyro's bias or scale has changed",
     "latitude": "the latitude that gravity and the Earth rate give differs from the site's by more than its tolerance",
+    "overruled": "a check of the whole run was overruled by --trust-file; the warnings of the run say which",
     "no-azimuth": "no second field to take the azimuth from",
     "g-in-plane": "gravity lies in the plane of the two accelerometers, which tell nothing of the component across "
     "it: the "

@@ -118,6 +118,7 @@ def _look(path: Path, given: Profile) -> Look:
             if gone and "time_s" in table:
                 notes.insert(0, f"time_s counts from the first row, by {', '.join(gone)}")
             # of a text the whole file, else the rows that were copied
+            notes += _implausible(head, uses)
             seen = _sensors(path if head.suffix == path.suffix or path.suffix == ".gz" else head, head, uses)
     if rows <= LOOKED_AT:  # what these two ask of the whole log
         for command, whole_log in (("readings", readings_of_log), ("allan", noise_of_log)):
@@ -126,6 +127,25 @@ def _look(path: Path, given: Profile) -> Look:
         uses[_BY_HAND] = f"{seen.rests} rests; at least {LEAST_ROTATIONS + 1} are needed, with a rotation between each"
     notes += [note for note in seen.notes if note not in notes]
     return Look(layout, rows, columns, tuple(notes), seen.candidates, uses, _draft(profile, columns))
+
+
+def _implausible(head: Path, uses: dict[str, str]) -> list[str]:
+    """What speaks against stations along a hole being what the columns say."""
+    from inclinometry.files.position_csv import read_well
+    from inclinometry.files.six_axis import read_csv
+    from inclinometry.survey.plausibility import Run, doubts
+    from inclinometry.workflow.convert import survey_doubts
+
+    with contextlib.suppress(InclinometryError):
+        if not uses[_SIX_AXES]:
+            found = survey_doubts(read_csv(head, azimuth_reference="magnetic"))
+        elif not uses["position"]:
+            well = read_well(head)
+            found = doubts(Run(well.md, well.inclination, well.azimuth))
+        else:
+            found = survey_doubts(read_csv(head))
+        return [f"plausibility ({one.name}): {one.sentence}" for one in found]
+    return []
 
 
 def _beginning(head: Path, folder: Path) -> Path:
@@ -403,13 +423,14 @@ def _holes(path: Path) -> None:
 
 _BY_HAND: Final = "calibrate --method hand-rotations"
 _VERIFY: Final = "verify"
+_SIX_AXES: Final = "survey, quality, msa"
 _READERS: Final[dict[str, Callable[[Path], None]]] = {
     "calibrate": _calibrated,
     "calibrate --method norm": _norm,
     _BY_HAND: _by_hand,
     _VERIFY: _verified,
     "survey --calibration": _raw,
-    "survey, quality, msa": _six_axis,
+    _SIX_AXES: _six_axis,
     "position": _well,
     "readings": _log,
     "gyro north": _gyro,

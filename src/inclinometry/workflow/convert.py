@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from inspect import signature
@@ -19,6 +19,7 @@ from inclinometry.files.cave import HELD
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.survey_csv import OutColumn, columns_of
 from inclinometry.files.writing import replacing
+from inclinometry.survey.plausibility import Doubt, Run, angle_doubts, doubts, settle
 
 
 class Format(NamedTuple):
@@ -61,12 +62,14 @@ class Conversion:
     survey : what was read.
     source, target : names of the formats.
     lost : what the target does not hold, a sentence each, found by reading it back.
+    warnings : what speaks against the run, where it was judged.
     """
 
     survey: SurveyFile
     source: str
     target: str
     lost: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
 
 def format_of(path: str | Path, name: str | None = None, option: str = "--from") -> str:
@@ -111,6 +114,8 @@ def convert(
     sheet: str | None = None,
     depth_unit: str | None = None,
     channels: str | Path | None = None,
+    check: bool = False,
+    trusted: Sequence[str] = (),
 ) -> Conversion:
     """Read a survey in one format and write it in another.
 
@@ -129,6 +134,10 @@ def convert(
         Of a P7/17 file that does not say it.
     channels : str or Path, optional
         TOML map of the items of a WITS stream, read or written.
+    check : bool
+        Judge the run as a whole (`inclinometry.survey.plausibility`) before anything is written.
+    trusted : sequence of str
+        Names of its checks that are overruled.
 
     Returns
     -------
@@ -138,8 +147,8 @@ def convert(
     Raises
     ------
     FileError, InputError
-        As the formats' readers and writers; what was written cannot be read back, and nothing is left of it; an option
-        that the source's format has no use for.
+        As the formats' readers and writers; with `check` a run that cannot be true; what was written cannot be read
+        back, and nothing is left of it; an option that the source's format has no use for.
 
     Examples
     --------
@@ -157,7 +166,26 @@ def convert(
         raise InputError(f"--map is of no use from {start} to {end}; leave it out")
     reader: Options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
     survey = read_survey_file(source, start, {**reader, "depth_unit": depth_unit, **_known(FORMATS[start].read, items)})
-    return Conversion(survey, start, end, _write(survey, Path(target), end, items))
+    doubted = settle(survey_doubts(survey), trusted, source) if check else []
+    return Conversion(survey, start, end, _write(survey, Path(target), end, items), tuple(doubted))
+
+
+def survey_doubts(survey: SurveyFile) -> list[Doubt]:
+    """What speaks against the stations of a file being a run along a hole; none where it has no angles and no axes."""
+    rows = np.ones(len(survey), dtype=bool) if survey.used is None else np.asarray(survey.used)
+    if survey.g is not None and survey.b is not None:
+        rows = rows & np.isfinite(survey.g).all(axis=1) & np.isfinite(survey.b).all(axis=1)
+        if rows.sum() >= 3:
+            run = Run.of_fields(survey.md[rows], survey.g[rows], survey.b[rows])
+            found = doubts(run)
+            if survey.inclination is not None:
+                azimuth = None if survey.azimuth is None else survey.azimuth[rows]
+                found += angle_doubts(run, survey.inclination[rows], azimuth, survey.azimuth_reference)
+            return found
+    if survey.inclination is None or survey.azimuth is None:
+        return []
+    totals = {name: survey.measured[name][rows] for name in ("g", "b", "dip") if name in survey.measured}
+    return doubts(Run(survey.md[rows], survey.inclination[rows], survey.azimuth[rows], totals=totals))
 
 
 def _write(survey: SurveyFile, target: Path, name: str, items: Options) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ from inclinometry.rotations import wrap_signed
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
+from inclinometry.survey.plausibility import Run, doubts, settle
 from inclinometry.survey.reduce import SensorCorrection
 from inclinometry.workflow.age import Age, at_the_run
 from inclinometry.workflow.calibration_error_model import calibration_error_model
@@ -72,6 +73,7 @@ def read_position(
     tie_on: tuple[float, float, float] | None = None,
     tie_sigma: tuple[float, float, float] | None = None,
     north: str | None = None,
+    trusted: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> WellPosition:
     """Positions of a well from files.
@@ -94,7 +96,7 @@ def read_position(
         errors.json of the gyro run that the survey is: the error model of its angles.
     age : Age
         Of the calibration at the run; a year where nothing tells it.
-    tie_on, tie_sigma, north
+    tie_on, tie_sigma, north, trusted
         As `well_position`.
     progress : callable, optional
 
@@ -132,6 +134,7 @@ def read_position(
         tie_on=tie_on,
         tie_sigma=tie_sigma,
         north=north,
+        trusted=trusted,
         site_path=site_path,
     )
     files = {
@@ -160,6 +163,7 @@ def well_position(
     tie_on: tuple[float, float, float] | None = None,
     tie_sigma: tuple[float, float, float] | None = None,
     north: str | None = None,
+    trusted: Sequence[str] = (),
     site_path: str | Path | None = None,
 ) -> WellPosition:
     """Positions of a well by minimum curvature, with their covariance where there is an error model.
@@ -188,14 +192,20 @@ def well_position(
     north : {"true", "grid"}, optional
         What positions count from; else the site's north_reference, and where that is magnetic grid for grid azimuths
         and true for others.
+    trusted : sequence of str
+        Names of `inclinometry.survey.plausibility.CHECKS` that are overruled.
     site_path : str or Path, optional
         The site's file, for messages.
 
     Raises
     ------
+    InputError
+        A run that cannot be true (`inclinometry.survey.plausibility.doubts`).
     FileError
         A declination or another value that is lacking, naming the site's file; stations the model is not made for.
     """
+    found = doubts(Run(stations.md, stations.inclination, stations.azimuth))
+    implausible = settle(found, trusted, stations.path)
     grid_or_true = "grid" if stations.azimuth_reference == "grid" else "true"
     target = north or (grid_or_true if site.north_reference == "magnetic" else site.north_reference)
     try:
@@ -243,7 +253,7 @@ def well_position(
         code,
         "the tool" if name in ("", "unnamed") else name,
         [*said, *notes],
-        (*_doubts(stations, path, site), *warnings),
+        (*(implausible or _sharp(stations, path)), *_declination_doubts(site), *warnings),
         {"survey": stations.digest},
     )
 
@@ -272,49 +282,40 @@ def _of_site(error: InputError, path: str | Path | None) -> InputError:
     return FileError(str(error), path=path)
 
 
-def _doubts(stations: WellStations, path: WellPath, site: Site) -> list[str]:
-    """What is likelier a mistake of the file than a hole."""
-    doubts = []
+def _sharp(stations: WellStations, path: WellPath) -> list[str]:
+    """A bend sharper than a hole's, where nothing else was found."""
     severity = dogleg_severity_deg(path)
-    # dogleg severity, deg/30 m, above which a typing error is likelier than a hole; short-radius wells stay below
-    sharpest = 60.0
-    if severity.max() > sharpest:
-        row = int(np.argmax(severity))
-        doubts.append(
-            f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
-            "a typing error, or depths in another unit?"
-        )
-    intervals = np.diff(stations.md)
-    # spacing, m, at which the depths are likely feet: a stand of pipe is 26 to 30 m, which is 86 to 98 ft
-    stands = (80.0, 100.0)
-    alike = (intervals >= stands[0]) & (intervals <= stands[1])
-    spacing = float(np.median(intervals[alike])) if alike.any() else 0.0
-    share_of_stands = 0.6  # share of such intervals from which the question is asked
-    # the unit of the file, not the metres it became; a long first interval proves nothing
-    if np.mean(alike) >= share_of_stands:
-        doubts.append(
-            f"stations are {spacing:.1f} m apart, which would be a stand of pipe if it were feet: if the depths are in "
-            "feet, name their column md_ft"
-        )
+    # deg/30 m above which a typing error is likelier than a hole; short-radius wells stay below, and so does what an
+    # error of 3 deg makes of stations close together
+    row = 1 + int(np.argmax(severity[1:] - 90.0 / np.diff(stations.md)))
+    if severity[row] - 90.0 / (stations.md[row] - stations.md[row - 1]) <= 60.0:
+        return []
+    return [
+        f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
+        "a typing error, or depths in another unit?"
+    ]
+
+
+def _declination_doubts(site: Site) -> list[str]:
+    """The declination against the model of the place."""
     # a given declination held against the model of the place, where that is known: a wrong sign shows
     place = (site.latitude, site.longitude, site.date)
     if site.declination is None or site.origin("declination") != "given" or None in place:
-        return doubts
+        return []
     latitude, longitude, date = site.latitude or 0.0, site.longitude or 0.0, site.date
     try:
         if date is None:
-            return doubts
+            return []
         found = model_of(date)(latitude, longitude, site.height_m or 0.0, date)
     except InputError:
-        return doubts  # a date that no model covers: nothing to hold it against
+        return []  # a date that no model covers: nothing to hold it against
     expected, sigma = float(found.declination), float(found.declination_sigma)
     away = abs(float(wrap_signed(site.declination - expected)))
     if away <= max(3.0 * sigma, np.radians(1.0)):
-        return doubts
+        return []
     turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
     doubt = "; its sign looks wrong (east is positive)" if turned else "; check it"
     return [
-        *doubts,
         f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
         f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there{doubt}",
     ]

@@ -42,7 +42,7 @@ def read_shots(
     """
 
     def read(path: str | Path) -> SixAxis:
-        return read_six_axis(path, site, calibration, form=form, convention=convention)
+        return read_six_axis(path, site, calibration, form=form, convention=convention, trusted=None)
 
     table = _depth_table(raw) if format_of(raw, form) == "csv" else None
     if table is None or (np.diff(_metres(table)) > 0.0).all():

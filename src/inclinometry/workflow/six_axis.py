@@ -36,6 +36,7 @@ from inclinometry.survey.multistation_priors import (
     published_priors,
     reference_of_site,
 )
+from inclinometry.survey.plausibility import OVERRULED, Doubt, Run, angle_doubts, doubts, place_doubts, settle
 from inclinometry.survey.quality import FieldLimits, FieldQuality, judge_fields, with_sensors
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correction, correction_of
@@ -63,8 +64,8 @@ REBUILT: Final = "fields rebuilt from the survey's totals, dip and angles"
 
 def plain_stations(
     path: str | Path, site: Site, form: str | None, convention: str | None
-) -> tuple[Stations, str, tuple[str, ...]]:
-    """Stations of a file of any format without a calibration, its digest and its reader's notes."""
+) -> tuple[Stations, SurveyFile]:
+    """Stations of a file of any format without a calibration, and the file as it was read."""
     try:
         found = _survey_file(path, form, convention)
     except FileError:
@@ -82,7 +83,7 @@ def plain_stations(
         g, b, temperature = *(_vectors(found, name, path) for name in _AXES), _temperature(found)
         line = f"six axes as read from {Path(path).name}"
     stations = stations_plain(found.md, g, b, temperature=temperature)
-    return replace(stations, history=(line,)), found.digest, found.notes
+    return replace(stations, history=(line,)), found
 
 
 def tool_stations(
@@ -252,6 +253,7 @@ def read_six_axis(
     *,
     form: str | None = None,
     convention: str | None = None,
+    trusted: Sequence[str] | None = (),
     progress: Progress | None = None,
 ) -> SixAxis:
     """Read the stations of a run.
@@ -271,14 +273,17 @@ def read_six_axis(
         Format of `raw`; by its ending when not given.
     convention : str, optional
         Axes and signs of the sensors in `raw`, where there is no calibration.
+    trusted : sequence of str, optional
+        Names of `inclinometry.survey.plausibility.CHECKS` that are overruled; None for stations that are no run along
+        a hole, as those of a tool turned at one place.
     progress : callable, optional
         Called with the number of bytes of raw channels read so far.
 
     Raises
     ------
     InputError, FileError
-        As the readers; without a calibration, no site or a site without gravity, b or dip; with one, the same where
-        the tool lacks its field strengths.
+        As the readers; a run that cannot be true (`inclinometry.survey.plausibility.doubts`); without a calibration, no
+        site or a site without gravity, b or dip; with one, the same where the tool lacks its field strengths.
     """
     if site is None and calibration is None:
         raise InputError(
@@ -290,22 +295,68 @@ def read_six_axis(
     warned = declination_warnings(place)
     if calibration is None:
         _refuse_unknown(place)
-        stations, digest, notes = plain_stations(raw, place, form, convention)
+        stations, read = plain_stations(raw, place, form, convention)
         # tool code whose sensor errors stand for those of a tool without a calibration
         sensors = "iscwsa-mwd-rev5.1"
         code = load_tool_code(sensors)
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
         said = [*said, f"no calibration: the sensors' errors are taken from the tool code {sensors}"]
-        return SixAxis(stations, place, None, None, (*said, *notes), warned, {"raw": digest, **inputs})
+        beside = None if REBUILT in stations.history else read
+        warned = [*run_warnings(stations, place, trusted, raw, beside), *warned]
+        return SixAxis(stations, place, None, None, (*said, *read.notes), warned, {"raw": read.digest, **inputs})
     if convention is not None:
         raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
     record, old = at_the_run(read_calibration(calibration), calibration, place, age)
     said = [*said, *old]
     stations, digest, notes = tool_stations(raw, record, place, form, progress)
+    warned = [*run_warnings(stations, place, trusted, raw), *warned]
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": digest, "tool": digest_file(calibration)}
     inherited = [f"calibration: {sentence}" for sentence in record.warnings]
     return SixAxis(stations, place, record.tool, record.dip, (*said, *notes), (*inherited, *warned), inputs)
+
+
+def run_warnings(
+    stations: Stations, site: Site, trusted: Sequence[str] | None, path: str | Path, beside: SurveyFile | None = None
+) -> list[str]:
+    """What speaks against the run as a whole, and against its place; FileError where it cannot be true.
+
+    The angles of a file that holds six axes too (`beside`) are held against theirs.
+    """
+    if trusted is None:
+        return []
+    run = Run.of_fields(stations.md, stations.g, stations.b)
+    found = doubts(run)
+    if beside is not None and beside.inclination is not None:
+        found += angle_doubts(run, beside.inclination, beside.azimuth, beside.azimuth_reference, site.declination)
+    if not any(one.name in ("axes", "columns") for one in found):
+        found = [*found, *_of_place(run, site)]
+    return settle(found, trusted, path)
+
+
+def _of_place(run: Run, site: Site) -> list[Doubt]:
+    """Whether the run's fields are those of a place with a sign or the two coordinates exchanged."""
+    if site.latitude is None or site.longitude is None or site.date is None or len(run.md) < 4:
+        return []
+    if "given" in (site.origin("b"), site.origin("dip")):
+        return []
+    latitude, longitude = site.latitude, site.longitude
+    places = {
+        "": (latitude, longitude),
+        "the longitude of the other sign": (latitude, -longitude),
+        "the latitude of the other sign": (-latitude, longitude),
+        "latitude and longitude of the other signs": (-latitude, -longitude),
+    }
+    if abs(longitude) <= np.pi / 2.0:
+        places["latitude and longitude exchanged"] = (longitude, latitude)
+    model, there = model_of(site.date), {}
+    for words, (north, east) in places.items():
+        field = model(north, east, site.height_m or 0.0, site.date)
+        there[words] = {
+            "b": float(field.b),
+            "dip": float(field.dip),
+        }
+    return place_doubts({name: float(np.median(run.totals[name])) for name in ("b", "dip")}, there)
 
 
 def declination_warnings(site: Site) -> list[str]:
@@ -554,4 +605,6 @@ def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = No
     refuse_beyond(found.parameters)
     tool = "" if run.tool is None else run.tool.name
     correction = correction_of(found, reference, chosen, tool, run.inputs)
+    overruled = [sentence for sentence in run.warnings if sentence.startswith(OVERRULED)]
+    correction = replace(correction, warnings=(*overruled, *correction.warnings))
     return Analysis(found, correction, before)

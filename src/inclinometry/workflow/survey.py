@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.constants import VECTORS
+from inclinometry.constants import STANDARD_GRAVITY, VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
@@ -19,6 +20,7 @@ from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import column, write_columns
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.from_tool import stations_from_tool
+from inclinometry.survey.plausibility import OVERRULED, Run, doubts, settle
 from inclinometry.survey.reduce import Survey, parts_of, reduce_survey
 from inclinometry.tabular import check_record
 from inclinometry.workflow.age import Age, at_the_run
@@ -92,13 +94,14 @@ def survey_file(
     form: str | None = None,
     convention: str | None = None,
     charts: bool = False,
+    trusted: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> SixAxisSurvey:
     """A survey from files, with what is needed to report on it.
 
     Parameters
     ----------
-    raw, site, calibration, form, convention, progress
+    raw, site, calibration, form, convention, trusted, progress
         As `read_six_axis`; with a calibration the site is optional.
     correct, bha
         As `survey_six_axis`.
@@ -126,8 +129,11 @@ def survey_file(
             raise InputError("--hole is for raw channels of two calibrated accelerometers; leave it out")
         if gravity_sd is not None:
             raise InputError("--gravity-sd-percent is for raw channels of two calibrated accelerometers; leave it out")
-        run = read_six_axis(raw, site, calibration, age, form=form, convention=convention, progress=progress)
-        return survey_six_axis(run, correct, bha)
+        run = read_six_axis(
+            raw, site, calibration, age, form=form, convention=convention, trusted=trusted, progress=progress
+        )
+        done = survey_six_axis(run, correct, bha)
+        return replace(done, survey=_marked(done.survey, run.warnings))
     if convention is not None or form not in (None, "csv"):
         raise InputError("with --calibration the readings are a CSV of raw channels; leave --from and --convention out")
     place, notes = (None, []) if site is None else completed(read_site(site))
@@ -137,9 +143,29 @@ def survey_file(
     found = survey_raw(data, record, place, second=second, hole=hole, gravity_sd=gravity_sd)
     warned = [] if place is None or found.azimuth_reference == "magnetic" else declination_warnings(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
-    found = replace(found, inputs=inputs, warnings=(*warned, *found.warnings))
+    warned = [*settle(doubts(_run(data, found, record, second)), trusted, raw), *warned]
+    found = _marked(replace(found, inputs=inputs, warnings=(*warned, *found.warnings)), warned)
     judged = _judged(data, record, place) if charts and second != "gyro" and place is not None else None
     return SixAxisSurvey(found, place or Site(), judged, notes=notes)
+
+
+def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None) -> Run:
+    """The run with its six axes where the azimuths are of these."""
+    triads = {kind: record.tool.triads[kind] for kind in VECTORS if kind in record.tool.triads and kind in raw.channels}
+    if second == "gyro" or len(triads) < 2 or not all(triad.full for triad in triads.values()):
+        return Run(found.md, found.inclination, found.azimuth)
+    g, b = (
+        (triad.field_strength or usual) * triad.field(raw.channels[kind], raw.temperature)
+        for (kind, triad), usual in zip(triads.items(), (STANDARD_GRAVITY, 50_000.0), strict=True)
+    )
+    return Run.of_fields(found.md, g, b)
+
+
+def _marked(found: Survey, warned: Sequence[str]) -> Survey:
+    """The survey with a flag at every station where a check of the whole run was overruled."""
+    if not any(sentence.startswith(OVERRULED) for sentence in warned):
+        return found
+    return replace(found, flags=[[*row, "overruled"] for row in found.flags])
 
 
 def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations | None:

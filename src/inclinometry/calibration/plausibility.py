@@ -1,0 +1,258 @@
+"""Plausibility of bench readings as a whole: mistakes of a file that leave a fit, but a worse one than without them.
+
+Each hypothesis is the run as it would have been without the mistake: a dial in grads, two stations exchanged, a gain
+that changed midway, a slow drift. Every triad is fitted as the joint fit is started, dials trusted, and the likelihood
+ratio is that of normal noise of unknown size in each triad, as for the dials' conventions (`conventions.check_dials`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from inclinometry.arrays import Array
+from inclinometry.calibration.likelihood import NUISANCE, orientation
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.start import linear_start
+from inclinometry.errors import InputError
+from inclinometry.rotations import dcm
+
+_DOUBTED, _POOR = 0.01, 0.03
+"""Shares of the field that trusted dials leave, from which units, and from which exchanges and gains are tried: dials
+good to 0.5 deg leave 0.01, to 1 deg 0.02."""
+_CERTAIN = 25.0
+"""Log-likelihood ratio from which another run fits better beyond all chance."""
+
+
+class _Whole(NamedTuple):
+    """A run without a mistake: what it was, what to do, signals and settings (azimuth, inclination, toolface)."""
+
+    words: str
+    remedy: str
+    signals: Mapping[str, Array]
+    settings: tuple[Array, Array, Array]
+    volume: float = 0.0  # logarithm of the factor by which the signals were multiplied, summed over readings
+
+
+def check_whole(readings: BenchReadings) -> list[str]:
+    """Refuse bench readings that one mistake of the file explains, and name it.
+
+    Parameters
+    ----------
+    readings : BenchReadings
+        With dials, in the order in which they were taken.
+
+    Returns
+    -------
+    list of warnings
+        A slow drift; a mistake that is likely and not certain.
+
+    Raises
+    ------
+    InputError
+        A dial in grads, two stations exchanged, or a gain that changed midway makes the fit four times better, beyond
+        all chance.
+
+    Examples
+    --------
+    >>> from inclinometry.calibration import plans
+    >>> p = plans.orthogonal()
+    >>> turns = dcm(p.azimuth, p.inclination, p.toolface)
+    >>> signals = {"accelerometer": turns @ [0.0, 0.0, 1.0], "magnetometer": turns @ [0.5, 0.0, 0.866]}
+    >>> check_whole(BenchReadings(signals, p.azimuth, p.inclination, p.toolface))
+    []
+    >>> check_whole(BenchReadings(signals, p.azimuth / 0.9, p.inclination, p.toolface)) # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    inclinometry.errors.InputError: with azimuths in grads the readings fit ...
+    """
+    if len(readings) < 8:
+        return []
+    signals = {}
+    for kind, values in readings.channels.items():
+        spread = np.sqrt(3.0) * values.std(axis=0)
+        signals[kind] = values / np.where(spread > 0.0, spread, 1.0)
+    settings = readings.dials
+    own = {kind: _left(kind, values, settings) for kind, values in signals.items()}
+    shares = {kind: float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()}
+    kind = max(shares, key=lambda k: shares[k])
+    best: tuple[float, float, _Whole] | None = None
+    if shares[kind] > _DOUBTED:
+        stations = tuple(readings.station)
+        for mistakes in (
+            _units(signals, settings),
+            _exchanges(signals, settings, stations),
+            _gains(signals, settings, stations),
+        ):
+            for one in mistakes:
+                ratio, times = _compare(signals, own, one)
+                if best is None or ratio > best[0]:
+                    best = ratio, times, one
+            # what takes hundreds of fits is tried where the simpler does not explain it
+            if shares[kind] < _POOR or not _spans(settings) or (best and best[0] > _CERTAIN and best[1] > 4.0):
+                break
+    if best is not None and best[0] > _CERTAIN and best[1] > 2.0:
+        ratio, times, one = best
+        sentence = (
+            f"with {one.words} the readings fit {times:.2g} times better (likelihood ratio 1e"
+            f"{int(min(ratio / np.log(10.0), 99.0))}; as given they leave {100.0 * shares[kind]:.2g} % of the field "
+            f"unexplained in the {kind}): {one.remedy}"
+        )
+        if best[1] > 4.0:
+            raise InputError(sentence)
+        return [sentence]
+    return _drift(signals, settings, own)
+
+
+def _left(kind: str, values: Array, settings: tuple[Array, Array, Array]) -> float:
+    """Sum of squares that the linear fit of a triad leaves."""
+    matrix = dcm(*settings)
+    return linear_start(kind, matrix, np.ones((len(matrix), 1)), values)[2]
+
+
+def _compare(signals: Mapping[str, Array], own: Mapping[str, float], one: _Whole) -> tuple[float, float]:
+    """Log-likelihood ratio of a run without a mistake, and how many times better the worst triad fits."""
+    better, times = one.volume, 0.0
+    for kind, values in signals.items():
+        least = values.size * 1e-6**2  # share of the field below which a residual is rounding
+        ratio = (own[kind] + least) / (_left(kind, one.signals[kind], one.settings) + least)
+        better += 0.5 * max(values.size - 4 * values.shape[1] - 2, 1) * float(np.log(ratio))
+        changed = one.signals[kind] is not values
+        times = max(times, float(np.sqrt(ratio * np.exp(2.0 * one.volume / values.size * changed))))
+    return better, times
+
+
+def _units(signals: Mapping[str, Array], settings: tuple[Array, Array, Array]) -> Iterator[_Whole]:
+    """The run with dials in another unit."""
+    azimuth, inclination, toolface = settings
+    unit = "convert it to degrees"
+    yield _Whole("azimuths in grads", unit, signals, (0.9 * azimuth, inclination, toolface))
+    yield _Whole("inclinations in grads", unit, signals, (azimuth, 0.9 * inclination, toolface))
+    yield _Whole("toolfaces in grads", unit, signals, (azimuth, inclination, 0.9 * toolface))
+    yield _Whole("all dials in grads", unit, signals, (0.9 * azimuth, 0.9 * inclination, 0.9 * toolface))
+
+
+def _spans(settings: tuple[Array, Array, Array]) -> bool:
+    """Whether a triad's fit needs no search for the direction of its field, of so few stations that all are tried."""
+    size = len(settings[0])
+    matrix = dcm(*settings).reshape(size, 9)
+    return size <= 60 and bool(np.linalg.matrix_rank(np.column_stack([matrix, np.ones(size)]), 1e-6) == 10)
+
+
+def _exchanges(
+    signals: Mapping[str, Array], settings: tuple[Array, Array, Array], stations: tuple[str, ...]
+) -> Iterator[_Whole]:
+    """The run with the readings, or one dial, of two stations exchanged."""
+    size = len(stations)
+    for first, second in combinations(range(size), 2):
+        order = np.arange(size)
+        order[[first, second]] = second, first
+        names = f"{stations[first]} and {stations[second]}"
+        rows = {kind: values[order] for kind, values in signals.items()}
+        yield _Whole(f"the readings of stations {names} exchanged", "put the rows in order", rows, settings)
+        for place, name in enumerate(("azimuths", "inclinations", "toolfaces")):
+            if settings[place][first] == settings[place][second]:
+                continue
+            turned = [values[order] if at == place else values for at, values in enumerate(settings)]
+            changed = (turned[0], turned[1], turned[2])
+            yield _Whole(f"the {name} of stations {names} exchanged", "put the rows in order", signals, changed)
+
+
+def _gains(
+    signals: Mapping[str, Array], settings: tuple[Array, Array, Array], stations: tuple[str, ...]
+) -> Iterator[_Whole]:
+    """The run with a gain that changed midway undone."""
+    size = len(stations)
+    for kind, values in signals.items():
+        parts = [(kind, slice(0, values.shape[1]))]
+        parts += [(f"{kind} {'xyz'[i] if i < 3 else i + 1}", slice(i, i + 1)) for i in range(values.shape[1])]
+        for start in range(3, size - 2):
+            for which, channels in parts:
+                for gain in (0.5, 2.0, 0.1, 10.0):
+                    even = values.copy()
+                    even[start:, channels] *= gain
+                    count = (size - start) * (channels.stop - channels.start)
+                    yield _Whole(
+                        f"the {which} {1.0 / gain:g} times as sensitive from station {stations[start]} on",
+                        "look for a change of range or wiring, and take the run again",
+                        {**signals, kind: even},
+                        settings,
+                        count * float(np.log(gain)),
+                    )
+
+
+def _drift(signals: Mapping[str, Array], settings: tuple[Array, Array, Array], own: Mapping[str, float]) -> list[str]:
+    """A trend of the offsets with the order of the stations, where it is no chance."""
+    warnings = []
+    size = len(settings[0])
+    order = np.linspace(-0.5, 0.5, size)
+    matrix = dcm(*settings)
+    for kind, values in signals.items():
+        trend = np.zeros(values.shape[1])
+        for _ in range(4):
+            direction, _, _ = linear_start(kind, matrix, np.ones((size, 1)), values - order[:, None] * trend)
+            design = np.column_stack([matrix @ direction, np.ones(size), order])
+            trend = np.linalg.lstsq(design, values, rcond=1e-10)[0][-1]
+        left = _left(kind, values - order[:, None] * trend, settings)
+        least = values.size * 1e-6**2
+        freedom = max(values.size - 5 * values.shape[1] - 2, 1)
+        ratio = 0.5 * freedom * float(np.log((own[kind] + least) / (left + least)))
+        # every channel has a trend of its own to spend
+        ratio -= 0.5 * values.shape[1] * np.log(values.size)
+        largest = float(np.abs(trend).max())
+        if ratio > 12.0 and largest > 0.004:
+            warnings.append(
+                f"the offsets of the {kind} drift by {100.0 * largest:.2g} % of the field from the first station to "
+                f"the last (likelihood ratio 1e{int(min(ratio / np.log(10.0), 99.0))}): let the tool warm up, keep "
+                "iron and currents away, and take the run again"
+            )
+    return warnings
+
+
+def refuse_own_readings(readings: BenchReadings, calibration: Calibration) -> None:
+    """InputError where readings for a verification are those of the calibration, by their digest or by value."""
+    if readings.digest and readings.digest in calibration.inputs.values():
+        raise InputError(
+            "these are the readings the tool was calibrated with; verification needs independent positions"
+        )
+    if taken_before(readings, calibration):
+        raise InputError(
+            "these are the readings the tool was calibrated with, in another order or hardly changed: no second visit "
+            "to a setting agrees so well; verification needs independent positions"
+        )
+
+
+def taken_before(readings: BenchReadings, calibration: Calibration) -> bool:
+    """Whether most of these readings are those the tool was calibrated with, in another order or hardly changed.
+
+    By value: a calibration keeps the residual of each station. Signals of the tool at a setting plus that residual are
+    the reading of the calibration if it was at this setting; a second visit differs by the noise and the errors of two
+    settings, a copy by rounding.
+    """
+    kept, rig = calibration.residuals, calibration.rig
+    kinds = [kind for kind in readings.channels if kind in kept.values and kind in calibration.field_directions]
+    if not kinds or readings.azimuth is None or len(readings) < 6 or not 6 <= len(kept.station) <= 1000:
+        return False
+    zeros = np.array([rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE])
+    turns = orientation(np.stack(readings.dials, axis=1), zeros)[0]
+    away, freedom = np.zeros((len(readings), len(kept.station))), 0
+    for kind in kinds:
+        triad, residual = calibration.tool.triads[kind], kept.values[kind]
+        if residual.shape[1] != readings.channels[kind].shape[1] or (triad.degree and readings.temperature is None):
+            return False
+        seen = triad.signals(turns @ calibration.field_directions[kind], readings.temperature)
+        strength = np.linalg.norm(triad.tensor[0], axis=1)
+        # of a second visit: both settings' errors and both readings' noise, as the calibration saw them and as stated
+        stated = np.asarray(calibration.tool.noise.get(kind, 0.0)) ** 2 + (strength * np.mean(rig.sd)) ** 2
+        variance = 2.0 * np.minimum(np.mean(residual**2, axis=0), stated)
+        if (variance < 1e-12 * strength**2).any():
+            return False  # exact readings, of an example: every visit is the same
+        apart = (readings.channels[kind] - seen)[:, None] - residual
+        away += np.sum(apart**2 / variance, axis=2)
+        freedom += residual.shape[1]
+    # a second visit has so small a mean square of six numbers once in two thousand
+    return bool(np.mean((away / freedom).min(axis=1) < 0.05) >= 0.7)

@@ -1,0 +1,897 @@
+"""Plausibility of a whole run: what no single station shows, a hole shows, because it is smooth and a mistake is not.
+
+The direction t of a hole between its neighbours lies near the arc through them. With courses a before and b after a
+station the residual
+
+    rho = angle(t, ((b t_before + a t_after) / (a + b)))      of a change of curvature K:  K a b / (a + b)
+
+is a few tenths of a degree in a hole as it was drilled, whatever its inclination, and tens of degrees where a column,
+an axis or a digit is another than its name says. Each mistake is tried as a hypothesis: the run as it would have been
+without it, and the likelihood ratio of the residuals, Student's t of 3 degrees of freedom with the run's own robust
+scale. What is as smooth either way (azimuths half a turn off, mirrored, from another north) no reading shows: see the
+page "What no reading can show".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from inclinometry.arrays import Array, Index, Mask
+from inclinometry.constants import FOOT
+from inclinometry.errors import FileError, InputError
+from inclinometry.orientation import angles, dip_angle
+from inclinometry.rotations import wrap_positive, wrap_signed
+from inclinometry.survey.path import directions
+
+CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "direction", "totals", "place")
+"""Names of the checks, as --trust-file takes them."""
+
+OVERRULED: Final = "overruled by --trust-file"
+"""How the sentence on a check begins that was overruled."""
+
+
+class Doubt(NamedTuple):
+    """What speaks against a run.
+
+    name : of `CHECKS`.
+    sentence : what was seen, the best explanation, its likelihood ratio and what to do.
+    refused : no hole is like this; otherwise a right run that looks so is rare, and a warning says so.
+    stations : rows (from 0) that it is about; empty for the whole run.
+    """
+
+    name: str
+    sentence: str
+    refused: bool
+    stations: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Stations of one run, in the order of depth.
+
+    md : (n,) m; inclination, azimuth : (n,) rad.
+    g, b : (n, 3) m/s^2 and nT in tool axes, or None.
+    totals : "g" m/s^2, "b" nT, "dip" rad -> (n,), those that are known.
+    """
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    g: Array | None = None
+    b: Array | None = None
+    totals: Mapping[str, Array] = field(default_factory=dict)
+
+    @classmethod
+    def of_fields(cls, md: Array, g: Array, b: Array) -> Run:
+        """Of six axes in tool axes, m/s^2 and nT."""
+        found = angles(g, b)
+        totals = {"g": np.linalg.norm(g, axis=1), "b": np.linalg.norm(b, axis=1), "dip": dip_angle(g, b)}
+        return cls(md, found.inclination, found.azimuth, g, b, totals)
+
+
+def doubts(run: Run) -> list[Doubt]:
+    """What speaks against a run being what its columns say, the gravest first.
+
+    Parameters
+    ----------
+    run : Run
+        Rows with an angle that is not finite are left out.
+
+    Returns
+    -------
+    list of Doubt
+        Empty for a run that can be true. Of one mistake one is named: with a wrong column or axis no station is
+        judged.
+
+    Examples
+    --------
+    >>> md = np.arange(0.0, 900.0, 30.0)
+    >>> inclination, azimuth = np.radians(md / 15.0), np.full(30, 1.0)
+    >>> doubts(Run(md, inclination, azimuth))
+    []
+    >>> wrong = inclination.copy()
+    >>> wrong[20] += np.radians(10.0)
+    >>> doubts(Run(md, wrong, azimuth))[0].sentence[:71]
+    'station 21 at 600 m lies 10.0 deg off the line of its neighbours, where'
+    """
+    whole = np.isfinite(run.inclination) & np.isfinite(run.azimuth)
+    rows = np.flatnonzero(whole)
+    if len(rows) < 3:
+        return []
+    kept = run if whole.all() else _taken(run, rows)
+    found = [*_depths(kept), *_repeats(kept)]
+    depths_right = not any(one.name == "depths" and one.refused for one in found)
+    rough = _whole(kept) if depths_right else []
+    found += rough or ([*_units(kept), *_ends(kept)] if depths_right else [])
+    if depths_right and not any(one.name in ("columns", "axes", "units") for one in found):
+        found += _local(kept)
+    found += _totals(kept)
+    found = [one._replace(stations=tuple(int(rows[k]) for k in one.stations)) for one in found]
+    return sorted(found, key=lambda one: not one.refused)
+
+
+def settle(found: Iterable[Doubt], trusted: Sequence[str] = (), path: str | Path | None = None) -> list[str]:
+    """Warnings, in words; what is refused raises, but for the checks that are overruled, of which it says so.
+
+    Raises
+    ------
+    InputError
+        A run that cannot be true, of the file where one is named; a name that is no check.
+    """
+    unknown = sorted(set(trusted) - set(CHECKS))
+    if unknown:
+        raise InputError(f"--trust-file {unknown[0]!r} is no check; allowed: {', '.join(CHECKS)}")
+    said = []
+    for one in found:
+        if one.name in trusted:
+            said.append(f"overruled by --trust-file {one.name}: {one.sentence}")
+        elif one.refused:
+            problem = f"{one.sentence}; --trust-file {one.name} takes the file as it is"
+            raise InputError(problem) if path is None else FileError(problem, path=path)
+        else:
+            said.append(f"{one.sentence}; --trust-file {one.name} if it is so")
+    return said
+
+
+def _taken(run: Run, rows: Index) -> Run:
+    def some(values: Array | None) -> Array | None:
+        return None if values is None else values[rows]
+
+    return replace(
+        run,
+        md=run.md[rows],
+        inclination=run.inclination[rows],
+        azimuth=run.azimuth[rows],
+        g=some(run.g),
+        b=some(run.b),
+        totals={name: values[rows] for name, values in run.totals.items()},
+    )
+
+
+# Smoothness.
+
+
+class _Smoothness(NamedTuple):
+    """Residuals (n,) of each station from the arc of its neighbours, rad, NaN at both ends, and their scale (n,)."""
+
+    residual: Array
+    scale: Array
+
+    def log_likelihood(self, scale: Array | None = None, rows: Array | None = None) -> float:
+        """Of Student's t with 3 degrees of freedom, up to a constant."""
+        used = slice(None) if rows is None else rows
+        spread = (self.scale if scale is None else scale)[used]
+        ratio = self.residual[used] / spread
+        return float(-2.0 * np.nansum(np.log1p(ratio**2 / 3.0)) - np.nansum(np.log(spread)))
+
+
+_FINEST: Final = np.radians(0.1)
+"""Residual below which none is remarkable."""
+
+
+def _smoothness(md: Array, t: Array) -> _Smoothness:
+    residual, length = np.full(len(md), np.nan), np.full(len(md), np.nan)
+    if len(md) >= 3:
+        before, after = np.diff(md)[:-1], np.diff(md)[1:]
+        between = after[:, None] * t[:-2] + before[:, None] * t[2:]
+        residual[1:-1] = _angle(t[1:-1], between)
+        length[1:-1] = 2.0 * before * after / (before + after)
+    known = np.isfinite(residual)
+    scale = np.full(len(md), _FINEST)
+    if known.any():
+        # noise of a station, and a change of curvature that grows with the course
+        noise = max(1.4826 * float(np.median(residual[known])), _FINEST)
+        long = known & (length >= 0.3 * np.median(length[known]))
+        bend = 1.4826 * float(np.median(residual[long] / length[long])) if long.any() else 0.0
+        scale = np.hypot(noise, bend * np.nan_to_num(length))
+    return _Smoothness(residual, scale)
+
+
+def _angle(a: Array, b: Array) -> Array:
+    """Angles (...) between vectors of any length."""
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
+
+
+def _power(log_ratio: float) -> str:
+    """A likelihood ratio in words."""
+    return f"1e{int(min(max(log_ratio / np.log(10.0), 0.0), 99.0))}"
+
+
+_JUMP: Final = np.radians(10.0)
+"""Residual from which a station of a hole is broken: 20 deg of dogleg and back, in one course."""
+
+
+class _Hypothesis(NamedTuple):
+    name: str
+    words: str
+    remedy: str
+    inclination: Array
+    azimuth: Array
+
+
+def _hypotheses(run: Run) -> list[_Hypothesis]:
+    """The run without each mistake that a whole file can have."""
+    inclination, azimuth, half = run.inclination, run.azimuth, np.pi
+    exchanged = np.where(azimuth <= half, azimuth, np.nan)
+    rename, name_unit = "put the names of the columns right", "name the unit in the column, as azimuth_gon"
+    name_units = "name the unit in the columns, as inclination_rad and azimuth_rad"
+    level = "inclination counted from the horizontal"
+    found = [
+        _Hypothesis("columns", "the columns of inclination and azimuth exchanged", rename, exchanged, inclination),
+        _Hypothesis("columns", level, "convert it to 90 minus the reading", np.abs(half / 2.0 - inclination), azimuth),
+        _Hypothesis("units", "azimuths in grads", name_unit, inclination, azimuth * 0.9),
+        _Hypothesis("units", "angles in radians", name_units, np.degrees(inclination), np.degrees(azimuth)),
+    ]
+    if run.g is not None and run.b is not None:
+        # which channel lies along the hole shows; exchanged or cycled, and with what sign, does not
+        for order, words in (
+            ([0, 2, 1], "channel y of both triads along the hole, exchanged or cycled axes"),
+            ([2, 1, 0], "channel x of both triads along the hole, exchanged or cycled axes"),
+        ):
+            turn = np.array([1.0, -1.0, 1.0])  # right-handed again
+            seen = angles(run.g[:, order] * turn, run.b[:, order] * turn)
+            remedy = "state the axes with --convention or a profile (--profile), or put the columns right"
+            found.append(_Hypothesis("axes", words, remedy, seen.inclination, seen.azimuth))
+    return found
+
+
+def _whole(run: Run) -> list[Doubt]:
+    """A run that is rough all over, and the hypothesis that makes it smooth."""
+    given = _smoothness(run.md, directions(run.inclination, run.azimuth))
+    broken = np.flatnonzero(given.residual > _JUMP)
+    if len(broken) < max(4, 0.06 * len(run.md)):
+        return []
+    best: tuple[float, _Hypothesis, _Smoothness] | None = None
+    for one in _hypotheses(run):
+        usable = np.isfinite(one.inclination) & (one.inclination >= 0.0) & (one.inclination <= np.pi)
+        if usable.sum() < max(0.9 * len(run.md), 3) or (one.azimuth > 2.0 * np.pi + 1e-9).any():
+            continue
+        other = _smoothness(run.md[usable], directions(one.inclination[usable], one.azimuth[usable]))
+        left = int(np.nansum(other.residual > _JUMP))
+        if left > 0.1 * len(broken) or np.nanmedian(other.residual) > np.radians(3.0):
+            continue
+        as_given = _Smoothness(given.residual[usable], other.scale)
+        ratio = other.log_likelihood() - as_given.log_likelihood()
+        if best is None or ratio > best[0]:
+            best = ratio, one, other
+    typical = float(np.degrees(np.nanmedian(given.residual[broken])))
+    if best is not None and best[0] > np.log(1e4):
+        ratio, one, other = best
+        usual = float(np.degrees(np.nanmedian(other.residual)))
+        sentence = (
+            f"no hole is bent like this: {len(broken)} of {len(run.md)} stations lie off the line of their neighbours, "
+            f"by {typical:.0f} deg in the middle; with {one.words} it is {usual:.2g} deg (likelihood ratio "
+            f"{_power(ratio)}): {one.remedy}"
+        )
+        return [Doubt(one.name, sentence, True, tuple(map(int, broken)))]
+    if len(broken) >= max(0.4 * len(run.md), 6):
+        sentence = (
+            f"no hole is bent like this: {len(broken)} of {len(run.md)} stations lie off the line of their neighbours, "
+            f"by {typical:.0f} deg in the middle, and no unit, axis or exchange of columns that was tried explains it: "
+            "check the columns, their units and the order of the stations"
+        )
+        # of six axes the dip tells whether one triad is wired otherwise; beside a dip that holds they may be no hole's
+        if run.g is None or float(np.std(run.totals["dip"])) < np.radians(3.0):
+            return [Doubt("columns", sentence, run.g is None, tuple(map(int, broken)))]
+    return []
+
+
+# Units, and where a hole begins.
+
+
+def _scatter(values: Array, md: Array) -> float:
+    """Robust scatter of values about the line of their neighbours, in their own unit."""
+    if len(md) < 5:
+        return 0.0
+    before, after = np.diff(md)[:-1], np.diff(md)[1:]
+    between = (after * values[:-2] + before * values[2:]) / (before + after)
+    return 1.4826 * float(np.median(np.abs(values[1:-1] - between)))
+
+
+def _units(run: Run) -> list[Doubt]:
+    """Angles that are degrees by name and radians or grads by size."""
+    inclination, azimuth = np.degrees(run.inclination), np.degrees(wrap_positive(run.azimuth))
+    size, circle = len(run.md), 2.0 * np.pi
+    turned = np.degrees(np.unwrap(run.azimuth))
+    if size < 5 or run.g is not None:
+        return []
+    small = azimuth.max() <= circle + 1e-3 and np.ptp(azimuth) > 0.0
+    across = _scatter(turned, run.md) * np.sin(np.radians(np.median(inclination)))
+    along = _scatter(inclination, run.md)
+    if inclination.max() <= np.pi + 1e-3 and small and inclination.max() > 0.3:
+        # that a hole's azimuths all lie within 6.3 deg of north, east of it, has this chance; no less where it turns
+        radians = _smoothness(
+            run.md, directions(np.radians(inclination) * 180.0 / np.pi, np.radians(azimuth) * 180.0 / np.pi)
+        )
+        spread = float(np.ptp(azimuth))
+        rough = int(np.nansum(radians.residual > _JUMP))
+        if rough <= 0.1 * size and (spread > 0.5 or np.ptp(inclination) > 0.3):
+            ratio = np.log(360.0 / circle) * (2.0 if spread > 0.5 else 1.5) + np.log(180.0 / np.pi)
+            sentence = (
+                f"the largest inclination is {inclination.max():.3g} and the largest azimuth {azimuth.max():.3g}, with "
+                f"angles in radians this is a smooth hole (likelihood ratio {_power(ratio)}): name the unit in the "
+                "columns, as inclination_rad and azimuth_rad"
+            )
+            return [Doubt("units", sentence, True)]
+    if inclination.max() <= np.pi / 1.8 and np.ptp(inclination) > 0.3 and size >= 8:
+        tilted = inclination > 0.1
+        if tilted.sum() >= 6:
+            finest = _scatter(turned[tilted], run.md[tilted]) * np.radians(float(np.median(inclination[tilted])))
+            if 1e-6 < finest < 0.004:  # deg: no instrument repeats so well
+                sentence = (
+                    f"inclinations up to {inclination.max():.3g} deg with azimuths that scatter by {finest:.1g} deg "
+                    "across the hole only: with inclination in radians this is a usual hole: name the unit in the "
+                    "column, as inclination_rad"
+                )
+                return [Doubt("units", sentence, False)]
+    if small and size >= 8 and along > 0.02 and 1e-9 < across < along / 15.0 and np.ptp(azimuth) > 1e-3:
+        sentence = (
+            f"all azimuths lie between 0 and {azimuth.max():.3g} deg and scatter {along / across:.0f} times less "
+            "across the hole than inclinations do: with azimuth in radians this is a usual hole: name the unit in the "
+            "column, as azimuth_rad"
+        )
+        return [Doubt("units", sentence, False)]
+    lateral = np.abs(inclination - 100.0) < 2.0
+    if (
+        lateral.sum() >= max(8, 0.2 * size)
+        and inclination[0] < 60.0
+        and not (np.abs(inclination - 90.0) < 2.0)[inclination.argmax() :].any()
+    ):
+        level = inclination[lateral]
+        if abs(float(np.median(level)) - 100.0) < 0.7 and float(np.std(level)) < 1.0 and inclination.max() < 103.0:
+            sentence = (
+                f"{int(lateral.sum())} stations lie at an inclination of {np.median(level):.1f} deg: perhaps a level "
+                "hole in grads; name the unit in the columns, as inclination_gon and azimuth_gon"
+            )
+            return [Doubt("units", sentence, False)]
+    return []
+
+
+_AT_THE_TOP: Final = 100.0
+"""Measured depth, m, up to which a first station tells how a hole begins."""
+_A_WELL: Final = 400.0
+"""Length, m, from which a hole is drilled downwards from the surface: holes up from a mine are shorter."""
+
+
+def _ends(run: Run) -> list[Doubt]:
+    """Holes that begin as none does: upwards, level and then down, or with the azimuth growing from zero."""
+    md, length = run.md, float(run.md[-1] - run.md[0])
+    inclination, azimuth = np.degrees(run.inclination), np.degrees(wrap_positive(run.azimuth))
+    if length < _A_WELL or len(md) < 5:
+        return []
+    course = np.diff(md)
+    mean = float(np.sum(0.5 * (inclination[1:] + inclination[:-1]) * course) / length)
+    at_top = md[0] <= _AT_THE_TOP
+    climbed = -float(np.sum(0.5 * (np.cos(run.inclination[1:]) + np.cos(run.inclination[:-1])) * course))
+    if climbed > 300.0 and mean > 100.0:
+        ways = (
+            "z or all axes of both triads reversed, or inclination counted from the other end"
+            if run.g is not None
+            else "inclination counted from the other end (180 minus it)"
+        )
+        sentence = (
+            f"the hole climbs {climbed:.0f} m, inclination {mean:.0f} deg in the mean, perhaps {ways}: put the column "
+            "right, or state the axes with --convention or a profile (--profile)"
+        )
+        return [Doubt("axes" if run.g is not None else "columns", sentence, bool(inclination[0] > 150.0 and at_top))]
+    first, last = float(np.median(inclination[:3])), float(np.median(inclination[-3:]))
+    if at_top and abs(first - 90.0) < 4.0 and last < 55.0 and np.mean(np.diff(inclination) <= 0.5) > 0.8:
+        sentence = (
+            f"the hole begins level ({first:.1f} deg at {md[0]:.12g} m) and ends at {last:.1f} deg, perhaps "
+            "inclination is counted from the horizontal: convert it to 90 minus the reading"
+        )
+        return [Doubt("columns", sentence, False)]
+    near, beyond = float(np.median(azimuth[:3])), float(np.median(azimuth[-3:]))
+    steady = float(np.ptp(inclination))
+    rising = np.mean(np.diff(azimuth) >= -1.5) > 0.8 and azimuth.max() < 125.0
+    if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady < 20.0:
+        sentence = (
+            f"inclination stays at {np.median(inclination):.0f} deg from the top while azimuth grows from "
+            f"{near:.1f} to {beyond:.0f} deg, perhaps their columns are exchanged: put their names right"
+        )
+        return [Doubt("columns", sentence, False)]
+    return []
+
+
+# Depths.
+
+
+def _depths(run: Run) -> list[Doubt]:
+    """Courses against their habit: a last depth of a wrong digit, a part in feet, all of it in feet."""
+    md = run.md
+    course = np.diff(md)
+    usual = float(np.median(course))
+    found: list[Doubt] = []
+    alike = (course >= 80.0) & (course <= 100.0)  # a stand of pipe, 26 to 30 m, in feet
+    if np.mean(alike) >= 0.6:
+        found.append(
+            Doubt(
+                "depths",
+                f"stations are {np.median(course[alike]):.1f} m apart, which would be a stand of pipe if it were feet: "
+                "if the depths are in feet, name their column md_ft",
+                False,
+            )
+        )
+    if len(md) < 5:
+        return found
+    for k in np.flatnonzero(course > 5.0 * usual):
+        there = md[k + 1 :] * FOOT
+        rest = np.diff(md[k + 1 :])
+        joins = md[k] < there[0] <= md[k] + 3.0 * float(np.median(course[: k + 1])) if k else False
+        longer = (
+            len(rest) == 0 or 2.5 < float(np.median(rest)) / float(np.median(course[: k + 1])) < 4.2 if k else False
+        )
+        if joins and longer and len(there) >= 2 and k >= 1:
+            sentence = (
+                f"the depth leaps from {md[k]:.12g} to {md[k + 1]:.12g} m, and courses are 3.28 times as long from "
+                f"there: the stations from {k + 2} on are in feet (the next would stand at {there[0]:.1f} m): convert "
+                "them, one unit in a column"
+            )
+            return [Doubt("depths", sentence, True, tuple(range(int(k) + 1, len(md))))]
+    before = course[:-1]
+    if course[-1] > 8.0 * usual and course[-1] > 3.0 * float(before.max()) and course[-1] > 100.0:
+        tenth = md[-1] / 10.0
+        sure = bool(md[-2] < tenth <= md[-2] + 3.0 * usual)
+        end = f"the last course is {course[-1]:.0f} m, the others {usual:.3g} m"
+        sentence = (
+            f"{end}: the last depth, {md[-1]:.12g} m, is ten times {tenth:.12g} m, which would be in line: put it right"
+            if sure
+            else f"{end}: is a digit of the last depth, {md[-1]:.12g} m, wrong?"
+        )
+        found.append(Doubt("depths", sentence, sure, (len(md) - 1,)))
+    return found
+
+
+# Readings given twice.
+
+
+def _repeats(run: Run) -> list[Doubt]:
+    """The same readings at different depths."""
+    values = (
+        np.column_stack([run.inclination, run.azimuth])
+        if run.g is None or run.b is None
+        else np.column_stack([run.g, run.b])
+    )
+    same = (values[1:] == values[:-1]).all(axis=1)
+    if not same.any() or same.all():
+        return []  # a run of one attitude throughout is an example, or a tool at rest
+    groups = _groups(same)
+    longest = max(groups, key=lambda one: one[1] - one[0])
+    count = longest[1] - longest[0] + 1
+    where = f"{run.md[longest[0]]:.12g} to {run.md[longest[1]]:.12g} m"
+    rows = tuple(range(longest[0], longest[1] + 1))
+    if run.g is not None and run.b is not None:
+        distinct = len(np.unique(values, axis=0))
+        if distinct < 0.5 * len(values):
+            return []  # noise-free readings of few attitudes
+        turning = values[np.concatenate([[True], ~same])]
+        if float(np.median(np.abs(np.diff(turning, axis=0)).max(axis=1))) == 0.0:
+            return []
+        sentence = (
+            f"the six readings at {where} are the same to the last digit at {count} depths: one reading was pasted, or "
+            "the tool hung: remove the rows that were not measured"
+        )
+        return [Doubt("repeats", sentence, count >= 3, rows)]
+    # of angles, whose digits are few: how often neighbours agree elsewhere
+    others = np.delete(same, range(longest[0], longest[1]))
+    inclination, azimuth = np.degrees(run.inclination), np.degrees(np.unwrap(run.azimuth))
+    steps = np.hypot(np.diff(inclination), np.diff(azimuth) * np.sin(run.inclination[1:]))
+    typical = float(np.median(np.delete(steps, range(longest[0], longest[1])))) if len(others) else 0.0
+    around = _scatter(inclination, run.md) + _scatter(azimuth, run.md)
+    if count >= 3 and len(others) >= 5 and not others.any() and typical > 0.25 and around > 0.05:
+        sentence = (
+            f"inclination and azimuth at {where} are the same at {count} depths, and nowhere else at two, perhaps one "
+            "reading was pasted: remove the rows that were not measured"
+        )
+        return [Doubt("repeats", sentence, count >= 5, rows)]
+    return []
+
+
+def _groups(same: Mask) -> list[tuple[int, int]]:
+    """First and last station of each group of neighbours that agree."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+# Single stations and parts of a run.
+
+
+def _local(run: Run) -> list[Doubt]:
+    """Stations that do not lie between their neighbours, and jumps from which on another convention holds."""
+    t = directions(run.inclination, run.azimuth)
+    smooth = _smoothness(run.md, t)
+    return _order(run, t, smooth) or [*_parts(run, t, smooth), *_single(run, t, smooth)][:3]
+
+
+def _without(md: Array, t: Array, k: int) -> float:
+    """Largest residual of the stations beside k when k is left out, rad."""
+    rows = [r for r in range(max(k - 2, 0), min(k + 3, len(md))) if r != k]
+    beside = _smoothness(md[rows], t[rows]).residual
+    return float(np.nanmax(beside)) if np.isfinite(beside).any() else np.nan
+
+
+def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
+    """Two stations exchanged: both fit in each other's place."""
+    off = smooth.residual / smooth.scale
+    suspects = np.flatnonzero((off > 5.0) & (smooth.residual > np.radians(1.2)))
+    if not 2 <= len(suspects) <= 40:
+        return []
+    best: tuple[float, int, int, float] | None = None
+    for place, j in enumerate(suspects):
+        for k in suspects[place + 1 :]:
+            swapped = t.copy()
+            swapped[[j, k]] = t[[k, j]]
+            after = _smoothness(run.md, swapped)
+            near = np.unique(np.clip([j - 1, j, j + 1, k - 1, k, k + 1], 1, len(t) - 2))
+            if (after.residual[near] > np.maximum(3.0 * after.scale[near], 0.25 * smooth.residual[[j, k]].min())).any():
+                continue
+            ratio = after.log_likelihood(after.scale, near) - smooth.log_likelihood(after.scale, near)
+            if best is None or ratio > best[0]:
+                best = ratio, int(j), int(k), float(np.degrees(smooth.residual[[j, k]].max()))
+    if best is None or best[0] < np.log(1e6) or best[3] < 2.0:
+        return []
+    ratio, first, second, size = best
+    sentence = (
+        f"stations {first + 1} and {second + 1} at {run.md[first]:.12g} and {run.md[second]:.12g} m lie up to "
+        f"{size:.1f} deg off the line of their neighbours and fit when they are exchanged (likelihood ratio "
+        f"{_power(ratio)}): put their rows in order"
+    )
+    return [Doubt("order", sentence, True, (first, second))]
+
+
+def _single(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
+    """Isolated stations, by leave-one-out, and what was read wrong there."""
+    found: list[tuple[float, Doubt]] = []
+    usual = float(np.degrees(np.nanmedian(smooth.residual)))
+    suspects = np.flatnonzero((smooth.residual > 8.0 * smooth.scale) & (smooth.residual > np.radians(1.5)))
+    for k in map(int, suspects[np.argsort(-smooth.residual[suspects])[:50]]):
+        size = float(smooth.residual[k])
+        left = _without(run.md, t, int(k))
+        if not left < 0.25 * size or len(run.md) < 6:
+            continue
+        scale = float(smooth.scale[k])
+        ratio = 2.0 * np.log1p((size / scale) ** 2 / 3.0) - 2.0 * np.log1p((left / scale) ** 2 / 3.0)
+        beside = run.md[[max(k - 1, 0), k, min(k + 1, len(t) - 1)]]
+        words, fits = _explained(run, t, int(k), size)
+        if ratio < np.log(1e2 if words else 1e3):
+            continue
+        where = (
+            f"station {k + 1} at {run.md[k]:.12g} m lies {np.degrees(size):.1f} deg off the line of its neighbours, "
+            f"where {usual:.2g} deg is usual"
+        )
+        if words:
+            sentence = (
+                f"{where}; {words} would fit (likelihood ratio {_power(fits + ratio)}): correct it or leave it out"
+            )
+        else:
+            sentence = f"{where} (likelihood ratio {_power(ratio)}): perhaps a wrong digit or not at rest, leave it out"
+        sharp = size / float(np.diff(beside).min()) * 30.0
+        refused = bool(sharp > np.radians(40.0) and size > np.radians(12.0))
+        found.append((size, Doubt("station", sentence, refused, (int(k),))))
+    return [one for _, one in sorted(found, key=lambda pair: -pair[0])]
+
+
+def _explained(run: Run, t: Array, k: int, size: float) -> tuple[str, float]:
+    """The reading that would fit at a station, in words, and how much likelier it is than chance, as a logarithm."""
+    inclination, azimuth = (round(float(v), 4) for v in np.degrees([run.inclination[k], wrap_positive(run.azimuth[k])]))
+    tried: list[tuple[str, float, float]] = [
+        (f"azimuth {(azimuth + 180.0) % 360.0:g} (half a turn)", inclination, (azimuth + 180.0) % 360.0),
+        (f"azimuth {(360.0 - azimuth) % 360.0:g} (mirrored)", inclination, (360.0 - azimuth) % 360.0),
+        (f"azimuth {(180.0 - azimuth) % 360.0:g} (another quadrant)", inclination, (180.0 - azimuth) % 360.0),
+        (f"inclination {180.0 - inclination:g} (from the other end)", 180.0 - inclination, azimuth),
+        (f"inclination {abs(90.0 - inclination):g} (from the horizontal)", abs(90.0 - inclination), azimuth),
+    ]
+    if azimuth <= 180.0:
+        tried.append((f"inclination {azimuth:g} and azimuth {inclination:g} (exchanged)", azimuth, inclination))
+    tried += [(f"inclination {v:g} (one digit)", v, azimuth) for v in _one_digit(inclination) if v <= 180.0]
+    tried += [(f"azimuth {v:g} (one digit)", inclination, v) for v in _one_digit(azimuth) if v < 360.0]
+    rows = slice(max(k - 2, 0), min(k + 3, len(t)))
+    changed, places = t[rows].copy(), run.md[rows]
+    best: tuple[float, str] | None = None
+    for words, i, a in tried:
+        changed[k - rows.start] = directions(np.radians([i]), np.radians([a]))[0]
+        left = float(np.nanmax(_smoothness(places, changed).residual))
+        if best is None or left < best[0]:
+            best = left, words
+    # of so many readings one lies as near by chance
+    if best is None or best[0] > 0.25 * size:
+        return "", 0.0
+    return best[1], max(float(np.log((size / max(best[0], _FINEST)) ** 2 / len(tried))), 0.0)
+
+
+def _one_digit(value: float) -> list[float]:
+    """Numbers that differ from this in one digit, in two neighbouring digits exchanged, or in the decimal point.
+
+    Examples
+    --------
+    >>> 45.3 in _one_digit(55.3), 54.3 in _one_digit(45.3), 4.53 in _one_digit(45.3)
+    (True, True, True)
+    """
+    text = f"{value:.4f}".rstrip("0").rstrip(".")
+    text = text if "." in text else text + ".0"
+    text = text.rjust(len(text.partition(".")[2]) + 4, "0")
+    found = {round(value * 10.0, 5), round(value / 10.0, 5)}
+    for place, old in enumerate(text):
+        if old != ".":
+            found |= {float(text[:place] + new + text[place + 1 :]) for new in "0123456789"}
+    for one, (x, y) in enumerate(pairwise(text)):
+        if "." not in (x, y):
+            found.add(float(text[:one] + y + x + text[one + 2 :]))
+    return sorted(found - {value})
+
+
+def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
+    """Jumps of the azimuth behind which the run goes on smoothly in another convention: a wrong quadrant."""
+    dogleg, course = _angle(t[1:], t[:-1]), np.diff(run.md)
+    usual = max(float(np.median(dogleg)), _FINEST)
+    # what a whipstock or a turn does in a course stays below this
+    allowed = np.maximum(np.radians(12.0), np.radians(15.0) / 30.0 * course) + 6.0 * usual
+    jumps = np.flatnonzero(dogleg > allowed)
+    if not len(jumps) or len(run.md) < 6:
+        return []
+    best: tuple[float, str, Index] | None = None
+    for words, azimuth in (
+        ("half a turn off", run.azimuth + np.pi),
+        ("mirrored (360 minus it)", -run.azimuth),
+        ("in another quadrant (180 minus it)", np.pi - run.azimuth),
+    ):
+        turned = _turned(t, directions(run.inclination, azimuth))
+        if not 2 <= turned.sum() <= len(t) - 2:
+            continue
+        changed = np.where(turned[:, None], directions(run.inclination, azimuth), t)
+        after = _angle(changed[1:], changed[:-1])
+        if (after > allowed).any() or after[jumps].max() > 0.25 * dogleg[jumps].min():
+            continue
+        scale = _smoothness(run.md, changed).scale
+        ratio = _smoothness(run.md, changed).log_likelihood(scale) - smooth.log_likelihood(scale)
+        if best is None or ratio > best[0]:
+            best = ratio, words, np.flatnonzero(turned)
+    k = int(jumps[dogleg[jumps].argmax()])
+    if best is not None and best[0] > np.log(1e3):
+        ratio, words, rows = best
+        first, last = run.md[rows[[0, -1]]]
+        sentence = (
+            f"the hole turns by {np.degrees(dogleg[k]):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m; with "
+            f"the azimuths of {len(rows)} stations between {first:.12g} and {last:.12g} m {words} "
+            f"it goes on straight (likelihood ratio {_power(ratio)}): put these azimuths right"
+        )
+        return [Doubt("direction", sentence, True, tuple(map(int, rows)))]
+    if dogleg[k] > np.radians(60.0 / 30.0) * course[k] + np.radians(5.0) and _without_both(run.md, t, k):
+        sentence = (
+            f"the hole turns by {np.degrees(dogleg[k]):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m, where "
+            f"{np.degrees(usual):.2g} deg in a course is usual: another hole, a wrong digit, depths in another unit?"
+        )
+        return [Doubt("direction", sentence, False, (k, k + 1))]
+    return []
+
+
+def _turned(t: Array, other: Array) -> Mask:
+    """Stations (n,) at which the other direction goes on from the station before, the longer part left as it is."""
+    chosen = np.zeros(len(t), dtype=bool)
+    last = t[0]
+    for k in range(1, len(t)):
+        here, there = _angle(t[k], last), _angle(other[k], last)
+        chosen[k] = there < here if abs(there - here) > 1e-9 else chosen[k - 1]
+        last = other[k] if chosen[k] else t[k]
+    # near vertical both are alike
+    chosen &= _angle(t, other) > np.radians(4.0)
+    return ~chosen if chosen.mean() > 0.5 else chosen
+
+
+def _without_both(md: Array, t: Array, k: int) -> bool:
+    """Whether a jump from k to k + 1 stays when either of the two is left out: no single station makes it."""
+    size = float(_angle(t[k + 1], t[k]))
+    sides = [(k - 1, k + 1), (k, k + 2)]
+    return all(a >= 0 and b < len(t) and float(_angle(t[a], t[b])) > 0.5 * size for a, b in sides)
+
+
+# Totals.
+
+_TOTALS: Final = {"g": (0.004, 10.0), "b": (60.0, 10.0), "dip": (np.radians(0.08), 10.0)}
+"""Total -> the least scatter it is held against, m/s^2, nT, rad, and how many times that it may be off."""
+_SHOWN: Final = {
+    "g": ("gravity", "m/s2", 1.0),
+    "b": ("magnetic field", "nT", 1.0),
+    "dip": ("dip", "deg", 180.0 / np.pi),
+}
+
+
+def _totals(run: Run) -> list[Doubt]:
+    """One station whose totals are unlike all the others': a wrong digit in one axis."""
+    size = len(run.md)
+    if size < 6:
+        return []
+    off: dict[str, Array] = {}
+    for name, (least, _) in _TOTALS.items():
+        values = run.totals.get(name)
+        if values is None or not np.isfinite(values).all():
+            continue
+        away = values - np.median(values)
+        # about the neighbours: a slow trend with depth or temperature is no digit
+        padded = np.pad(away, 3, mode="reflect")
+        local = away - np.median([padded[shift : shift + size] for shift in (0, 1, 2, 4, 5, 6)], axis=0)
+        off[name] = local / max(1.4826 * float(np.median(np.abs(local))), least)
+    if not off:
+        return []
+    worst = np.sqrt(np.sum([values**2 for values in off.values()], axis=0))
+    limit = 9.0
+    beyond = np.flatnonzero(worst > limit)
+    if not 1 <= len(beyond) <= max(2, 0.05 * size):
+        return []
+    k = int(beyond[worst[beyond].argmax()])
+    beside = [row for row in (k - 1, k + 1) if 0 <= row < size]
+    if (worst[beside] > 0.3 * worst[k]).any() or k == 0:
+        return []  # casing or a neighbour's iron fades from station to station
+    name = max(off, key=lambda one: abs(float(off[one][k])))
+    words, unit, factor = _SHOWN[name]
+    values = run.totals[name]
+    apart = factor * float(values[k] - np.median(values))
+    axis = _axis(run, k)
+    sentence = (
+        f"station {k + 1} at {run.md[k]:.12g} m: {words} {apart:+.3g} {unit} from the other stations', "
+        f"{abs(float(off[name][k])):.0f} times their scatter"
+    ) + (
+        f"; {axis} would fit, perhaps a digit of it is wrong: leave the station out"
+        if axis
+        else ": leave the station out"
+    )
+    return [Doubt("totals", sentence, False, (k,))]
+
+
+def _axis(run: Run, k: int) -> str:
+    """The one reading that brings back all totals of a station, in words."""
+    if run.g is None or run.b is None:
+        return ""
+    from scipy.optimize import minimize_scalar
+
+    others = np.arange(len(run.md)) != k
+    middle = {n: float(np.median(v[others])) for n, v in run.totals.items()}
+    spread = {
+        n: max(1.4826 * float(np.median(np.abs(v[others] - middle[n]))), _TOTALS[n][0]) for n, v in run.totals.items()
+    }
+    best: tuple[float, str] | None = None
+    for name, kind, reach, unit in (("g", 0, 3.0, "m/s2"), ("b", 1, 3e4, "nT")):
+        for axis in range(3):
+            fields = [np.array(run.g[k]), np.array(run.b[k])]
+            own = float(fields[kind][axis])
+
+            def misfit(
+                change: float, fields: list[Array] = fields, kind: int = kind, axis: int = axis, own: float = own
+            ) -> float:
+                fields[kind][axis] = own + change
+                g, b = fields
+                seen = {"g": np.linalg.norm(g), "b": np.linalg.norm(b), "dip": dip_angle(g, b)}
+                return float(sum(((float(seen[n]) - middle[n]) / spread[n]) ** 2 for n in seen))
+
+            # the misfit has two valleys at most, one for each sign of the reading
+            valleys = [minimize_scalar(misfit, bounds=side, method="bounded") for side in ((-reach, 0.0), (0.0, reach))]
+            least = min(valleys, key=lambda one: float(one.fun))
+            if best is None or least.fun < best[0]:
+                best = float(least.fun), f"{name}{'xyz'[axis]} {own + float(least.x):.6g} {unit} instead of {own:.6g}"
+    return best[1] if best is not None and best[0] < 12.0 else ""
+
+
+# Place, and angles beside axes.
+
+
+def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, float]]) -> list[Doubt]:
+    """Whether the fields of a run are those of the place stated, or of one with a sign or two numbers exchanged.
+
+    Parameters
+    ----------
+    seen : mapping
+        "g" m/s^2, "b" nT, "dip" rad: medians over the run.
+    places : mapping
+        Words for a place -> the same of its model; "" for the place as stated.
+
+    Examples
+    --------
+    >>> seen = {"b": 50_100.0, "dip": np.radians(66.1)}
+    >>> here, there = ({"b": b, "dip": np.radians(dip)} for b, dip in ((55_000.0, 70.0), (50_000.0, 66.0)))
+    >>> place_doubts(seen, {"": here, "the longitude of the other sign": there})[0].sentence[:60]
+    'the run shows a magnetic field of 50100 nT with a dip of 66.'
+    """
+    # what the reference, interference of the assembly and the sensors may do together
+    sigma = {"g": 0.008, "b": 350.0, "dip": np.radians(0.35)}
+    names = [name for name in sigma if name in seen and name in places[""]]
+    misfit = {
+        words: float(sum(((seen[n] - there[n]) / sigma[n]) ** 2 for n in names)) for words, there in places.items()
+    }
+    best = min(misfit, key=lambda words: misfit[words])
+    if best == "" or misfit[""] < 40.0 or misfit[best] > min(12.0, 0.1 * misfit[""]):
+        return []
+    here = places[""]
+    sentence = (
+        f"the run shows a magnetic field of {seen['b']:.0f} nT with a dip of {np.degrees(seen['dip']):.1f} deg, the "
+        f"site has {here['b']:.0f} nT and {np.degrees(here['dip']):.1f} deg; with {best} it would be "
+        f"{places[best]['b']:.0f} nT and {np.degrees(places[best]['dip']):.1f} deg (likelihood ratio "
+        f"{_power(0.5 * (misfit[''] - misfit[best]))}): put the site's latitude_deg and longitude_deg right"
+    )
+    return [Doubt("place", sentence, True)]
+
+
+def angle_doubts(
+    run: Run, inclination: Array, azimuth: Array | None, north: str | None, declination: float | None = None
+) -> list[Doubt]:
+    """Whether angles that stand beside six axes are those of the axes.
+
+    Parameters
+    ----------
+    run : Run
+        With g and b.
+    inclination, azimuth : (n,) rad
+        As the file has them; NaN where it is silent.
+    north : {"magnetic", "true", "grid"}, optional
+        What the azimuths are said to count from.
+    declination : float, optional
+        rad, of the site.
+    """
+    rows = np.isfinite(inclination) & (run.inclination > np.radians(3.0)) & (run.inclination < np.radians(177.0))
+    if azimuth is not None:
+        rows &= np.isfinite(azimuth)
+    if rows.sum() < 4:
+        return []
+
+    def off(stated: Array, seen: Array, *, turned: bool = False) -> float:
+        away = wrap_signed(stated[rows] - seen[rows])
+        if turned:
+            away = wrap_signed(away - np.angle(np.mean(np.exp(1j * away))))
+        return float(np.sqrt(np.mean(away**2)))
+
+    enough = np.radians(5.0)
+    if off(inclination, run.inclination) > enough:
+        ways = {
+            "inclination counted from the horizontal": off(np.pi / 2.0 - inclination, run.inclination),
+            "inclination counted from the other end": off(np.pi - inclination, run.inclination),
+            "inclination in grads": off(0.9 * inclination, run.inclination),
+            "inclination in radians": off(np.degrees(inclination), run.inclination),
+        }
+        if azimuth is not None:
+            ways["the columns of inclination and azimuth exchanged"] = off(azimuth, run.inclination)
+        return [_beside("inclination", off(inclination, run.inclination), ways)]
+    if azimuth is None:
+        return []
+    constant = north != "magnetic"
+    given = off(azimuth, run.azimuth, turned=constant)
+    mean = float(np.angle(np.mean(np.exp(1j * (azimuth - run.azimuth)[rows]))))
+    if given > enough or abs(mean) > np.radians(60.0):
+        ways = {
+            "azimuth half a turn off": off(azimuth + np.pi, run.azimuth, turned=constant),
+            "azimuth mirrored (360 minus it)": off(-azimuth, run.azimuth, turned=constant),
+            "azimuth in grads": off(0.9 * azimuth, run.azimuth, turned=constant),
+            "azimuth in radians": off(np.degrees(azimuth), run.azimuth, turned=constant),
+        }
+        return [_beside("azimuth", max(given, abs(mean)), ways)]
+    if (
+        north in ("true", "grid")
+        and declination is not None
+        and abs(declination) > np.radians(1.5)
+        and abs(mean) < 0.1 * abs(declination)
+    ):
+        sentence = (
+            f"azimuths said to count from {north} north are the magnetic ones of the six axes, though the declination "
+            f"is {np.degrees(declination):+.2f} deg: state --azimuth-reference=magnetic"
+        )
+        return [Doubt("direction", sentence, False)]
+    return []
+
+
+def _beside(what: str, given: float, ways: Mapping[str, float]) -> Doubt:
+    words = min(ways, key=lambda one: ways[one])
+    if ways[words] > 0.3 * given:
+        sentence = (
+            f"{what} is off by {np.degrees(given):.0f} deg (root mean square) from that of the six axes beside it, and "
+            "no unit or sign that was tried explains it: check axes and columns"
+        )
+        return Doubt("columns", sentence, False)
+    sentence = (
+        f"{what} is off by {np.degrees(given):.0f} deg (root mean square) from that of the six axes beside it; with "
+        f"{words} it is {np.degrees(ways[words]):.2g} deg: put the column right"
+    )
+    return Doubt("columns", sentence, False)

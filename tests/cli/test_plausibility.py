@@ -1,0 +1,106 @@
+"""A file that cannot be true is refused in one sentence, and taken with --trust-file, which the output records."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from inclinometry.orientation import fields
+
+SITE = 'north_reference = "magnetic"\ng = 9.81\nb_nT = 50000.0\ndip_deg = 68.0\n'
+
+
+def well(change=None):
+    """survey.csv: a hole that builds to 60 deg."""
+    md = np.arange(0.0, 2000.0, 28.5)
+    inclination = np.interp(md, [0, 400, 1300, 2000], [0, 0, 60, 60])
+    columns = {"md_m": md, "inclination_deg": inclination, "azimuth_deg": np.full(md.size, 50.0)}
+    if change is not None:
+        change(columns)
+    rows = ["md_m,inclination_deg,azimuth_deg,azimuth_reference"]
+    rows += [",".join(f"{v:.4f}" for v in row) + ",grid" for row in zip(*columns.values(), strict=True)]
+    Path("survey.csv").write_text("\n".join(rows) + "\n")
+    return columns
+
+
+def axes(order=(0, 1, 2)):
+    """run.csv: six axes of the same hole, in another order of channels; site.toml."""
+    columns = well()
+    md, inclination, azimuth = columns.values()
+    r = np.random.default_rng(1)
+    g, b = fields(np.radians(azimuth), np.radians(inclination), r.uniform(0, 6.28, md.size), np.radians(68.0))
+    g, b = 9.81 * g + r.normal(0, 0.002, g.shape), 5e4 * b + r.normal(0, 30.0, b.shape)
+    values = np.column_stack([md, g[:, order], b[:, order]])
+    header = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
+    np.savetxt("run.csv", values, delimiter=",", header=header, comments="", fmt="%.6g")
+    Path("site.toml").write_text(SITE)
+
+
+def refused(done, *words):
+    assert done.status == 2, done.out
+    assert len(done.err.strip().splitlines()) == 1, done.err
+    for word in words:
+        assert word in done.err, done.err
+
+
+def test_position(run):
+    well()
+    assert run("position", "survey.csv").err == ""
+    well(lambda columns: columns.update(inclination_deg=180.0 - columns["inclination_deg"]))
+    refused(run("position", "survey.csv", "-o", "p.csv"), "survey.csv: the hole climbs", "--trust-file columns")
+    assert not Path("p.csv").exists()
+    done = run("position", "survey.csv", "--trust-file", "columns", "--json")
+    assert done.status == 0
+    assert done.json["warnings"][0].startswith("overruled by --trust-file columns: the hole climbs")
+    refused(run("position", "survey.csv", "--trust-file", "colums"), "is no check", "columns, axes")
+
+
+def test_survey_quality_and_msa(run):
+    axes((0, 2, 1))
+    for command in (["survey", "run.csv"], ["quality", "run.csv"], ["msa", "run.csv", "-o", "c.json"]):
+        refused(run(*command, "--site", "site.toml"), "run.csv: no hole is bent like this", "channel y of both triads")
+    done = run("survey", "run.csv", "--site", "site.toml", "--trust-file", "axes", "-o", "s.csv")
+    assert done.status == 0
+    assert "overruled by --trust-file axes" in done.err
+    with Path("s.csv").open() as stream:
+        assert all("overruled" in row["flags"] for row in csv.DictReader(stream))
+    assert run("msa", "run.csv", "-o", "c.json", "--site", "site.toml", "--trust-file", "axes").status == 0
+    assert "overruled by --trust-file axes" in Path("c.json").read_text()
+    axes()
+    done = run("quality", "run.csv", "--site", "site.toml", "--json")
+    assert done.status == 0
+    assert done.json["warnings"] == []
+
+
+def test_convert_and_check(run):
+    def feet(columns):
+        columns["md_m"] = np.where(columns["md_m"] > 1000.0, columns["md_m"] / 0.3048, columns["md_m"])
+
+    well(feet)
+    assert run("convert", "survey.csv", "a.las").status == 0
+    refused(run("convert", "survey.csv", "b.las", "--check"), "are in feet", "--trust-file depths")
+    assert not Path("b.las").exists()
+    done = run("convert", "survey.csv", "b.las", "--check", "--trust-file", "depths")
+    assert done.status == 0
+    assert "overruled by --trust-file depths" in done.err
+    refused(run("convert", "survey.csv", "b.las", "--trust-file", "depths"), "--check")
+    assert "plausibility (depths): the depth leaps" in run("check", "survey.csv").out.replace("\n", " ")
+
+
+def test_a_place_with_a_longitude_of_the_wrong_sign(run):
+    from inclinometry.earth.magnetic import wmm2025
+
+    day = "latitude_deg = 60.0\nlongitude_deg = {}\nheight_m = 0\ndate = 2026-05-01\n"
+    true = wmm2025(np.radians(60.0), np.radians(-110.0), 0.0, 2026.33)
+    md, inclination, azimuth = well().values()
+    toolface = np.random.default_rng(1).uniform(0.0, 6.28, md.size)
+    g, b = fields(np.radians(azimuth), np.radians(inclination), toolface, float(true.dip))
+    values = np.column_stack([md, 9.819 * g, float(true.b) * b])
+    header = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
+    np.savetxt("run.csv", values, delimiter=",", header=header, comments="", fmt="%.6g")
+    Path("site.toml").write_text('north_reference = "true"\n' + day.format(-110.0))
+    assert "latitude_deg and longitude_deg right" not in run("survey", "run.csv", "--site", "site.toml").err
+    Path("site.toml").write_text('north_reference = "true"\n' + day.format(110.0))
+    refused(run("survey", "run.csv", "--site", "site.toml"), "the longitude of the other sign", "--trust-file place")

@@ -1,0 +1,216 @@
+"""Whole runs: each mistake is named, right runs of every shape pass silently."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.orientation import fields
+from inclinometry.survey.plausibility import CHECKS, Run, angle_doubts, doubts, place_doubts, settle
+
+from .multistation_runs import shipped
+
+REFERENCE = Path(__file__).parents[1] / "reference"
+DIP = np.radians(68.0)
+
+
+def hole(spacing=28.5, noise_deg=0.1, seed=1):
+    """Vertical to 400 m, builds to 60 deg at 2 deg/30 m, then turns through south: md, inclination, azimuth, deg."""
+    r = np.random.default_rng(seed)
+    md = np.round(np.arange(0.0, 2400.0, spacing), 2)
+    inclination = np.interp(md, [0, 400, 1300, 2400], [0, 0, 60, 62])
+    azimuth = np.interp(md, [0, 1300, 2400], [60, 62, 130])
+    i, a = np.radians(inclination), np.radians(azimuth)
+    t = np.stack([np.sin(i) * np.cos(a), np.sin(i) * np.sin(a), np.cos(i)], axis=1)
+    t += np.radians(noise_deg) * r.normal(size=t.shape)
+    found = np.degrees(np.arctan2(np.hypot(t[:, 0], t[:, 1]), t[:, 2]))
+    return md, found.round(2), np.degrees(np.arctan2(t[:, 1], t[:, 0])).round(2) % 360.0
+
+
+def table(md, inclination, azimuth):
+    return Run(np.array(md), np.radians(inclination), np.radians(azimuth))
+
+
+def axes(order=(0, 1, 2), signs=(1.0, 1.0, 1.0), change=None, seed=1):
+    md, inclination, azimuth = hole(seed=seed)
+    r = np.random.default_rng(seed)
+    toolface = r.uniform(0.0, 2.0 * np.pi, len(md))
+    g, b = fields(np.radians(azimuth), np.radians(inclination), toolface, DIP)
+    g, b = 9.81 * g + r.normal(0, 0.002, g.shape), 5e4 * b + r.normal(0, 40.0, b.shape)
+    if change is not None:
+        change(g, b)
+    return Run.of_fields(md, g[:, list(order)] * signs, b[:, list(order)] * signs)
+
+
+def test_a_right_run_passes_silently():
+    assert doubts(table(*hole())) == []
+    assert doubts(axes()) == []
+
+
+@pytest.mark.parametrize("well", ["well1", "well2"])
+def test_the_wells_of_the_iscwsa_pass(well):
+    with (REFERENCE / "iscwsa-mwd" / f"{well}.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    columns = [np.array([float(row[name]) for row in rows]) for name in ("md_m", "inclination_deg", "azimuth_deg")]
+    assert doubts(table(*columns)) == []
+
+
+def test_the_shipped_runs_of_six_axes_pass():
+    for run in shipped():
+        assert doubts(Run.of_fields(run.stations.md, run.stations.g, run.stations.b)) == [], run.geometry
+
+
+def one(run, name, refused, *words):
+    found = doubts(run)
+    assert [doubt.name for doubt in found] == [name], found
+    assert found[0].refused is refused
+    for word in words:
+        assert word in found[0].sentence, found[0].sentence
+    return found[0]
+
+
+def test_depths_in_feet():
+    md, inclination, azimuth = hole()
+    one(table(md / 0.3048, inclination, azimuth), "depths", False, "93.5 m apart", "md_ft")
+    half = np.where(np.arange(len(md)) >= 40, md / 0.3048, md)
+    one(table(half, inclination, azimuth), "depths", True, "from 41 on are in feet", "1140.0 m")
+
+
+def test_the_last_depth_ten_times_too_large():
+    md, inclination, azimuth = hole()
+    md[-1] *= 10.0
+    one(table(md, inclination, azimuth), "depths", True, "ten times")
+
+
+def test_columns_and_units():
+    md, inclination, azimuth = hole()
+    one(table(md, azimuth, inclination), "columns", True, "inclination and azimuth exchanged", "likelihood ratio")
+    one(table(md, np.radians(inclination), np.radians(azimuth)), "units", True, "inclination_rad")
+    one(table(md, np.abs(90.0 - inclination), azimuth), "columns", True, "counted from the horizontal")
+    one(table(md, 180.0 - inclination, azimuth), "columns", True, "climbs", "180 minus")
+
+
+def test_columns_of_a_plan_are_told_by_how_it_begins():
+    md = np.arange(0.0, 1500.0, 30.0)
+    inclination, azimuth = np.interp(md, [0, 300, 1400], [0, 0, 50]), np.full(len(md), 40.0)
+    assert doubts(table(md, inclination, azimuth)) == []
+    one(table(md, azimuth, inclination), "columns", False, "perhaps their columns are exchanged")
+    one(table(md, 90.0 - inclination, azimuth), "columns", False, "begins level")
+    run = table(md, np.where(md > 1000.0, 100.0, np.minimum(md / 10.0, 100.0)), azimuth)
+    one(run, "units", False, "hole in grads")
+
+
+def test_a_wrong_quadrant():
+    md, inclination, azimuth = hole()
+    wrong = np.where((azimuth > 90.0) & (azimuth < 270.0), (azimuth + 180.0) % 360.0, azimuth)
+    tilted = md > 600.0
+    found = one(table(md[tilted], inclination[tilted], wrong[tilted]), "direction", True, "half a turn off")
+    assert len(found.stations) == int((azimuth[tilted] > 90.0).sum())
+
+
+def test_one_reading_at_five_depths():
+    md, inclination, azimuth = hole()
+    inclination[40:45], azimuth[40:45] = inclination[40], azimuth[40]
+    one(table(md, inclination, azimuth), "repeats", True, "5 depths")
+
+    def pasted(g, b):
+        g[30:35], b[30:35] = g[30], b[30]
+
+    one(axes(change=pasted), "repeats", True, "the same to the last digit at 5 depths")
+
+
+def test_two_stations_exchanged():
+    md, inclination, azimuth = hole()
+    rows = np.arange(len(md))
+    rows[[20, 23]] = 23, 20
+    assert one(table(md, inclination[rows], azimuth[rows]), "order", True, "stations 21 and 24").stations == (20, 23)
+
+
+def test_one_digit():
+    md, inclination, azimuth = hole()
+    inclination[50] += 10.0
+    found = one(table(md, inclination, azimuth), "station", False, "(one digit)", "likelihood ratio")
+    assert found.stations == (50,)
+    md, inclination, azimuth = hole()
+    azimuth[60] = (azimuth[60] + 100.0) % 360.0
+    assert doubts(table(md, inclination, azimuth))[0].stations == (60,)
+    assert doubts(table(md, inclination, azimuth))[0].refused
+
+
+@pytest.mark.parametrize(("order", "channel"), [((0, 2, 1), "y"), ((2, 1, 0), "x"), ((1, 2, 0), "y"), ((2, 0, 1), "x")])
+def test_axes_of_both_triads_exchanged(order, channel):
+    one(axes(order), "axes", True, f"channel {channel} of both triads along the hole")
+
+
+@pytest.mark.parametrize("signs", [(1.0, 1.0, -1.0), (-1.0, -1.0, -1.0)])
+def test_axes_of_both_triads_reversed(signs):
+    one(axes(signs=signs), "axes", True, "climbs", "reversed")
+
+
+@pytest.mark.parametrize(("kind", "size", "axis"), [("b", 3000.0, 2), ("g", 0.4, 0)])
+def test_one_digit_of_an_axis(kind, size, axis):
+    def wrong(g, b):
+        (g if kind == "g" else b)[33, axis] += size
+
+    found = one(axes(change=wrong), "totals", False, f"{kind}{'xyz'[axis]} ", "would fit")
+    assert found.stations == (33,)
+
+
+def test_what_no_reading_shows():
+    md, inclination, azimuth = hole()
+    for other in ((azimuth + 180.0) % 360.0, (360.0 - azimuth) % 360.0, (azimuth + 7.0) % 360.0):
+        assert doubts(table(md, inclination, other)) == []
+    assert doubts(axes(signs=(1.0, -1.0, 1.0))) == []
+
+
+def test_unusual_but_right_runs_pass():
+    r = np.random.default_rng(3)
+    # a kink off a whipstock, stations 0.5 m apart at a shoe, a gap of 300 m, a gyro each metre, due north
+    md = np.concatenate(
+        [np.arange(1000, 1300, 30.0), [1300.5], np.arange(1330, 1400, 1.0), np.arange(1700, 2300, 27.0)]
+    )
+    inclination = np.interp(md, [1000, 1330, 1345, 2300], [20, 20, 28, 60]) + r.normal(0, 0.15, md.size)
+    azimuth = (np.interp(md, [1000, 1330, 1345, 2300], [358, 358, 370, 365]) + r.normal(0, 0.3, md.size)) % 360.0
+    assert doubts(table(md, inclination, azimuth)) == []
+    vertical = np.arange(0.0, 900.0, 10.0)
+    wild = r.uniform(0.0, 360.0, vertical.size)
+    assert doubts(table(vertical, r.uniform(0.0, 0.3, vertical.size), wild)) == []
+    assert doubts(table([0.0, 30.0], [0.0, 50.0], [0.0, 180.0])) == []  # two stations tell nothing
+
+
+def test_the_place():
+    here, there = {"b": 55_000.0, "dip": np.radians(70.0)}, {"b": 50_000.0, "dip": np.radians(66.0)}
+    places = {"": here, "the longitude of the other sign": there}
+    assert place_doubts({"b": 55_200.0, "dip": np.radians(70.3)}, places) == []
+    assert (
+        "the longitude of the other sign" in place_doubts({"b": 50_200.0, "dip": np.radians(66.2)}, places)[0].sentence
+    )
+
+
+def test_angles_beside_six_axes():
+    run = axes()
+    i, a = run.inclination, run.azimuth
+    assert angle_doubts(run, i, a, "magnetic") == []
+    assert angle_doubts(run, i, a + 0.2, "true", 0.2) == []
+    for said, inclination, azimuth in (
+        ("from the other end", np.pi - i, a),
+        ("in grads", i / 0.9, a),
+        ("half a turn", i, a + np.pi),
+        ("mirrored", i, -a),
+    ):
+        assert said in angle_doubts(run, inclination, azimuth, "magnetic")[0].sentence
+    assert "--azimuth-reference" in angle_doubts(run, i, a, "true", 0.2)[0].sentence
+
+
+def test_a_check_is_overruled_by_its_name(tmp_path):
+    md, inclination, azimuth = hole()
+    found = doubts(table(md, 180.0 - inclination, azimuth))
+    with pytest.raises(FileError, match=r"a\.csv: the hole climbs .* --trust-file columns takes the file as it is"):
+        settle(found, (), "a.csv")
+    assert settle(found, ("columns",))[0].startswith("overruled by --trust-file columns: the hole climbs")
+    with pytest.raises(InputError, match=f"allowed: {', '.join(CHECKS)}"):
+        settle(found, ("colums",))
