@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -117,11 +118,34 @@ def test_the_example_of_the_documentation(files: Any) -> None:
 @pytest.mark.long
 def test_what_is_lacking_is_named(files: Any) -> None:
     """A warning each time, and the documents all the same."""
-    assert "no laboratory is named" in files("certificate", "tool.json", "-o", "c.pdf").err
+    done = files("certificate", "tool.json", "-o", "c.pdf")
+    assert "titled calibration report, not certificate; missing: the laboratory: name, address" in done.err
+    assert done.out.startswith("report ")
     Path("lab.toml").write_text("name = 'x'", encoding="utf-8")
     done = files("certificate", "tool.json", "-o", "c.pdf", "--laboratory", "lab.toml")
-    assert "lab.toml does not state authoriser, traceability, customer" in done.err
+    assert "procedure in lab.toml" in done.err
+    assert "authoriser in lab.toml" in done.err
     assert done.status == 0
+
+
+def test_results_as_found_are_those_of_the_calibration_before(files: Any) -> None:
+    """The same readings by the old parameters; other positions, or no old calibration, are refused."""
+    files("simulate", "bench", "--plan", "twelve", "--tool", "truth.json", "--seed", "9", "-o", "old.csv")
+    files("calibrate", "old.csv", "-o", "old.json", "--rig-sd-deg", "0.05")
+    files("verify", "check.csv", "--calibration", "old.json", "-o", "found.json")
+    given = ("certificate", "tool.json", "-o", "c.pdf", "--record", "c.json", *GIVEN, "--as-found", "found.json")
+    done = files(*given)
+    assert (done.status, "give --previous and --verification" in done.err) == (2, True)
+    done = files(*given, "--previous", "old.json", "--json")
+    assert done.status == 0, done.err
+    content = json.loads(Path("c.json").read_bytes())
+    rows = [content[key]["report"]["positions"] for key in ("as_found", "verification")]
+    assert [row["position"] for row in rows[0]] == [row["position"] for row in rows[1]]
+    assert rows[0] != rows[1]
+    files("simulate", "bench", "--plan", "spread", "--tool", "truth.json", "-o", "other.csv")
+    files("verify", "other.csv", "--calibration", "old.json", "-o", "found.json")
+    done = files(*given, "--previous", "old.json")
+    assert (done.status, "was not verified at the positions of verify.json" in done.err) == (2, True)
 
 
 def test_a_damaged_verification_is_refused(files: Any) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
 
@@ -149,9 +150,9 @@ def power(
     error = own + moved(parts.by_parameter[..., tool:], change[:, tool:]) + setting
     worse = moved(by_tool, parameters(parts.covariance[:tool, :tool])) + drawn(parts.by_noise)
 
-    def passing(factor: float, columns: slice = slice(None)) -> Array:
+    def passing(factor: float, columns: slice = slice(None)) -> NDArray[np.bool_]:
         seen = error[..., columns] + np.sqrt(factor**2 - 1.0) * worse[..., columns]
-        return np.all(np.abs(seen) <= accepted[:, columns], axis=(1, 2))
+        return np.asarray(np.all(np.abs(seen) <= accepted[:, columns], axis=(1, 2)))
 
     def least(columns: slice = slice(None)) -> float:
         low, high = 1.0, LARGEST
