@@ -155,3 +155,43 @@ def test_a_damaged_verification_is_refused(files: Any) -> None:
     done = files("certificate", "tool.json", "-o", "c.pdf", *GIVEN)
     assert done.status == 2
     assert '$.verdict is "perhaps"; it must be pass or fail' in done.err
+
+
+def test_the_laboratory_is_stated_once_for_bench_and_command_line(files: Any) -> None:
+    """From a file into the ledger, from there into the certificates of both; a standard past its day is said."""
+    about = """
+name = "Stand & Son"
+address = "1 Street"
+country = "NO"
+procedure = "QP-12"
+traceability = "level No. 7"
+authoriser = "Anna"
+logo = "logo.svg"
+[[standards]]
+name = "T2"
+certificate = "D-17"
+due = 2020-01-31
+"""
+    Path("settings.toml").write_text(about, encoding="utf-8")
+    Path("logo.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><path d="M0 0h9v9z"/></svg>'
+    )
+    done = files("ledger", "laboratory", "settings.toml", "--ledger", "lab.sqlite")
+    assert done.status == 0, done.err
+    assert "reference standard T2 is past its due date" in done.err
+    shown = files("ledger", "laboratory", "--ledger", "lab.sqlite", "--json").json
+    assert (shown["procedure"], shown["logo"], shown["standards"][0]["due"]) == ("QP-12", True, "2020-01-31")
+    order = LAB.partition("[order]")[2] + 'condition = "good"\n'
+    Path("lab.toml").write_text(f'ledger = "lab.sqlite"\n[order]{order}', encoding="utf-8")
+    given = ("certificate", "tool.json", "-o", "c.pdf", "--record", "c.json", *GIVEN)
+    done = files(*given)
+    assert done.status == 0, done.err
+    assert "T2 (2020-01-31) had run out" in done.err
+    content = json.loads(Path("c.json").read_bytes())
+    assert (content["title"], content["missing"]) == ("report", ["standards_due"])
+    Path("settings.toml").write_text(about.replace("2020", "2030"), encoding="utf-8")
+    assert "past its due date" not in files("ledger", "laboratory", "settings.toml", "--ledger", "lab.sqlite").err
+    assert files(*given).out.startswith("certificate ")
+    Path("settings.toml").write_text(about.replace("logo.svg", "none.svg"), encoding="utf-8")
+    wrong = files("ledger", "laboratory", "settings.toml", "--ledger", "lab.sqlite")
+    assert (wrong.status, "none.svg" in wrong.err) == (2, True)

@@ -48,6 +48,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, str]]:
         return b"%PDF"
 
     monkeypatch.setattr("typst.compile", compiled)
+    monkeypatch.setattr("inclinometry.laboratory.certificate.record.paper_svg", lambda _: "<svg/>")
     # nothing is set, so no font is needed, which for Chinese is not on every computer
     monkeypatch.setattr("inclinometry.laboratory.certificate.pdf.families", lambda *_: ("serif", "sans"))
     return seen

@@ -111,6 +111,8 @@ _ORDER = tuple(Order.__dataclass_fields__)
 def read_laboratory(path: str | Path) -> tuple[Laboratory, Order, tuple[Standard, ...]]:
     """Read lab.toml: the laboratory's keys, a table [order] with those of the order, [[standards]] that were used.
 
+    What it leaves out is taken from the settings of the bench whose ledger it names.
+
     Raises
     ------
     FileError
@@ -125,19 +127,59 @@ def read_laboratory(path: str | Path) -> tuple[Laboratory, Order, tuple[Standard
     >>> laboratory.country, order.customer, standards
     ('DE', 'A', ())
     """
-    settings = toml_keys.load(path, (*_LABORATORY, "order", "standards"))
+    settings = toml_keys.load(path, (*_LABORATORY, "order", "standards", "ledger", "logo"))
     about = settings.content.get("order", {})
     if not isinstance(about, dict):
         raise FileError(f"order is {about!r:.40}; a table [order] is needed", path=path)
     order = toml_keys.Settings(path, about, _ORDER)
     try:
-        return Laboratory(**_texts(settings, _LABORATORY)), Order(**_order(order)), _standards(settings)
+        known, standards, _ = _of_ledger(settings)
+        named = Laboratory(**{**known, **_texts(settings, _LABORATORY)})
+        return named, Order(**_order(order)), _standards(settings) or standards
     except FileError:
         raise
     except TypeError:
         raise FileError("key 'name' is missing; a certificate names the laboratory", path=path) from None
     except InputError as error:
         raise FileError(str(error), path=path) from None
+
+
+def read_logo(path: str | Path) -> bytes | None:
+    """The logo that lab.toml names, or that of the ledger it names; None where there is none.
+
+    Raises
+    ------
+    FileError
+        No such file, no PNG or SVG picture that stands by itself.
+    """
+    from inclinometry.laboratory.registry import logo_kind
+
+    settings = toml_keys.load(path, (*_LABORATORY, "order", "standards", "ledger", "logo"))
+    named = settings.text("logo")
+    if named is None:
+        return _of_ledger(settings)[2]
+    picture = Path(path).parent / named
+    try:
+        data = picture.read_bytes()
+        logo_kind(data)
+    except (OSError, ValueError) as error:
+        raise FileError(f"logo: {getattr(error, 'strerror', None) or error}", path=picture) from None
+    return data
+
+
+def _of_ledger(settings: toml_keys.Settings) -> tuple[dict[str, str], tuple[Standard, ...], bytes | None]:
+    """What the settings of a bench say of the laboratory, its reference standards and its logo."""
+    where = settings.text("ledger")
+    if where is None:
+        return {}, (), None
+    from inclinometry.laboratory.ledger.ledger import Ledger
+    from inclinometry.laboratory.registry import find_laboratory, find_logo, standards
+
+    at = where if "://" in where else str(Path(settings.path).parent / where)
+    with Ledger(at, read_only=True) as ledger:
+        found, logo = find_laboratory(ledger), find_logo(ledger)
+        used = tuple(Standard(one.name, one.certificate, one.due) for one in standards(ledger) if not one.retired)
+    return {} if found is None else dict(found.__dict__), used, None if logo is None else logo[1]
 
 
 def _standards(settings: toml_keys.Settings) -> tuple[Standard, ...]:

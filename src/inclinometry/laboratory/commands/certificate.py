@@ -71,7 +71,7 @@ def certificate(
         number=number,
         language=language,
     )
-    files = {output_: _pdf(made, fonts)}
+    files = {output_: _pdf(made, fonts, laboratory)}
     if dcc is not None:
         from inclinometry.laboratory.certificate.dcc import dcc_bytes
 
@@ -104,8 +104,10 @@ def _lacking(record: dict[str, Any]) -> list[str]:
     return [f"titled calibration report, not certificate; missing: {'; '.join(said)}"] if said else []
 
 
-def _pdf(record: dict[str, Any], fonts: Path | None) -> bytes:
+def _pdf(record: dict[str, Any], fonts: Path | None, laboratory: Path | None) -> bytes:
+    from inclinometry.laboratory.certificate.laboratory_toml import read_logo
     from inclinometry.laboratory.certificate.pdf import certificate_pdf
 
+    logo = None if laboratory is None else read_logo(laboratory)
     with output.busy("setting the certificate"):
-        return certificate_pdf(record, fonts=() if fonts is None else (fonts,))
+        return certificate_pdf(record, fonts=() if fonts is None else (fonts,), logo=logo)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from typing import Any, Final
@@ -173,7 +174,10 @@ class IssueForm:
             ui.label(visitor.say(key)).classes("warn" if lacking else "good")
             said = words(visitor.language)
             for one in lacking:
-                ui.label(f"· {said(f'missing_{one}', names='')}").classes("dim")
+                # where a file states it is of no use here: the fields are above
+                late = ", ".join(each.name for each in self._standards() if each.overdue(day))
+                text = said(f"missing_{one}", names=late)
+                ui.label(f"· {re.split(' ?[(（]', text)[0]}").classes("dim")
 
     def _standards(self) -> list[Standard]:
         chosen = [self._known[cited] for cited in self.standards.value]
