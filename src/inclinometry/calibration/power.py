@@ -96,12 +96,12 @@ class Power:
 
 
 def _times(factor: float) -> str:
-    return f"{factor:.2g}" if factor < LARGEST else "> 100"
+    return f"{factor:.2g}" if factor < LARGEST else ">100"
 
 
 def _percent(probability: float) -> str:
     """As far as so many draws tell it."""
-    return f"{100.0 * probability:.2g}" if probability >= 2.0 / DRAWS else "< 0.1"
+    return f"{100.0 * probability:.2g}" if probability >= 2.0 / DRAWS else "<0.1"
 
 
 def power(

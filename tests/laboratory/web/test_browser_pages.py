@@ -46,9 +46,9 @@ NO_WORDS = {
     *("EN", "RU", "ZH", "UTC", "CSV", "JSON", "PDF", "DCC", "XML", "PNG", "SVG", "Enter", "JCGM", "ISO", "IEC", "Esc"),
     *("nT", "kB", "MB", "DE", "CN", "inclinometry", "instrument", "tool", "json", "ledger", "import", "FILE", "NEW"),
     *("DEMO", "IN", "simulated", "stand", "steering", "demonstration", "anna", "nobody", "local", "NO", "ZZ", "socket"),
-    *("Demonstration", "laboratory", "Example", "street", "nowhere"),
+    *("SI", "spread", "Demonstration", "laboratory", "Example", "street", "nowhere"),
 }
-"""Codes, units, keys and commands; the names of this ledger's tool, stand, site, people."""
+"""Codes, units, keys and commands; the names of this ledger's tool, stand, site, people, of a protocol."""
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ return [...document.querySelectorAll('a, button, .q-btn, .q-uploader__header *')
     return box.width > 4 && box.height > 4 && getComputedStyle(e).visibility !== 'hidden' && !e.closest('[disabled]')
         && !e.matches('input, .q-focus-helper, .q-ripple');
 }).map(e => {
-    const [a, b] = [light(parse(getComputedStyle(e).color)), light(behind(e))];
+    const [a, b] = [light(parse(getComputedStyle(e.querySelector('.q-btn__content') || e).color)), light(behind(e))];
     return [(e.innerText || e.getAttribute('aria-label') || e.className).slice(0, 40),
             (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05)];
 }).filter(x => x[1] < 3.0);

@@ -25,7 +25,7 @@ from inclinometry.laboratory.registry import RegisteredStandard, put_laboratory,
 from inclinometry.laboratory.session import capture
 from inclinometry.laboratory.verification import begin_verification, finish_verification
 
-LIMITS = Limits("customer", "specification 7", 0.01, 0.05, None)
+LIMITS = Limits("customer", "§ 7", 0.01, 0.05, None)
 PROCESS = Path(__file__).with_name("bench_process.py")
 
 
