@@ -227,7 +227,7 @@ def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
         ("interval_of", interval),
         ("supersedes", record["supersedes"] or ""),
     ]
-    optional = ("reference", "manufacturer", "range", "received", "interval_of", "supersedes")
+    optional: tuple[str, ...] = ("reference", "manufacturer", "range", "received", "interval_of", "supersedes")
     if record["version"] == 1:  # certificates of before named neither
         optional += ("procedure", "standards")
     columns = {}

@@ -518,7 +518,7 @@ def _budget(calibration: Calibration) -> Record | None:
     whole = expected_uncertainty(calibration, inclination)
     if not whole.angles:
         return None
-    causes = {
+    causes: dict[tuple[str, str | None], Array] = {
         (name, None): part for name, part in whole.components.items() if name not in ("calibration", "sensor noise")
     }
     left = whole.components["calibration"]

@@ -202,21 +202,22 @@ def laboratory(
             for one in used:
                 put_standard(opened, RegisteredStandard(one.name, one.certificate, one.due), author=_who())
     with Ledger(_where(ledger), read_only=True) as opened:
-        found, there, used_ = find_laboratory(opened), find_logo(opened), standards(opened)
+        found, there, registered = find_laboratory(opened), find_logo(opened), standards(opened)
     settings = {} if found is None else {name: text for name, text in vars(found).items() if text}
     today = datetime.now(UTC).date()
-    late = [one.name for one in used_ if one.overdue(today) and not one.retired]
+    late = [one.name for one in registered if one.overdue(today) and not one.retired]
     output.warnings(
         [f"the reference standard {name} is past its due date: calibrate it before it is used" for name in late]
     )
     if json:
         rows = [
-            {"name": one.name, "certificate": one.certificate, "due": one.due and one.due.isoformat()} for one in used_
+            {"name": one.name, "certificate": one.certificate, "due": one.due and one.due.isoformat()}
+            for one in registered
         ]
         output.print_json({**settings, "logo": there is not None, "standards": rows})
         return
     for name, text in settings.items():
         output.say(f"{name}: {text}")
-    for one in used_:
-        output.say(f"reference standard: {one.cited}")
+    for line in (one.cited for one in registered):
+        output.say(f"reference standard: {line}")
     output.say("logo: " + ("none" if there is None else f"{len(there[1])} bytes"))

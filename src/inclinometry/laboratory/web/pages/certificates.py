@@ -176,8 +176,8 @@ class IssueForm:
             for one in lacking:
                 # where a file states it is of no use here: the fields are above
                 late = ", ".join(each.name for each in self._standards() if each.overdue(day))
-                text = said(f"missing_{one}", names=late)
-                ui.label(f"· {re.split(' ?[(（]', text)[0]}").classes("dim")
+                about = re.split(" ?[(（]", said(f"missing_{one}", names=late))[0]
+                ui.label(f"· {about}").classes("dim")
 
     def _standards(self) -> list[Standard]:
         chosen = [self._known[cited] for cited in self.standards.value]
