@@ -37,7 +37,9 @@ def test_one_angle_of_one_position_by_the_textbook() -> None:
 
     c, k, rows = 0.8, 1.96, np.zeros((1, 3, 1))
     rows[0, 0, 0] = 1.0
-    parts = Effects(c * rows, np.eye(1), 1, 0.0 * rows, np.sqrt(1.0 - c**2) * np.pad(rows, ((0, 0), (0, 0), (0, 2))))
+    parts = Effects(
+        c * rows, np.eye(1), 1, 0.0 * rows, 0.0 * rows, np.sqrt(1.0 - c**2) * np.pad(rows, ((0, 0), (0, 0), (0, 2)))
+    )
     bounds = np.array([[k, np.inf, np.inf]])
     found = power(parts, ("a", "b", "c"), bounds, bounds, False)
     assert list(found.by_angle) == ["a"]

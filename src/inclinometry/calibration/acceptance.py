@@ -821,11 +821,11 @@ def _effects(readings: BenchReadings, calibration: Calibration, where: _Where, s
         covariance = np.pad(covariance, (0, 4))
         covariance[size : size + 3, size : size + 3], covariance[-1, -1] = where.turn, where.gravity[1] ** 2
     count = np.ones(len(first_field)) if readings.count is None else readings.count
-    noise = np.concatenate([tool.noise[kind] for kind in kinds]) / np.sqrt(count)[:, None]
+    by_reading = sensitivity.by_signal * np.concatenate([tool.noise[kind] for kind in kinds])
     shift = np.concatenate([where.by_setting @ directions[k] for k in kinds], axis=-1)  # (K, dial, 3 per kind)
     by_dial = np.einsum("kai,kdi->kad", jacobian, shift)
-    by_noise = sensitivity.by_signal * noise[:, None, :]
-    return Effects(design, covariance, by_tool.shape[2], by_noise, by_dial * where.setting_sd)
+    by_noise = by_reading / np.sqrt(count)[:, None, None]
+    return Effects(design, covariance, by_tool.shape[2], by_noise, by_reading, by_dial * where.setting_sd)
 
 
 def _variance(readings: BenchReadings, calibration: Calibration, where: _Where, seen: Mapping[str, Array]) -> Array:

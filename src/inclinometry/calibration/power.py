@@ -25,14 +25,17 @@ class Effects(NamedTuple):
     """What brings the errors at every position: derivatives, the last two per standard deviation of their cause.
 
     by_parameter : (K, 3, p) by the calibration's parameters, whose covariance is `covariance` (p, p); the tool's own
-        q come first. by_noise : (K, 3, M) by the noise of each sensor's reading. by_setting : (K, 3, 3) by the setting
-        of each dial.
+        q come first.
+    by_noise : (K, 3, M) by the noise of each sensor, of the mean that is taken at each position.
+    by_reading : (K, 3, M) the same of one reading, of which certificates speak.
+    by_setting : (K, 3, 3) by the setting of each dial.
     """
 
     by_parameter: Array
     covariance: Array
     tool: int
     by_noise: Array
+    by_reading: Array
     by_setting: Array
 
     @property
@@ -124,8 +127,9 @@ def power(
 
     Notes
     -----
-    A tool f times as bad has, beside the errors its certificate expects, errors of its parameters and of its readings'
-    noise with sqrt(f^2 - 1) times their standard deviations: e(f) = e + sqrt(f^2 - 1) d.
+    A tool f times as bad is one whose errors are f times those its certificate states of one reading. Beside the errors
+    that are expected it has others, of its parameters and of the size of the noise of one reading, which no mean takes
+    off: e(f) = e + sqrt(f^2 - 1) d.
     """
     rng, judged = np.random.default_rng(106), np.isfinite(accepted)
     count, tool = len(limits), parts.tool
@@ -148,7 +152,7 @@ def power(
     if np.isfinite(freedom):
         setting *= np.sqrt(freedom / rng.chisquare(freedom, DRAWS))[:, None, None]
     error = own + moved(parts.by_parameter[..., tool:], change[:, tool:]) + setting
-    worse = moved(by_tool, parameters(parts.covariance[:tool, :tool])) + drawn(parts.by_noise)
+    worse = moved(by_tool, parameters(parts.covariance[:tool, :tool])) + drawn(parts.by_reading)
 
     def passing(factor: float, columns: slice = slice(None)) -> NDArray[np.bool_]:
         seen = error[..., columns] + np.sqrt(factor**2 - 1.0) * worse[..., columns]
