@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -117,11 +118,34 @@ def test_the_example_of_the_documentation(files: Any) -> None:
 @pytest.mark.long
 def test_what_is_lacking_is_named(files: Any) -> None:
     """A warning each time, and the documents all the same."""
-    assert "no laboratory is named" in files("certificate", "tool.json", "-o", "c.pdf").err
+    done = files("certificate", "tool.json", "-o", "c.pdf")
+    assert "titled calibration report, not certificate; missing: the laboratory: name, address" in done.err
+    assert done.out.startswith("report ")
     Path("lab.toml").write_text("name = 'x'", encoding="utf-8")
     done = files("certificate", "tool.json", "-o", "c.pdf", "--laboratory", "lab.toml")
-    assert "lab.toml does not state authoriser, traceability, customer" in done.err
+    assert "procedure in lab.toml" in done.err
+    assert "authoriser in lab.toml" in done.err
     assert done.status == 0
+
+
+def test_results_as_found_are_those_of_the_calibration_before(files: Any) -> None:
+    """The same readings by the old parameters; other positions, or no old calibration, are refused."""
+    files("simulate", "bench", "--plan", "twelve", "--tool", "truth.json", "--seed", "9", "-o", "old.csv")
+    files("calibrate", "old.csv", "-o", "old.json", "--rig-sd-deg", "0.05")
+    files("verify", "check.csv", "--calibration", "old.json", "-o", "found.json")
+    given = ("certificate", "tool.json", "-o", "c.pdf", "--record", "c.json", *GIVEN, "--as-found", "found.json")
+    done = files(*given)
+    assert (done.status, "give --previous and --verification" in done.err) == (2, True)
+    done = files(*given, "--previous", "old.json", "--json")
+    assert done.status == 0, done.err
+    content = json.loads(Path("c.json").read_bytes())
+    rows = [content[key]["report"]["positions"] for key in ("as_found", "verification")]
+    assert [row["position"] for row in rows[0]] == [row["position"] for row in rows[1]]
+    assert rows[0] != rows[1]
+    files("simulate", "bench", "--plan", "spread", "--tool", "truth.json", "-o", "other.csv")
+    files("verify", "other.csv", "--calibration", "old.json", "-o", "found.json")
+    done = files(*given, "--previous", "old.json")
+    assert (done.status, "was not verified at the positions of verify.json" in done.err) == (2, True)
 
 
 def test_a_damaged_verification_is_refused(files: Any) -> None:
@@ -131,3 +155,43 @@ def test_a_damaged_verification_is_refused(files: Any) -> None:
     done = files("certificate", "tool.json", "-o", "c.pdf", *GIVEN)
     assert done.status == 2
     assert '$.verdict is "perhaps"; it must be pass or fail' in done.err
+
+
+def test_the_laboratory_is_stated_once_for_bench_and_command_line(files: Any) -> None:
+    """From a file into the ledger, from there into the certificates of both; a standard past its day is said."""
+    about = """
+name = "Stand & Son"
+address = "1 Street"
+country = "NO"
+procedure = "QP-12"
+traceability = "level No. 7"
+authoriser = "Anna"
+logo = "logo.svg"
+[[standards]]
+name = "T2"
+certificate = "D-17"
+due = 2020-01-31
+"""
+    Path("settings.toml").write_text(about, encoding="utf-8")
+    Path("logo.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><path d="M0 0h9v9z"/></svg>'
+    )
+    done = files("ledger", "laboratory", "settings.toml", "--ledger", "lab.sqlite")
+    assert done.status == 0, done.err
+    assert "reference standard T2 is past its due date" in done.err
+    shown = files("ledger", "laboratory", "--ledger", "lab.sqlite", "--json").json
+    assert (shown["procedure"], shown["logo"], shown["standards"][0]["due"]) == ("QP-12", True, "2020-01-31")
+    order = LAB.partition("[order]")[2] + 'condition = "good"\n'
+    Path("lab.toml").write_text(f'ledger = "lab.sqlite"\n[order]{order}', encoding="utf-8")
+    given = ("certificate", "tool.json", "-o", "c.pdf", "--record", "c.json", *GIVEN)
+    done = files(*given)
+    assert done.status == 0, done.err
+    assert "T2 (2020-01-31) had run out" in done.err
+    content = json.loads(Path("c.json").read_bytes())
+    assert (content["title"], content["missing"]) == ("report", ["standards_due"])
+    Path("settings.toml").write_text(about.replace("2020", "2030"), encoding="utf-8")
+    assert "past its due date" not in files("ledger", "laboratory", "settings.toml", "--ledger", "lab.sqlite").err
+    assert files(*given).out.startswith("certificate ")
+    Path("settings.toml").write_text(about.replace("logo.svg", "none.svg"), encoding="utf-8")
+    wrong = files("ledger", "laboratory", "settings.toml", "--ledger", "lab.sqlite")
+    assert (wrong.status, "none.svg" in wrong.err) == (2, True)

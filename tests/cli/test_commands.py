@@ -106,6 +106,27 @@ def test_compare_says_what_applies_and_what_does_not(run, bench):
     assert run("compare", "readings.csv").out.count("joint") == 2  # a table of inclination, one of azimuth
 
 
+def test_a_verification_says_before_it_begins_what_it_will_find(run, bench):
+    """Of a plan alone: factor and risks; a plan of few positions is called too little before anybody turns a dial."""
+    bench("twelve")
+    run("calibrate", "readings.csv", "-o", "tool.json", "--rig-sd-deg", "0.1")
+    for name, worth in (("spread", True), ("six", False)):
+        run("plan", name, "-o", "plan.csv")
+        done = run("verify", "plan.csv", "--calibration", "tool.json", "--planned")
+        assert done.status == 0
+        assert "found with a probability of 90 % at these positions: a tool whose errors are" in done.out
+        assert "producer's risk" in done.out
+        assert "consumer's risk" in done.out
+        assert ("a pass proves little" in done.err) is not worth
+    told = run("verify", "plan.csv", "--calibration", "tool.json", "--planned", "--json").json
+    assert told["positions"] == 6
+    assert told["found_with_90_percent"]["times"] > 4.0
+    wrong = run("verify", "plan.csv", "--calibration", "tool.json", "--planned", "-o", "verify.json")
+    assert wrong.status == 2
+    assert "leave out -o" in wrong.err
+    assert not Path("verify.json").exists()
+
+
 @pytest.mark.long
 def test_verify_passes_the_tool_and_fails_another(run, bench):
     bench("orthogonal")

@@ -19,10 +19,13 @@ from inclinometry.laboratory.session import load_session
 from inclinometry.laboratory.verification import (
     begin_verification,
     finish_verification,
+    foreseen,
+    judged,
     limits_content,
     limits_from,
     limits_of,
     protocol,
+    protocols,
     reachable,
 )
 from inclinometry.simulate.tool import realistic_tool
@@ -112,3 +115,25 @@ def test_what_is_unknown_is_refused(laboratory: Ledger, calibration: str) -> Non
         begin_verification(laboratory, "0" * 32, "roll-4", author="anna")
     with pytest.raises(InputError, match="protocol 'half'"):
         begin_verification(laboratory, calibration, "half", author="anna")
+
+
+def test_what_a_protocol_will_find_is_known_before_it_is_opened(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """The protocol that the page offers first is not called too little, before and after; nothing is recorded."""
+    record = finish_calibration(laboratory, bench.calibrated(laboratory, plans.twelve()).id, author="anna")
+    head = laboratory.head()
+    first = next(iter(protocols()))
+    told = foreseen(laboratory, record.id, first)
+    assert laboratory.head() == head
+    assert told.warnings == []
+    assert told.power is not None
+    assert 1.0 < told.power.factor < 4.0
+    many = foreseen(laboratory, record.id, "long").power
+    assert many is not None
+    assert many.factor < 0.9 * told.power.factor
+    session = begin_verification(laboratory, record.id, first, author="anna")
+    bench.take(laboratory, session, bench.sensors(realistic_tool(7), 5))
+    found = judged(laboratory, session.id, record.id)
+    assert found.warnings == []
+    # the same stand, the same positions, as many samples: the readings change the draws' last digits
+    assert found.power is not None
+    assert found.power.factor == pytest.approx(told.power.factor, rel=0.02)

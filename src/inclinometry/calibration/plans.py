@@ -13,7 +13,7 @@ from inclinometry.constants import DIALS
 from inclinometry.errors import InputError
 from inclinometry.tabular import Column, Tabular, in_degrees
 
-PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotations", "six"]
+PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotations", "six", "spread"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,6 +148,20 @@ def six() -> Plan:
     return _from_degrees("six", rows, ["1"] * 4 + ["2"] * 2)
 
 
+def spread() -> Plan:
+    """Twelve positions to verify at: three inclinations, two opposite azimuths and toolfaces that no other plan takes.
+
+    It determines no tool by itself.
+
+    Examples
+    --------
+    >>> spread().to_dict()["inclination_deg"][::4]
+    array([15., 50., 85.])
+    """
+    rows = [(a, i, t) for i in (15, 50, 85) for a in (40, 220) for t in (25, 205)]
+    return _from_degrees("spread", rows, [str(1 + k // 2) for k in range(len(rows))])
+
+
 def __dir__() -> list[str]:
     # the plans and what they are, for a person who completes the name
-    return ["Plan", "half", "orthogonal", "rotations", "six", "twelve", "two_face"]
+    return ["Plan", "half", "orthogonal", "rotations", "six", "spread", "twelve", "two_face"]

@@ -87,6 +87,8 @@ ledger history | laboratory.commands.ledger:history | How the parameters of a to
 ledger enter | laboratory.commands.enter:enter | Bring a calibration made elsewhere into the ledger. Bench readings or \
 tool.json; with a certificate where asked. \
 | readings.csv --serial IN-7 --performed 2026-01-05 --rig stand --rig-sd-deg 0.1 --ledger lab.sqlite
+ledger laboratory | laboratory.commands.enter:laboratory | Record what the laboratory says of itself. Name, address, \
+procedure, logo and reference standards, for bench and command line alike. | lab.toml --ledger lab.sqlite
 ledger void | laboratory.commands.enter:void | Declare a certificate void. It stays in the ledger with the reason. \
 | 2026-0007 --reason "wrong stand" --ledger lab.sqlite
 ledger users | laboratory.commands.ledger:users | List the users, or add or change one. The password is asked for, or \

@@ -664,6 +664,8 @@ def verify(
     inclination_from: DialFrom = "vertical",
     azimuth_counts: AzimuthCounts = "clockwise",
     toolface_counts: ToolfaceCounts = "clockwise",
+    planned: Flag = False,
+    count: int | None = None,
     json: Json = False,
 ) -> int:
     """Verify a calibrated tool at independent positions; exit status 0 pass, 1 fail, 2 bad input.
@@ -688,6 +690,11 @@ def verify(
         Random error of a setting of another stand; that of the calibration's rig when not given.
     output_
         Write verify.json, for a certificate.
+    planned
+        Before any reading is taken: the file is a plan (`inclinometry plan spread`), and what its positions will find
+        is said, with the risks of both sides.
+    count
+        Of --planned: readings that will be averaged at each position; 1 when not given.
     """
     from inclinometry.calibration.acceptance import verify as verify_readings
     from inclinometry.files.bench_csv import read_bench
@@ -697,6 +704,11 @@ def verify(
         {"--output": output_, "--report": report},
         {"the readings": readings, "--calibration": calibration, "--limits": None if limits is None else Path(limits)},
     )
+    if planned:
+        alone = stand == "same" and not output_ and not report
+        return _verify_planned(readings, calibration, limits, alone, 1 if count is None else count, json)
+    if count is not None:
+        raise InputError("--count is of --planned: readings say themselves of how many they are the mean")
     with output.reading(readings) as progress:
         data = Dials(inclination_from, azimuth_counts, toolface_counts).read(read_bench(readings, progress=progress))
     tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
@@ -784,6 +796,55 @@ def _other_stand(
         setting,
         gravity_sd,
     )
+
+
+def _verify_planned(plan: Path, calibration: Path, limits: str | None, alone: bool, count: int, json: bool) -> int:
+    """What a verification at these positions will be worth."""
+    from inclinometry.calibration.acceptance import planned
+    from inclinometry.files.bench_csv import read_plan
+    from inclinometry.files.limits import read_limits
+
+    if not alone:
+        raise InputError(
+            "--planned is before any reading, on the stand of the calibration: leave out -o, --report, --stand"
+        )
+    bounds = None if limits is None else read_limits(limits)
+    found = planned(read_plan(plan), read_calibration(calibration), bounds, count=count)
+    output.warnings(found.warnings)
+    if found.power is None:
+        raise InputError(f"{calibration} states no uncertainty of the tool: what a verification finds cannot be said")
+    if json:
+        output.print_json(
+            {
+                "positions": len(found.station),
+                "limits": {"name": found.limits_name, "source": found.limits_source},
+                "coverage_factor": found.coverage_factor,
+                "found_with_90_percent": {
+                    name: factor if np.isfinite(factor) else None
+                    for name, factor in {"times": found.power.factor, **found.power.by_angle}.items()
+                },
+                "producers_risk": found.power.producer,
+                "consumers_risk": found.power.consumer,
+                "twice_as_bad_passes": found.power.twice,
+                "warnings": found.warnings,
+            }
+        )
+        return 0
+    rows = []
+    for column, name in enumerate(found.names):
+        judged = np.isfinite(found.limits[:, column])
+        if judged.any():
+            u, bound = (np.degrees(np.median(x[judged, column])) for x in (found.u, found.limits))
+            rows.append([name, str(int(judged.sum())), f"{u:.3f}", f"{bound:.3f}"])
+    output.table(
+        f"{output.counted(len(found.station), 'position')} against {found.limits_name}",
+        ["angle", "judged at", "u deg, median", "limit deg, median"],
+        rows,
+        found.limits_source,
+    )
+    for sentence in found.notes:
+        output.say(sentence)
+    return 0
 
 
 def show_verification(found: Verification) -> None:

@@ -177,7 +177,10 @@ _WRITERS: Final = {
 
 
 def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> Json:
-    """The content of a stored record, when it is one of these kinds and fits the schema of its version."""
+    """The content of a stored record, when it is one of these kinds and fits the schema of its version.
+
+    version : the newest that is read; older ones keep their own schemas for ever.
+    """
     kind, found = content.get("schema"), content.get("version")
     if kind not in kinds:
         wanted = " or ".join(f'"{k}"' for k in kinds)
@@ -186,7 +189,8 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     if isinstance(found, int) and found > version:
         problem = f"$.version is {found}, written by a newer release; this one reads version {version}"
         raise FileError(f"{problem}: update inclinometry", path=where)
-    validate(content, f"{kind.rpartition('/')[2]}-{version}", where)
+    own = found if type(found) is int and 1 <= found < version else version
+    validate(content, f"{kind.rpartition('/')[2]}-{own}", where)
     return content
 
 

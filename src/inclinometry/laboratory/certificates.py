@@ -14,9 +14,10 @@ import numpy as np
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.files.verification_json import stated_limits
 from inclinometry.files.writing import program
 from inclinometry.laboratory.certificate.dcc import dcc_bytes, read_dcc
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, laboratory_from
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard, laboratory_from
 from inclinometry.laboratory.certificate.pdf import certificate_pdf
 from inclinometry.laboratory.certificate.record import (
     certificate_record,
@@ -26,8 +27,11 @@ from inclinometry.laboratory.certificate.record import (
     record_digest,
 )
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
-from inclinometry.laboratory.registry import find_laboratory, find_logo, find_site, find_tool
+from inclinometry.laboratory.ledger.users import LOCAL
+from inclinometry.laboratory.registry import find_laboratory, find_logo, find_site, find_tool, standards
 from inclinometry.laboratory.results import calibration_of, measured, parameters
+from inclinometry.laboratory.session import load_session
+from inclinometry.laboratory.verification import judged, limits_of, report
 
 # What a certificate says of laboratory, order and rig, from the records of the ledger.
 
@@ -46,10 +50,19 @@ def laboratory_of(ledger: Ledger, session: Record) -> Laboratory:
 
 
 def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> Laboratory:
-    """The laboratory with who authorises the certificate, who is required (ISO/IEC 17025, 7.8.2.1 o)."""
+    """The laboratory with who authorises the certificate, who is required (ISO/IEC 17025, 7.8.2.1 o).
+
+    The one user of a bench without logins is nobody by name.
+    """
+    own = "" if author == LOCAL.name else author
     if any(wanted):
-        return replace(laboratory, authoriser=wanted[0] or author, authoriser_role=wanted[1])
-    return laboratory if laboratory.authoriser else replace(laboratory, authoriser=author)
+        return replace(laboratory, authoriser=wanted[0] or own, authoriser_role=wanted[1])
+    return laboratory if laboratory.authoriser else replace(laboratory, authoriser=own)
+
+
+def standards_of(ledger: Ledger) -> tuple[Standard, ...]:
+    """The reference standards the laboratory uses, as a certificate cites them."""
+    return tuple(Standard(one.name, one.certificate, one.due) for one in standards(ledger) if not one.retired)
 
 
 def order(
@@ -142,6 +155,7 @@ def issue(
     number: str | None = None,
     about: Mapping[str, Any] | None = None,
     authoriser: tuple[str, str] = ("", ""),
+    standards: Sequence[Standard] | None = None,
     now: datetime | None = None,
     fonts: Sequence[str | Path] = (),
     pdf: bool = True,
@@ -163,6 +177,8 @@ def issue(
         says, where it is not empty.
     authoriser : (str, str)
         Name and role of who answers for it; what the laboratory names, or else the author, when empty.
+    standards : sequence of Standard, optional
+        The reference standards that were used; all the laboratory has when not given.
     now : datetime, optional
         Time of issue; the clock's when not given.
     pdf : bool
@@ -188,6 +204,7 @@ def issue(
             about or {},
             authoriser,
             pdf,
+            standards,
         ),
         author,
         (now or datetime.now(UTC)).astimezone(UTC).date(),
@@ -207,6 +224,7 @@ def supersede(
     nonconforming: bool = False,
     about: Mapping[str, Any] | None = None,
     authoriser: tuple[str, str] = ("", ""),
+    standards: Sequence[Standard] | None = None,
     now: datetime | None = None,
     fonts: Sequence[str | Path] = (),
 ) -> Record:
@@ -214,7 +232,16 @@ def supersede(
     return _issued(
         ledger,
         _Request(
-            calibration, verification, laboratory, language, nonconforming, None, tuple(fonts), about or {}, authoriser
+            calibration,
+            verification,
+            laboratory,
+            language,
+            nonconforming,
+            None,
+            tuple(fonts),
+            about or {},
+            authoriser,
+            standards=standards,
         ),
         author,
         (now or datetime.now(UTC)).astimezone(UTC).date(),
@@ -290,6 +317,7 @@ class _Request:
     about: Mapping[str, Any]
     authoriser: tuple[str, str]
     pdf: bool = True
+    standards: Sequence[Standard] | None = None
 
 
 def _issued(
@@ -406,13 +434,28 @@ def _record(
         number=number,
         program=program(),
         language=request.language,
+        standards=standards_of(ledger) if request.standards is None else request.standards,
         verification=None if verification is None else verification.body,
+        as_found=None if before is None else _as_found(ledger, verification, older[0], session),
         previous=before,
         previous_from="" if before is None else _named(ledger, older[0]),
         inputs=inputs,
         head=str(ledger.head()),
         supersedes=None if replaced is None else replaced[0],
     )
+
+
+def _as_found(ledger: Ledger, verification: Record | None, older: Record, session: Record) -> dict[str, Any] | None:
+    """The readings of the verification judged with the parameters before; None on another rig than theirs."""
+    if verification is None or ledger.get("session", older.keys["session"]).body["rig"] != session.body["rig"]:
+        return None
+    seen = load_session(ledger, verification.body["session"])
+    limits = limits_of(seen)
+    try:
+        found = judged(ledger, seen.id, older.id, limits)
+    except InclinometryError:  # a calibration that knows no stand; the certificate is complete without it
+        return None
+    return {"verdict": found.verdict, "limits": stated_limits(found, limits), "report": report(found, seen)}
 
 
 def _comparable(one: Calibration, other: Calibration) -> bool:

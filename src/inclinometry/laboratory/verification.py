@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import itertools
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import Limits, Verification, verify
-from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.acceptance import Limits, Verification, planned, verify
+from inclinometry.calibration.plans import Plan, spread
 from inclinometry.constants import ANGLES
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.verification_json import judged_positions, stated_limits
@@ -138,6 +138,8 @@ def protocol(name: str) -> Protocol:
 
 
 def _protocol(name: str, entry: dict[str, Any]) -> Protocol:
+    if name == "spread-12":  # a plan of the command line too
+        return Protocol(name, entry["title"], entry["source"], replace(spread(), name=name))
     dials = (entry[f"{dial}_deg"] for dial in ("inclination", "azimuth", "toolface"))
     rows = np.radians(np.array(list(itertools.product(*dials)), dtype=float))
     return Protocol(name, entry["title"], entry["source"], Plan(name, rows[:, 1], rows[:, 0], rows[:, 2]))
@@ -254,12 +256,7 @@ def begin_verification(
     LedgerError
         No such calibration.
     """
-    record = ledger.get("calibration", calibration)
-    made = ledger.get("session", record.keys["session"])
-    rig = find_rig(ledger, made.body["rig"])
-    if rig is None:
-        raise InputError(f"rig {made.body['rig']!r} of the calibration is not registered; register it first")
-    plan = reachable(protocol(protocol_name).plan, rig)
+    record, made, rig, plan = _planned(ledger, calibration, protocol_name)
     settings: dict[str, Any] = {"calibration": calibration, "limits": "" if limits is None else limits.name}
     if limits is not None:
         settings["settings"] = {"limits": limits_content(limits)}
@@ -268,6 +265,26 @@ def begin_verification(
     return open_session(
         ledger, record.keys["serial"], plan, rig=rig.name, author=author, purpose="verify", settings=settings
     )
+
+
+def foreseen(ledger: Ledger, calibration: str, protocol_name: str, limits: Limits | None = None) -> Verification:
+    """What a verification will be worth, before it is opened; arguments and errors as `begin_verification`.
+
+    Readings are taken to be averaged as they were at the calibration.
+    """
+    record, made, _, plan = _planned(ledger, calibration, protocol_name)
+    counts = [row.capture.count for row in load_session(ledger, made.id).valid]
+    return planned(plan, calibration_of(record), limits, count=int(np.median(counts)) if counts else 1)
+
+
+def _planned(ledger: Ledger, calibration: str, protocol_name: str) -> tuple[Record, Record, RegisteredRig, Plan]:
+    """Calibration, its session, its rig, and the positions of a protocol that this rig can be set to."""
+    record = ledger.get("calibration", calibration)
+    made = ledger.get("session", record.keys["session"])
+    rig = find_rig(ledger, made.body["rig"])
+    if rig is None:
+        raise InputError(f"rig {made.body['rig']!r} of the calibration is not registered; register it first")
+    return record, made, rig, reachable(protocol(protocol_name).plan, rig)
 
 
 def reachable(plan: Plan, rig: RegisteredRig) -> Plan:

@@ -34,6 +34,7 @@ PLANS = {
     "two-face": plans.two_face,
     "rotations": plans.rotations,
     "six": plans.six,
+    "spread": plans.spread,
 }
 """Plans that need no design, by name."""
 

@@ -16,7 +16,7 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.files.verification_json import judged_positions, stated_limits
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard
 from inclinometry.laboratory.certificate.record import certificate_record
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
@@ -25,8 +25,19 @@ SD = float(np.radians(0.05))
 DAY = datetime.date
 NASTY = "A #strong[x] & <b>\"o'k\"</b> \\ $x^2$ =cmd|' /C calc'!A0 {{1}} @a *b* _c_ `d` // e"
 LABORATORY = Laboratory(
-    "Stand & Son", "1 Street\n2 Town", "NO", "Hall 3", "NA 12", "a@b.example", "+47 1", "Anna", "head", "level No. 7"
+    "Stand & Son",
+    "1 Street\n2 Town",
+    "NO",
+    "Hall 3",
+    "NA 12",
+    "a@b.example",
+    "+47 1",
+    "Anna",
+    "head",
+    "level No. 7",
+    "QP-12",
 )
+STANDARDS = (Standard("Autocollimator 7", "PTB 2025-123", DAY(2027, 3, 1)), Standard("T2", "D-17", DAY(2026, 12, 31)))
 ORDER = Order(
     customer="Driller",
     item="steering tool",
@@ -72,7 +83,8 @@ def record(**changes: Any) -> dict[str, Any]:
     """A whole record; `laboratory`, `order` and the keywords of `certificate_record` may be changed."""
     laboratory = changes.pop("laboratory", LABORATORY)
     order = changes.pop("order", ORDER)
-    given = {"number": "2026-0001", "program": "inclinometry 0", "verification": verification(), **changes}
+    given = {"number": "2026-0001", "program": "inclinometry 0", "verification": verification(), "standards": STANDARDS}
+    given |= changes
     return certificate_record(calibration(), laboratory, order, **given)
 
 

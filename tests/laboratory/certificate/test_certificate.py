@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +17,23 @@ import scipy.stats
 from lxml import etree
 
 from inclinometry.calibration.expected import expected_uncertainty
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.certificate.dcc import dcc_bytes
+from inclinometry.laboratory.certificate.laboratory_toml import Standard
 from inclinometry.laboratory.certificate.pdf import certificate_pdf
 from inclinometry.laboratory.certificate.record import (
     certificate_record,
+    checked,
     chinese_font,
     coverage_probability,
+    record_bytes,
     record_digest,
     words,
 )
 from inclinometry.stability import aged
 
 from ...report.conftest import calibrated
-from .certificates import LABORATORY, NASTY, ORDER, calibration, dcc_schema, record, verification
+from .certificates import LABORATORY, NASTY, ORDER, STANDARDS, calibration, dcc_schema, record, verification
 
 poppler = pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext is not installed")
 
@@ -44,6 +48,9 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, str]]:
         return b"%PDF"
 
     monkeypatch.setattr("typst.compile", compiled)
+    monkeypatch.setattr("inclinometry.laboratory.certificate.record.paper_svg", lambda _: "<svg/>")
+    # nothing is set, so no font is needed, which for Chinese is not on every computer
+    monkeypatch.setattr("inclinometry.laboratory.certificate.pdf.families", lambda *_: ("serif", "sans"))
     return seen
 
 
@@ -76,10 +83,13 @@ def test_the_page_says_what_the_standard_asks_for(tmp_path: Path) -> None:
         "Calibration certificate", "No. 2026-0001", "Stand & Son", "2 Town", "Hall 3", "NA 12", "Driller",
         "steering tool", "IN-7", "good", "2026-05-01", "2026-05-04 – 2026-05-05", "2026-05-06",
         "orthogonal, 24 positions", "stand 1",
-        "temperature 21.5 to 23 °C", "level No. 7", "Anna, head", "12 months", "2025-0003", record_digest(content),
-        "7:" + "a" * 64, "The item conforms", "JCGM 106:2012, 8.2", "our own limits",
+        "temperature 21.5 to 23 °C", "level No. 7", "Anna, head", "12 months", "2025-0003", "QP-12",
+        "Autocollimator 7, certificate PTB 2025-123, due 2027-03-01", "T2, certificate D-17, due 2026-12-31",
+        "The item conforms", "JCGM 106:2012, 8.2", "our own limits", "Results at the verified positions",
     ):  # fmt: skip
         assert text in first, text
+    for text in (record_digest(content), "7:" + "a" * 64, "JCGM 100:2008", "Uncertainty budget of one reading"):
+        assert text in whole, text
     for number, page in enumerate(found, 1):
         assert f"2026-0001 Page {number} of {len(found)}" in page
         assert "relate only to the item calibrated" in page
@@ -245,7 +255,7 @@ def test_without_a_laboratory_it_says_that_it_is_none(tmp_path: Path) -> None:
     """Printed all the same, with a box."""
     pdf = certificate_pdf(record(laboratory=None))
     if shutil.which("pdftotext"):
-        assert "not a certificate in the sense of ISO/IEC 17025" in pages(pdf, tmp_path)[0]
+        assert "no calibration certificate in the sense of ISO/IEC 17025" in pages(pdf, tmp_path)[0]
 
 
 def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
@@ -291,3 +301,121 @@ def test_the_box_is_green_only_where_nothing_speaks_against_it(seen: list[dict[s
     assert len(set(colours)) == 4
     assert "the stand is poor" in seen[1]["conformity"]
     assert "the sign is assumed" in seen[2]["conformity"]
+
+
+LACKS = {
+    "laboratory": {"laboratory": replace(LABORATORY, address="")},
+    "customer": {"order": replace(ORDER, customer="")},
+    "item": {"order": replace(ORDER, serial="")},
+    "performed": {"order": replace(ORDER, performed_from=None, performed_to=None)},
+    "traceability": {"laboratory": replace(LABORATORY, traceability="")},
+    "environment": {"order": replace(ORDER, temperature_degC=None, humidity_percent=None)},
+    "condition": {"order": replace(ORDER, condition="")},
+    "procedure": {"laboratory": replace(LABORATORY, procedure="")},
+    "standards": {"standards": STANDARDS[:1] + (Standard("T3"),)},
+    "standards_due": {"standards": (Standard("T2", "D-17", date(2026, 5, 3)),)},
+    "signatory": {"laboratory": replace(LABORATORY, authoriser="")},
+}
+
+
+@pytest.mark.parametrize(("key", "changes"), LACKS.items(), ids=LACKS)
+@pytest.mark.parametrize("language", ["en", "ru", "zh"])
+def test_it_is_titled_certificate_only_when_nothing_is_missing(seen, key, changes, language) -> None:  # type: ignore[no-untyped-def]
+    """ISO/IEC 17025, 7.8: of the same layout, titled report otherwise, and it says which item is stated where."""
+    whole, lacking = record(language=language), record(language=language, **changes)
+    assert (whole["title"], whole["missing"]) == ("certificate", [])
+    assert (lacking["title"], lacking["missing"]) == ("report", [key])
+    for content in (whole, lacking):
+        certificate_pdf(content)
+    say = words(language)
+    assert [view["title"] for view in seen] == [say("title"), say("title_report")]
+    assert seen[0]["missing"] == []
+    (said,) = seen[1]["missing"]
+    assert said.startswith(say(f"missing_{key}", names="{}").partition("{")[0][:20])
+    if key == "standards_due":
+        assert "T2 (2026-05-03)" in said
+        assert say("overdue") in dict(seen[1]["facts"]["long"])[say("standards")]
+    assert [part["title"] for part in seen[0]["sections"]] == [part["title"] for part in seen[1]["sections"]]
+
+
+def test_results_are_what_was_verified(seen: list[dict[str, str]]) -> None:
+    """Indication = reference + deviation, as found beside as left, limit and verdict at each position."""
+    found = verification(1.0)
+    before = copy.deepcopy(found)
+    before["verdict"] = "fail"
+    for row in before["report"]["positions"]:
+        row["inclination"]["error_deg"] += 0.5
+    certificate_pdf(record(previous=calibration(2), previous_from="2025-0001", as_found=before))
+    table = seen[0]["sections"][0]["tables"][0]  # type: ignore[index]
+    assert [span for _, span in table["groups"]] == [6, 6, 6]
+    assert len(table["rows"]) == len(found["report"]["positions"]) == 12
+    for cells, row in zip(table["rows"], found["report"]["positions"], strict=True):
+        reference, old, indication, deviation, u, limit = (float(x.replace("−", "-")) for x in cells[1:7])
+        one = row["inclination"]
+        step = 0.5 * 10.0 ** -len(cells[4].partition(".")[2])  # half of the last digit
+        assert reference == pytest.approx(row["inclination_deg"], abs=0.005)
+        assert deviation == pytest.approx(one["error_deg"], abs=step)
+        assert old - deviation == pytest.approx(0.5, abs=2.0 * step)
+        assert indication == pytest.approx(abs(row["inclination_deg"] + one["error_deg"]), abs=step)
+        assert u == pytest.approx(one["U_deg"], rel=0.1)
+        assert limit == one["limit_deg"]
+        assert cells[-1] == "pass"
+    assert "did not keep the limits" in seen[0]["sections"][0]["texts"][1]  # type: ignore[index]
+
+
+def test_the_budget_adds_up_to_the_table_of_uncertainties() -> None:
+    """The squares of its causes are the square of U / k, at each inclination, for each angle."""
+    content = record()["results"]
+    table, budget = content["uncertainty"], content["budget"]
+    kinds = {(one["cause"], one["kind"]) for one in budget["components"]}
+    assert {("calibration", "accelerometer"), ("noise", "magnetometer")} <= kinds
+    for step, inclination in enumerate(budget["inclination_deg"]):
+        place = table["inclination_deg"].index(inclination)
+        for name in ("inclination", "azimuth", "toolface"):
+            u = np.array([one["u_deg"][name][step] for one in budget["components"]])
+            whole = table["coverage_factor"] * np.sqrt(np.sum(np.sign(u) * u**2))
+            assert whole == pytest.approx(table[f"U_{name}_deg"][place], rel=1e-9)
+
+
+@poppler
+@pytest.mark.long
+@pytest.mark.parametrize("language", ["ru"])
+def test_no_page_is_all_but_empty(language: str, tmp_path: Path) -> None:
+    """Text or drawings over a quarter of every page of certificates of any length; results on the first."""
+    many = copy.deepcopy(verification(1.0))
+    many["report"]["positions"] *= 6
+    for content in (
+        record(language=language),
+        record(language=language, verification=None, laboratory=None),
+        record(language=language, previous=calibration(2), as_found=verification(1.0)),
+        record(language=language, verification=many),
+    ):
+        file = tmp_path / "c.pdf"
+        file.write_bytes(certificate_pdf(content))
+        assert words(language)("results") in pages(file.read_bytes(), tmp_path)[0]
+        drawn = subprocess.run(["pdftoppm", "-r", "20", "-gray", file], capture_output=True, check=True).stdout
+        size = re.match(rb"P5\s(\d+) (\d+)\s255\s", drawn)
+        assert size is not None
+        height, wide = int(size[2]), int(size[1])
+        sheets = np.frombuffer(b"".join(drawn.split(size[0])[1:]), np.uint8).reshape(-1, height, wide)
+        for number, sheet in enumerate(sheets, 1):
+            inked = np.flatnonzero(np.any(sheet[: int(0.88 * height)] < 160, axis=1))  # above the foot
+            assert inked.max() > 0.35 * height, f"page {number} of {len(sheets)} ends at {inked.max() / height:.2f}"
+
+
+def test_records_of_every_version_are_read_and_printed_for_ever(seen: list[dict[str, str]]) -> None:
+    """One of each version as a program of its time wrote it, to the byte."""
+    folder = Path(__file__).parents[2] / "reference" / "certificate"
+    for version in (1, 2):
+        data = (folder / f"certificate-{version}.json").read_bytes()
+        content = checked(json.loads(data), "reference")
+        assert content["version"] == version
+        assert record_bytes(content) == data
+        certificate_pdf(content)
+        assert seen[-1]["title"] == "Calibration certificate"
+        assert seen[-1]["missing"] == []
+        schema = dcc_schema()
+        assert schema.validate(etree.fromstring(dcc_bytes(content))), schema.error_log
+    for key in ("title", "missing", "standards", "as_found"):
+        with pytest.raises(FileError, match=key):  # keys of a version are frozen
+            checked({**json.loads((folder / "certificate-1.json").read_bytes()), key: None}, "reference")

@@ -14,7 +14,7 @@ from lxml import etree
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import FileError, InputError
-from inclinometry.laboratory.certificate.record import record_digest
+from inclinometry.laboratory.certificate.record import missing_said, record_digest, words
 
 # Units as the D-SI writes them.
 
@@ -349,6 +349,10 @@ def _lines(parent: Any, text: str) -> None:
 def _statements(parent: Any, record: Record) -> None:
     only_item = "The results relate only to the item calibrated, at the time of calibration."
     english(element(parent, "dcc:statement"), "dcc:declaration", only_item)
+    if record.get("missing"):
+        lacking = "; ".join(missing_said(key, record, words("en")) for key in record["missing"])
+        said = f"{words('en')('is_report')} {lacking}."
+        english(element(parent, "dcc:statement"), "dcc:declaration", said)
     if record["item"]["condition"]:
         made = element(parent, "dcc:statement")
         english(made, "dcc:name", "condition of the item")
@@ -398,10 +402,23 @@ def _measurement(parent: Any, record: Record) -> None:
     english(parent, "dcc:name", "Calibration of an inclinometer")
     used = element(element(parent, "dcc:usedMethods"), "dcc:usedMethod")
     named(used, "dcc:name", method["name"])
-    named(used, "dcc:description", f"Plan: {method['plan'] or 'not stated'}; positions: {method['positions']}")
-    if method["rig"]:
-        rig = element(element(parent, "dcc:measuringEquipments"), "dcc:measuringEquipment")
-        named(rig, "dcc:name", method["rig"])
+    about = f"Plan: {method['plan'] or 'not stated'}; positions: {method['positions']}"
+    procedure = (record["laboratory"] or {}).get("procedure")
+    named(used, "dcc:description", f"Procedure: {procedure}. {about}" if procedure else about)
+    standards = record.get("standards", [])
+    if method["rig"] or standards:
+        equipment = element(parent, "dcc:measuringEquipments")
+        if method["rig"]:
+            named(element(equipment, "dcc:measuringEquipment"), "dcc:name", method["rig"])
+        for one in standards:
+            made = element(equipment, "dcc:measuringEquipment")
+            named(made, "dcc:name", one["name"])
+            known = ((one["certificate"], "certificate number"), (one["due"], "due date of its calibration"))
+            stated = [(value, name) for value, name in known if value]
+            if stated:
+                names = element(made, "dcc:identifications")
+                for value, name in stated:
+                    _identified(names, "other", value, name)
     _conditions(parent, record["environment"])
     results = element(parent, "dcc:results")
     if record["results"]["uncertainty"] is not None:

@@ -22,6 +22,7 @@ def record_from_files(
     verification: Path | None = None,
     laboratory: Path | None = None,
     previous: Path | None = None,
+    as_found: Path | None = None,
     number: str | None = None,
     language: str = "en",
     today: date | None = None,
@@ -38,6 +39,8 @@ def record_from_files(
         lab.toml
     previous : Path, optional
         tool.json of the calibration before.
+    as_found : Path, optional
+        verify.json of that calibration at the positions of `verification`.
     number : str, optional
         Unique to this certificate; year and eight digits of the inputs' digest when not given.
     today : date, optional
@@ -53,7 +56,7 @@ def record_from_files(
         raise InputError(
             f"{tool} was entered from a data sheet, nothing was measured: calibrate the tool to certify it"
         )
-    who, order = (None, Order()) if laboratory is None else read_laboratory(laboratory)
+    who, order, standards = (None, Order(), ()) if laboratory is None else read_laboratory(laboratory)
     unnamed = ("", "unnamed")
     name = calibration.tool.name
     if order.serial and name not in unnamed and order.serial != name:
@@ -64,7 +67,17 @@ def record_from_files(
     before = None if previous is None else read_calibration(previous)
     if before is not None and before.tool.name != calibration.tool.name:
         raise InputError(f"the previous calibration is of {before.tool.name!r:.60}, this one of {order.serial!r:.60}")
+    found = None
+    if as_found is not None:
+        if before is None or judged is None:
+            raise InputError("--as-found is what the calibration before said: give --previous and --verification, too")
+        found = read_verification(as_found, before)
+        if _positions(found) != _positions(judged):
+            raise InputError(
+                f"{as_found} was not verified at the positions of {verification}; verify the same readings"
+            )
     given = {"tool.json": tool, "verify.json": verification, "lab.toml": laboratory, "previous tool.json": previous}
+    given |= {"as-found verify.json": as_found}
     inputs = {name: digest_file(path) for name, path in given.items() if path is not None}
     if judged is not None:
         inputs |= {f"verification {n}": d for n, d in judged["inputs"].items() if not n.startswith("calibration ")}
@@ -75,11 +88,18 @@ def record_from_files(
         number=_number(number, order, inputs),
         program=program(),
         language=language,
+        standards=standards,
         verification=judged,
+        as_found=found,
         previous=before,
         previous_from="" if before is None or previous is None else f"{previous.name} ({before.method})",
         inputs=inputs,
     )
+
+
+def _positions(verification: dict[str, Any]) -> list[tuple[float, ...]]:
+    dials = ("azimuth_deg", "inclination_deg", "toolface_deg")
+    return [tuple(row[dial] for dial in dials) for row in verification["report"]["positions"]]
 
 
 def _number(given: str | None, order: Order, inputs: dict[str, str]) -> str:

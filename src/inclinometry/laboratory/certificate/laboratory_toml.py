@@ -16,6 +16,23 @@ LONGEST = 500
 
 
 @dataclass(frozen=True)
+class Standard:
+    """A reference standard as a certificate cites it.
+
+    certificate : number of its own calibration certificate.
+    due : day up to which that holds; None where none is stated.
+    """
+
+    name: str
+    certificate: str = ""
+    due: datetime.date | None = None
+
+    def overdue(self, day: datetime.date) -> bool:
+        """Whether its own calibration had run out on a day."""
+        return self.due is not None and self.due < day
+
+
+@dataclass(frozen=True)
 class Laboratory:
     """A calibration laboratory as its certificates name it.
 
@@ -25,6 +42,7 @@ class Laboratory:
     accreditation : body and number; empty when the laboratory is not accredited.
     authoriser, authoriser_role : who answers for the certificate.
     traceability : how the rig's angles and the fields are traced to the SI.
+    procedure : number and title of the calibration procedure.
     """
 
     name: str
@@ -37,6 +55,7 @@ class Laboratory:
     authoriser: str = ""
     authoriser_role: str = ""
     traceability: str = ""
+    procedure: str = ""
 
     def __post_init__(self) -> None:
         if not self.name.strip():
@@ -89,8 +108,10 @@ _LABORATORY = tuple(Laboratory.__dataclass_fields__)
 _ORDER = tuple(Order.__dataclass_fields__)
 
 
-def read_laboratory(path: str | Path) -> tuple[Laboratory, Order]:
-    """Read lab.toml: the laboratory's keys, and a table [order] with those of the order.
+def read_laboratory(path: str | Path) -> tuple[Laboratory, Order, tuple[Standard, ...]]:
+    """Read lab.toml: the laboratory's keys, a table [order] with those of the order, [[standards]] that were used.
+
+    What it leaves out is taken from the settings of the bench whose ledger it names.
 
     Raises
     ------
@@ -102,23 +123,88 @@ def read_laboratory(path: str | Path) -> tuple[Laboratory, Order]:
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "lab.toml").write_text('name = "Stand 1"\\ncountry = "DE"\\n[order]\\ncustomer = "A"\\n')
-    ...     laboratory, order = read_laboratory(Path(folder, "lab.toml"))
-    >>> laboratory.country, order.customer
-    ('DE', 'A')
+    ...     laboratory, order, standards = read_laboratory(Path(folder, "lab.toml"))
+    >>> laboratory.country, order.customer, standards
+    ('DE', 'A', ())
     """
-    settings = toml_keys.load(path, (*_LABORATORY, "order"))
+    settings = toml_keys.load(path, (*_LABORATORY, "order", "standards", "ledger", "logo"))
     about = settings.content.get("order", {})
     if not isinstance(about, dict):
         raise FileError(f"order is {about!r:.40}; a table [order] is needed", path=path)
     order = toml_keys.Settings(path, about, _ORDER)
     try:
-        return Laboratory(**_texts(settings, _LABORATORY)), Order(**_order(order))
+        known, standards, _ = _of_ledger(settings)
+        named = Laboratory(**{**known, **_texts(settings, _LABORATORY)})
+        return named, Order(**_order(order)), _standards(settings) or standards
     except FileError:
         raise
     except TypeError:
         raise FileError("key 'name' is missing; a certificate names the laboratory", path=path) from None
     except InputError as error:
         raise FileError(str(error), path=path) from None
+
+
+def read_logo(path: str | Path) -> bytes | None:
+    """The logo that lab.toml names, or that of the ledger it names; None where there is none.
+
+    Raises
+    ------
+    FileError
+        No such file, no PNG or SVG picture that stands by itself.
+    """
+    from inclinometry.laboratory.registry import logo_kind
+
+    settings = toml_keys.load(path, (*_LABORATORY, "order", "standards", "ledger", "logo"))
+    named = settings.text("logo")
+    if named is None:
+        return _of_ledger(settings)[2]
+    picture = Path(path).parent / named
+    try:
+        data = picture.read_bytes()
+        logo_kind(data)
+    except (OSError, ValueError) as error:
+        raise FileError(f"logo: {getattr(error, 'strerror', None) or error}", path=picture) from None
+    return data
+
+
+def _of_ledger(settings: toml_keys.Settings) -> tuple[dict[str, str], tuple[Standard, ...], bytes | None]:
+    """What the settings of a bench say of the laboratory, its reference standards and its logo."""
+    where = settings.text("ledger")
+    if where is None:
+        return {}, (), None
+    from inclinometry.laboratory.ledger.ledger import Ledger
+    from inclinometry.laboratory.registry import find_laboratory, find_logo, standards
+
+    at = where if "://" in where else str(Path(settings.path).parent / where)
+    with Ledger(at, read_only=True) as ledger:
+        found, logo = find_laboratory(ledger), find_logo(ledger)
+        used = tuple(Standard(one.name, one.certificate, one.due) for one in standards(ledger) if not one.retired)
+    return {} if found is None else dict(found.__dict__), used, None if logo is None else logo[1]
+
+
+def _standards(settings: toml_keys.Settings) -> tuple[Standard, ...]:
+    rows, keys, path = settings.content.get("standards", []), ("name", "certificate", "due"), settings.path
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise FileError("standards are tables: [[standards]], each with name, certificate and due", path=path)
+    found = []
+    for row in rows:
+        one = toml_keys.Settings(path, row, keys)
+        texts = _texts(one, ("name", "certificate"))
+        if not texts.get("name"):
+            raise FileError(
+                "a reference standard under [[standards]] has no name; give name, certificate, due", path=path
+            )
+        found.append(Standard(**texts, due=None if "due" not in row else _date(one, "due")))
+    return tuple(found)
+
+
+def _date(settings: toml_keys.Settings, key: str) -> datetime.date:
+    value = settings.content[key]
+    if isinstance(value, datetime.datetime):
+        return value.date()
+    if isinstance(value, datetime.date):
+        return value
+    raise FileError(f"{key} is {value!r:.40}; a date is needed, as {key} = 2026-05-01", path=settings.path)
 
 
 def laboratory_from(about: dict[str, Any]) -> Laboratory:
@@ -144,13 +230,7 @@ def _order(settings: toml_keys.Settings) -> dict[str, Any]:
     found: dict[str, Any] = dict(_texts(settings, plain))
     for key in dates:
         if key in settings.content:
-            value = settings.content[key]
-            if isinstance(value, datetime.datetime):
-                found[key] = value.date()
-            elif isinstance(value, datetime.date):
-                found[key] = value
-            else:
-                raise FileError(f"{key} is {value!r:.40}; a date is needed, as {key} = 2026-05-01", path=settings.path)
+            found[key] = _date(settings, key)
     for key, limits in ranges.items():
         if key in settings.content:
             found[key] = _range(settings, key, *limits)

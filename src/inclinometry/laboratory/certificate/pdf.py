@@ -119,39 +119,45 @@ def _view(record: Content) -> Content:
         if statement == "not assessed"
         else [*(translated(warning) for warning in record["verification"]["report"]["warnings"]), *remarks]
     )
+    # of a record of before only a laboratory that is not named is said
+    missing = record.get("missing", [] if record["laboratory"] else ["laboratory"])
+    kind = "_report" if record.get("title") == "report" else ""
+    # the last one is of drawings that keep together, so that no page has but a few lines
     sections = [
+        tables.results_section(record, say),
         tables.uncertainty_section(record, say),
-        tables.parameter_section(record, say),
-        tables.classical_section(record, say),
-        tables.residual_section(record, say),
+        tables.budget_section(record, say),
         tables.verification_section(record, say),
         tables.section(say("remarks"), list=remarks) if remarks else None,
-        _inputs(record, say),
+        tables.parameter_section(record, say),
+        tables.classical_section(record, say),
+        _inputs(record, digest, say),
+        tables.residual_section(record, say),
     ]
     colours = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
     view = {
         "language": record["language"],
-        "document_title": f"{say('title')} {number}",
+        "document_title": f"{say('title' + kind)} {number}",
         "author": laboratory.get("name", ""),
         "digest": digest,
         "date": [day.year, day.month, day.day],
-        "title": say("title"),
-        "number_line": say("number", number=number),
-        "header": f"{say('title')} {number}",
+        "title": say("title" + kind),
+        "number_line": say("number" + kind, number=number),
+        "header": f"{say('title' + kind)} {number}",
         "footer": say("only_item"),
         "page": say("page", page="{page}", pages="{pages}"),
         "laboratory": laboratory.get("name", say("laboratory") + ": " + say("not_stated")),
         "letterhead": _letterhead(laboratory, say),
-        "incomplete": "" if record["laboratory"] else say("incomplete"),
+        "is_report": say("is_report"),
+        "missing": [tables.missing_said(key, record, say) for key in missing],
         "facts": _facts(record, say),
         "conformity_colour": colours["doubted" if statement == "pass" and warned else statement],
         "conformity_head": say("conformity"),
         "conformity": [*_conformity(record, say), *warned],
         "authorised": _authorised(laboratory, record, say),
-        "marks": _marks(record, digest, say),
         "qr_says": qr_text(number, digest),
         "sections": [part for part in sections if part is not None],
-        "end": say("end", number=number),
+        "end": say("end" + kind, number=number),
     }
     broken: Content = _breakable(view)
     import segno
@@ -170,55 +176,76 @@ def _letterhead(laboratory: Mapping[str, str], say: Words) -> list[str]:
     return [line for line in (*lines, contact, accreditation and f"{say('accreditation')}: {accreditation}") if line]
 
 
-def _facts(record: Content, say: Words) -> list[list[str]]:
+def _standards(record: Content, say: Words) -> str:
+    late = tables.overdue(record) if record.get("standards") else []
+    said = []
+    for one in record.get("standards", ()):
+        text = say(
+            "standard",
+            name=one["name"],
+            certificate=one["certificate"] or say("not_stated"),
+            due=one["due"] or say("not_stated"),
+        )
+        said.append(f"{text} ({say('overdue')})" if f"{one['name']} ({one['due']})" in late else text)
+    return "; ".join(said)
+
+
+def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
+    """Short ones for two columns, long ones for the whole width, each name and text."""
     item, customer, dates, method = record["item"], record["customer"], record["dates"], record["method"]
     laboratory = record["laboratory"] or {}
     who = ", ".join(filter(None, (customer["name"], customer["address"].replace("\n", ", "))))
     sensors = ", ".join(f"{say(t['kind'])} ({t['sensors']}, {translated(t['unit'])})" for t in item["triads"])
     performed = " – ".join(dict.fromkeys(filter(None, (dates["performed_from"], dates["performed_to"]))))
-    pairs = [
-        ("customer", who),
-        ("reference", customer["reference"]),
+    place = laboratory.get("place") or method.get("rig_place") or laboratory.get("address", "").replace("\n", ", ")
+    positions = say("positions", count=method["positions"])
+    if method["plan"]:
+        positions = say("plan_positions", plan=method["plan"], count=method["positions"])
+    months = record["interval_months"]
+    interval = "" if months is None else say("interval", months=months)
+    short = [
         ("item", item["name"]),
+        ("customer", who),
         ("manufacturer", item["manufacturer"]),
+        ("reference", customer["reference"]),
         ("serial", item["serial"]),
-        ("sensors", sensors),
-        ("range", _range(item, say)),
-        ("condition", item["condition"]),
         ("received", dates["received"]),
+        ("condition", item["condition"]),
         ("performed", performed),
+        ("range", _range(item, say)),
         ("issued", dates["issued"]),
-        (
-            "place",
-            laboratory.get("place") or method.get("rig_place") or laboratory.get("address", "").replace("\n", ", "),
-        ),
-        ("method", say.method(method["name"])),
-        (
-            "plan",
-            (
-                say("positions", count=method["positions"])
-                if not method["plan"]
-                else say("plan_positions", plan=method["plan"], count=method["positions"])
-            ),
-        ),
-        ("rig", _rig(method, say)),
-        ("environment", _environment(record["environment"], say)),
-        ("traceability", _traceability(laboratory, method, say)),
     ]
-    optional = ("reference", "manufacturer", "range")
-    rows = [[say(key), text or say("not_stated")] for key, text in pairs if text or key not in optional]
-    if record["interval_months"] is not None:
-        rows.append(["", say("interval", months=record["interval_months"])])
-    if record["supersedes"]:
-        rows.append([say("supersedes"), record["supersedes"]])
-    return rows
+    long = [
+        ("sensors", sensors),
+        ("place", place),
+        ("environment", _environment(record["environment"], say)),
+        ("procedure", laboratory.get("procedure", "")),
+        ("method", f"{say.method(method['name'])}; {positions}"),
+        ("rig", _rig(method, say)),
+        ("standards", _standards(record, say)),
+        ("traceability", _traceability(laboratory, method, say)),
+        ("interval_of", interval),
+        ("supersedes", record["supersedes"] or ""),
+    ]
+    optional: tuple[str, ...] = ("reference", "manufacturer", "range", "received", "interval_of", "supersedes")
+    if record["version"] == 1:  # certificates of before named neither
+        optional += ("procedure", "standards")
+    columns = {}
+    for name, pairs in (("short", short), ("long", long)):
+        columns[name] = [[say(key), text or say("not_stated")] for key, text in pairs if text or key not in optional]
+    return columns
 
 
 def _range(item: Content, say: Words) -> str:
     if item["temperature_range_degC"] is None:
         return ""
-    low, high = item["temperature_range_degC"]
-    return say("range_of", low=plain(low, 1), high=plain(high, 1))
+    return _span("range_of", "range_at", item["temperature_range_degC"], say)
+
+
+def _span(between: str, at: str, span: Sequence[float], say: Words) -> str:
+    """From the lowest to the highest, or the one value that both are."""
+    low, high = (plain(value, 1) for value in span)
+    return say(at, low=low) if low == high else say(between, low=low, high=high)
 
 
 def _rig(method: Content, say: Words) -> str:
@@ -237,8 +264,7 @@ def _environment(about: Content, say: Words) -> str:
     parts = [about["text"]]
     for key, name in (("temperature", "temperature_degC"), ("humidity", "humidity_percent")):
         if about[name] is not None:
-            low, high = about[name]
-            parts.append(say(key, low=plain(low, 1), high=plain(high, 1)))
+            parts.append(_span(key, f"{key}_at", about[name], say))
     return "; ".join(filter(None, parts))
 
 
@@ -290,16 +316,12 @@ def _authorised(laboratory: Mapping[str, str], record: Content, say: Words) -> l
     return [[say("authorised"), who or say("not_stated")], [say("signature"), dated]]
 
 
-def _marks(record: Content, digest: str, say: Words) -> list[list[str]]:
-    rows = [[say("digest"), digest]]
-    return rows + ([[say("head"), record["head"]]] if record["head"] else [])
-
-
-def _inputs(record: Content, say: Words) -> Content:
-    rows = [[name, digest] for name, digest in record["inputs"].items()]
+def _inputs(record: Content, digest: str, say: Words) -> Content:
+    rows = [[say("digest"), digest], *([[say("head"), record["head"]]] if record["head"] else [])]
+    rows += [[name, digest] for name, digest in record["inputs"].items()]
     head = [say("input"), "SHA-256"]
     made = tables.table("", head, rows, left=2, size=7.0) | {"columns": ["auto", "fr"]}
-    return tables.section(say("inputs"), [record["program"]], tables=[made] if rows else [])
+    return tables.section(say("inputs"), [record["program"]], tables=[made])
 
 
 def _breakable(value: Any) -> Any:

@@ -27,12 +27,12 @@ from inclinometry.calibration.expected import (
     expected_uncertainty,
 )
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, INCLINATIONS
+from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, INCLINATIONS, SHORT_INCLINATIONS
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import Row, classical_rows, differences, parameter_rows, sensor_names
 from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
@@ -133,10 +133,14 @@ def paper_svg(figure: Figure) -> str:
     import matplotlib
 
     width, height = (float(side) for side in figure.get_size_inches())
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):  # letters of the size of the page's
+        text.set_fontsize(8.0)
     # margins that fit every drawing above: finding them anew takes as long as drawing
     figure.set_layout_engine("none")
     for axes in figure.axes:
-        axes.set_position((0.75 / width, 0.5 / height, 1.0 - 0.97 / width, 1.0 - 0.6 / height))
+        axes.set_position((0.6 / width, 0.4 / height, 1.0 - 0.72 / width, 1.0 - 0.48 / height))
     with style():
         matplotlib.rcParams["svg.fonttype"] = "path"
         stream = io.StringIO()
@@ -145,7 +149,7 @@ def paper_svg(figure: Figure) -> str:
 
 
 SCHEMA: Final = "inclinometry/certificate"
-VERSION: Final = 1
+VERSION: Final = 2
 
 
 def record_bytes(record: Mapping[str, Any]) -> bytes:
@@ -276,7 +280,9 @@ def certificate_record(
     number: str,
     program: str,
     language: str = "en",
+    standards: Sequence[Standard] = (),
     verification: Mapping[str, Any] | None = None,
+    as_found: Mapping[str, Any] | None = None,
     previous: Calibration | None = None,
     previous_from: str = "",
     inputs: Mapping[str, str] | None = None,
@@ -294,8 +300,12 @@ def certificate_record(
         With the date of issue.
     number : str
         Unique to this certificate.
+    standards : sequence of Standard
+        The reference standards that were used.
     verification : mapping, optional
         "verdict", "limits" and "report" as a verification is recorded, degrees.
+    as_found : mapping, optional
+        The same of the readings of that verification with the parameters of `previous`.
     previous : Calibration, optional
         Of the same tool, for the values before adjustment; `previous_from` says which.
     inputs : mapping, optional
@@ -306,7 +316,7 @@ def certificate_record(
     Returns
     -------
     dict
-        JSON values that fit the schema "certificate-1".
+        JSON values that fit the schema "certificate-2".
 
     Raises
     ------
@@ -319,11 +329,18 @@ def certificate_record(
     if order.issued is None:
         raise InputError("a certificate needs its date of issue")
     tool = calibration.tool
+    lacking = missing(laboratory, order, standards)
     record: Record = {
         "schema": SCHEMA,
         "version": VERSION,
         "number": number,
         "language": language,
+        "title": "report" if lacking else "certificate",
+        "missing": lacking,
+        "standards": [
+            {"name": one.name, "certificate": one.certificate, "due": one.due and one.due.isoformat()}
+            for one in standards
+        ],
         "laboratory": None if laboratory is None else dict(laboratory.__dict__),
         "customer": {"name": order.customer, "address": order.customer_address, "reference": order.reference},
         "item": _item(tool, order),
@@ -336,6 +353,7 @@ def certificate_record(
         },
         "results": {
             "uncertainty": _uncertainty(calibration, order.interval_months),
+            "budget": _budget(calibration),
             "parameters": _parameters(tool),
             "classical": _classical(tool),
             "covariance": {"parameters": list(tool.parameter_names), "matrix": tool.covariance},
@@ -345,6 +363,9 @@ def certificate_record(
         "verification": None
         if verification is None
         else {name: verification[name] for name in ("verdict", "limits", "report")},
+        "as_found": None
+        if as_found is None
+        else {name: as_found[name] for name in ("verdict", "limits", "report")} | {"previous": previous_from},
         "conformity": _conformity(verification),
         "interval_months": order.interval_months,
         "warnings": [*calibration.warnings, *_two_accelerometers(calibration.tool)],
@@ -355,6 +376,37 @@ def certificate_record(
     }
     clean: Record = json.loads(canonical(printable(_plain(record))))
     return checked(clean, f"certificate {number}")
+
+
+def missing(laboratory: Laboratory | None, order: Order, standards: Sequence[Standard]) -> list[str]:
+    """What a document lacks to be titled a certificate (ISO/IEC 17025:2017, 7.8.2.1 and 7.8.4.1), by key."""
+    lab = laboratory or Laboratory("-")
+    day = order.performed_to or order.performed_from or order.issued
+    stated = {
+        "laboratory": bool(laboratory is not None and laboratory.address and laboratory.country),
+        "customer": bool(order.customer),
+        "item": bool(order.serial),
+        "performed": order.performed_from is not None,
+        "traceability": bool(lab.traceability or order.rig_traceability),
+        "environment": bool(order.environment or order.temperature_degC),
+        "condition": bool(order.condition),
+        "procedure": bool(lab.procedure),
+        "standards": bool(standards) and all(one.certificate and one.due for one in standards),
+        "standards_due": day is None or not any(one.overdue(day) for one in standards),
+        "signatory": bool(lab.authoriser),
+    }
+    return [key for key, there in stated.items() if not there]
+
+
+def missing_said(key: str, record: Mapping[str, Any], say: Words) -> str:
+    """What is missing, and where it is stated."""
+    return say(f"missing_{key}", names=", ".join(overdue(record))) if key == "standards_due" else say(f"missing_{key}")
+
+
+def overdue(record: Mapping[str, Any]) -> list[str]:
+    """Reference standards whose own calibration had run out when they were used, each with its day."""
+    day = record["dates"]["performed_to"] or record["dates"]["issued"]
+    return [f"{one['name']} ({one['due']})" for one in record["standards"] if one["due"] and one["due"] < day]
 
 
 def coverage_probability(k: float) -> float:
@@ -454,6 +506,42 @@ def _uncertainty(calibration: Calibration, months: int | None) -> Record | None:
         table["end_of_interval"] = {key: end[:, place].tolist() for key, place in columns.items()}
         table["end_of_interval_source"] = ASSUMED.source
     return table
+
+
+def _budget(calibration: Calibration) -> Record | None:
+    """Standard uncertainty of one reading by cause where the whole is largest; None where none is known.
+
+    Calibration and noise triad by triad; what the correlation of the triads' parameters adds (a root with the sign of
+    the variance); of two accelerometers the strength of gravity.
+    """
+    tool, inclination = calibration.tool, SHORT_INCLINATIONS
+    whole = expected_uncertainty(calibration, inclination)
+    if not whole.angles:
+        return None
+    causes: dict[tuple[str, str | None], Array] = {
+        (name, None): part for name, part in whole.components.items() if name not in ("calibration", "sensor noise")
+    }
+    left = whole.components["calibration"]
+    for kind in tool.triads:
+        block = np.zeros_like(tool.covariance)
+        block[tool.slices[kind], tool.slices[kind]] = tool.covariance[tool.slices[kind], tool.slices[kind]]
+        quiet = {other: noise if other == kind else 0.0 * noise for other, noise in tool.noise.items()}
+        own = replace(calibration, tool=replace(tool, covariance=block, noise=quiet))
+        parts = expected_uncertainty(own, inclination).components
+        left = left - parts["calibration"]
+        causes |= {("calibration", kind): parts["calibration"], ("noise", kind): parts["sensor noise"]}
+    causes["correlation", None] = left
+    rows = []
+    for (cause, of), part in causes.items():
+        found = {}
+        for place in (ALL_ANGLES.index(name) for name in whole.angles):
+            flat = whole.variance[..., place].reshape(len(inclination), -1)
+            value = part[..., place].reshape(len(inclination), -1)[np.arange(len(flat)), flat.argmax(axis=1)]
+            found[ALL_ANGLES[place]] = np.degrees(np.sign(value) * np.sqrt(np.abs(value))).tolist()
+        if any(abs(u) > 1e-9 for us in found.values() for u in us):
+            named = cause if cause in ("calibration", "noise", "correlation") else "gravity"
+            rows.append({"cause": named, "kind": of, "u_deg": found})
+    return {"inclination_deg": np.degrees(inclination).round(9).tolist(), "components": rows}
 
 
 def _row(row: Row) -> Record:
@@ -556,7 +644,7 @@ def table(
 
 def section(title: str, texts: Sequence[str] = (), **parts: Any) -> Content:
     """A section as the template takes it."""
-    return {"title": title, "texts": texts, "figures": [], "tables": [], "list": [], "new_page": False} | parts
+    return {"title": title, "texts": texts, "figures": [], "tables": [], "list": []} | parts
 
 
 def figure(svg: str, caption: str, width: int = 100) -> Content:
@@ -595,7 +683,83 @@ def uncertainty_section(record: Content, say: Words) -> Content:
         texts.append(say("end_note", months=record["interval_months"]))
     picture = figure(paper_svg(uncertainty_figure(found)), say("curve_u"))
     caption = f"U, k = {k:g}"
+    texts = [*texts, say("gum")]
     return section(title, texts, tables=[table(caption, head, rows)], figures=[picture], new_page=True)
+
+
+def budget_section(record: Content, say: Words) -> Content | None:
+    """Standard uncertainty of one reading by cause; None in certificates of before."""
+    found = record["results"].get("budget")
+    if found is None:
+        return None
+    names = [name for name in LETTERS if name in found["components"][0]["u_deg"]]
+    steps = range(len(found["inclination_deg"]))
+    head = [say("cause"), *(f"{LETTERS[n]} {x:g}°" for n in names for x in found["inclination_deg"])]
+    rows, square = [], np.zeros(len(names) * len(steps))
+    for one in found["components"]:
+        u = np.array([one["u_deg"][name][step] for name in names for step in steps])
+        square += np.sign(u) * u**2
+        label = say(f"b_{one['cause']}", kind=say(one["kind"]) if one["kind"] else "")
+        signed = (f"-{significant(-value)}" if value < 0.0 else _degrees(value, say) for value in u)
+        rows.append([label, *("–" if abs(value) < 1e-5 else said for value, said in zip(u, signed, strict=True))])
+    whole, k = np.sqrt(np.maximum(square, 0.0)), _factor(record)
+    rows.append([say("b_u"), *(_degrees(float(value), say) for value in whole)])
+    rows.append([say("b_expanded", k=f"{k:g}"), *(_degrees(float(k * value), say) for value in whole)])
+    return section(say("budget"), [say("budget_note")], tables=[table("u, °", head, rows, size=7.0)])
+
+
+def results_section(record: Content, say: Words) -> Content:
+    """Reference, indication, deviation, U, limit and verdict at every verified position, as found and as left."""
+    found, before = record["verification"], record.get("as_found")
+    if found is None:
+        return section(say("results"), [say("not_assessed")])
+    report, rows = found["report"], []
+    k, positions = report["coverage_factor"], report["positions"]
+    earlier = None if before is None else before["report"]["positions"]
+    names = [name for name in LETTERS if any(_shown(row[name]) for row in positions)]
+    for place, row in enumerate(positions):
+        cells = [str(place + 1)]
+        for name in names:
+            one, reference = row[name], row[f"{name}_deg"]
+            old = None if earlier is None else earlier[place][name]
+            cells += _result(one, old, reference, 180.0 if name == "inclination" else 360.0)
+        rows.append([*cells, _verdict(row, say)])
+    one = ["reference_value", *(["found_value"] if earlier else []), "indication", "deviation", "", "limit_of"]
+    head = [say("position"), *(say(key) if key else "U" for _ in names for key in one), say("result")]
+    made = table("", head, rows, size=6.6)
+    made |= {"columns": ["auto"] * len(head), "groups": [[say(name), len(one)] for name in names]}
+    texts = [say("results_note", k=f"{k:.3g}", p=f"{100.0 * coverage_probability(k):.4g}")]
+    if before is not None:
+        verdict = say("found_pass" if before["verdict"] == "pass" else "found_fail")
+        texts.append(say("found_note", previous=before["previous"] or say("not_stated"), verdict=verdict))
+    return section(say("results_at" if before is None else "results_found"), texts, tables=[made], texts_last=True)
+
+
+def _shown(one: Content) -> bool:
+    return one["U_deg"] is not None and one["U_deg"] <= UNDEFINED_DEG
+
+
+def _result(one: Content, old: Content | None, reference: float, turn: float) -> list[str]:
+    """Cells of one angle at one position."""
+    dash = ["–"]
+    found = [] if old is None else [_signed(old["error_deg"], old["U_deg"]) if _shown(old) else "–"]
+    if not _shown(one):
+        return [plain(reference, 2), *(dash if old is not None else []), *dash, *dash, *dash, *dash]
+    value = reference + one["error_deg"]
+    value = abs(value) if turn == 180.0 else value % turn
+    limit = "–" if one["limit_deg"] is None else significant(one["limit_deg"])
+    shown = [rounded(value, one["U_deg"]), _signed(one["error_deg"], one["U_deg"]), significant(one["U_deg"]), limit]
+    return [plain(reference, 2), *found, *shown]
+
+
+def _verdict(row: Content, say: Words) -> str:
+    wrong = [
+        f"{letter} {say('d_' + row[name]['decision'])}"
+        for name, letter in LETTERS.items()
+        if row[name]["decision"] in ("fail", "inconclusive")
+    ]
+    judged = any(row[name]["decision"] != "not judged" for name in LETTERS)
+    return ", ".join(wrong) or (say("d_pass") if judged else say("d_none"))
 
 
 def _degrees(value: float | None, say: Words) -> str:
@@ -642,7 +806,9 @@ def classical_section(record: Content, say: Words) -> Content:
         if old is not None:
             head = [say("quantity"), say("unit"), say("before"), say("after"), say("change")]
         body = [_classical_row(row, old, _factor(record), say) for row in rows]
-        tables.append(table(say("classical", triad=say(kind)), head, body, left=2))
+        made = table(say("classical", triad=say(kind)), head, body, left=2)
+        # one column of values stands beside its units, not at the other edge of the page
+        tables.append(made | {"columns": ["auto"] * 3} if old is None else made)
     texts = []
     if adjustment is not None:
         apart = adjustment["largest_difference_deg"].items()
@@ -688,7 +854,7 @@ def residual_section(record: Content, say: Words) -> Content:
             continue
         svg = paper_svg(residual_figure(part["standardised"]))
         figures.append(figure(svg, say("curve_residuals", triad=triad)))
-    return section(say("residuals"), [say("residuals_note", kinds="; ".join(said) or "–")], figures=figures)
+    return section(say("residuals"), [say("residuals_note", kinds="; ".join(said) or "–")], figures=figures, keep=True)
 
 
 def verification_section(record: Content, say: Words) -> Content | None:
@@ -713,7 +879,7 @@ def verification_section(record: Content, say: Words) -> Content | None:
         cells = [_signed(worst["error_deg"], worst["U_deg"]), significant(worst["U_deg"])]
         rows.append([say(name), str(len(judged)), str(passed), *cells, say("own_u") if own else plain(limits[0], 6)])
     head = [say("angle"), say("judged"), say("accepted"), f"{say('largest_error')}, °", "U, °", f"{say('limit')}, °"]
-    tables = [table(say("conformity"), head, rows), _positions(positions, say)]
+    tables = [table(say("conformity"), head, rows)]
     figures = []
     for name, letter in LETTERS.items():
         judged = _judged(positions, name)
@@ -732,7 +898,6 @@ def verification_section(record: Content, say: Words) -> Content | None:
         texts,
         tables=tables,
         figures=figures,
-        new_page=True,
         list=[translated(line) for line in (*report["reasons"], *report["warnings"])],
     )
 
@@ -744,24 +909,3 @@ def _judged(positions: Sequence[Content], name: str) -> list[Content]:
 def _signed(value: float, u: float) -> str:
     text = rounded(value, u)
     return text if text.startswith("-") else f"+{text}"
-
-
-def _positions(positions: Sequence[Content], say: Words) -> Content:
-    rows = []
-    for place, row in enumerate(positions, 1):
-        cells = [str(place), *(plain(row[f"{name}_deg"], 2) for name in ("azimuth", "inclination", "toolface"))]
-        verdicts = []
-        for name, letter in LETTERS.items():
-            one = row[name]
-            shown = one["U_deg"] is not None and one["U_deg"] <= UNDEFINED_DEG
-            cells.append(f"{_signed(one['error_deg'], one['U_deg'])} ± {significant(one['U_deg'])}" if shown else "–")
-            if one["decision"] in ("fail", "inconclusive"):
-                verdicts.append(f"{letter} {say('d_' + one['decision'])}")
-        judged = any(row[name]["decision"] != "not judged" for name in LETTERS)
-        cells.append(", ".join(verdicts) or (say("d_pass") if judged else say("d_none")))
-        rows.append(cells)
-    head = [say("position"), *(say(f"set_{name}") for name in ("azimuth", "inclination", "toolface"))]
-    head += [*(say(f"error_{name}") for name in LETTERS), say("result")]
-    made = table(f"{say('verification')}, °", head, rows, size=7.8)
-    made["columns"] = ["auto"] * 4 + ["fr"] * 4
-    return made

@@ -9,7 +9,8 @@ from inclinometry.cli import output
 from inclinometry.cli.options import AlsoWritten, InputOrNone, Json, Output
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.certificate.issue import record_from_files
-from inclinometry.laboratory.certificate.record import record_bytes, record_digest
+from inclinometry.laboratory.certificate.record import missing_said as missing
+from inclinometry.laboratory.certificate.record import record_bytes, record_digest, words
 
 
 def certificate(
@@ -20,6 +21,7 @@ def certificate(
     verification: InputOrNone = None,
     laboratory: InputOrNone = None,
     previous: InputOrNone = None,
+    as_found: InputOrNone = None,
     dcc: AlsoWritten = None,
     record: AlsoWritten = None,
     number: str | None = None,
@@ -38,9 +40,12 @@ def certificate(
     verification
         verify.json, as verify writes it with --output; left out when not given.
     laboratory
-        lab.toml: laboratory and order; without it the document says that it is no certificate.
+        lab.toml: laboratory, standards and order. What is missing of what a certificate states (ISO/IEC 17025, 7.8) is
+        named on the document, which is then titled calibration report.
     previous
         tool.json of the calibration before, for the values before adjustment; these are left out when not given.
+    as_found
+        verify.json of that calibration at the same positions: results as found beside those as left.
     dcc
         Write the digital calibration certificate, XML; it needs the laboratory.
     record
@@ -54,12 +59,19 @@ def certificate(
     """
     output.claim(
         {"--output": output_, "--dcc": dcc, "--record": record},
-        {"tool.json": tool, "--verification": verification, "--laboratory": laboratory, "--previous": previous},
+        {"tool.json": tool, "--verification": verification, "--laboratory": laboratory, "--previous": previous}
+        | {"--as-found": as_found},
     )
     made = record_from_files(
-        tool, verification=verification, laboratory=laboratory, previous=previous, number=number, language=language
+        tool,
+        verification=verification,
+        laboratory=laboratory,
+        previous=previous,
+        as_found=as_found,
+        number=number,
+        language=language,
     )
-    files = {output_: _pdf(made, fonts)}
+    files = {output_: _pdf(made, fonts, laboratory)}
     if dcc is not None:
         from inclinometry.laboratory.certificate.dcc import dcc_bytes
 
@@ -71,31 +83,31 @@ def certificate(
     output.warnings([*_lacking(made), *made["warnings"]])
     digest, statement = record_digest(made), made["conformity"]["statement"]
     if json:
-        summary = {"number": made["number"], "digest": digest, "conformity": statement, "written": list(files)}
+        summary = {
+            "number": made["number"],
+            "digest": digest,
+            "title": made["title"],
+            "missing": made["missing"],
+            "conformity": statement,
+            "written": list(files),
+        }
         output.print_json(summary)
         return
-    output.say(f"certificate {made['number']}, conformity {statement}")
+    output.say(f"{made['title']} {made['number']}, conformity {statement}")
     output.say(f"record {digest}")
     output.say(f"written to {', '.join(map(str, files))}")
 
 
 def _lacking(record: dict[str, Any]) -> list[str]:
-    """What ISO/IEC 17025 asks for and lab.toml can give."""
-    if record["laboratory"] is None:
-        return ["no laboratory is named: this is not a certificate in the sense of ISO/IEC 17025; give --laboratory"]
-    stated = {
-        "authoriser": record["laboratory"]["authoriser"],
-        "traceability": record["laboratory"]["traceability"],
-        "customer in [order]": record["customer"]["name"],
-        "serial in [order]": record["item"]["serial"],
-        "performed_from in [order]": record["dates"]["performed_from"],
-    }
-    lost = [name for name, value in stated.items() if not value]
-    return [f"lab.toml does not state {', '.join(lost)}"] if lost else []
+    """What the document lacks to be titled a certificate, and where it is stated."""
+    said = [missing(key, record, words("en")) for key in record["missing"]]
+    return [f"titled calibration report, not certificate; missing: {'; '.join(said)}"] if said else []
 
 
-def _pdf(record: dict[str, Any], fonts: Path | None) -> bytes:
+def _pdf(record: dict[str, Any], fonts: Path | None, laboratory: Path | None) -> bytes:
+    from inclinometry.laboratory.certificate.laboratory_toml import read_logo
     from inclinometry.laboratory.certificate.pdf import certificate_pdf
 
+    logo = None if laboratory is None else read_logo(laboratory)
     with output.busy("setting the certificate"):
-        return certificate_pdf(record, fonts=() if fonts is None else (fonts,))
+        return certificate_pdf(record, fonts=() if fonts is None else (fonts,), logo=logo)

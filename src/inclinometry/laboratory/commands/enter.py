@@ -12,14 +12,27 @@ from inclinometry.cli import options, output
 from inclinometry.cli.options import Flag, InputOrNone, Json, sd
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory import certificates
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, read_laboratory
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, read_laboratory, read_logo
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.commands.ledger import _where, _who
 from inclinometry.laboratory.drift import DOSES
 from inclinometry.laboratory.import_file import LARGEST, import_file
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
-from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, find_rig, find_tool, put_rig, put_tool
+from inclinometry.laboratory.registry import (
+    RegisteredRig,
+    RegisteredStandard,
+    RegisteredTool,
+    find_laboratory,
+    find_logo,
+    find_rig,
+    find_tool,
+    put_laboratory,
+    put_rig,
+    put_standard,
+    put_tool,
+    standards,
+)
 from inclinometry.laboratory.results import calibration_of, finish_calibration
 
 
@@ -163,3 +176,48 @@ def void(number: str, /, *, reason: str, ledger: LedgerAddress = None) -> None:
     with Ledger(_where(ledger)) as opened:
         found = certificates.void(opened, number, reason, author=_who())
     output.say(f"certificate {number} is {found.state}")
+
+
+def laboratory(
+    file: Path | None = None, /, *, logo: InputOrNone = None, ledger: LedgerAddress = None, json: Json = False
+) -> None:
+    """Record what the laboratory says of itself on certificates, from lab.toml; without a file, show it.
+
+    The bench and every lab.toml that names this ledger (`ledger = "lab.sqlite"`) use it.
+
+    Parameters
+    ----------
+    file
+        lab.toml: name, address, country, accreditation, procedure and so on, and [[standards]].
+    logo
+        PNG or SVG, up to 200 kB; the one recorded before is kept when not given.
+    """
+    if file is None and logo is not None:
+        raise InputError("--logo goes with lab.toml, which says whose it is: give both")
+    if file is not None:
+        known, _, used = read_laboratory(file)
+        picture = logo.read_bytes() if logo is not None else read_logo(file)
+        with create(_where(ledger)) as opened:
+            put_laboratory(opened, known, author=_who(), logo=picture)
+            for one in used:
+                put_standard(opened, RegisteredStandard(one.name, one.certificate, one.due), author=_who())
+    with Ledger(_where(ledger), read_only=True) as opened:
+        found, there, registered = find_laboratory(opened), find_logo(opened), standards(opened)
+    settings = {} if found is None else {name: text for name, text in vars(found).items() if text}
+    today = datetime.now(UTC).date()
+    late = [one.name for one in registered if one.overdue(today) and not one.retired]
+    output.warnings(
+        [f"the reference standard {name} is past its due date: calibrate it before it is used" for name in late]
+    )
+    if json:
+        rows = [
+            {"name": one.name, "certificate": one.certificate, "due": one.due and one.due.isoformat()}
+            for one in registered
+        ]
+        output.print_json({**settings, "logo": there is not None, "standards": rows})
+        return
+    for name, text in settings.items():
+        output.say(f"{name}: {text}")
+    for line in (one.cited for one in registered):
+        output.say(f"reference standard: {line}")
+    output.say("logo: " + ("none" if there is None else f"{len(there[1])} bytes"))

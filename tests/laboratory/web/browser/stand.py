@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
+from inclinometry.calibration.acceptance import Limits
 from inclinometry.laboratory import demonstration
 from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
 from inclinometry.laboratory.certificates import issue
@@ -24,6 +25,7 @@ from inclinometry.laboratory.registry import RegisteredStandard, put_laboratory,
 from inclinometry.laboratory.session import capture
 from inclinometry.laboratory.verification import begin_verification, finish_verification
 
+LIMITS = Limits("customer", "§ 7", 0.01, 0.05, None)
 PROCESS = Path(__file__).with_name("bench_process.py")
 
 
@@ -99,6 +101,10 @@ def furnish(where: Path, seed: int) -> dict[str, str]:
             reading = demonstration.reading(instrument, position.dial, first=5000 + 100 * position.number)
             capture(ledger, rolls.id, position.number, reading, author="anna")
         verification = finish_verification(ledger, rolls.id, calibration, author="anna").id
+        under_way = begin_verification(ledger, calibration, "spread-12", author="anna", limits=LIMITS)
+        for position in under_way.positions[:7]:
+            reading = demonstration.reading(instrument, position.dial, first=9000 + 100 * position.number)
+            capture(ledger, under_way.id, position.number, reading, author="anna")
         number = issue(ledger, calibration, verification, laboratory, author="anna").keys["number"]
     return {
         "home": "/",
@@ -109,6 +115,9 @@ def furnish(where: Path, seed: int) -> dict[str, str]:
         "result": f"/results/{calibration}",
         "verify": "/verify",
         "verification": f"/verifications/{verification}",
+        "under way": f"/verify/{under_way.id}/finish",
+        "choose": "/certificates/new",
+        "records": "/ledger?kind=calibration",
         "issue": f"/certificates/new?calibration={calibration}",
         "certificates": "/certificates",
         "certificate": f"/certificates/{number}",

@@ -31,6 +31,7 @@ class LaboratoryBody(BaseModel):
     place: Text = ""
     accreditation: Text = ""
     traceability: Text = ""
+    procedure: Text = ""
 
 
 class AboutBody(BaseModel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from typing import Any, Final
@@ -10,7 +11,14 @@ from fastapi import HTTPException, Request
 from nicegui import ui
 
 from inclinometry.errors import InclinometryError, InputError
-from inclinometry.laboratory.certificate.laboratory_toml import LONGEST, Laboratory, laboratory_from
+from inclinometry.laboratory.certificate.laboratory_toml import (
+    LONGEST,
+    Laboratory,
+    Order,
+    Standard,
+    laboratory_from,
+)
+from inclinometry.laboratory.certificate.record import missing, words
 from inclinometry.laboratory.certificates import (
     MEDIA,
     CertificateStatus,
@@ -40,7 +48,7 @@ from inclinometry.laboratory.web.words import LANGUAGES
 # Issuing a certificate: what no measurement says, then the three documents.
 
 OFFERED: Final = 50
-LABORATORY: Final = ("name", "address", "country", "place", "accreditation", "traceability")
+LABORATORY: Final = ("name", "address", "country", "place", "accreditation", "traceability", "procedure")
 ORDER: Final = ("customer", "order", "condition", "received", "environment")
 
 
@@ -99,9 +107,13 @@ class IssueForm:
             found["place"] = found.get("place") or rig.place
         self.laboratory = _fields({name: say(f"field.{name}") for name in LABORATORY}, found)
         today = datetime.now(UTC).date()
-        usable = [one.cited for one in standards(ledger) if not one.retired and not one.overdue(today)]
-        self.standards = ui.select(usable, value=[], multiple=True, label=say("standards.used")).classes("wide")
+        self._known = {one.cited: one for one in standards(ledger) if not one.retired}
+        usable = [cited for cited, one in self._known.items() if not one.overdue(today)]
+        self.standards = ui.select(usable, value=usable, multiple=True, label=say("standards.used")).classes("wide")
         self.standards.props("use-chips").set_visibility(bool(usable))
+        late = [cited for cited in self._known if cited not in usable]
+        if late:
+            ui.label(say("standards.late", names=", ".join(late))).classes("warn")
         ui.label(say("certificates.order")).classes("subtitle")
         stated: dict[str, Any] = {name: session.body.get(name, "") for name in ORDER}
         tool = find_tool(ledger, session.keys["serial"])
@@ -113,7 +125,23 @@ class IssueForm:
             self.language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
             if supersedes:
                 self.reason = ui.input(say("bench.reason")).props("maxlength=2000")
-        ui.label(say("certificates.authoriser", name=self._authoriser(visitor.user)[0]))
+        name, role = self._authoriser(visitor.user)
+        self.signatory = None
+        if visitor.user == LOCAL:  # nobody has logged in: who answers for it is written here
+            self.signatory = _fields(
+                {"name": say("field.authoriser"), "role": say("field.authoriser_role")}, {"name": name, "role": role}
+            )
+        else:
+            ui.label(say("certificates.authoriser", name=name))
+        self._title = ui.column().classes("w-full").props('aria-live="polite" data-testid="title"')
+        for field in (
+            *self.laboratory.values(),
+            *self.order.values(),
+            self.standards,
+            *(self.signatory or {}).values(),
+        ):
+            field.on_value_change(self._look)
+        self._look()
         self._problem = ui.label("").classes("bad").props('role="alert" data-testid="form-problem"')
         self.button = ui.button(say("certificates.issue"), on_click=self._issue).props("unelevated no-caps")
 
@@ -121,11 +149,50 @@ class IssueForm:
         """Name and role of who answers for the certificate."""
         if user != LOCAL:
             return user.full_name or user.name, user.role
-        return (
-            (self._settings.authoriser or user.name, self._settings.authoriser_role)
-            if self._settings
-            else (user.name, "")
+        return (self._settings.authoriser, self._settings.authoriser_role) if self._settings else ("", "")
+
+    def _look(self) -> None:
+        """What the document will be titled, and what it lacks to be a certificate."""
+        visitor = self._visitor
+        try:
+            laboratory = self._laboratory(visitor.user)
+        except InputError:
+            laboratory = None
+        text = {name: str(field.value or "").strip() for name, field in self.order.items()}
+        day = datetime.now(UTC).date()
+        order = Order(
+            customer=text["customer"],
+            condition=text["condition"],
+            environment=text["environment"],
+            serial=self._calibration.keys["serial"],
+            performed_from=day,
         )
+        lacking = missing(laboratory, order, self._standards())
+        self._title.clear()
+        with self._title:
+            key = "certificates.will_be_report" if lacking else "certificates.will_be_certificate"
+            ui.label(visitor.say(key)).classes("warn" if lacking else "good")
+            said = words(visitor.language)
+            for one in lacking:
+                # where a file states it is of no use here: the fields are above
+                late = ", ".join(each.name for each in self._standards() if each.overdue(day))
+                about = re.split(" ?[(（]", said(f"missing_{one}", names=late))[0]
+                ui.label(f"· {about}").classes("dim")
+
+    def _standards(self) -> list[Standard]:
+        chosen = [self._known[cited] for cited in self.standards.value]
+        return [Standard(one.name, one.certificate, one.due) for one in chosen]
+
+    def _laboratory(self, user: User) -> Laboratory:
+        """The laboratory as the form says it, with who answers for the certificate."""
+        said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
+        name, role = self._authoriser(user)
+        if self.signatory is not None:
+            name, role = (str(self.signatory[key].value or "").strip() for key in ("name", "role"))
+        named = Laboratory(**said, authoriser=name, authoriser_role=role)
+        if self._settings is not None and self._settings.name == named.name:
+            named = replace(named, email=self._settings.email, phone=self._settings.phone)
+        return named
 
     def _verifications(self, ledger: Ledger) -> dict[str, str]:
         say = self._visitor.say
@@ -143,14 +210,10 @@ class IssueForm:
             about["received"] = _day(about["received"])
             if about["environment"]:
                 about["environment"] = {"text": about["environment"]}
-            said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
-            said["traceability"] = "; ".join(filter(None, (said["traceability"], *self.standards.value)))
-            name, role = self._authoriser(user)
-            named = Laboratory(**said, authoriser=name, authoriser_role=role)
-            if self._settings is not None and self._settings.name == named.name:
-                named = replace(named, email=self._settings.email, phone=self._settings.phone)
+            named = self._laboratory(user)
             wish = {
                 "laboratory": named,
+                "standards": self._standards(),
                 "language": str(self.language.value),
                 "nonconforming": bool(self.nonconforming.value),
                 "about": about,

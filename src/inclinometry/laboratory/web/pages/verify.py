@@ -22,6 +22,7 @@ from inclinometry.laboratory.verification import (
     OWN,
     begin_verification,
     finish_verification,
+    foreseen,
     judged,
     limits_content,
     limits_from,
@@ -306,8 +307,13 @@ class VerifyForm:
             self.source = ui.textarea(say("verify.source")).props("autogrow maxlength=2000").classes("w-full")
             ui.label(say("verify.guard_about")).classes("dim")
         box.bind_visibility_from(self.preset, "value", lambda name: name != UNCERTAINTY)
+        with ui.column().classes("w-full").props('aria-live="polite" data-testid="foreseen"') as self._foreseen:
+            pass
+        for field in (self.calibration, self.protocol, self.preset, self.low, self.guard, *self.values.values()):
+            field.on_value_change(self._look)
         go = ui.button(say("verify.go"), on_click=visitor.action("capture", self._open)).props("unelevated no-caps")
         go.set_enabled(chosen is not None)
+        ui.timer(0.1, self._look, once=True)
         if chosen is None:
             ui.label(say("verify.no_calibration")).classes("dim")
 
@@ -321,6 +327,24 @@ class VerifyForm:
                 return found
             found.insert(0, Listed(record.kind, record.id, record.seq, record.created, record.author, record.keys))
         return found
+
+    async def _look(self) -> None:
+        """What these positions will find with these limits, before anything is opened."""
+        calibration, protocol_ = self.calibration.value, str(self.protocol.value)
+        lines: list[tuple[str, str]] = []
+        try:
+            limits = self.limits()
+            if calibration is not None:
+                ledger = self._visitor.bench.ledger
+                found = await aside(lambda: foreseen(ledger, str(calibration), protocol_, limits))
+                lines += [(sentence, "warn") for sentence in found.warnings]
+                lines += [(sentence, "dim") for sentence in found.notes]
+        except InclinometryError as error:
+            lines = [] if self.preset.value == OWN else [(str(error), "dim")]  # half a form is no mistake yet
+        self._foreseen.clear()
+        with self._foreseen:
+            for sentence, style in lines:
+                ui.label(self._visitor.sentence(sentence)).classes(style)
 
     def _fill(self) -> None:
         """Show what a preset says."""

@@ -1,0 +1,180 @@
+"""Power of a verification: which tools its positions find, and the risks of both sides (JCGM 106:2012, 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inclinometry.arrays import Array
+
+PROBABILITY: Final = 0.9
+"""With which a degraded tool is to be found."""
+WORTH: Final = 4.0
+"""Factor of degradation from which a verification against the errors' own uncertainty proves little: a tool four times
+as bad as certified has used up a tolerance of the usual ratio of 4 to 1 between tolerance and uncertainty."""
+DRAWS: Final = 2000
+LARGEST: Final = 100.0
+"""Factor beyond which nothing is looked for."""
+
+
+class Effects(NamedTuple):
+    """What brings the errors at every position: derivatives, the last two per standard deviation of their cause.
+
+    by_parameter : (K, 3, p) by the calibration's parameters, whose covariance is `covariance` (p, p); the tool's own
+        q come first.
+    by_noise : (K, 3, M) by the noise of each sensor, of the mean that is taken at each position.
+    by_reading : (K, 3, M) the same of one reading, of which certificates speak.
+    by_setting : (K, 3, 3) by the setting of each dial.
+    """
+
+    by_parameter: Array
+    covariance: Array
+    tool: int
+    by_noise: Array
+    by_reading: Array
+    by_setting: Array
+
+    @property
+    def variance(self) -> Array:
+        """(K, 3) of each error."""
+        total = np.sum((self.by_parameter @ self.covariance) * self.by_parameter, axis=2)
+        return np.asarray(total + np.sum(self.by_noise**2, axis=2) + np.sum(self.by_setting**2, axis=2))
+
+
+@dataclass(frozen=True)
+class Power:
+    """What a verification finds.
+
+    factor : the tool whose errors are so many times those its calibration states is found with `PROBABILITY`; infinite
+        where none is. by_angle : the same by the errors of one angle alone.
+    twice : probability that a tool twice as bad as stated passes.
+    producer : probability that a tool as good as stated, and within its limits where there are any, fails.
+    consumer : probability that a tool as good as stated is beyond a limit at one of the positions and passes; None
+        where errors are held against their own uncertainty.
+    """
+
+    factor: float
+    by_angle: Mapping[str, float]
+    twice: float
+    producer: float
+    consumer: float | None
+
+    @property
+    def times(self) -> str:
+        """The factor in words."""
+        return _times(self.factor)
+
+    @property
+    def proves_little(self) -> bool:
+        """Whether a pass says little of the tool: no limits were agreed, and only a much worse tool is found."""
+        return self.consumer is None and self.factor > WORTH
+
+    @property
+    def sentences(self) -> list[str]:
+        """The same in words."""
+        said = [
+            "found with a probability of 90 % at these positions: a tool whose errors are "
+            f"{self.times} times those its calibration states"
+        ]
+        said += [f"by {name} alone: {_times(factor)} times" for name, factor in self.by_angle.items()]
+        said.append(
+            "a tool as good as its certificate fails this verification with a probability of "
+            f"{_percent(self.producer)} % (producer's risk)"
+        )
+        if self.consumer is None:
+            said.append(
+                f"a tool twice as bad as its certificate passes with a probability of {_percent(self.twice)} % "
+                "(consumer's risk)"
+            )
+        else:
+            said.append(
+                f"a tool as good as its certificate is beyond a limit and passes with a probability of "
+                f"{_percent(self.consumer)} % (consumer's risk)"
+            )
+        return said
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.2g}" if factor < LARGEST else ">100"
+
+
+def _percent(probability: float) -> str:
+    """As far as so many draws tell it."""
+    return f"{100.0 * probability:.2g}" if probability >= 2.0 / DRAWS else "<0.1"
+
+
+def power(
+    parts: Effects, names: Sequence[str], limits: Array, accepted: Array, agreed: bool, freedom: float = np.inf
+) -> Power:
+    """Work out what a verification finds, by drawing tools and stands.
+
+    Parameters
+    ----------
+    parts : Effects
+        At its positions.
+    names : (3,) sequence of str
+        Of the angles.
+    limits, accepted : (K, 3) ndarray
+        Largest errors, and those up to which a position passes, rad; infinite where nothing is judged.
+    agreed : bool
+        Whether the limits were agreed, so that a tool beyond them does not conform.
+    freedom : float
+        Degrees of freedom from which the standard deviations of the dials are known.
+
+    Notes
+    -----
+    A tool f times as bad is one whose errors are f times those its certificate states of one reading. Beside the errors
+    that are expected it has others, of its parameters and of the size of the noise of one reading, which no mean takes
+    off: e(f) = e + sqrt(f^2 - 1) d.
+    """
+    rng, judged = np.random.default_rng(106), np.isfinite(accepted)
+    count, tool = len(limits), parts.tool
+
+    def drawn(by: Array) -> Array:
+        return np.asarray(np.einsum("nkm,kam->nka", rng.standard_normal((DRAWS, count, by.shape[2])), by))
+
+    def parameters(covariance: Array) -> Array:
+        values, vectors = np.linalg.eigh(covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        return np.asarray(rng.standard_normal((DRAWS, len(root))) @ root.T)
+
+    def moved(by: Array, change: Array) -> Array:
+        return np.asarray((change @ by.reshape(3 * count, by.shape[2]).T).reshape(DRAWS, count, 3))
+
+    change, by_tool = parameters(parts.covariance), parts.by_parameter[..., :tool]
+    noise = drawn(parts.by_noise)
+    own = moved(by_tool, change[:, :tool]) + noise
+    setting = drawn(parts.by_setting)
+    if np.isfinite(freedom):
+        setting *= np.sqrt(freedom / rng.chisquare(freedom, DRAWS))[:, None, None]
+    error = own + moved(parts.by_parameter[..., tool:], change[:, tool:]) + setting
+    worse = moved(by_tool, parameters(parts.covariance[:tool, :tool])) + drawn(parts.by_reading)
+
+    def passing(factor: float, columns: slice = slice(None)) -> NDArray[np.bool_]:
+        seen = error[..., columns] + np.sqrt(factor**2 - 1.0) * worse[..., columns]
+        return np.asarray(np.all(np.abs(seen) <= accepted[:, columns], axis=(1, 2)))
+
+    def least(columns: slice = slice(None)) -> float:
+        low, high = 1.0, LARGEST
+        if 1.0 - np.mean(passing(high, columns)) < PROBABILITY:
+            return float("inf")
+        for _ in range(14):
+            middle = float(np.sqrt(low * high))
+            found = 1.0 - np.mean(passing(middle, columns)) >= PROBABILITY
+            low, high = (low, middle) if found else (middle, high)
+        return high
+
+    passes = passing(1.0)
+    conforms = np.all(np.abs(own) <= limits, axis=(1, 2)) if agreed else np.ones(DRAWS, dtype=bool)
+    one = {name: slice(place, place + 1) for place, name in enumerate(names) if judged[:, place].any()}
+    return Power(
+        least(),
+        {name: least(columns) for name, columns in one.items()},
+        float(np.mean(passing(2.0))),
+        float(np.mean(~passes & conforms)),
+        float(np.mean(passes & ~conforms)) if agreed else None,
+    )
