@@ -8,8 +8,12 @@ the tests start and interrupt.
 
 import os
 import signal
+import tempfile
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# keys and witnesses of the ledgers that tests make: never those of who runs them
+_KEYS = tempfile.TemporaryDirectory(prefix="inclinometry-keys-")
+os.environ["INCLINOMETRY_KEYS"] = _KEYS.name
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

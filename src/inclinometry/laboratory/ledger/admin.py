@@ -9,11 +9,20 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
 from inclinometry.laboratory.ledger.engine import LedgerError, default_path, engine, shown, translated, unprotected
+from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.ledger import Ledger
 
 
-def create(where: str | Path) -> Ledger:
+def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = None) -> Ledger:
     """Make an empty ledger, or bring an existing one up to date, and open it.
+
+    Parameters
+    ----------
+    where : str or Path
+    keys : Keys, optional
+        The laboratory's keys, made where there are none; those of this computer when not given.
+    sign : bool, optional
+        Whether its heads are signed; when not given a new ledger's are, and an existing one's as they were.
 
     Raises
     ------
@@ -48,7 +57,14 @@ def create(where: str | Path) -> Ledger:
             f"{shown(where)}: somebody removed the protection against changes of {', '.join(bare)}; run `inclinometry "
             "ledger verify`, and move a ledger that is sound into a new one with `ledger export` and `ledger import`"
         )
-    return Ledger(where)
+    ledger = Ledger(where, keys=keys)
+    try:
+        if sign or (sign is None and not ledger.head().seq):
+            ledger.begin_signing()
+    except BaseException:
+        ledger.close()
+        raise
+    return ledger
 
 
 def _write_ahead(made: Engine, where: str | Path) -> None:
