@@ -64,6 +64,8 @@ def _run(arguments: list[str]) -> int:
             return instead
         with ExitStack() as stack:
             arguments, stated = _of_tables(_from_stdin(_manners(arguments, stack), stack))
+            if arguments[:2] == ["certificate", "verify"]:  # a command of its own beside the one of its first word
+                arguments = ["certificate verify", *arguments[2:]]
             used = ["no profile"]
             if stated:
                 from inclinometry.files.profile import reading_with

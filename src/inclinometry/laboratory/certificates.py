@@ -14,6 +14,7 @@ import numpy as np
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.files.json_codec import parse
 from inclinometry.files.writing import program
 from inclinometry.laboratory.certificate.dcc import dcc_bytes, read_dcc
 from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, laboratory_from
@@ -25,6 +26,8 @@ from inclinometry.laboratory.certificate.record import (
     record_bytes,
     record_digest,
 )
+from inclinometry.laboratory.certificate.signing import seal, sign_files, unsigned
+from inclinometry.laboratory.certified import every
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.registry import find_laboratory, find_logo, find_site, find_tool
 from inclinometry.laboratory.results import calibration_of, measured, parameters
@@ -244,6 +247,17 @@ def status(ledger: Ledger, number: str) -> CertificateStatus:
     return _status(ledger, record)
 
 
+class Standing:
+    """The records of all certificates by number, and the events that ended them."""
+
+    def __init__(self, ledger: Ledger) -> None:
+        self.records = {str(record.keys["number"]): record for record in every(ledger, "certificate")}
+        self.ended: dict[str, Record] = {}
+        for event in every(ledger, "event", subject_kind="certificate"):
+            if event.keys["action"] in ("void", "superseded"):
+                self.ended.setdefault(str(event.keys["subject"]), event)
+
+
 def certificates(
     ledger: Ledger, *, serial: str | None = None, limit: int = 50, before: int = 0
 ) -> list[CertificateStatus]:
@@ -325,10 +339,17 @@ def _issued(
         settings, logo = find_laboratory(ledger), find_logo(ledger)
         # the logo is that laboratory's, and of no other that is named instead
         own = settings is not None and (record["laboratory"] or {}).get("name") == settings.name
-        files = {}
+        # the documents of a ledger that is signed are
+        made = seal(record, ledger.keys) if ledger.signed_head() is not None else None
+        files = {"dcc": dcc_bytes(record), "json": record_bytes(record)}
+        pdf = None
         if request.pdf:
-            files["pdf"] = certificate_pdf(record, fonts=request.fonts, logo=logo[1] if logo and own else None)
-        files |= {"dcc": dcc_bytes(record), "json": record_bytes(record)}
+            picture = logo[1] if logo and own else None
+            pdf = certificate_pdf(record, fonts=request.fonts, logo=picture, seal=str(made or ""))
+        if made is not None:
+            pdf, files["dcc"], files["json"] = sign_files(record, pdf, files["dcc"], made, ledger.keys)
+        if pdf is not None:
+            files["pdf"] = pdf
         body = {
             "record": record,
             "calibration": calibration.id,
@@ -514,12 +535,20 @@ def _files(ledger: Ledger, record: Record) -> Iterator[str]:
         except LedgerError as error:
             yield f"its {name} file: {error}"
             continue
-        if name == "json" and data != record_bytes(content):
+        if name == "json" and record_bytes(_record_of(data)) != record_bytes(content):
             yield "its JSON file is not its record"
         if name == "pdf" and digest.encode() not in data:
             yield "its PDF does not bear the digest of its record"
         if name == "dcc":
             yield from _dcc(data, content, digest)
+
+
+def _record_of(data: bytes) -> dict[str, Any]:
+    """The record in a JSON file, signed or not; nothing in one that cannot be read."""
+    try:
+        return unsigned(parse(data))
+    except (InputError, AttributeError):
+        return {}
 
 
 def _dcc(data: bytes, content: dict[str, Any], digest: str) -> Iterator[str]:

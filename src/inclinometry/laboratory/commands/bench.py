@@ -67,7 +67,7 @@ def bench(
             raise InputError(f"--certificate {certificate} with --key {key} cannot be used ({reason})") from None
     where = str(default_path()) if ledger is None else ledger
     with ExitStack() as stack:
-        stack.enter_context(_endable())
+        stack.enter_context(ending_well())
         opened = stack.enter_context(create(where))
         listening = stack.enter_context(_listening(host, port))
         feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
@@ -90,8 +90,8 @@ def bench(
 
 
 @contextmanager
-def _endable() -> Iterator[None]:
-    """SIGTERM ends the bench like Ctrl-C does: ledger and instrument are closed; exit status 0."""
+def ending_well() -> Iterator[None]:
+    """SIGTERM ends a server like Ctrl-C does: ledger and instrument are closed; exit status 0."""
 
     def end(*_: object) -> None:
         raise SystemExit(0)

@@ -15,7 +15,16 @@ from inclinometry.errors import FileError
 from inclinometry.files.json_codec import load
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.engine import CHAIN, HEAD, Draft, LedgerError
-from inclinometry.laboratory.ledger.keys import Keys, SigningKey, descends, explained, fingerprint, genuine, right, signed_bytes
+from inclinometry.laboratory.ledger.keys import (
+    Keys,
+    SigningKey,
+    descends,
+    explained,
+    fingerprint,
+    genuine,
+    right,
+    signed_bytes,
+)
 from inclinometry.laboratory.ledger.merkle import SIZE, Frontier, Tree, consistent, leaf_hash
 
 SCHEMA: Final = "inclinometry/ledger-head"
@@ -72,7 +81,9 @@ def parse_signed(content: object, where: str | Path) -> SignedHead:
         len(texts[name]) == length and set(texts[name]) <= digits for name, length in lengths.items()
     )
     if said.get("schema") != SCHEMA or said.get("version") != 1 or type(size) is not int or size < 0 or not fits:
-        raise FileError("not the signed head of a ledger; the file that `inclinometry ledger head -o` writes", path=where)
+        raise FileError(
+            "not the signed head of a ledger; the file that `inclinometry ledger head -o` writes", path=where
+        )
     return SignedHead(size=size, **texts)  # type: ignore[arg-type]
 
 

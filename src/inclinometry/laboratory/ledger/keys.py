@@ -12,12 +12,13 @@ import getpass
 import hashlib
 import json
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.ledger.chain import compact
@@ -136,7 +137,17 @@ class Keys:
     def public(self) -> str | None:
         """The public key, without asking for a passphrase; None where there is none."""
         path = self.folder / "public.pem"
-        return read_public(path)[0] if path.is_file() else None
+        return read_public(path).keys[0] if path.is_file() else None
+
+    def former(self) -> list[str]:
+        """The public keys that were rotated into the one of now, the newest first."""
+        found: list[str] = []
+        wanted = self.public()
+        for one in reversed(self.changes()):
+            if one["after"] == wanted and one["action"] == "rotated" and one["key"] == one["before"]:
+                wanted = str(one["before"])
+                found.append(wanted)
+        return found
 
     def signing(self) -> SigningKey:
         """The private key.
@@ -167,7 +178,7 @@ class Keys:
             self._write_new(Ed25519PrivateKey.generate(), replace=False)
         found = self.signing()
         if self.public() != found.public:
-            self._keep("public.pem", _public_pem(found.private), mode=0o644)
+            self.keep("public.pem", _public_pem(found.private), mode=0o644)
         return found
 
     def rotate(self, reason: str) -> SigningKey:
@@ -197,9 +208,9 @@ class Keys:
         changes = [*self.changes(), (old or new).statement(content)]
         text = "".join(compact(one) + "\n" for one in changes)
         # the change first: a key whose predecessor's signature is lost could not be explained any more
-        self._keep("changes.jsonl", text.encode(), mode=0o644)
+        self.keep("changes.jsonl", text.encode(), mode=0o644)
         self._write_new(new.private, replace=True)
-        self._keep("public.pem", _public_pem(new.private), mode=0o644)
+        self.keep("public.pem", _public_pem(new.private), mode=0o644)
         (self.folder / "document.pem").unlink(missing_ok=True)
         return self.signing()
 
@@ -222,9 +233,9 @@ class Keys:
         return [row for row in rows if isinstance(row, dict) and genuine(row)]
 
     def _write_new(self, private: Any, *, replace: bool) -> None:
-        self._keep("key.pem", private_pem(private), mode=0o600, replace=replace)
+        self.keep("key.pem", private_pem(private), mode=0o600, replace=replace)
 
-    def _keep(self, name: str, data: bytes, *, mode: int, replace: bool = True) -> None:
+    def keep(self, name: str, data: bytes, *, mode: int, replace: bool = True) -> None:
         """A file, whole or not at all; one that must not be replaced is linked, which fails where it is there."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -298,13 +309,27 @@ def _private(data: bytes, path: Path) -> Ed25519PrivateKey:
 
 
 def _public_pem(private: Ed25519PrivateKey) -> bytes:
+    return public_pem(private.public_key().public_bytes_raw().hex())
+
+
+def public_pem(public: str) -> bytes:
+    """A public key of 64 hexadecimal digits as PEM."""
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
-    return private.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    key = Ed25519PublicKey.from_public_bytes(bytes.fromhex(public))
+    return key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
 
 
-def read_public(path: str | Path) -> tuple[str, list[Any]]:
-    """Public key (64 hexadecimal digits) and X.509 certificates of a PEM file, as `ledger key --public` writes it.
+class Public(NamedTuple):
+    """What a laboratory publishes: its keys, the one of now first, and certificates that others made out for it."""
+
+    keys: tuple[str, ...]
+    certificates: tuple[Any, ...]
+
+
+def read_public(path: str | Path) -> Public:
+    """Public keys (64 hexadecimal digits) and X.509 certificates of a PEM file, as `ledger key --public` writes it.
 
     Raises
     ------
@@ -322,17 +347,18 @@ def read_public(path: str | Path) -> tuple[str, list[Any]]:
     except OSError as error:
         raise FileError(f"cannot be read ({error.strerror}); name the laboratory's public key", path=path) from None
     try:
-        start = data.index(b"-----BEGIN PUBLIC KEY-----")
-        key = load_pem_public_key(data[start:])
+        blocks = re.findall(rb"-----BEGIN PUBLIC KEY-----.*?-----END PUBLIC KEY-----", data, re.DOTALL)
+        found = [load_pem_public_key(block) for block in blocks]
         certificates = x509.load_pem_x509_certificates(data) if b"BEGIN CERTIFICATE" in data else []
     except ValueError:
-        key, certificates = None, []
-    if not isinstance(key, Ed25519PublicKey):
+        found, certificates = [], []
+    keys = tuple(key.public_bytes_raw().hex() for key in found if isinstance(key, Ed25519PublicKey))
+    if not keys:
         secret = b"PRIVATE KEY" in data
         remedy = "this is a private key: give nobody this file, but what `inclinometry ledger key --public FILE` writes"
         problem = "not the public key of a laboratory; the file that `inclinometry ledger key --public FILE` writes"
         raise FileError(remedy if secret else problem, path=path)
-    return key.public_bytes_raw().hex(), certificates
+    return Public(keys, tuple(certificates))
 
 
 def descends(public: str, trusted: str, changes: Iterable[Mapping[str, Any]]) -> bool:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import inspect, select
 from sqlalchemy.engine import Connection
 
-from inclinometry.errors import FileError
+from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.engine import HEAD
 from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead, head_of, newest_head
-from inclinometry.laboratory.ledger.keys import explained, fingerprint, genuine
+from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
 from inclinometry.laboratory.ledger.witness import Witnessed, begun_at, place_of, witnessed
@@ -44,11 +44,12 @@ def asked(ledger: Ledger) -> tuple[str, list[Witnessed], list[str]]:
     return here, kept, silent
 
 
-def _public(ledger: Ledger) -> str | None:
+def _public(ledger: Ledger) -> tuple[str, ...]:
     try:
-        return ledger.keys.public()
-    except (FileError, OSError):  # the folder of another user
-        return None
+        now = ledger.keys.public()
+        return () if now is None else (now, *ledger.keys.former())
+    except (InputError, OSError):  # the folder of another user
+        return ()
 
 
 class Signatures:
@@ -58,8 +59,8 @@ class Signatures:
     ----------
     connection : Connection
     ledger : Ledger
-    public : str or None
-        The key that must have signed; that of this computer when None.
+    public : sequence of str
+        The laboratory's keys, the one of now first; those of this computer when empty.
     here : str
         The ledger that was last seen in this place.
     kept : list of Witnessed
@@ -71,13 +72,14 @@ class Signatures:
         self,
         connection: Connection,
         ledger: Ledger,
-        public: str | None,
+        public: Sequence[str],
         here: str,
         kept: list[Witnessed],
         silent: list[str],
     ) -> None:
         self.newest = newest_head(connection)
-        self._given, self._own, self._here = public, _public(ledger), here
+        self._given, self._here = tuple(public), here
+        self._wanted = self._given or _public(ledger)
         self._place = place_of(ledger.where)
         self._kept, self._notes = kept, list(silent)
         self._tree = Frontier()
@@ -158,7 +160,9 @@ class Signatures:
         elif self.newest is not None and head.ledger != self.newest.ledger:
             self._doubts.append((head.time, Fault("head", where, f"is of another ledger ({head.ledger})")))
         elif head.size != seq or (self._tree.root().hex(), self._link) != (head.root, head.link):
-            said = f"the records up to here are not those that were signed{kept or ' then'}: rewritten, or an older copy"
+            said = (
+                f"the records up to here are not those that were signed{kept or ' then'}: rewritten, or an older copy"
+            )
             self._doubt(head, place, Fault("head", where, said))
         elif witness:
             self._agreed[witness] = max(self._agreed.get(witness, 0), head.size)
@@ -177,7 +181,11 @@ class Signatures:
             self._next = next(self._own_heads, None)
         for head, witness, place in self._outside[self._at :]:
             self._lost(head, witness, place, seq)
-        faults = [Fault("head", "-", f"a line that {one.witness} keeps is not readable") for one in self._kept if one.head is None]
+        faults = [
+            Fault("head", "-", f"a line that {one.witness} keeps is not readable")
+            for one in self._kept
+            if one.head is None
+        ]
         faults += self._whole(seq)
         said = max(self._accepted, default=("", "", ""))
         first: dict[str, Fault] = {}
@@ -215,7 +223,9 @@ class Signatures:
             yield Fault("head", "-", f"another ledger ({self._here}) was begun in this place than stands here now")
         if self.newest.size < seq:
             lost = f"{self.newest.size + 1} to {seq}" if seq > self.newest.size + 1 else f"{seq}"
-            yield Fault("chain", lost, "not signed: recorded by something else than this program with the laboratory's key")
+            yield Fault(
+                "chain", lost, "not signed: recorded by something else than this program with the laboratory's key"
+            )
 
     def _of_keys(self, accepted: str) -> Iterator[Fault]:
         """Faults of the keys: one that followed another without a word, or that is not the laboratory's."""
@@ -231,35 +241,35 @@ class Signatures:
                         f"be lost: {one['reason']}"
                     )
             if path is None and time <= accepted:
-                self._notes.append(f"break: from record {size} on the key is {fingerprint(after)}, accepted by a person")
+                self._notes.append(
+                    f"break: from record {size} on the key is {fingerprint(after)}, accepted by a person"
+                )
             elif path is None:
                 said = f"signed by {fingerprint(after)}, for which the key before did not sign"
                 yield Fault("head", f"{size} ({time[:19]})", said)
         if self.newest is None:
             return
-        wanted = self._given or self._own
-        if wanted is None or self.newest.key == wanted or self._led(wanted):
+        if not self._wanted or self._known():
             return
         # another laboratory's ledger is looked at on a computer that has a key of its own
         if self._given or self._here or self._kept:
             yield Fault(
                 "head",
                 str(self.newest.size),
-                f"signed by the key {fingerprint(self.newest.key)}, not by the laboratory's, {fingerprint(wanted)}",
+                f"signed by the key {fingerprint(self.newest.key)}, not by the laboratory's, {fingerprint(self._wanted[0])}",
             )
 
-    def _led(self, wanted: str) -> bool:
-        path = explained(wanted, self.newest.key, self._changes) if self.newest else None
-        return bool(path) and all(one["action"] == "rotated" and one["key"] == one["before"] for one in path or ())
+    def _known(self) -> bool:
+        """Whether the last head is signed by a key of the laboratory, or by one that such a key signed for."""
+        return self.newest is not None and any(descends(self.newest.key, one, self._changes) for one in self._wanted)
 
     def _signed(self) -> Iterator[str]:
         """Sentences: who signed what, which witnesses agree."""
         if self.newest is None:
             yield "not signed: whoever can write to it can rewrite it; `inclinometry ledger init` begins to sign"
             return
-        key, wanted = self.newest.key, self._given or self._own
-        whose = "the laboratory's" if wanted == key or (wanted and self._led(wanted)) else "compare it with the laboratory's"
-        yield f"signed up to record {self.newest.size} by the key {fingerprint(key)} ({whose})"
+        whose = "the laboratory's" if self._known() else "compare it with the laboratory's"
+        yield f"signed up to record {self.newest.size} by the key {fingerprint(self.newest.key)} ({whose})"
         for witness, size in self._agreed.items():
             yield f"witness {witness}: agrees up to record {size}"
         if not self._agreed:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, cast
@@ -49,7 +49,7 @@ def verify(
     ledger: Ledger,
     *,
     head: chain.Head | None = None,
-    public: str | None = None,
+    public: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Verdict:
     """Read the whole ledger and name every row that was changed, removed, inserted or moved.
@@ -59,8 +59,8 @@ def verify(
     ledger : Ledger
     head : Head, optional
         A head noted earlier (every certificate carries one).
-    public : str, optional
-        Public key of the laboratory, 64 hexadecimal digits; that of this computer when not given.
+    public : sequence of str
+        Public keys of the laboratory, 64 hexadecimal digits, the one of now first; those of this computer when not given.
     progress : callable, optional
         Called with the share done, 0 to 1.
 

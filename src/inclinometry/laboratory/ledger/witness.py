@@ -103,7 +103,9 @@ class Witnesses:
                 try:
                     send(one, head, self._where, self._folder)
                 except (InclinometryError, OSError) as error:  # verification says what a witness lacks
-                    print(f"warning: the witness {shown(one)} was not told of head {head.size}: {error}", file=sys.stderr)  # noqa: T201
+                    print(
+                        f"warning: the witness {shown(one)} was not told of head {head.size}: {error}", file=sys.stderr
+                    )  # noqa: T201
 
 
 def others(folder: Path) -> list[str]:
@@ -175,7 +177,13 @@ def _post(witness: str, head: SignedHead, where: str, folder: Path) -> None:
     known = [one.head for one in _fetched(witness, head.ledger) if one.head is not None]
     old = max((one.size for one in known if one.size <= head.size), default=0)
     proof = proof_since(where, old, head.size) if 0 < old < head.size else []
-    body = {"head": head.statement(), "where": place_of(where), "from": old, "proof": proof, "changes": Keys(folder).changes()}
+    body = {
+        "head": head.statement(),
+        "where": place_of(where),
+        "from": old,
+        "proof": proof,
+        "changes": Keys(folder).changes(),
+    }
     request = urllib.request.Request(  # noqa: S310
         f"{witness.rstrip('/')}/heads", compact(body).encode(), {"content-type": "application/json"}
     )

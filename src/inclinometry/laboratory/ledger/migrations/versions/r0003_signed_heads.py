@@ -14,7 +14,10 @@ def upgrade() -> None:
         "head",
         sa.Column("place", whole, primary_key=True, autoincrement=False),
         sa.Column("seq", whole, nullable=False),
-        *(sa.Column(name, sa.Text, nullable=False) for name in ("ledger", "root", "link", "created", "key", "signature")),
+        *(
+            sa.Column(name, sa.Text, nullable=False)
+            for name in ("ledger", "root", "link", "created", "key", "signature")
+        ),
         sa.Column("frontier", sa.Text, nullable=True),
     )
     op.create_index("ix_head_seq", "head", ["seq"])
