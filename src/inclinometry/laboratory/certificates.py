@@ -339,17 +339,7 @@ def _issued(
         settings, logo = find_laboratory(ledger), find_logo(ledger)
         # the logo is that laboratory's, and of no other that is named instead
         own = settings is not None and (record["laboratory"] or {}).get("name") == settings.name
-        # the documents of a ledger that is signed are
-        made = seal(record, ledger.keys) if ledger.signed_head() is not None else None
-        files = {"dcc": dcc_bytes(record), "json": record_bytes(record)}
-        pdf = None
-        if request.pdf:
-            picture = logo[1] if logo and own else None
-            pdf = certificate_pdf(record, fonts=request.fonts, logo=picture, seal=str(made or ""))
-        if made is not None:
-            pdf, files["dcc"], files["json"] = sign_files(record, pdf, files["dcc"], made, ledger.keys)
-        if pdf is not None:
-            files["pdf"] = pdf
+        files = _documents(ledger, record, request, logo[1] if logo and own else None)
         body = {
             "record": record,
             "calibration": calibration.id,
@@ -368,6 +358,17 @@ def _issued(
         except ConflictError:
             continue
     raise ConflictError(f"certificates are issued faster than numbers can be taken in {ledger.shown}; try again")
+
+
+def _documents(ledger: Ledger, record: dict[str, Any], request: _Request, logo: bytes | None) -> dict[str, bytes]:
+    """The files of a certificate; those of a ledger that is signed are signed, too."""
+    made = seal(record, ledger.keys) if ledger.signed_head() is not None else None
+    pdf = certificate_pdf(record, fonts=request.fonts, logo=logo, seal=str(made or "")) if request.pdf else None
+    dcc: bytes | None = dcc_bytes(record)
+    text = record_bytes(record)
+    if made is not None:
+        pdf, dcc, text = sign_files(record, pdf, dcc, made, ledger.keys)
+    return {name: data for name, data in (("pdf", pdf), ("dcc", dcc), ("json", text)) if data is not None}
 
 
 def _free(ledger: Ledger, number: str) -> str:

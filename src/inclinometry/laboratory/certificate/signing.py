@@ -1,9 +1,9 @@
 """A certificate signed: the seal of its record, the PDF (PAdES), the digital certificate (XAdES); and looked at again.
 
-The laboratory's Ed25519 key signs the seal: number and digest of the record, in the JSON file and in the square code. PDF and
-XML are signed by a document key, ECDSA P-256, which every reader of these formats knows; its X.509 certificate is made out
-by the laboratory's key, so that one public key proves all of it. A key and certificate of an authority, put into
-document.pem, take its place.
+The laboratory's Ed25519 key signs the seal: number and digest of the record, in the JSON file and in the square code.
+PDF and XML are signed by a document key, ECDSA P-256, which every reader of these formats knows; its X.509 certificate
+is made out by the laboratory's key, so that one public key proves all of it. A key and certificate of an authority, put
+into document.pem, take its place.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _RESERVED: Final = 12_000  # bytes for the signature in a PDF: certificates of a
 
 
 class Seal(NamedTuple):
-    """What the square code says: number and digest of the record, the key's fingerprint and its signature over these."""
+    """What the square code says: number and digest of the record, fingerprint of the key, its signature."""
 
     number: str
     digest: str
@@ -86,7 +86,7 @@ class DocumentKey(NamedTuple):
 
 
 def document_key(keys: Keys, name: str) -> DocumentKey:
-    """The document key of a laboratory of that name; made, and certified by the laboratory's key, where it is not there.
+    """The document key of a laboratory of that name; made, and certified by its key, where there is none.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def _new_document_key(keys: Keys, name: str) -> DocumentKey:
 
 
 def made_out_by(certificate: Certificate, public: Public) -> str:
-    """The laboratory's key that made out a certificate, or the fingerprint under which it is published; "" for others."""
+    """Fingerprint of the laboratory's key that made out a certificate, or of one that it published; "" for others."""
     from cryptography.exceptions import InvalidSignature
     from cryptography.hazmat.primitives import hashes
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -190,7 +190,7 @@ def public_bundle(keys: Keys) -> bytes:
     from cryptography.hazmat.primitives.serialization import Encoding
 
     now = keys.public()
-    known = tuple([*([now] if now else []), *keys.former()])
+    known = (*([now] if now else []), *keys.former())
     path = keys.folder / "document.pem"
     found = x509.load_pem_x509_certificates(path.read_bytes()) if path.is_file() else []
     of_others = [one for one in found[:1] if not made_out_by(one, Public(known, ()))]
@@ -219,7 +219,7 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
         der = serialization.Encoding.DER
         plain = (serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
         chain = [asn1_x509.Certificate.load(one.public_bytes(der)) for one in key.certificates]
-        store = SimpleCertificateStore()
+        store: Any = SimpleCertificateStore()  # type: ignore[no-untyped-call]
         store.register_multiple(chain)
         signer = signers.SimpleSigner(
             signing_cert=chain[0],
@@ -244,7 +244,8 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
         out = Archived(about, signer=signer).sign_pdf(writer, bytes_reserved=2 * _RESERVED, output=io.BytesIO())
         return bytes(out.getvalue())
 
-    return _apart(signed)
+    made_pdf: bytes = _apart(signed)
+    return made_pdf
 
 
 def sign_dcc(data: bytes, key: DocumentKey) -> bytes:
@@ -252,7 +253,7 @@ def sign_dcc(data: bytes, key: DocumentKey) -> bytes:
     from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
     from lxml import etree
     from signxml.algorithms import DigestAlgorithm, SignatureMethod
-    from signxml.xades import XAdESSigner
+    from signxml.xades.xades import XAdESSigner
 
     rsa = isinstance(key.private, RSAPrivateKey)
     signer = XAdESSigner(
@@ -387,14 +388,14 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     from lxml import etree
     from signxml.exceptions import InvalidCertificate, InvalidDigest, InvalidInput, InvalidSignature
     from signxml.verifier import SignatureConfiguration
-    from signxml.xades import XAdESSignatureConfiguration, XAdESVerifier
+    from signxml.xades.xades import XAdESSignatureConfiguration, XAdESVerifier
 
     from inclinometry.laboratory.certificate.dcc import read_dcc
 
     said = read_dcc(data, where)
     seen = Looked("DCC", said.number, said.digest, "")
     root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False))
-    listed = root.xpath("./*[local-name()='Signature']//*[local-name()='X509Certificate']")
+    listed: Any = root.xpath("./*[local-name()='Signature']//*[local-name()='X509Certificate']")
     if not listed:
         return seen._replace(problem="it bears no signature")
     try:

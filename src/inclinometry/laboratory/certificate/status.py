@@ -1,7 +1,8 @@
 """How certificates stand, as a signed statement of the ledger: for those who hold a certificate and not the ledger.
 
-Each certificate comes with its entry in the chain and the proof (RFC 6962) that it is among the records of a signed head, the
-event that voided or superseded it likewise. That no such event exists up to that head the laboratory says by its signature.
+Each certificate comes with its entry in the chain and the proof (RFC 6962) that it is among the records of a signed
+head, the event that voided or superseded it likewise. That there is no such event up to that head the laboratory says
+by its signature.
 """
 
 from __future__ import annotations
@@ -120,12 +121,10 @@ def read_status(path: str | Path, public: Public) -> Status:
     changes = tuple(one for one in content.get("changes", ()) if isinstance(one, dict) and genuine(one))
     if not genuine(content) or not head.genuine():
         raise FileError("its signature is not that of its key: changed or forged", path=path)
-    for key in (content["key"], head.key):
-        if not any(descends(str(key), one, changes) for one in public.keys):
-            raise FileError(
-                f"it is signed by the key {fingerprint(str(key))}, not by the laboratory's, {fingerprint(public.keys[0])}",
-                path=path,
-            )
+    for key in (str(content["key"]), head.key):
+        if not any(descends(key, one, changes) for one in public.keys):
+            known = fingerprint(public.keys[0])
+            raise FileError(f"it is signed by the key {fingerprint(key)}, not by the laboratory's, {known}", path=path)
     rows = {}
     try:
         for row in content["certificates"]:

@@ -74,7 +74,7 @@ def certificate(
         from inclinometry.laboratory.certificate.dcc import dcc_bytes
 
         xml = dcc_bytes(made)
-    text = record_bytes(made)
+    text: bytes = record_bytes(made)
     if sealed is not None:
         pdf, xml, text = sign_files(made, pdf, xml, sealed, keys)
     files = {path: data for path, data in ((output_, pdf), (dcc, xml), (record, text)) if path is not None and data}
@@ -122,8 +122,8 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     Parameters
     ----------
     files
-        PDF, XML and JSON of certificates, together or each alone, the text of a square code in quotes, and statements that
-        `ledger status` wrote: with the newest of these it also says whether a certificate is issued, void or superseded.
+        PDF, XML and JSON of certificates, together or each alone, the text of a square code in quotes, and statements
+        that `ledger status` wrote: with the newest of these it also says whether one is issued, void or superseded.
     key
         Public key of the laboratory, from the laboratory itself: the file that `ledger key --public` writes.
     """

@@ -42,8 +42,8 @@ def init(
         Reason for going on where the last record's time lies in the future, since the clock was wrong then; it is
         recorded.
     accept
-        What happened to a ledger that `ledger verify` finds fault with (a backup was put back, say): it is recorded, and
-        the ledger goes on from what it holds now.
+        What happened to a ledger that `ledger verify` finds fault with (a backup was put back, say): it is recorded,
+        and the ledger goes on from what it holds now.
     unsigned
         Sign nothing: whoever can write to the database can rewrite it without a trace.
     """
@@ -66,7 +66,7 @@ def verify(
     key: InputOrNone = None,
     json: Json = False,
 ) -> int:
-    """Check every record, its digest, the chain, signed heads and witnesses: exit status 0 sound, 1 changed, 2 bad input.
+    """Check every record, the chain, signed heads and witnesses: exit status 0 sound, 1 changed, 2 bad input.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def parse_signed(content: object, where: str | Path) -> SignedHead:
     FileError
     """
     said = content if isinstance(content, Mapping) else {}
-    texts = {name: said.get(name) for name in ("ledger", "root", "link", "time", "key", "signature")}
+    texts: dict[str, Any] = {name: said.get(name) for name in ("ledger", "root", "link", "time", "key", "signature")}
     size = said.get("size")
     lengths = {"ledger": 32, "root": 64, "link": 64, "key": 64}
     digits = set("0123456789abcdef")
@@ -84,7 +84,7 @@ def parse_signed(content: object, where: str | Path) -> SignedHead:
         raise FileError(
             "not the signed head of a ledger; the file that `inclinometry ledger head -o` writes", path=where
         )
-    return SignedHead(size=size, **texts)  # type: ignore[arg-type]
+    return SignedHead(size=size, **texts)
 
 
 def signed_by(key: SigningKey, ledger: str, head: chain.Head, root: bytes, time: str) -> SignedHead:
@@ -141,7 +141,7 @@ class Sealing:
         return self._write(connection, uuid.uuid4().hex, head, time)
 
     def before(self, connection: Connection, head: chain.Head) -> tuple[str, list[Draft]]:
-        """Look before something is recorded: the ledger's name ("" when it is not signed), what is to be recorded first.
+        """Before something is recorded: the ledger's name ("" when it is not signed), what is to be recorded first.
 
         Raises
         ------
@@ -221,8 +221,8 @@ class Sealing:
 
     def _doubt(self, said: str) -> LedgerError:
         return LedgerError(
-            f"{self._where} was changed behind its back ({said}): nothing was recorded; run `inclinometry ledger verify`, "
-            "and when it is known what happened, state it with `inclinometry ledger init --accept REASON`"
+            f"{self._where} was changed behind its back ({said}): nothing was recorded; run `inclinometry ledger "
+            "verify`, and when it is known what happened, state it with `inclinometry ledger init --accept REASON`"
         )
 
 
@@ -245,12 +245,13 @@ def read_head(path: str | Path) -> tuple[SignedHead, dict[str, Any]]:
 
 
 def grown(old: SignedHead, new: SignedHead, content: Mapping[str, Any], public: str | None) -> str:
-    """What is wrong between an old head and a new one with its proof; "" when the new ledger begins with the old one."""
+    """What is wrong between an old head and a new one with its proof; "" when the ledger only grew."""
     if old.ledger != new.ledger:
         return f"they are of two ledgers, {old.ledger} and {new.ledger}"
     changes = [one for one in content.get("changes", []) if isinstance(one, dict) and genuine(one)]
     if not descends(new.key, public or old.key, changes):
-        return f"the new head is signed by the key {fingerprint(new.key)}, which {fingerprint(public or old.key)} did not sign for"
+        known = fingerprint(public or old.key)
+        return f"the new head is signed by the key {fingerprint(new.key)}, for which {known} did not sign"
     proof = content.get("consistency", {})
     try:
         if old.size == new.size:
@@ -260,10 +261,10 @@ def grown(old: SignedHead, new: SignedHead, content: Mapping[str, Any], public: 
         else:
             hashes = [bytes.fromhex(one) for one in proof["proof"]]
     except (KeyError, TypeError, ValueError):
-        return f"it carries no proof of consistency from record {old.size}; make one with `inclinometry ledger head --since`"
+        return f"it carries no proof from record {old.size} on; make one with `inclinometry ledger head --since`"
     if consistent(old.size, new.size, bytes.fromhex(old.root), bytes.fromhex(new.root), hashes):
         return ""
-    return f"the ledger of {new.size} records does not begin with the {old.size} that were signed before: it was cut or rewritten"
+    return f"the ledger of {new.size} records does not begin with the {old.size} signed before: cut or rewritten"
 
 
 def proof_since(where: str, first: int, second: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""The laboratory's keys: Ed25519 for heads and statements, a document key that it certifies; files outside the database.
+"""The laboratory's Ed25519 key, which signs heads and statements: files outside the database.
 
 A statement is a mapping signed over its canonical JSON; it carries the public key, so that its signature can always be
 checked, and whose key that is can be compared.
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FOLDER: Final = "INCLINOMETRY_KEYS"
 """Environment: the folder of the keys, in the place of the one in the user's configuration."""
-PASSPHRASE: Final = "INCLINOMETRY_KEY_PASSPHRASE"  # noqa: S105
+PASSPHRASE: Final = "INCLINOMETRY_KEY_PASSPHRASE"
 """Environment: the passphrase of the keys; asked for on a terminal when not given."""
 CHANGE: Final = "inclinometry/key-change"
 _PREFIX: Final = b"inclinometry signed statement\n"  # no signature of ours can serve another purpose

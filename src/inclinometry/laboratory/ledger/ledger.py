@@ -37,7 +37,6 @@ from inclinometry.laboratory.ledger.engine import (
     shown,
     translated,
 )
-
 from inclinometry.laboratory.ledger.heads import ACCEPTED, Sealing, SignedHead, newest_head
 from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.merkle import leaf_hash

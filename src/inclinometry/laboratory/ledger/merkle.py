@@ -1,7 +1,7 @@
-"""The Merkle tree of RFC 6962, section 2.1: one root for all records, short proofs of what is in it and what it grew from.
+"""The Merkle tree of RFC 6962, section 2.1: one root for all records, short proofs of what is in it and that it grew.
 
-Leaves are hashed behind a byte 0x00, nodes behind 0x01, so that no node can be taken for a record. The tree of n leaves is
-split at the largest power of two below n, which leaves every complete subtree as it is while the tree grows.
+Leaves are hashed behind a byte 0x00, nodes behind 0x01, so that no node can be taken for a record. The tree of n leaves
+is split at the largest power of two below n, which leaves every complete subtree as it is while the tree grows.
 """
 
 from __future__ import annotations

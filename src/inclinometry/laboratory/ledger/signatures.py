@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import inspect, select
+from sqlalchemy import select
 from sqlalchemy.engine import Connection
 
 from inclinometry.errors import InputError
@@ -33,7 +33,7 @@ class Fault:
 
 
 def asked(ledger: Ledger) -> tuple[str, list[Witnessed], list[str]]:
-    """The ledger that was last seen in this place, what the witnesses keep of it and of this one, who cannot be asked."""
+    """The ledger last seen in this place, what the witnesses keep of the one that is there, who cannot be asked."""
     newest = ledger.signed_head()
     try:
         here = begun_at(ledger.keys.folder, place_of(ledger.where))
@@ -193,7 +193,9 @@ class Signatures:
         for time, fault in self._doubts:
             if time <= said[0]:
                 excused += 1
-            else:  # what follows from the first of a kind need not be said a thousand times
+            elif fault.table == "chain":  # of records that are gone the last one says all
+                first[fault.problem] = fault
+            else:  # what follows from the first need not be said a thousand times
                 first.setdefault(fault.problem, fault)
         faults += first.values()
         for time, author, reason in self._accepted:
@@ -206,12 +208,13 @@ class Signatures:
         return faults, [*self._signed(), *self._notes]
 
     def _lost(self, head: SignedHead, witness: str, place: str, seq: int) -> None:
-        by = f"kept by {witness}" if witness else f"of {head.time[:19]}"
+        by = f"kept by {witness}" if witness else "in it"
+        if not head.genuine():
+            said = f"the head {by} is forged: its key did not sign it"
+            self._doubts.append(("9999", Fault("head", str(head.size), said)))
+            return
         lost = f"{seq + 1} to {head.size}" if head.size > seq + 1 else f"{head.size}"
-        if head.genuine():
-            self._doubt(head, place, Fault("chain", lost, f"removed: the ledger ends before its signed head {by}"))
-        else:
-            self._doubts.append(("9999", Fault("head", lost, f"the head {by} is forged: its key did not sign it")))
+        self._doubt(head, place, Fault("chain", lost, f"removed: the ledger ends before the signed head {by}"))
 
     def _whole(self, seq: int) -> Iterator[Fault]:
         """Faults of a ledger whose end is not signed, or that is not the one that was here."""
@@ -237,8 +240,8 @@ class Signatures:
                     self._notes.append(f"from record {size} on the key is {new}; {old} signed for it")
                 else:
                     self._notes.append(
-                        f"break: from record {size} on the key is {new}, for which the one before did not sign; said to "
-                        f"be lost: {one['reason']}"
+                        f"break: from record {size} on the key is {new}, for which the one before did not sign; "
+                        f"said to be lost: {one['reason']}"
                     )
             if path is None and time <= accepted:
                 self._notes.append(
@@ -253,11 +256,9 @@ class Signatures:
             return
         # another laboratory's ledger is looked at on a computer that has a key of its own
         if self._given or self._here or self._kept:
-            yield Fault(
-                "head",
-                str(self.newest.size),
-                f"signed by the key {fingerprint(self.newest.key)}, not by the laboratory's, {fingerprint(self._wanted[0])}",
-            )
+            wanted = fingerprint(self._wanted[0])
+            said = f"signed by the key {fingerprint(self.newest.key)}, not by the laboratory's, {wanted}"
+            yield Fault("head", str(self.newest.size), said)
 
     def _known(self) -> bool:
         """Whether the last head is signed by a key of the laboratory, or by one that such a key signed for."""

@@ -60,7 +60,7 @@ def verify(
     head : Head, optional
         A head noted earlier (every certificate carries one).
     public : sequence of str
-        Public keys of the laboratory, 64 hexadecimal digits, the one of now first; those of this computer when not given.
+        Public keys of the laboratory, 64 hexadecimal digits, the one of now first; those of this computer when empty.
     progress : callable, optional
         Called with the share done, 0 to 1.
 

@@ -1,8 +1,8 @@
 """Witnesses: places outside the ledger where its signed heads are kept, so that a cut tail or an old copy is found.
 
-The first is a file beside the keys of this computer, one for each ledger. Others are named in witnesses.txt: a folder, a
-witness of ours that answers HTTP, another ledger, "print". They are served in the background, the newest head first: a
-place that does not answer holds up no capture, and the next head tells it all the earlier ones would have.
+The first is a file beside the keys of this computer, one for each ledger. Others are named in witnesses.txt: a folder,
+a witness of ours that answers HTTP, another ledger, "print". They are served in the background, the newest head first:
+a place that does not answer holds up no capture, and the next head tells it all that the earlier ones would have.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.laboratory.ledger.chain import compact
@@ -63,14 +63,11 @@ class Witnesses:
         self._ended = False
 
     def publish(self, head: SignedHead) -> None:
-        """Tell every witness of a head; the file of this computer at once, the others in the background.
-
-        Raises
-        ------
-        LedgerError
-            The file of this computer cannot be written; what was recorded stays recorded.
-        """
-        keep(self._folder / "heads", head, place_of(self._where))
+        """Tell every witness of a head; the file of this computer at once, the others in the background."""
+        try:
+            keep(self._folder / "heads", head, place_of(self._where))
+        except LedgerError as error:
+            _warn(str(error))
         if self._others is None:
             self._others = others(self._folder)
         if not self._others:
@@ -102,10 +99,8 @@ class Witnesses:
             for one in self._others or []:
                 try:
                     send(one, head, self._where, self._folder)
-                except (InclinometryError, OSError) as error:  # verification says what a witness lacks
-                    print(
-                        f"warning: the witness {shown(one)} was not told of head {head.size}: {error}", file=sys.stderr
-                    )  # noqa: T201
+                except (InclinometryError, OSError) as error:
+                    _warn(f"the witness {shown(one)} was not told of head {head.size}: {error}")
 
 
 def others(folder: Path) -> list[str]:
@@ -136,9 +131,14 @@ def keep(folder: Path, head: SignedHead, place: str) -> None:
             stream.write(line.encode())
     except OSError as error:
         raise LedgerError(
-            f"the record is kept, but its signed head could not be written to {folder} ({error.strerror}); free some space "
-            "there or check its permissions"
+            f"the signed head of record {head.size} could not be written to {folder} ({error.strerror}); free some "
+            "space there or check its permissions"
         ) from None
+
+
+def _warn(sentence: str) -> None:
+    """The record is kept, and verification says what a witness lacks: nobody is held up."""
+    sys.stderr.write(f"warning: {sentence}\n")
 
 
 def send(witness: str, head: SignedHead, where: str, folder: Path) -> None:
@@ -149,7 +149,7 @@ def send(witness: str, head: SignedHead, where: str, folder: Path) -> None:
     elif witness.startswith(("http://", "https://")):
         _post(witness, head, where, folder)
     elif _is_ledger(witness):
-        _record(witness, head, place)
+        _record(witness, head, place, folder)
     else:
         keep(Path(witness), head, place)
 
@@ -158,14 +158,15 @@ def _is_ledger(witness: str) -> bool:
     return "://" in witness or Path(witness).is_file()
 
 
-def _record(witness: str, head: SignedHead, place: str) -> None:
+def _record(witness: str, head: SignedHead, place: str, folder: Path) -> None:
     """A head as an event of another ledger, which signs it in its turn and tells its own witness of it."""
+    from inclinometry.laboratory.ledger.keys import Keys
     from inclinometry.laboratory.ledger.ledger import Ledger
 
     if place_of(witness) == place:
         return  # a ledger is no witness of its own
     keys = {"subject_kind": "ledger", "subject": head.ledger, "action": "head"}
-    with Ledger(witness, alone=True) as ledger:
+    with Ledger(witness, keys=Keys(folder), alone=True) as ledger:
         ledger.append("event", keys, {"details": {**head.statement(), "where": place}}, author="witness")
 
 
@@ -184,11 +185,11 @@ def _post(witness: str, head: SignedHead, where: str, folder: Path) -> None:
         "proof": proof,
         "changes": Keys(folder).changes(),
     }
-    request = urllib.request.Request(  # noqa: S310
+    request = urllib.request.Request(
         f"{witness.rstrip('/')}/heads", compact(body).encode(), {"content-type": "application/json"}
     )
     try:
-        with urllib.request.urlopen(request, timeout=PATIENCE):  # noqa: S310
+        with urllib.request.urlopen(request, timeout=PATIENCE):
             pass
     except urllib.error.HTTPError as error:
         raise LedgerError(f"it refuses: {error.read(1000).decode(errors='replace')}") from None
@@ -196,7 +197,7 @@ def _post(witness: str, head: SignedHead, where: str, folder: Path) -> None:
 
 def _fetched(witness: str, ledger: str) -> Iterator[Witnessed]:
     try:
-        with urllib.request.urlopen(f"{witness.rstrip('/')}/heads/{ledger}", timeout=PATIENCE) as answer:  # noqa: S310
+        with urllib.request.urlopen(f"{witness.rstrip('/')}/heads/{ledger}", timeout=PATIENCE) as answer:
             yield from _lines(answer.read(_LONGEST).decode(), witness)
     except urllib.error.HTTPError as error:
         if error.code != 404:
@@ -254,8 +255,7 @@ def _recorded(witness: str, ledger: str) -> Iterator[Witnessed]:
 
     with Ledger(witness, read_only=True) as opened:
         after = 0
-        keys = {"subject_kind": "ledger", "subject": ledger, "action": "head"}
-        while rows := opened.find("event", after=after, **keys):
+        while rows := opened.find("event", after=after, subject_kind="ledger", subject=ledger, action="head"):
             for row in rows:
                 yield from _lines(compact(row.body.get("details", {})), shown(witness))
             after = rows[-1].seq

@@ -1,4 +1,4 @@
-"""A witness over HTTP: takes signed heads, refuses those of a ledger that was cut or rewritten, gives back what it has."""
+"""A witness over HTTP: takes signed heads, refuses those of a ledger that was cut or rewritten, gives back the rest."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from threading import Lock
 from typing import Any
 
 from inclinometry.errors import FileError
-from inclinometry.laboratory.ledger.chain import compact
 from inclinometry.laboratory.ledger.heads import SignedHead, grown, parse_signed
 from inclinometry.laboratory.ledger.keys import fingerprint
 from inclinometry.laboratory.ledger.witness import keep
