@@ -267,7 +267,7 @@ def test_a_rotated_key_is_followed(opened: Opened, keys: Keys, tmp_path: Path) -
 
 
 def test_a_lost_key_is_no_lost_ledger(opened: Opened, keys: Keys) -> None:
-    """Recording stops until a new key is begun; verification says the break, and who trusts the old key only, is told."""
+    """Recording stops until a new key is begun; verification says the break; who trusts the old key alone is told."""
     old = str(keys.public())
     keys.path.unlink()
     with opened() as ledger:
@@ -315,8 +315,8 @@ def test_a_key_with_a_passphrase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     keys.path.write_text("nonsense")
     with pytest.raises(LedgerError, match="not a private key"):
         Keys(keys.folder).signing()
+    keys.path.write_bytes(b"-----BEGIN PRIVATE KEY-----\n")
     with pytest.raises(FileError, match="give nobody this file"):
-        keys.path.write_bytes(b"-----BEGIN PRIVATE KEY-----\n")
         read_public(keys.path)
 
 
@@ -395,7 +395,7 @@ def test_witnesses_in_other_places(
     opened: Opened, keys: Keys, tmp_path: Path, http: tuple[str, Path, list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A folder, a ledger, HTTP, a printed line: told by themselves, asked by `verify` when the one here is gone."""
-    address, far, refused = http
+    address, _, refused = http
     other = tmp_path / "other.sqlite"
     create(other, keys=Keys(tmp_path / "others keys")).close()
     (tmp_path / "share").mkdir()

@@ -240,7 +240,11 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
             def register_extensions(self, pdf_out: Any, **_: Any) -> None:
                 """None: they would make a PDF 2.0 of it, and PDF/A-2 is 1.7."""
 
-        writer = IncrementalPdfFileWriter(io.BytesIO(data))
+        class Kept(IncrementalPdfFileWriter):
+            def _update_meta(self) -> None:
+                """The metadata as they were: written anew they lose the prefixes that PDF/A asks for."""
+
+        writer = Kept(io.BytesIO(data))
         out = Archived(about, signer=signer).sign_pdf(writer, bytes_reserved=2 * _RESERVED, output=io.BytesIO())
         return bytes(out.getvalue())
 
@@ -377,7 +381,8 @@ def _look_at_json(data: bytes, where: str, public: Public) -> Looked:
         raise FileError("not the record of a certificate", path=where) from None
     if made is None:
         return Looked("JSON", number, digest, "it bears no signature", record=record)
-    if (made.number, made.digest) != (number, digest) or spelled != data:
+    same = about == {"seal": str(made), "key": about.get("key")}
+    if (made.number, made.digest) != (number, digest) or spelled != data or not same:
         return Looked("JSON", number, digest, "it was changed after it was signed", made.key, record)
     problem = "" if about["key"] == sealed_by(made, public) != "" else _stranger(made.key, public)
     return Looked("JSON", number, digest, problem, made.key, record)
