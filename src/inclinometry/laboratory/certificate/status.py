@@ -125,17 +125,14 @@ def read_status(path: str | Path, public: Public) -> Status:
         if not any(descends(key, one, changes) for one in public.keys):
             known = fingerprint(public.keys[0])
             raise FileError(f"it is signed by the key {fingerprint(key)}, not by the laboratory's, {known}", path=path)
-    rows = {}
     try:
-        for row in content["certificates"]:
-            events = [row["event"]] if row["state"] != "issued" else []
-            if not all(_included(entry, head) for entry in (row["entry"], *events)):
-                raise FileError(f"its proof for certificate {row['number']} does not hold", path=path)
-            rows[str(row["number"])] = row
+        rows = {str(row["number"]): row for row in content["certificates"]}
+        entries = {n: [row["entry"], *([] if row["state"] == "issued" else [row["event"]])] for n, row in rows.items()}
+        wrong = [n for n, found in entries.items() if not all(_included(one, head) for one in found)]
     except (KeyError, TypeError, ValueError):
-        raise FileError(
-            "a statement with other contents than this program knows; update inclinometry", path=path
-        ) from None
+        raise FileError("a statement with other contents than this program knows; update inclinometry", path=path) from None
+    if wrong:
+        raise FileError(f"its proof for certificate {wrong[0]:.60} does not hold", path=path)
     return Status(head, changes, rows)
 
 

@@ -68,7 +68,10 @@ def bench(
     where = str(default_path()) if ledger is None else ledger
     with ExitStack() as stack:
         stack.enter_context(ending_well())
-        opened = stack.enter_context(create(where))
+        # no laboratory answers for a demonstration; a key with a passphrase is asked for now, not at the first capture
+        opened = stack.enter_context(create(where, sign=False if demo else None))
+        if opened.signed_head() is not None and opened.keys.there:
+            opened.keys.signing()
         listening = stack.enter_context(_listening(host, port))
         feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
         from inclinometry.laboratory.web.app import create_app, is_loopback, run

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 
+from sqlalchemy import inspect
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
@@ -47,6 +48,7 @@ def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = N
         with translated(shown(where)):
             if made.dialect.name == "sqlite":
                 _write_ahead(made, where)
+            fresh = not inspect(made).has_table("chain")
             _migrate(made)
             with made.connect() as connection:
                 bare = unprotected(connection)
@@ -59,7 +61,7 @@ def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = N
         )
     ledger = Ledger(where, keys=keys)
     try:
-        if sign or (sign is None and not ledger.head().seq):
+        if sign or (sign is None and fresh):
             ledger.begin_signing()
     except BaseException:
         ledger.close()

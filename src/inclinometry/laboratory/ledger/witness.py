@@ -65,8 +65,9 @@ class Witnesses:
     def publish(self, head: SignedHead) -> None:
         """Tell every witness of a head; the file of this computer at once, the others in the background."""
         try:
+            (self._folder / "heads").mkdir(parents=True, exist_ok=True, mode=0o700)
             keep(self._folder / "heads", head, place_of(self._where))
-        except LedgerError as error:
+        except (LedgerError, OSError) as error:
             _warn(str(error))
         if self._others is None:
             self._others = others(self._folder)
@@ -123,10 +124,9 @@ def name_others(folder: Path, places: list[str]) -> None:
 
 
 def keep(folder: Path, head: SignedHead, place: str) -> None:
-    """Append a head to the file of its ledger in a folder."""
+    """Append a head to the file of its ledger in a folder that is there: none is made where a disk is not mounted."""
     line = compact({**head.statement(), "where": place}) + "\n"
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with (folder / f"{head.ledger}.jsonl").open("ab", buffering=0) as stream:  # one write: lines never mix
             stream.write(line.encode())
     except OSError as error:
@@ -236,14 +236,18 @@ def witnessed(folder: Path, ledger: str) -> tuple[list[Witnessed], list[str]]:
     found: list[Witnessed] = []
     silent: list[str] = []
     for one in [str(folder / "heads"), *others(folder)]:
+        kept: list[Witnessed] = []
         try:
             if one.startswith(("http://", "https://")):
-                found += _fetched(one, ledger)
+                kept = [*_fetched(one, ledger)]
             elif one != PRINT and _is_ledger(one):
-                found += _recorded(one, ledger)
+                kept = [*_recorded(one, ledger)]
             elif one != PRINT:
                 path = Path(one) / f"{ledger}.jsonl"
-                found += _lines(path.read_text("utf-8", errors="replace"), one) if path.is_file() else []
+                kept = [*_lines(path.read_text("utf-8", errors="replace"), one)] if path.is_file() else []
+            if not kept and one != PRINT and one != str(folder / "heads"):
+                silent.append(f"the witness {shown(one)} keeps no head of this ledger")
+            found += kept
         except (OSError, InputError) as error:
             reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
             silent.append(f"the witness {shown(one)} cannot be asked ({reason})")
