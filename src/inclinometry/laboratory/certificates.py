@@ -247,7 +247,7 @@ def status(ledger: Ledger, number: str) -> CertificateStatus:
     return _status(ledger, record)
 
 
-class Standing:
+class Issued:
     """The records of all certificates by number, and the events that ended them."""
 
     def __init__(self, ledger: Ledger) -> None:

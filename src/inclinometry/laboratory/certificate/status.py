@@ -37,7 +37,7 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
     LedgerError
         The ledger is not signed, its key is not here, there is no such certificate.
     """
-    known = certificates.Standing(ledger)
+    known = certificates.Issued(ledger)
     unknown = [number for number in numbers if number not in known.records]
     if unknown:
         raise LedgerError(f"there is no certificate {unknown[0]!r:.60} in {ledger.shown}")
@@ -130,7 +130,9 @@ def read_status(path: str | Path, public: Public) -> Status:
         entries = {n: [row["entry"], *([] if row["state"] == "issued" else [row["event"]])] for n, row in rows.items()}
         wrong = [n for n, found in entries.items() if not all(_included(one, head) for one in found)]
     except (KeyError, TypeError, ValueError):
-        raise FileError("a statement with other contents than this program knows; update inclinometry", path=path) from None
+        raise FileError(
+            "a statement with other contents than this program knows; update inclinometry", path=path
+        ) from None
     if wrong:
         raise FileError(f"its proof for certificate {wrong[0]:.60} does not hold", path=path)
     return Status(head, changes, rows)
