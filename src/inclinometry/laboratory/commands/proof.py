@@ -7,12 +7,10 @@ import os
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
-
-from cyclopts import Parameter
+from typing import Any
 
 from inclinometry.cli import output
-from inclinometry.cli.options import AlsoWritten, Flag, InputOrNone, Json, Output
+from inclinometry.cli.options import AlsoWritten, Flag, InputOrNone, Json, Output, OutputOrNone
 from inclinometry.errors import InputError
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.writing import write_bytes
@@ -98,7 +96,7 @@ def head(
     /,
     *,
     ledger: LedgerAddress = None,
-    output_: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output_: OutputOrNone = None,
     since: InputOrNone = None,
     key: InputOrNone = None,
     json: Json = False,
@@ -120,6 +118,7 @@ def head(
     if file is not None:
         return _check(file, since, key, json)
     where = str(default_path()) if ledger is None else ledger
+    output.claim({"--output": output_}, {"--since": since, "--ledger": None if "://" in where else Path(where)})
     with Ledger(where, read_only=True) as opened:
         newest = opened.signed_head()
         if newest is None:
@@ -172,7 +171,9 @@ def status(
     """
     from inclinometry.laboratory.certificate.status import make_status
 
-    with Ledger(str(default_path()) if ledger is None else ledger, read_only=True) as opened:
+    where = str(default_path()) if ledger is None else ledger
+    output.claim({"--output": output_}, {"--ledger": None if "://" in where else Path(where)})
+    with Ledger(where, read_only=True) as opened:
         made = make_status(opened, numbers)
     write_bytes(canonical(made), output_)
     states = [one["state"] for one in made["certificates"]]
